@@ -1,0 +1,37 @@
+# Plain `make` prints the targets; every one builds .venv on first use.
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+
+VENV := .venv
+BIN := $(VENV)/bin
+RESULTS := results
+
+# The first interpreter >= 3.12 that PATH or pyenv offers; a pyenv shim may exist and still refuse.
+FIND_PYTHON = for candidate in "$${PYTHON:-}" python3.13 python3.12 python3.14 python3 \
+	$$(ls -d "$${PYENV_ROOT:-$$HOME/.pyenv}"/versions/3.1[2-9]*/bin/python 2>/dev/null || true); do \
+	  [ -n "$$candidate" ] && "$$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 12))' 2>/dev/null \
+	    && { echo "$$candidate"; exit 0; }; \
+	done; echo "No Python >= 3.12 on PATH or in pyenv: install one, or call make PYTHON=/path/to/python" >&2; exit 1
+
+.PHONY: help fit test check clean install lock campaign
+
+help:  ## Print this list
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-10s %s\n", $$1, $$2}'
+
+$(VENV)/installed: requirements.lock requirements-uv.lock pyproject.toml
+	@python=$$($(FIND_PYTHON)); echo "Building $(VENV) with $$("$$python" --version)"; "$$python" -m venv --clear $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-uv.lock
+	@VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --require-hashes -r requirements.lock
+	@VIRTUAL_ENV=$(VENV) $(BIN)/uv pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $@
+
+install: $(VENV)/installed  ## Build .venv from the hash-pinned lock
+
+lock: install  ## Resolve the dependencies anew into requirements.lock
+	$(BIN)/uv pip compile pyproject.toml --group dev --generate-hashes --no-emit-index-url --universal \
+	  --python-version 3.12 --no-header --quiet --output-file requirements.lock
+
+clean:  ## Remove results, caches and .venv
+	rm -rf $(RESULTS) $(VENV) .pytest_cache .ruff_cache .hypothesis .import_linter_cache build dist
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

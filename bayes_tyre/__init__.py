@@ -1,0 +1,1 @@
+"""Bayesian parameter identification for the stiffness and hysteresis of tyres."""

@@ -1,0 +1,5 @@
+"""The one exception that says the user's input is at fault; the command line turns it into exit code 3."""
+
+
+class BadInput(Exception):
+    """Input that cannot be used; the message is one line: what is wrong, where, and what to do."""

@@ -1,0 +1,1 @@
+"""Force laws of a tyre in pure JAX: they know no file, rig or prior."""

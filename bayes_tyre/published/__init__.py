@@ -1,0 +1,1 @@
+"""The source's printed numbers, every one recomputed, and the campaign reconstructed from them."""

@@ -1,0 +1,1 @@
+"""Tables and figures of a posterior: `summary` computes, `figures` only draws."""

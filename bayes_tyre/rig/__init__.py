@@ -1,0 +1,1 @@
+"""The machine: lever arms, masses, geometry and calibration, no statistics."""
