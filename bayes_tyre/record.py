@@ -177,21 +177,21 @@ def _check_words(table: pd.DataFrame, name: str) -> None:
     present = [word for word in (*WORDS, "origin") if word in table]
     if not present:
         return
-    counts = table.groupby("record", sort=False)[present].nunique()
-    unlike = counts.gt(1)
-    if unlike.to_numpy().any():
-        record, word = unlike.stack().idxmax()
-        values = table.loc[table["record"] == record, word].unique()[:2]
-        raise BadInput(
-            f"{name}: record {record!r}, column {word}: contradicts itself ({values[0]} and {values[1]}); "
-            "give every record one value or a name of its own"
-        )
+    by_record = table.groupby("record", sort=False)
+    for word in present:
+        unlike = by_record[word].nunique()
+        if unlike.gt(1).any():
+            record = str(unlike.idxmax())
+            one, other = table.loc[table["record"] == record, word].unique()[:2]
+            raise BadInput(
+                f"{name}: record {record!r}, column {word}: contradicts itself ({one} and {other}); "
+                "give every record one value or a name of its own"
+            )
     if {"direction", "step_kN"} <= set(present):
-        words = table.groupby("record", sort=False)[["direction", "step_kN"]].first()
-        wrong = (words["direction"] == "loading") != (words["step_kN"] > 0)
+        first = table.drop_duplicates("record")
+        wrong = (first["direction"] == "loading") != (first["step_kN"] > 0)
         if wrong.any():
-            record = wrong.idxmax()
-            direction, step = words.loc[record]
+            record, direction, step = first.loc[wrong, ["record", "direction", "step_kN"]].iloc[0]
             raise BadInput(
                 f"{name}: record {record!r}, column step_kN: {step:g} contradicts direction {direction!r}; "
                 "step_kN is signed, positive when loading"
@@ -224,16 +224,17 @@ def record_words(table: pd.DataFrame) -> pd.DataFrame:
     return words
 
 
-def batches(table: pd.DataFrame, size: int = 512) -> Iterator[Batch]:
+def batches(table: pd.DataFrame, cells: int = 131_072) -> Iterator[Batch]:
     """Yield the records of a checked table in batches of like length, so that memory stays bounded.
 
     Parameters
     ----------
     table:
         A checked record table.
-    size:
-        Most records in a batch. Lengths are padded to the next power of two (at least 32), which bounds
-        the number of shapes, and with it of compilations, by the logarithm of the longest record.
+    cells:
+        Most padded points in a batch (a longer record is a batch of its own). Lengths are padded to the
+        next power of two (at least 32): the number of shapes, and with it of compilations, grows only with
+        the logarithm of the longest record.
     """
     groups = {str(record): rows for record, rows in table.groupby("record", sort=False).indices.items()}
     displacement = table["displacement_mm"].to_numpy(dtype=float)
@@ -242,6 +243,7 @@ def batches(table: pd.DataFrame, size: int = 512) -> Iterator[Batch]:
     for record, rows in groups.items():
         by_width.setdefault(max(32, 1 << (len(rows) - 1).bit_length()), []).append(record)
     for width, records in sorted(by_width.items()):
+        size = max(1, cells // width)
         for start in range(0, len(records), size):
             names = records[start : start + size]
             rows = [groups[record] for record in names]

@@ -1,0 +1,185 @@
+"""The NumPyro models: records, repeats in a case, cases by configuration, direction, speed, load and step.
+
+Two models share the level of the cases: `records_model` takes force against displacement, `published_model` takes
+case means such as Tables 9 and 11 alone.
+"""
+
+
+import jax
+import jax.numpy as jnp
+import numpyro
+import numpyro.distributions as dist
+from jaxtyping import Array, Float
+
+from bayes_tyre.inference.coordinates import (
+    CaseEstimates,
+    RecordData,
+    RecordEstimates,
+    case_estimates,
+    force_curve,
+    place,
+    place_pair,
+)
+from bayes_tyre.inference.levels import Factor, Levels
+from bayes_tyre.inference.priors import DISCORDANT_WIDENING, PRIORS
+
+#: Repeats that a case needs before one of them can be called discordant.
+JUDGEABLE_REPEATS = 3
+
+
+def _prior(name: str, site: str | None = None) -> Array:
+    return numpyro.sample(site or name, PRIORS[name].distribution())
+
+
+def _effect(name: str, factor: Factor, scale: Float[Array, ""]) -> Float[Array, " cases"]:
+    """Return a partially pooled effect of the factor on each case.
+
+    Non-centred, since levels are few. The effects of a factor sum to zero: what its levels share would be
+    the cell means' twice over, and the sampler would crawl along the ridge between the two.
+    """
+    raw = numpyro.sample(f"{name}_raw", dist.ZeroSumNormal(1.0, (len(factor.labels),)))
+    return numpyro.deterministic(name, scale * raw)[factor.of_case]
+
+
+def case_structure(parameter: str, levels: Levels) -> Float[Array, " cases"]:
+    """Return the mean of the logarithm of `k` (kN/mm) or `beta` (mm) that the words of each case predict.
+
+    Configuration x direction, plus partially pooled speed, initial load and size of the step (for beta
+    direction x step too). A word with one level has no term.
+    """
+    with numpyro.plate(f"{parameter}_cells", len(levels.cell.labels)):
+        cell = _prior(f"{parameter}_cell")
+    mean = jnp.log(cell)[levels.cell.of_case]
+    factors = {"speed": levels.speed, "load": levels.load, "step": levels.step}
+    if parameter == "beta" and levels.directions_differ_in_step:
+        factors["direction_step"] = levels.direction_step
+    for name, factor in factors.items():
+        if factor.varies:
+            site = f"log_{parameter}_{name}"
+            mean = mean + _effect(site, factor, _prior(f"{site}_scale"))
+    return mean
+
+
+def _flat(site: str, shape: tuple[int, ...]) -> Array:
+    """Sample coordinates with a flat density: priors and likelihood enter on the placed values, as factors."""
+    return numpyro.sample(site, dist.ImproperUniform(dist.constraints.real, (), shape))
+
+
+def _repeat_scatter(parameter: str, levels: Levels) -> Float[Array, " cases"]:
+    """Return the scatter of log k or log beta among repeats at each case's speed, partially pooled over speeds."""
+    name = f"log_{parameter}_repeat_scatter"
+    typical = _prior(name)
+    if not levels.speed.varies:
+        return jnp.broadcast_to(typical, (len(levels.cases),))
+    spread = _prior(f"log_{parameter}_scatter_spread")
+    with numpyro.plate(f"{parameter}_scatter_speeds", len(levels.speed.labels)):
+        raw = numpyro.sample(f"{name}_raw", dist.Normal(0.0, 1.0))
+    return numpyro.deterministic(f"{name}_by_speed", typical * jnp.exp(spread * raw))[levels.speed.of_case]
+
+
+def _case_level(
+    parameter: str, levels: Levels, estimates: CaseEstimates, scatter: Float[Array, " cases"]
+) -> Float[Array, " cases"]:
+    """Return log k or log beta of each case: what its words predict, and a remainder.
+
+    With one repeat a case, remainder and scatter are one term, and the scatter holds it.
+    """
+    mean = case_structure(parameter, levels)
+    if levels.repeats.max() > 1:
+        scale = _prior(f"log_{parameter}_case_scale")
+        precision = levels.repeats / (scatter**2 + estimates.variance)
+        z = _flat(f"{parameter}_case_z", (len(levels.cases),))
+        placed = place(z, estimates.median, precision, mean, scale)
+        numpyro.factor(f"{parameter}_case_density", dist.Normal(mean, scale).log_prob(placed.value) + placed.log_volume)
+        mean = placed.value
+    numpyro.deterministic(f"{parameter}_case", jnp.exp(mean))
+    return mean
+
+
+def _repeats(
+    theta: Float[Array, "records 2"], case: Float[Array, "records 2"], scatter: Float[Array, "records 2"], mixture: bool
+) -> None:
+    """Add the density of the records' (log k, log beta) about their cases; discordant ones scatter more widely.
+
+    The indicator of each record is summed out; its posterior probability is `discordant_probability`.
+    """
+
+    def about_case(widening: float) -> Float[Array, " records"]:
+        return dist.Normal(case, widening * scatter).log_prob(theta).sum(axis=1)
+
+    if not mixture:
+        numpyro.factor("repeats", about_case(1.0))
+        return
+    weight = _prior("discordant_weight")
+    usual = jnp.log1p(-weight) + about_case(1.0)
+    discordant = jnp.log(weight) + about_case(DISCORDANT_WIDENING)
+    numpyro.factor("repeats", jnp.logaddexp(usual, discordant))
+    numpyro.deterministic("discordant_probability", jax.nn.sigmoid(discordant - usual))
+
+
+def _record_level(estimates: RecordEstimates, levels: Levels) -> Float[Array, "records 4"]:
+    """Return each record's (F_i, J, log k, log beta), with the density of the last two about their case."""
+    scatter, case = [], []
+    for parameter, values in (("k", estimates.log_k), ("beta", estimates.log_beta)):
+        variance = 1.0 / estimates.precision[:, len(case), len(case)]
+        of_case = _repeat_scatter(parameter, levels)
+        level = _case_level(parameter, levels, case_estimates(values, variance, levels), of_case)
+        scatter.append(of_case[levels.of_record])
+        case.append(level[levels.of_record])
+    above, scale = jnp.stack(case, axis=1), jnp.stack(scatter, axis=1)
+    centre = estimates.centre
+    pair = place_pair(_flat("shape_z", above.shape), centre[:, 2:], estimates.precision, above, scale)
+    numpyro.factor("shape_volume", pair.log_volume)
+    _repeats(pair.value, above, scale, mixture=bool(levels.repeats.max() >= JUDGEABLE_REPEATS))
+    deviation = jnp.einsum("rij,rj->ri", estimates.slope, pair.value - centre[:, 2:])
+    level = centre[:, :2] + deviation + jnp.einsum("rij,rj->ri", estimates.factor, _flat("level_z", above.shape))
+    return jnp.concatenate([level, pair.value], axis=1)
+
+
+def _noise(estimates: RecordEstimates) -> Float[Array, " records"]:
+    """Return sigma (kN) of each record, partially pooled."""
+    mean, scale = jnp.log(_prior("sigma_typical")), _prior("log_sigma_spread")
+    z = _flat("sigma_z", estimates.log_sigma.shape)
+    placed = place(z, estimates.log_sigma, estimates.log_sigma_precision, mean, scale)
+    numpyro.factor("sigma_density", dist.Normal(mean, scale).log_prob(placed.value) + placed.log_volume)
+    return numpyro.deterministic("sigma", jnp.exp(placed.value))
+
+
+def records_model(data: RecordData, estimates: RecordEstimates, levels: Levels) -> None:
+    """Model the forces of all records (NumPyro model; sites in kN, mm; scales of k and beta are relative).
+
+    Parameters
+    ----------
+    data:
+        The records as measured.
+    estimates:
+        Their Gaussian picture, which shapes the coordinates and leaves the posterior as it is.
+    levels:
+        Cases and how they group.
+    """
+    theta = _record_level(estimates, levels)
+    F_i, J, log_k, log_beta = theta.T
+    numpyro.factor("F_i_prior", dist.Normal(data.F_0, data.span).log_prob(F_i))
+    numpyro.factor("J_prior", dist.Normal(0.0, _prior("J_scale")).log_prob(J))
+    force = jax.vmap(force_curve)(data.u, theta)
+    sigma = _noise(estimates)
+    numpyro.sample("force", dist.Normal(force, sigma[:, None]).mask(data.present), obs=data.F)
+
+    k = numpyro.deterministic("k", jnp.exp(log_k))
+    numpyro.deterministic("beta", jnp.exp(log_beta))
+    numpyro.deterministic("J", J)
+    numpyro.deterministic("F_i", F_i)
+    numpyro.deterministic("C", F_i + J - k * data.d_0)
+
+
+def published_model(k: Float[Array, " cases"], beta: Float[Array, " cases"], levels: Levels) -> None:
+    """Model printed case means (kN/mm, mm), one a case, such as Tables 9 and 11.
+
+    One value a case cannot tell the scatter of repeats from the case's remainder: both are one term, and
+    `k_case`, `beta_case` are what the words of the case predict.
+    """
+    for parameter, values in (("k", k), ("beta", beta)):
+        mean = case_structure(parameter, levels)
+        numpyro.deterministic(f"{parameter}_case", jnp.exp(mean))
+        scatter = _prior(f"published_scatter_{parameter}")
+        numpyro.sample(f"published_{parameter}", dist.LogNormal(mean, scatter), obs=values)
