@@ -1,0 +1,215 @@
+"""The axle on its rollers as read from a TOML file, and the section and beam formulas of appendices B2 and B3."""
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+
+from bayes_tyre.embedded import data_path
+from bayes_tyre.errors import BadInput
+
+#: Acceleration of free fall as the source takes it, m/s^2.
+GRAVITY_M_PER_S2 = 9.81
+EMBEDDED_RIGS = ("single", "dual")
+
+Positive = Annotated[FiniteFloat, Field(gt=0)]
+NotNegative = Annotated[FiniteFloat, Field(ge=0)]
+Name = Annotated[str, Field(min_length=1)]
+
+
+class _Section(BaseModel):
+    # Strict, so that a quoted number or a true where a length belongs is found rather than converted.
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+class Axle(_Section):
+    """Lever arms (mm), masses (kg) and the axle's own load on the tyre (kN)."""
+
+    support_to_wheel_centre_mm: Positive
+    support_to_load_mm: Positive
+    support_to_measurement_mm: Positive
+    mass_kg: Positive
+    axle_load_kN: NotNegative
+    effective_mass_kg: Positive
+    effective_mass_relative_sd: NotNegative = 0.1
+
+
+class Tyre(_Section):
+    """The tyre: its unloaded radius (mm)."""
+
+    unloaded_radius_mm: Positive
+
+
+class Rollers(_Section):
+    """The pair of rollers: their radius and half the distance between their axes (mm)."""
+
+    radius_mm: Positive
+    half_spacing_mm: Positive
+
+
+class Beam(_Section):
+    """The beam's section (mm), density (kg/m^3) and Young's modulus (GPa)."""
+
+    outer_width_mm: Positive
+    outer_height_mm: Positive
+    inner_width_mm: Positive
+    inner_height_mm: Positive
+    outer_fillet_mm: NotNegative
+    inner_fillet_mm: NotNegative
+    density_kg_per_m3: Positive
+    youngs_modulus_GPa: Positive
+
+
+class Calibration(_Section):
+    """Lines from volts to engineering units: value = slope * volts + intercept."""
+
+    acceleration_slope_m_per_s2_per_V: FiniteFloat
+    acceleration_intercept_m_per_s2: FiniteFloat
+    displacement_slope_mm_per_V: FiniteFloat
+    displacement_intercept_mm: FiniteFloat
+    load_slope_kN_per_V: FiniteFloat
+    load_intercept_kN: FiniteFloat
+
+
+class Channels(_Section):
+    """Which column of a raw file is which; the voltages serve where the engineering channels are missing."""
+
+    acceleration: Name = "Acc m/s^2"
+    displacement: Name = "Disp mm"
+    load: Name = "Load kN"
+    acceleration_voltage: Name = "Raw Acc Voltage"
+    displacement_voltage: Name = "Raw Disp Voltage"
+    load_voltage: Name = "Raw Load Voltage"
+
+
+class Signs(_Section):
+    """Whether each reading has the sign its key says (True) or the opposite (False)."""
+
+    acceleration_positive_upward: bool = True
+    displacement_grows_downward: bool = True
+    load_positive_into_rollers: bool = True
+
+
+class Rig(_Section):
+    """One axle on its pair of rollers; `data/rigs/README.md` explains every key."""
+
+    name: Name
+    description: str = ""
+    axle: Axle
+    tyre: Tyre
+    rollers: Rollers
+    beam: Beam
+    calibration: Calibration
+    channels: Channels = Channels()
+    signs: Signs = Signs()
+
+
+def load_rig(name_or_path: str | Path) -> Rig:
+    """Return a rig: `single` or `dual` of the published tests, or the one a TOML file describes.
+
+    Parameters
+    ----------
+    name_or_path:
+        ``"single"``, ``"dual"``, or the path of a TOML file with the keys of `data/rigs/README.md`.
+
+    Raises
+    ------
+    BadInput
+        If the file is missing, no TOML, or a key is missing, unknown or has a value that cannot be.
+
+    Examples
+    --------
+    >>> load_rig("single").axle.support_to_wheel_centre_mm
+    1300.0
+    """
+    embedded = str(name_or_path) in EMBEDDED_RIGS
+    path = data_path(f"rigs/{name_or_path}.toml") if embedded else Path(name_or_path)
+    if not path.is_file():
+        raise BadInput(f"{path}: no such rig file; name {' or '.join(EMBEDDED_RIGS)}, or the path of a TOML file")
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
+        raise BadInput(f"{path}: cannot be read as TOML: {' '.join(str(error).split())[:200]}; mend the file") from None
+    try:
+        return Rig.model_validate(content)
+    except ValidationError as error:
+        first, *others = error.errors()
+        key = ".".join(map(str, first["loc"]))
+        more = f" (and {len(others)} more)" if others else ""
+        given = "" if first["type"] == "missing" else f", not {str(first['input'])[:40]!r}"
+        raise BadInput(
+            f"{path}: key {key}: {first['msg'][0].lower()}{first['msg'][1:]}{given}{more}; "
+            "the keys are explained in data/rigs/README.md"
+        ) from None
+
+
+def second_moment_m4(beam: Beam) -> float:
+    """Return the section's second moment of area (m^4), corners taken as square. Source: appendix B2."""
+    outer = beam.outer_width_mm * beam.outer_height_mm**3
+    inner = beam.inner_width_mm * beam.inner_height_mm**3
+    return (outer - inner) / 12 * 1e-12
+
+
+def section_area_m2(beam: Beam) -> float:
+    """Return the section's area (m^2), corners rounded by the fillets. Source: appendix B2."""
+    outer = beam.outer_width_mm * beam.outer_height_mm - (4 - math.pi) * beam.outer_fillet_mm**2
+    inner = beam.inner_width_mm * beam.inner_height_mm - (4 - math.pi) * beam.inner_fillet_mm**2
+    return (outer - inner) * 1e-6
+
+
+def beam_volume_m3(rig: Rig) -> float:
+    """Return the volume (m^3) of a beam as long as the axle. Source: appendix B2."""
+    return section_area_m2(rig.beam) * rig.axle.support_to_wheel_centre_mm * 1e-3
+
+
+def beam_weight_N(rig: Rig) -> float:
+    """Return the beam's weight (N). Source: appendix B2."""
+    return beam_volume_m3(rig) * rig.beam.density_kg_per_m3 * GRAVITY_M_PER_S2
+
+
+def hub_weight_N(rig: Rig) -> float:
+    """Return the weight (N) of the axle less its beam. Source: appendix B2."""
+    return rig.axle.mass_kg * GRAVITY_M_PER_S2 - beam_weight_N(rig)
+
+
+def axle_load_on_tyre_kN(rig: Rig) -> float:
+    """Return what the axle's weight puts on the tyre (kN): the hub and half of the beam. Source: appendix B2."""
+    return (hub_weight_N(rig) + beam_weight_N(rig) / 2) * 1e-3
+
+
+def _beam_arms_m(rig: Rig) -> tuple[float, float, float]:
+    # a, b: the load from the support and from the wheel centre; x: the measurement point from the wheel centre.
+    length, load = rig.axle.support_to_wheel_centre_mm, rig.axle.support_to_load_mm
+    return load * 1e-3, (length - load) * 1e-3, (length - rig.axle.support_to_measurement_mm) * 1e-3
+
+
+def beam_deflection_m(rig: Rig, load_kN: float, second_moment_m4: float) -> float:
+    """Return the beam's deflection at the measurement point, positive upward.
+
+    Parameters
+    ----------
+    rig:
+        Lever arms and Young's modulus; the beam rests freely on its support and on the wheel.
+    load_kN:
+        Cylinder load, kN.
+    second_moment_m4:
+        Second moment of area, m^4: given, not computed here, for the source goes on from its rounded value.
+
+    Returns
+    -------
+    Deflection in m. Source: appendix B3, v_1, for a measurement point between load and wheel.
+    """
+    a, b, x = _beam_arms_m(rig)
+    stiffness = rig.beam.youngs_modulus_GPa * 1e9 * second_moment_m4
+    constant = b**2 / 2 - b * (a + b) / 3 - b**3 / (6 * (a + b))
+    return load_kN * 1e3 / stiffness * (a * x**3 / (6 * (a + b)) + constant * x)
+
+
+def beam_slope_rad(rig: Rig, load_kN: float, second_moment_m4: float) -> float:
+    """Return the beam's slope (rad) at the measurement point; arguments as in `beam_deflection_m`. Source: B3."""
+    a, b, x = _beam_arms_m(rig)
+    stiffness = rig.beam.youngs_modulus_GPa * 1e9 * second_moment_m4
+    constant = b**2 / 2 - b * (a + b) / 3 - b**3 / (6 * (a + b))
+    return load_kN * 1e3 / stiffness * (a * x**2 / (2 * (a + b)) + constant)

@@ -1,0 +1,190 @@
+"""From cylinder and laser to the wheel centre, and from two rollers to flat ground (Eq. 3 to 10, appendix B4).
+
+Forces are in kN and displacements in mm, positive into the rollers. Functions take numpy or JAX arrays or plain
+numbers of any shape, and work element by element.
+"""
+
+import math
+
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from bayes_tyre.rig.axle import Rig
+
+
+def tyre_radius_mm(rim_diameter_inch: float, section_width_mm: float, aspect_ratio: float) -> float:
+    """Return the unloaded radius (mm) from a tyre's size, such as 22.5, 385, 0.65. Source: appendix B4."""
+    return rim_diameter_inch * 25.4 / 2 + aspect_ratio * section_width_mm
+
+
+def centre_height_mm(rig: Rig) -> float:
+    """Return h (mm): the wheel centre above the roller axes when the tyre just touches. Source: Eq. 10."""
+    return math.sqrt((rig.rollers.radius_mm + rig.tyre.unloaded_radius_mm) ** 2 - rig.rollers.half_spacing_mm**2)
+
+
+def curvature_factor(rig: Rig) -> float:
+    """Return 2 (R_r / (R_r + R_t))^(1/3), printed as 1.168 (single) and 1.167 (dual). Source: Eq. 8, 9."""
+    return 2 * math.cbrt(rig.rollers.radius_mm / (rig.rollers.radius_mm + rig.tyre.unloaded_radius_mm))
+
+
+def wheel_centre_force(rig: Rig, cylinder_kN: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+    """Return the cylinder's share of the force at the wheel centre, kN; the axle's weight is not in it.
+
+    Parameters
+    ----------
+    rig:
+        Lever arms.
+    cylinder_kN:
+        Force of the hydraulic cylinder, kN, any shape.
+
+    Returns
+    -------
+    Force, kN, of the same shape. Source: Eq. 3 and 4.
+    """
+    return jnp.asarray(cylinder_kN) * (rig.axle.support_to_load_mm / rig.axle.support_to_wheel_centre_mm)
+
+
+def tyre_load(rig: Rig, cylinder_kN: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+    """Return the force that the tyre carries at rest, kN: the cylinder's share and the axle's own load.
+
+    Parameters
+    ----------
+    rig:
+        Lever arms and axle load.
+    cylinder_kN:
+        Force of the hydraulic cylinder, kN, any shape.
+
+    Returns
+    -------
+    Force, kN, of the same shape. Source: Eq. 3 and 4, appendix B2.
+    """
+    return wheel_centre_force(rig, cylinder_kN) + rig.axle.axle_load_kN
+
+
+def wheel_centre_displacement(rig: Rig, measured_mm: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+    """Return the displacement at the wheel centre, mm, of a straight axle.
+
+    Parameters
+    ----------
+    rig:
+        Lever arms.
+    measured_mm:
+        Displacement at the measurement point, mm, any shape. (The same ratio holds for velocity and acceleration.)
+
+    Returns
+    -------
+    Displacement, mm, of the same shape. Source: Eq. 5 and 6.
+    """
+    ratio = rig.axle.support_to_wheel_centre_mm / rig.axle.support_to_measurement_mm
+    return jnp.asarray(measured_mm) * ratio
+
+
+def sin_theta(rig: Rig, wheel_centre_mm: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+    """Return the sine of the angle between the horizontal and the line from a roller's axis to the wheel centre.
+
+    Parameters
+    ----------
+    rig:
+        Radii and half spacing.
+    wheel_centre_mm:
+        Displacement of the wheel centre since first touch, mm, any shape.
+
+    Returns
+    -------
+    Dimensionless, of the same shape. Source: Eq. 10.
+    """
+    height = centre_height_mm(rig) - jnp.asarray(wheel_centre_mm)
+    return height / jnp.sqrt(height**2 + rig.rollers.half_spacing_mm**2)
+
+
+def flat_ground_displacement(rig: Rig, wheel_centre_mm: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+    """Return the displacement as on flat ground, mm.
+
+    Parameters
+    ----------
+    rig:
+        Radii and half spacing.
+    wheel_centre_mm:
+        Displacement of the wheel centre since first touch, mm, any shape.
+
+    Returns
+    -------
+    Displacement, mm, of the same shape. Source: Eq. 7.
+    """
+    return jnp.asarray(wheel_centre_mm) * sin_theta(rig, wheel_centre_mm)
+
+
+def flat_ground_force(
+    rig: Rig, wheel_centre_kN: Float[ArrayLike, "..."], wheel_centre_mm: Float[ArrayLike, "..."]
+) -> Float[Array, "..."]:
+    """Return the force as on flat ground, kN.
+
+    Together with `flat_ground_displacement` this does not preserve work (the curvature factor goes into the force
+    alone): take energies at the wheel centre, and call a flat-ground energy by that name.
+
+    Parameters
+    ----------
+    rig:
+        Radii and half spacing; the curvature factor is computed from them, not taken from its three printed digits.
+    wheel_centre_kN:
+        Force on the tyre at the wheel centre, the axle's load in it (`tyre_load`), kN, any shape.
+    wheel_centre_mm:
+        Displacement of the wheel centre since first touch, mm, of a shape that broadcasts with the force.
+
+    Returns
+    -------
+    Force, kN, of the broadcast shape. Source: Eq. 8 and 9.
+    """
+    return jnp.asarray(wheel_centre_kN) / (curvature_factor(rig) * sin_theta(rig, wheel_centre_mm))
+
+
+def flat_ground_start(rig: Rig, cylinder_load_kN: float, stiffness_kN_per_mm: float) -> tuple[float, float]:
+    """Return the flat-ground point at which the tyre rests under a cylinder load, on the line F_f = k d_f.
+
+    Displacement and force are converted by Eq. 7 and Eq. 8 (or 9) at one and the same wheel-centre displacement. That
+    pair does not preserve work: F_f d(d_f) is not F_wc d(d_wc), by the curvature factor (1.168 or 1.167) alone even
+    where the angle hardly changes. The point is good for force against displacement, not for energies.
+
+    Parameters
+    ----------
+    rig:
+        Lever arms, axle load, radii and half spacing.
+    cylinder_load_kN:
+        Force of the hydraulic cylinder, kN; the axle's own load is added.
+    stiffness_kN_per_mm:
+        Slope k of the flat-ground line through the origin, kN/mm.
+
+    Returns
+    -------
+    d_f (mm) and F_f (kN).
+
+    Raises
+    ------
+    ValueError
+        If k is not positive, the tyre would lift off, or no displacement carries the load.
+    """
+    lever = rig.axle.support_to_load_mm / rig.axle.support_to_wheel_centre_mm
+    load = cylinder_load_kN * lever + rig.axle.axle_load_kN
+    if not (stiffness_kN_per_mm > 0 and load >= 0):
+        raise ValueError(f"needs k > 0 and a load on the tyre; got {stiffness_kN_per_mm} kN/mm and {load} kN")
+    target = load / (stiffness_kN_per_mm * curvature_factor(rig))
+    d, sine = _solve_displacement(target, centre_height_mm(rig), rig.rollers.half_spacing_mm)
+    return d * sine, load / (curvature_factor(rig) * sine)
+
+
+def _solve_displacement(target_mm: float, height_mm: float, half_spacing_mm: float) -> tuple[float, float]:
+    # Newton for d sin^2(theta(d)) = target. The left side is concave where it rises, so that steps from d = 0
+    # never pass the root: a step that finds no rise any more means that there is none.
+    d = 0.0
+    for _ in range(100):
+        u = height_mm - d
+        squared = u**2 / (u**2 + half_spacing_mm**2)
+        rise = squared - d * 2 * u * half_spacing_mm**2 / (u**2 + half_spacing_mm**2) ** 2
+        if u <= 0 or rise <= 0:
+            break
+        step = (target_mm - d * squared) / rise
+        d += step
+        if abs(step) <= 1e-13 * max(d, 1.0):
+            u = height_mm - d
+            return d, u / math.hypot(u, half_spacing_mm)
+    raise ValueError(f"no displacement between the rollers carries this load ({target_mm:g} mm on flat ground)")
