@@ -14,10 +14,10 @@ FIND_PYTHON = for candidate in "$${PYTHON:-}" python3.13 python3.12 python3.14 p
 	    && { echo "$$candidate"; exit 0; }; \
 	done; echo "No Python >= 3.12 on PATH or in pyenv: install one, or call make PYTHON=/path/to/python" >&2; exit 1
 
-.PHONY: help fit test check clean install lock campaign
+.PHONY: help fit test check lint clean install lock campaign
 
 help:  ## Print this list
-	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-10s %s\n", $$1, $$2}'
+	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-10s %s\n", $$1, $$2}'
 
 $(VENV)/installed: requirements.lock requirements-uv.lock pyproject.toml
 	@python=$$($(FIND_PYTHON)); echo "Building $(VENV) with $$("$$python" --version)"; "$$python" -m venv --clear $(VENV)
@@ -27,6 +27,26 @@ $(VENV)/installed: requirements.lock requirements-uv.lock pyproject.toml
 	@touch $@
 
 install: $(VENV)/installed  ## Build .venv from the hash-pinned lock
+
+fit: install  ## Recompute the published numbers, fit them and the reconstructed campaign into results/
+	@$(BIN)/bayes-tyre published --posterior --out $(RESULTS)/published
+	@$(BIN)/bayes-tyre lsq data/campaign/records.csv --region thesis --out $(RESULTS)/lsq
+	@$(BIN)/bayes-tyre fit data/campaign/records.csv --out $(RESULTS)/fit
+	@$(BIN)/bayes-tyre show $(RESULTS)/published/posterior $(RESULTS)/fit
+
+test: install  ## Run ruff, pyright, import-linter and every test
+	@$(MAKE) --no-print-directory lint
+	@$(BIN)/pytest
+
+check: install  ## Run the fast part: ruff, pyright, import-linter, the tests not marked slow
+	@$(MAKE) --no-print-directory lint
+	@$(BIN)/pytest -m "not slow"
+
+lint: install
+	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/pyright && $(BIN)/lint-imports
+
+campaign: install  ## Rebuild data/campaign from the published tables
+	@$(BIN)/bayes-tyre campaign --out data/campaign/records.csv
 
 lock: install  ## Resolve the dependencies anew into requirements.lock
 	$(BIN)/uv pip compile pyproject.toml --group dev --generate-hashes --no-emit-index-url --universal \

@@ -18,6 +18,8 @@ DIRECTIONS = ("loading", "unloading")
 #: Where the numbers of a table come from; a table that does not say is shown as `origin not stated`.
 ORIGINS = ("measured", "published", "reconstructed", "simulated")
 ORIGIN_UNKNOWN = "origin not stated"
+#: A median force above this is taken for newtons, a median travel below this for metres.
+NEWTON_LIKE_KN, METRE_LIKE_MM = 1000.0, 0.05
 TEXT_COLUMNS = ("record", "configuration", "direction", "origin")
 NUMBER_COLUMNS = ("displacement_mm", "force_kN", "time_s", "speed_km_h", "initial_load_kN", "step_kN", "repeat")
 
@@ -213,6 +215,19 @@ def origin_of(table: pd.DataFrame) -> str:
     if "origin" not in table:
         return ORIGIN_UNKNOWN
     return " + ".join(sorted(table["origin"].unique()))
+
+
+def suspicious_units(table: pd.DataFrame) -> list[str]:
+    """Return what suggests that a checked table is in N or m: a sentence each, with the factor."""
+    found = []
+    force = float(table["force_kN"].abs().median())
+    if force > NEWTON_LIKE_KN:
+        found.append(f"column force_kN: median |F| is {force:g}, which looks like N; divide by 1000")
+    displacement = table.groupby("record", sort=False)["displacement_mm"]
+    travel = float((displacement.max() - displacement.min()).median())
+    if 0 < travel < METRE_LIKE_MM:
+        found.append(f"column displacement_mm: median travel is {travel:g}, which looks like m; multiply by 1000")
+    return found
 
 
 def record_words(table: pd.DataFrame) -> pd.DataFrame:

@@ -1,15 +1,16 @@
 """From a table to a posterior: the two hierarchical fits, put together from their parts."""
 
-import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.coordinates import RecordEstimates, estimate_records, record_data
 from bayes_tyre.inference.hierarchical import published_model, records_model
 from bayes_tyre.inference.levels import Levels, find_levels
+from bayes_tyre.inference.likelihood import compress
+from bayes_tyre.inference.picture import RecordEstimates, draw_picture, effect_estimates, record_data
 from bayes_tyre.inference.posterior import to_datatree
+from bayes_tyre.inference.priors import prior_medians
 from bayes_tyre.inference.sampling import SamplerSettings, sample
 from bayes_tyre.record import CASE_WORDS, Batch, origin_of, pad, record_words
 
@@ -62,20 +63,22 @@ def fit_hierarchical(table: pd.DataFrame, settings: SamplerSettings | None = Non
     batch = record_batch(table)
     words = record_words(table)
     levels = find_levels(words)
-    estimates = estimate_records(batch)
-    arguments = {"data": record_data(batch), "estimates": estimates, "levels": levels}
-    draws = sample(records_model, arguments, settings or SamplerSettings(), _starts(estimates, levels))
+    data, picture = record_data(batch), draw_picture(batch, levels)
+    arguments = {"likelihood": compress(data), "data": data, "picture": picture, "levels": levels}
+    draws = sample(records_model, arguments, settings or SamplerSettings(), _starts(picture.records, levels))
     attributes = {"origin": origin_of(table), "model": "records"}
     return to_datatree(draws.sites, draws.statistics, levels, words, attributes)
 
 
-def _starts(estimates: RecordEstimates, levels: Levels) -> dict[str, np.ndarray]:
-    """Return where the populations start: the medians of the records' own estimates."""
-    starts = {}
-    for name, log_values in (("k", np.asarray(estimates.log_k)), ("beta", np.asarray(estimates.log_beta))):
+def _starts(records: RecordEstimates, levels: Levels) -> dict[str, np.ndarray]:
+    """Return where the populations start: prior medians, and where the records' own estimates say more, these."""
+    starts = prior_medians()
+    for name, log_values in (("k", np.asarray(records.log_k)), ("beta", np.asarray(records.log_beta))):
         cell_of_record = levels.cell.of_case[levels.of_record]
         cells = range(len(levels.cell.labels))
         starts[f"{name}_cell"] = np.exp([np.median(log_values[cell_of_record == cell]) for cell in cells])
+    starts["sigma_typical"] = np.exp(np.median(np.asarray(records.log_sigma)))
+    starts["J_scale"] = np.sqrt(np.mean(np.asarray(records.centre[:, 1]) ** 2)) + 1e-3
     return starts
 
 
@@ -90,11 +93,10 @@ def fit_published(table: pd.DataFrame, settings: SamplerSettings | None = None) 
         How much to sample.
     """
     levels = find_levels(table[list(CASE_WORDS)])
-    arguments = {
-        "k": jnp.asarray(table["k_kN_per_mm"].to_numpy(dtype=float)),
-        "beta": jnp.asarray(table["beta_mm"].to_numpy(dtype=float)),
-        "levels": levels,
-    }
-    draws = sample(published_model, arguments, settings or SamplerSettings())
+    columns = {"k": "k_kN_per_mm", "beta": "beta_mm"}
+    values = {name: table[column].to_numpy(dtype=float) for name, column in columns.items()}
+    estimates = {name: effect_estimates(np.log(printed), levels, name) for name, printed in values.items()}
+    arguments = {"values": values, "estimates": estimates, "levels": levels}
+    draws = sample(published_model, arguments, settings or SamplerSettings(), prior_medians())
     attributes = {"origin": "published", "model": "published"}
     return to_datatree(draws.sites, draws.statistics, levels, pd.DataFrame({"record": []}), attributes)

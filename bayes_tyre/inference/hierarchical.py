@@ -4,65 +4,69 @@ Two models share the level of the cases: `records_model` takes force against dis
 case means such as Tables 9 and 11 alone.
 """
 
+from collections.abc import Mapping
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import numpyro
 import numpyro.distributions as dist
 from jaxtyping import Array, Float
 
-from bayes_tyre.inference.coordinates import (
-    CaseEstimates,
-    RecordData,
-    RecordEstimates,
-    case_estimates,
-    force_curve,
-    place,
-    place_pair,
-)
+from bayes_tyre.inference.coordinates import place, place_pair
 from bayes_tyre.inference.levels import Factor, Levels
+from bayes_tyre.inference.likelihood import Likelihood
+from bayes_tyre.inference.picture import CaseEstimates, EffectEstimate, Picture, RecordData, RecordEstimates
 from bayes_tyre.inference.priors import DISCORDANT_WIDENING, PRIORS
 
 #: Repeats that a case needs before one of them can be called discordant.
 JUDGEABLE_REPEATS = 3
 
 
-def _prior(name: str, site: str | None = None) -> Array:
-    return numpyro.sample(site or name, PRIORS[name].distribution())
+def _sample(site: str, distribution: dist.Distribution) -> Array:
+    return jnp.asarray(numpyro.sample(site, distribution))
 
 
-def _effect(name: str, factor: Factor, scale: Float[Array, ""]) -> Float[Array, " cases"]:
-    """Return a partially pooled effect of the factor on each case.
-
-    Non-centred, since levels are few. The effects of a factor sum to zero: what its levels share would be
-    the cell means' twice over, and the sampler would crawl along the ridge between the two.
-    """
-    raw = numpyro.sample(f"{name}_raw", dist.ZeroSumNormal(1.0, (len(factor.labels),)))
-    return numpyro.deterministic(name, scale * raw)[factor.of_case]
+def _prior(name: str) -> Array:
+    return _sample(name, PRIORS[name].distribution())
 
 
-def case_structure(parameter: str, levels: Levels) -> Float[Array, " cases"]:
-    """Return the mean of the logarithm of `k` (kN/mm) or `beta` (mm) that the words of each case predict.
-
-    Configuration x direction, plus partially pooled speed, initial load and size of the step (for beta
-    direction x step too). A word with one level has no term.
-    """
-    with numpyro.plate(f"{parameter}_cells", len(levels.cell.labels)):
-        cell = _prior(f"{parameter}_cell")
-    mean = jnp.log(cell)[levels.cell.of_case]
-    factors = {"speed": levels.speed, "load": levels.load, "step": levels.step}
-    if parameter == "beta" and levels.directions_differ_in_step:
-        factors["direction_step"] = levels.direction_step
-    for name, factor in factors.items():
-        if factor.varies:
-            site = f"log_{parameter}_{name}"
-            mean = mean + _effect(site, factor, _prior(f"{site}_scale"))
-    return mean
+def _keep(name: str, value: Array) -> Array:
+    """Return the value, and keep it among the posterior's quantities."""
+    numpyro.deterministic(name, value)
+    return value
 
 
 def _flat(site: str, shape: tuple[int, ...]) -> Array:
     """Sample coordinates with a flat density: priors and likelihood enter on the placed values, as factors."""
-    return numpyro.sample(site, dist.ImproperUniform(dist.constraints.real, (), shape))
+    return _sample(site, dist.ImproperUniform(dist.constraints.real, (), shape))
+
+
+def _effect(name: str, factor: Factor, scale: Float[Array, ""], estimate: EffectEstimate) -> Float[Array, " cases"]:
+    """Return a partially pooled effect of the factor on each case.
+
+    Effects sum to zero (those of direction x step within each direction): what the levels share would be the
+    cell means' twice over, and the sampler would crawl along the ridge between the two.
+    """
+    z = _flat(f"{name}_z", estimate.value.shape)
+    placed = place(z, estimate.value, estimate.precision, jnp.zeros(()), scale)
+    numpyro.factor(f"{name}_density", dist.Normal(0.0, scale).log_prob(placed.value) + placed.log_volume)
+    return _keep(name, jnp.asarray(factor.basis) @ placed.value)[factor.of_case]
+
+
+def case_structure(parameter: str, levels: Levels, estimates: Mapping[str, EffectEstimate]) -> Float[Array, " cases"]:
+    """Return the mean of the logarithm of `k` (kN/mm) or `beta` (mm) that the words of each case predict.
+
+    Configuration x direction, plus partially pooled speed, initial load and size of the step (for beta
+    direction x step too). A word with one level has no term. `estimates` shape the coordinates of the effects.
+    """
+    with numpyro.plate(f"{parameter}_cells", len(levels.cell.labels)):
+        cell = _prior(f"{parameter}_cell")
+    mean = jnp.log(cell)[levels.cell.of_case]
+    for name, factor in levels.factors(parameter).items():
+        site = f"log_{parameter}_{name}"
+        mean = mean + _effect(site, factor, _prior(f"{site}_scale"), estimates[name])
+    return mean
 
 
 def _repeat_scatter(parameter: str, levels: Levels) -> Float[Array, " cases"]:
@@ -73,8 +77,8 @@ def _repeat_scatter(parameter: str, levels: Levels) -> Float[Array, " cases"]:
         return jnp.broadcast_to(typical, (len(levels.cases),))
     spread = _prior(f"log_{parameter}_scatter_spread")
     with numpyro.plate(f"{parameter}_scatter_speeds", len(levels.speed.labels)):
-        raw = numpyro.sample(f"{name}_raw", dist.Normal(0.0, 1.0))
-    return numpyro.deterministic(f"{name}_by_speed", typical * jnp.exp(spread * raw))[levels.speed.of_case]
+        raw = _sample(f"{name}_raw", dist.Normal(0.0, 1.0))
+    return _keep(f"{name}_by_speed", typical * jnp.exp(spread * raw))[levels.speed.of_case]
 
 
 def _case_level(
@@ -84,10 +88,10 @@ def _case_level(
 
     With one repeat a case, remainder and scatter are one term, and the scatter holds it.
     """
-    mean = case_structure(parameter, levels)
+    mean = case_structure(parameter, levels, estimates.effects)
     if levels.repeats.max() > 1:
         scale = _prior(f"log_{parameter}_case_scale")
-        precision = levels.repeats / (scatter**2 + estimates.variance)
+        precision = jnp.asarray(levels.repeats) / (scatter**2 + estimates.variance)
         z = _flat(f"{parameter}_case_z", (len(levels.cases),))
         placed = place(z, estimates.median, precision, mean, scale)
         numpyro.factor(f"{parameter}_case_density", dist.Normal(mean, scale).log_prob(placed.value) + placed.log_volume)
@@ -117,15 +121,13 @@ def _repeats(
     numpyro.deterministic("discordant_probability", jax.nn.sigmoid(discordant - usual))
 
 
-def _record_level(estimates: RecordEstimates, levels: Levels) -> Float[Array, "records 4"]:
+def _record_level(picture: Picture, levels: Levels) -> Float[Array, "records 4"]:
     """Return each record's (F_i, J, log k, log beta), with the density of the last two about their case."""
-    scatter, case = [], []
-    for parameter, values in (("k", estimates.log_k), ("beta", estimates.log_beta)):
-        variance = 1.0 / estimates.precision[:, len(case), len(case)]
-        of_case = _repeat_scatter(parameter, levels)
-        level = _case_level(parameter, levels, case_estimates(values, variance, levels), of_case)
-        scatter.append(of_case[levels.of_record])
-        case.append(level[levels.of_record])
+    estimates, scatter, case = picture.records, [], []
+    for parameter, of_cases in (("k", picture.k), ("beta", picture.beta)):
+        by_case = _repeat_scatter(parameter, levels)
+        scatter.append(by_case[levels.of_record])
+        case.append(_case_level(parameter, levels, of_cases, by_case)[levels.of_record])
     above, scale = jnp.stack(case, axis=1), jnp.stack(scatter, axis=1)
     centre = estimates.centre
     pair = place_pair(_flat("shape_z", above.shape), centre[:, 2:], estimates.precision, above, scale)
@@ -142,44 +144,57 @@ def _noise(estimates: RecordEstimates) -> Float[Array, " records"]:
     z = _flat("sigma_z", estimates.log_sigma.shape)
     placed = place(z, estimates.log_sigma, estimates.log_sigma_precision, mean, scale)
     numpyro.factor("sigma_density", dist.Normal(mean, scale).log_prob(placed.value) + placed.log_volume)
-    return numpyro.deterministic("sigma", jnp.exp(placed.value))
+    return _keep("sigma", jnp.exp(placed.value))
 
 
-def records_model(data: RecordData, estimates: RecordEstimates, levels: Levels) -> None:
+def records_model(likelihood: Likelihood, data: RecordData, picture: Picture, levels: Levels) -> None:
     """Model the forces of all records (NumPyro model; sites in kN, mm; scales of k and beta are relative).
 
     Parameters
     ----------
+    likelihood:
+        Of the records' forces.
     data:
-        The records as measured.
-    estimates:
+        The records as measured: where each starts.
+    picture:
         Their Gaussian picture, which shapes the coordinates and leaves the posterior as it is.
     levels:
         Cases and how they group.
     """
-    theta = _record_level(estimates, levels)
+    theta = _record_level(picture, levels)
     F_i, J, log_k, log_beta = theta.T
     numpyro.factor("F_i_prior", dist.Normal(data.F_0, data.span).log_prob(F_i))
     numpyro.factor("J_prior", dist.Normal(0.0, _prior("J_scale")).log_prob(J))
-    force = jax.vmap(force_curve)(data.u, theta)
-    sigma = _noise(estimates)
-    numpyro.sample("force", dist.Normal(force, sigma[:, None]).mask(data.present), obs=data.F)
+    numpyro.factor("force", likelihood(theta, _noise(picture.records)))
 
-    k = numpyro.deterministic("k", jnp.exp(log_k))
+    k = _keep("k", jnp.exp(log_k))
     numpyro.deterministic("beta", jnp.exp(log_beta))
     numpyro.deterministic("J", J)
     numpyro.deterministic("F_i", F_i)
     numpyro.deterministic("C", F_i + J - k * data.d_0)
 
 
-def published_model(k: Float[Array, " cases"], beta: Float[Array, " cases"], levels: Levels) -> None:
-    """Model printed case means (kN/mm, mm), one a case, such as Tables 9 and 11.
+def published_model(
+    values: Mapping[str, Float[np.ndarray, " cases"]],
+    estimates: Mapping[str, Mapping[str, EffectEstimate]],
+    levels: Levels,
+) -> None:
+    """Model printed case means, one a case, such as Tables 9 and 11.
 
     One value a case cannot tell the scatter of repeats from the case's remainder: both are one term, and
     `k_case`, `beta_case` are what the words of the case predict.
+
+    Parameters
+    ----------
+    values:
+        ``k`` (kN/mm) and ``beta`` (mm) by case.
+    estimates:
+        What they say of the effects, by parameter; shapes the coordinates.
+    levels:
+        How the cases group.
     """
-    for parameter, values in (("k", k), ("beta", beta)):
-        mean = case_structure(parameter, levels)
+    for parameter, printed in values.items():
+        mean = case_structure(parameter, levels, estimates[parameter])
         numpyro.deterministic(f"{parameter}_case", jnp.exp(mean))
         scatter = _prior(f"published_scatter_{parameter}")
-        numpyro.sample(f"published_{parameter}", dist.LogNormal(mean, scatter), obs=values)
+        numpyro.sample(f"published_{parameter}", dist.LogNormal(mean, scatter), obs=printed)

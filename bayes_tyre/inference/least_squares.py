@@ -1,5 +1,6 @@
 """Batched Levenberg-Marquardt on Equation 2: all records of a batch in one jit and one vmap, failures as values."""
 
+import math
 from typing import NamedTuple
 
 import equinox as eqx
@@ -24,6 +25,8 @@ RANK_TOLERANCE = 1e-7
 CHI2_95 = 3.841458820694124
 #: Betas tried for a start, over the travel: from far below any spacing of points to almost a straight line.
 SCAN_DECADES = (-5.0, 2.0, 57)
+#: Beta over the travel beyond which nothing tells betas apart: the fit ends there, and profiles are open or not.
+BETA_ENDS = (1e-12, 1e3)
 
 
 class Problem(NamedTuple):
@@ -75,6 +78,16 @@ class Estimate(NamedTuple):
     converged: Bool[Array, "*records"]
 
 
+class _LevenbergMarquardt(optx.LevenbergMarquardt):
+    def __init__(self):
+        super().__init__(rtol=TOLERANCE, atol=TOLERANCE)
+
+    def terminate(self, fn, y, args, options, state, tags):
+        """Stop also when the step has shrunk to nothing: at an optimum, rounding alone may reject every step."""
+        done, result = super().terminate(fn, y, args, options, state, tags)
+        return done | (state.search_state.step_size < jnp.finfo(y.dtype).eps), result
+
+
 def _residual(value: Float[Array, "5"], problem: Problem) -> Float[Array, " points"]:
     force = equation_2(problem.d, k=value[K], C=value[C], beta=value[BETA], d_i=value[D_I], F_i=value[F_I])
     return jnp.where(problem.used, force - problem.F, 0.0)
@@ -85,7 +98,9 @@ def _solve_linear(
 ) -> tuple[Float[Array, "5"], Float[Array, ""]]:
     """Return the parameters with the free linear ones at their optimum for this beta, and the RSS there."""
     gone = -jnp.expm1(-jnp.abs(problem.d - base[D_I]) / beta)
-    columns = {K: problem.d * gone, C: gone, F_I: 1.0 - gone}
+    # With C free the line is taken through the first point: far from zero displacement k and C are nearly collinear.
+    pivot = problem.d[0] if C in free else jnp.zeros(())
+    columns = {K: (problem.d - pivot) * gone, C: gone, F_I: 1.0 - gone}
     unknown = [i for i in LINEAR if i in free]
     value = base.at[BETA].set(beta)
     if unknown:
@@ -97,6 +112,7 @@ def _solve_linear(
         # The Gram matrix of scaled columns is at most 3 x 3; its pseudo-inverse survives a column that vanishes.
         solution = jnp.linalg.pinv(design.T @ design, rtol=1e-14, hermitian=True) @ (design.T @ target)
         value = value.at[jnp.array(unknown)].set(solution / jnp.where(size > 0, size, 1.0))
+        value = value.at[C].add(-value[K] * pivot)
     return value, jnp.sum(_residual(value, problem) ** 2)
 
 
@@ -132,19 +148,34 @@ def _levenberg_marquardt(
     """Return the optimum over the free parameters from `value`, and whether the solver got there."""
     travel, span = _scales(problem)
     unit = jnp.stack([span / travel, span, travel, travel, span])
+    pivot = problem.d[0] if C in free else jnp.zeros(())
     index = jnp.array(free)
 
-    def to_value(unknown: Float[Array, " free"]) -> Float[Array, "5"]:
-        scaled = (value / unit).at[index].set(unknown)
-        # log beta: raw beta steps negative, and overflows.
-        return (scaled.at[BETA].set(jnp.exp(scaled[BETA])) if BETA in free else scaled) * unit
+    def reached(value: Float[Array, "5"]) -> Float[Array, ""]:
+        return -jnp.expm1(-travel / value[BETA])
 
-    first = value / unit
-    first = first.at[BETA].set(jnp.log(first[BETA])) if BETA in free else first
+    # log beta: raw beta steps negative, and overflows. The line through the first point, times the part of it that
+    # is reached at full travel: beyond the travel only k / beta and C / beta are determined.
+    def to_unknown(value: Float[Array, "5"]) -> Float[Array, " free"]:
+        line = jnp.stack([value[K], value[C] + value[K] * pivot]) * reached(value)
+        packed = value.at[jnp.array([K, C])].set(line) / unit
+        return packed.at[BETA].set(jnp.log(packed[BETA]))[index]
+
+    def to_value(unknown: Float[Array, " free"]) -> Float[Array, "5"]:
+        packed = jnp.zeros(5).at[index].set(unknown)
+        packed = packed.at[BETA].set(jnp.exp(jnp.clip(packed[BETA], *map(math.log, BETA_ENDS)))) * unit
+        full = value.at[BETA].set(packed[BETA]) if BETA in free else value
+        line = packed / reached(full)
+        full = full.at[K].set(line[K]) if K in free else full
+        full = full.at[C].set(line[C] - full[K] * pivot) if C in free else full
+        for i in {D_I, F_I} & set(free):
+            full = full.at[i].set(packed[i])
+        return full
+
     solution = optx.least_squares(
         lambda unknown, _: _residual(to_value(unknown), problem) / span,
-        optx.LevenbergMarquardt(rtol=TOLERANCE, atol=TOLERANCE),
-        first[index],
+        _LevenbergMarquardt(),
+        to_unknown(value),
         max_steps=MAX_STEPS,
         throw=False,
     )
@@ -184,17 +215,18 @@ def estimate_record(problem: Problem, free: tuple[int, ...]) -> Estimate:
     base = jnp.where(jnp.isnan(problem.fixed), first, problem.fixed)
     values, converged = jax.vmap(lambda start: _levenberg_marquardt(start, problem, free))(_starts(problem, base, free))
     sums = jax.vmap(lambda value: jnp.sum(_residual(value, problem) ** 2))(values)
+    converged = converged & jnp.isfinite(sums)
     best = jnp.argmin(jnp.where(converged, sums, jnp.inf))
     value, rss, converged = values[best], sums[best], converged[best]
     spare = jnp.sum(problem.used) - len(free)
-    _, span = _scales(problem)
     # Exact data have no residual: rounding stands in for the noise, so that profiles compare against something.
-    variance = jnp.maximum(rss / jnp.maximum(spare, 1), (1e-13 * span) ** 2)
+    rounding = 1e-12 * jnp.max(jnp.where(problem.used, jnp.abs(problem.F), 0.0))
+    variance = jnp.maximum(rss / jnp.maximum(spare, 1), rounding**2)
     error, lost = _errors(value, problem, free, jnp.where(spare > 0, variance, jnp.nan))
     below = above = jnp.zeros((), bool)
     if BETA in free:
         travel, _ = _scales(problem)
-        ends = [_solve_linear(factor * travel, value, problem, free)[1] for factor in (1e-12, 1e3)]
+        ends = [_solve_linear(factor * travel, value, problem, free)[1] for factor in BETA_ENDS]
         below, above = (end - rss < CHI2_95 * variance for end in ends)
     return Estimate(value, error, rss, lost, below, above, converged)
 

@@ -1,10 +1,13 @@
 """The levels that the data hold: words of records turned into cases, and cases into index arrays for the models."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Int
+from jaxtyping import Float, Int
+from scipy.linalg import helmert
 
 from bayes_tyre.record import CASE_WORDS, Case
 
@@ -19,15 +22,27 @@ class Factor:
         The levels met in the data, sorted.
     of_case:
         Shape (cases,): which level a case belongs to.
+    group:
+        Shape (levels,): levels of one group have effects that sum to zero.
     """
 
     labels: tuple[object, ...]
     of_case: Int[np.ndarray, " cases"]
+    group: Int[np.ndarray, " levels"]
+
+    @property
+    def basis(self) -> Float[np.ndarray, "levels coordinates"]:
+        """Orthonormal columns that span the effects of the levels: those that sum to zero in each group."""
+        blocks = []
+        for group in np.unique(self.group):
+            members = np.eye(len(self.labels))[:, self.group == group]
+            blocks.append(members @ helmert(members.shape[1]).T)
+        return np.concatenate(blocks, axis=1)
 
     @property
     def varies(self) -> bool:
-        """Whether there is more than one level: with one, its term would not be identified and vanishes."""
-        return len(self.labels) > 1
+        """Whether levels can differ: with one level a group the term would not be identified, and vanishes."""
+        return self.basis.shape[1] > 0
 
 
 @dataclass(frozen=True)
@@ -58,15 +73,27 @@ class Levels:
         """Number of records of each case."""
         return np.bincount(self.of_record, minlength=len(self.cases))
 
-    @property
-    def directions_differ_in_step(self) -> bool:
-        """Whether direction x step says more than direction and step alone can."""
-        return self.step.varies and len({case.direction for case in self.cases}) > 1
+    def factors(self, parameter: str) -> dict[str, Factor]:
+        """Return what `k` or `beta` of a case depends on beside its cell, by name; only what varies in the data.
+
+        The size of the step acts on beta by direction too (Table 11: strongly in loading, hardly in unloading).
+        """
+        named = {"speed": self.speed, "load": self.load, "step": self.step}
+        if parameter == "beta" and self.step.varies and len({case.direction for case in self.cases}) > 1:
+            named["direction_step"] = self.direction_step
+        return {name: factor for name, factor in named.items() if factor.varies}
 
 
-def _factor(values: list[object]) -> Factor:
+def _factor(values: Sequence[Any], groups: list[str] | None = None) -> Factor:
+    """Return the factor with these values by case; its levels are grouped by `groups`, one a case."""
     labels = tuple(sorted(set(values), key=lambda value: (str(type(value)), value)))
-    return Factor(labels, np.array([labels.index(value) for value in values], dtype=int))
+    group_of = dict(zip(values, groups or [""] * len(values), strict=True))
+    names = sorted(set(group_of.values()))
+    return Factor(
+        labels,
+        np.array([labels.index(value) for value in values], dtype=int),
+        np.array([names.index(group_of[label]) for label in labels], dtype=int),
+    )
 
 
 def find_levels(words: pd.DataFrame) -> Levels:
@@ -85,16 +112,21 @@ def find_levels(words: pd.DataFrame) -> Levels:
     # NaN is not equal to itself, which would make every record without the word a case of its own.
     keys = [tuple(None if pd.isna(value) else value for value in row) for row in complete[list(CASE_WORDS)].to_numpy()]
     unique = list(dict.fromkeys(keys))
-    cases = tuple(Case(*(np.nan if value is None else value for value in key)) for key in unique)
+    cases = tuple(Case._make(np.nan if value is None else value for value in key) for key in unique)
     sizes = ["" if np.isnan(case.step_kN) else f"{abs(case.step_kN):g}" for case in cases]
+    directions = [case.direction for case in cases]
+    both = [f"{direction} {size}".strip() for direction, size in zip(directions, sizes, strict=True)]
     return Levels(
         cases=cases,
         cell=_factor([f"{case.configuration} {case.direction}".strip() for case in cases]),
-        speed=_factor([str(case.speed_km_h) if np.isnan(case.speed_km_h) else case.speed_km_h for case in cases]),
-        load=_factor(
-            [str(case.initial_load_kN) if np.isnan(case.initial_load_kN) else case.initial_load_kN for case in cases]
-        ),
+        speed=_factor([_level(case.speed_km_h) for case in cases]),
+        load=_factor([_level(case.initial_load_kN) for case in cases]),
         step=_factor(sizes),
-        direction_step=_factor([f"{case.direction} {size}".strip() for case, size in zip(cases, sizes, strict=True)]),
+        direction_step=_factor(both, directions),
         of_record=np.array([unique.index(key) for key in keys], dtype=int),
     )
+
+
+def _level(value: float) -> object:
+    """Return the value as a level; a missing one as text, for NaN is no level of its own."""
+    return "" if np.isnan(value) else value

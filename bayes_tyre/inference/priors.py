@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import jax
 import numpy as np
 import numpyro.distributions as dist
 
@@ -75,3 +76,9 @@ PRIORS: dict[str, Prior] = {
         dist.LogNormal, (np.log(0.3), 0.8), "", "6 to 144 %: repeats, processing and case together"
     ),
 }
+
+
+def prior_medians() -> dict[str, np.ndarray]:
+    """Return about the median of each prior, by site: of draws, since not every family has its quantiles."""
+    key = jax.random.key(0)
+    return {name: np.median(prior.distribution().sample(key, (999,))) for name, prior in PRIORS.items()}

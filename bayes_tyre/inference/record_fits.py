@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pandas as pd
@@ -15,6 +16,8 @@ REGIONS = ("all", "thesis")
 COLUMNS = {"k": "k_kN_per_mm", "C": "C_kN", "beta": "beta_mm", "d_i": "d_i_mm", "F_i": "F_i_kN"}
 #: The source's choices (appendix B5): the first 70 % of a record, its line from 20 % on, beta from 0.1 mm.
 THESIS_KEPT, THESIS_LINE_FROM, THESIS_BETA_MM = 0.7, 0.2, 0.1
+#: Displacements and forces above this are no measurements, and their sums of squares overflow.
+LARGEST = 1e100
 
 
 @dataclass(frozen=True)
@@ -124,7 +127,7 @@ def _fit_batch(batch: Batch, settings: FitSettings) -> pd.DataFrame:
     for name, value in settings.fix.items():
         fixed[:, ls.PARAMETERS.index(name)] = value
     problem = ls.Problem(*map(jnp.asarray, (batch.displacement_mm, batch.force_kN, used, fixed, start)))
-    estimate = ls.Estimate(*map(np.asarray, ls.estimate_batch(problem, settings.free_indices)))
+    estimate = jax.device_get(ls.estimate_batch(problem, settings.free_indices))
     return _rows(batch, used, estimate, settings)
 
 
@@ -133,15 +136,16 @@ def _thesis_line(batch: Batch, kept: np.ndarray) -> np.ndarray:
     rows = np.arange(len(kept))
     begin = np.ceil(THESIS_LINE_FROM * batch.points).astype(int) - 1
     d, F = batch.displacement_mm, batch.force_kN
-    run = d[rows, kept - 1] - d[rows, begin]
-    k = np.divide(F[rows, kept - 1] - F[rows, begin], run, out=np.ones_like(run), where=run != 0)
-    return np.stack([k, F[rows, begin] - k * d[rows, begin]], axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):  # records of absurd numbers are refused by `_hopeless`
+        run = d[rows, kept - 1] - d[rows, begin]
+        k = np.divide(F[rows, kept - 1] - F[rows, begin], run, out=np.ones_like(run), where=run != 0)
+        return np.stack([k, F[rows, begin] - k * d[rows, begin]], axis=1)
 
 
 def _rows(batch: Batch, used: np.ndarray, estimate: ls.Estimate, settings: FitSettings) -> pd.DataFrame:
     points = used.sum(axis=1)
     hopeless = _hopeless(batch, used, settings)
-    unfit = np.array([reason != "" for reason in hopeless])
+    unfit = np.array([reason != "" for reason in hopeless]) | ~estimate.converged
     rows = pd.DataFrame({"record": batch.records})
     for i, column in enumerate(COLUMNS.values()):
         rows[column] = np.where(unfit, np.nan, estimate.value[:, i])
@@ -156,11 +160,13 @@ def _hopeless(batch: Batch, used: np.ndarray, settings: FitSettings) -> list[str
     """Return, a record, why there is nothing to fit; empty where there is."""
     unknowns = len(settings.free_indices)
     reasons = []
-    for d, use in zip(batch.displacement_mm, used, strict=True):
+    for d, F, use in zip(batch.displacement_mm, batch.force_kN, used, strict=True):
         if use.sum() <= unknowns:
             reasons.append(f"too few points: {use.sum()} for {unknowns} parameters")
-        elif np.ptp(d[use]) == 0:
+        elif d[use].min() == d[use].max():
             reasons.append("no travel: the displacement is constant")
+        elif max(np.abs(d[use]).max(), np.abs(F[use]).max()) > LARGEST:
+            reasons.append(f"numbers above {LARGEST:g}: too large to be squared, check the cells")
         else:
             reasons.append("")
     return reasons
@@ -173,7 +179,7 @@ def _status(batch: Batch, used: np.ndarray, estimate: ls.Estimate, row: int) -> 
     reasons = []
     use = used[row]
     d, F = batch.displacement_mm[row][use], batch.force_kN[row][use]
-    if (F[-1] - F[0]) * (d[-1] - d[0]) < 0:
+    if np.sign(F[-1] - F[0]) * np.sign(d[-1] - d[0]) < 0:
         reasons.append("force falls as displacement grows: check the signs")
     lost = [name for name, gone in zip(ls.PARAMETERS, estimate.undetermined[row], strict=True) if gone]
     if estimate.beta_open_below[row] and estimate.beta_open_above[row]:

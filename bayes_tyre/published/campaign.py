@@ -20,6 +20,8 @@ STANDING_SCATTER, ROLLING_SCATTER = 0.04, 0.10
 BETA_SCATTER_FACTOR = 2.0
 #: The source leaves out a repeat that is "significantly different" and gives no number; this multiple is ours.
 RULE_MULTIPLE = 6.0
+#: Ordinary repeats are drawn within this many standard deviations: assumed, so that none is odd by mere chance.
+ORDINARY_WITHIN = 2.0
 REPEATS = 3
 DISCORDANT_CASES_PER_CONFIGURATION = 3
 DISCORDANT_K_SHIFT = (0.30, 0.45)
@@ -93,8 +95,8 @@ def case_means(fits: pd.DataFrame) -> pd.DataFrame:
         The case words, `k_kN_per_mm`, `beta_mm`, and `left_out`: the repeat left out, or missing.
     """
     rows = []
-    for words, repeats in fits.groupby(list(CASE_WORDS), sort=False):
-        case = Case(*words)
+    for words, repeats in fits.groupby([*CASE_WORDS], sort=False):
+        case = Case._make(words)
         out = left_out(repeats["k_kN_per_mm"].to_numpy(), usual_scatter(case.speed_km_h))
         kept = repeats.loc[~out, ["k_kN_per_mm", "beta_mm"]].mean()
         odd = repeats["repeat"].to_numpy()[out]
@@ -114,7 +116,7 @@ def reconstruct(seed: int = SEED) -> Reconstruction:
     odd_ones = _choose_discordant(published, rng)
     records, truths = [], []
     for row, published_case in published.iterrows():
-        case = Case(*(published_case[word] for word in CASE_WORDS))
+        case = Case._make(published_case[word] for word in CASE_WORDS)
         factors = _repeat_factors(usual_scatter(case.speed_km_h), odd_ones.get(row), rng)
         for repeat in range(REPEATS):
             k, beta = factors[repeat] * (published_case["k_kN_per_mm"], published_case["beta_mm"])
@@ -145,13 +147,21 @@ def _choose_discordant(published: pd.DataFrame, rng: np.random.Generator) -> dic
 def _repeat_factors(scatter: float, odd_one: int | None, rng: np.random.Generator) -> np.ndarray:
     """Return the factors on the case's k and beta, shape (repeats, 2); those of the kept repeats average to 1."""
     kept = np.arange(REPEATS) != odd_one
-    deviation = rng.standard_normal((REPEATS, 2)) * scatter * (1.0, BETA_SCATTER_FACTOR)
+    deviation = _within(rng, ORDINARY_WITHIN, (REPEATS, 2)) * scatter * (1.0, BETA_SCATTER_FACTOR)
     shrink = np.sqrt(kept.sum() / (kept.sum() - 1))  # centring takes a degree of freedom; the scatter stays as stated
     deviation[kept] = (deviation[kept] - deviation[kept].mean(axis=0)) * shrink
     if odd_one is not None:
         shift = rng.uniform(*np.transpose([DISCORDANT_K_SHIFT, DISCORDANT_BETA_SHIFT]))
         deviation[odd_one] = shift * rng.choice((-1.0, 1.0), size=2)
     return 1.0 + deviation
+
+
+def _within(rng: np.random.Generator, bound: float, shape: tuple[int, ...]) -> np.ndarray:
+    """Return standard normal numbers, those beyond the bound drawn again."""
+    numbers = rng.standard_normal(shape)
+    while (beyond := np.abs(numbers) > bound).any():
+        numbers[beyond] = rng.standard_normal(beyond.sum())
+    return numbers
 
 
 def _truth(case: Case, k: float, beta: float, rng: np.random.Generator) -> _Truth:

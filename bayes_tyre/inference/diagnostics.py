@@ -1,0 +1,115 @@
+"""The verdict: whether a posterior may be trusted, and if not, which parameter says so and what to do."""
+
+from typing import NamedTuple
+
+import arviz as az
+import numpy as np
+import xarray as xr
+
+R_HAT_MOST = 1.01
+ESS_LEAST_PER_CHAIN = 100
+BFMI_LEAST = 0.3
+#: Lag-1 autocorrelation of residuals above which independent noise is not credible. Over records of a hundred
+#: points its standard error is 0.1 for one record, far less for their median.
+AUTOCORRELATION_MOST = 0.3
+
+
+class Diagnostics(NamedTuple):
+    """What `diagnostics.json` holds.
+
+    Attributes
+    ----------
+    verdict:
+        ``pass`` or ``fail``.
+    reasons:
+        One sentence each: the parameter, the figure, and what to do.
+    r_hat_max, ess_bulk_min, ess_tail_min, bfmi_min:
+        The worst over all parameters (chains); NaN where they do not exist.
+    residual_autocorrelation:
+        Median over records of the residuals' lag-1 autocorrelation; NaN without records.
+    """
+
+    verdict: str
+    reasons: tuple[str, ...]
+    r_hat_max: float
+    ess_bulk_min: float
+    ess_tail_min: float
+    divergences: int
+    bfmi_min: float
+    draws: int
+    chains: int
+    residual_autocorrelation: float
+
+
+class _Worst(NamedTuple):
+    value: float
+    parameter: str
+
+
+def _worst(figures: xr.Dataset, largest: bool) -> _Worst:
+    """Return the worst figure and the element it belongs to; NaN where a parameter does not vary at all."""
+    found = _Worst(np.nan, "")
+    for name, figure in figures.data_vars.items():
+        values = figure.to_numpy().astype(float).ravel()
+        if not np.isfinite(values).any():
+            continue
+        at = int(np.nanargmax(values) if largest else np.nanargmin(values))
+        if np.isnan(found.value) or (values[at] > found.value) == largest:
+            where = zip(figure.dims, np.unravel_index(at, figure.shape), strict=True)
+            labels = [str(figure[dim].to_numpy()[i]) for dim, i in where]
+            found = _Worst(float(values[at]), f"{name}[{', '.join(labels)}]" if labels else str(name))
+    return found
+
+
+def diagnose(tree: xr.DataTree, residual_autocorrelation: float = np.nan) -> Diagnostics:
+    """Return the verdict on a posterior, from every quantity it holds.
+
+    Pass: R-hat <= 1.01, bulk and tail ESS >= 100 a chain, BFMI >= 0.3, no divergence, residuals that independent
+    noise could have left. Source: Vehtari et al. (2021), "Rank-normalization, folding, and localization".
+
+    Parameters
+    ----------
+    tree:
+        A posterior as `bayes_tyre.inference.posterior.to_datatree` gives it.
+    residual_autocorrelation:
+        Lag-1 autocorrelation of the residuals, where there are records.
+    """
+    posterior = tree["posterior"].to_dataset()
+    chains, draws = posterior.sizes["chain"], posterior.sizes["draw"]
+    r_hat = _worst(az.rhat(posterior), largest=True) if chains > 1 else _Worst(np.nan, "")
+    bulk = _worst(az.ess(posterior, method="bulk"), largest=False)
+    tail = _worst(az.ess(posterior, method="tail"), largest=False)
+    bfmi = float(np.min(az.bfmi(tree)["energy"].to_numpy()))
+    divergences = int(tree["sample_stats"].to_dataset()["diverging"].sum())
+    more = "raise --warmup and --draws"
+    reasons = []
+    if chains < 2:
+        reasons.append("one chain cannot be compared with another: use --chains 4")
+    elif not r_hat.value <= R_HAT_MOST:
+        reasons.append(f"{r_hat.parameter}: R-hat {r_hat.value:.3f} is above {R_HAT_MOST}: chains disagree; {more}")
+    for kind, worst in (("bulk", bulk), ("tail", tail)):
+        if not worst.value >= ESS_LEAST_PER_CHAIN * chains:
+            reasons.append(
+                f"{worst.parameter}: {kind} ESS {worst.value:.0f} is below {ESS_LEAST_PER_CHAIN} a chain; {more}"
+            )
+    if not bfmi >= BFMI_LEAST:
+        reasons.append(f"energy: BFMI {bfmi:.2f} is below {BFMI_LEAST}: tails are not explored; raise --warmup")
+    if divergences:
+        reasons.append(f"{divergences} divergent transitions: part of the posterior was not reached; {more}")
+    if abs(residual_autocorrelation) > AUTOCORRELATION_MOST:
+        reasons.append(
+            f"sigma: residuals have lag-1 autocorrelation {residual_autocorrelation:.2f}: intervals are too narrow; "
+            "use unsmoothed signals, or thin each record until neighbouring residuals are independent"
+        )
+    return Diagnostics(
+        "fail" if reasons else "pass",
+        tuple(reasons),
+        r_hat.value,
+        bulk.value,
+        tail.value,
+        divergences,
+        bfmi,
+        draws,
+        chains,
+        residual_autocorrelation,
+    )

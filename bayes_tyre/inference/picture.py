@@ -1,0 +1,212 @@
+"""The Gaussian picture of the data: what least squares says of records, cases and effects, and how well.
+
+It shapes the coordinates of `coordinates`, and never the posterior.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from bayes_tyre.inference import least_squares as ls
+from bayes_tyre.inference.levels import Levels
+from bayes_tyre.laws.fancher import equation_2_offset
+from bayes_tyre.record import Batch
+
+#: Widest standard deviations of log k and log beta that the picture of a record may have.
+_LOG_K_SD, _LOG_BETA_SD = 0.5, 1.0
+#: Effects of levels on log k and log beta, in the ridge regression that shapes their coordinates.
+_EFFECT_SD = 0.5
+#: Beta is held within these multiples of the travel where the record leaves it open.
+_BETA_WITHIN_TRAVEL = (1e-4, 3.0)
+
+
+class RecordData(NamedTuple):
+    """The measured records as the models take them: d_0 is the first displacement, u the distance from it.
+
+    Attributes
+    ----------
+    u, F:
+        Shape (records, points); mm, kN.
+    present:
+        Shape (records, points); False on padding.
+    d_0, F_0, span:
+        Shape (records,); first displacement (mm), first force (kN), largest change of force (kN).
+    """
+
+    u: Float[Array, "records points"]
+    F: Float[Array, "records points"]
+    present: Bool[Array, "records points"]
+    d_0: Float[Array, " records"]
+    F_0: Float[Array, " records"]
+    span: Float[Array, " records"]
+
+
+class RecordEstimates(NamedTuple):
+    """The Gaussian picture of each record: what least squares says, and how well.
+
+    Attributes
+    ----------
+    centre:
+        Shape (records, 4): F_i (kN), J (kN), log k (kN/mm), log beta (mm).
+    precision:
+        Shape (records, 2, 2): of log k and log beta, F_i and J integrated out.
+    slope, factor:
+        Shape (records, 2, 2): F_i and J follow `centre + slope (log k, log beta deviations) + factor z`.
+    log_sigma, log_sigma_precision:
+        Shape (records,); sigma in kN.
+    """
+
+    centre: Float[Array, "records 4"]
+    precision: Float[Array, "records 2 2"]
+    slope: Float[Array, "records 2 2"]
+    factor: Float[Array, "records 2 2"]
+    log_sigma: Float[Array, " records"]
+    log_sigma_precision: Float[Array, " records"]
+
+    @property
+    def log_k(self) -> Float[Array, " records"]:
+        """Estimates of log k, k in kN/mm."""
+        return self.centre[:, 2]
+
+    @property
+    def log_beta(self) -> Float[Array, " records"]:
+        """Estimates of log beta, beta in mm."""
+        return self.centre[:, 3]
+
+
+def record_data(batch: Batch) -> RecordData:
+    """Return a batch of records as the models take it."""
+    d, F = jnp.asarray(batch.displacement_mm), jnp.asarray(batch.force_kN)
+    present = jnp.asarray(batch.present)
+    span = jnp.max(jnp.where(present, jnp.abs(F - F[:, :1]), 0.0), axis=1)
+    return RecordData(d - d[:, :1], F, present, d[:, 0], F[:, 0], jnp.where(span > 0, span, 1.0))
+
+
+def force_curve(u: Float[Array, " points"], theta: Float[Array, "4"]) -> Float[Array, " points"]:
+    """Return the force (kN) of Equation 2 at u (mm) for theta = (F_i, J, log k, log beta)."""
+    return theta[0] + equation_2_offset(u, k=jnp.exp(theta[2]), J=theta[1], beta=jnp.exp(theta[3]))
+
+
+def estimate_records(batch: Batch) -> RecordEstimates:
+    """Return the Gaussian picture of each record, by least squares with F_i free over all of its points."""
+    data = record_data(batch)
+    nan = jnp.full((len(batch.records), 5), jnp.nan)
+    problem = ls.Problem(jnp.asarray(batch.displacement_mm), data.F, data.present, nan, nan[:, None])
+    estimate = ls.estimate_batch(problem, (ls.K, ls.C, ls.BETA, ls.F_I))
+    return _estimate_records(data, estimate)
+
+
+@eqx.filter_jit
+def _estimate_records(data: RecordData, estimate: ls.Estimate) -> RecordEstimates:
+    return jax.vmap(_picture)(data, estimate)
+
+
+def _picture(data: RecordData, estimate: ls.Estimate) -> RecordEstimates:
+    centre = _centre(data, estimate)
+    points = jnp.sum(data.present)
+    # Noise-free records would make the coordinates infinitely narrow.
+    sigma = jnp.maximum(jnp.sqrt(estimate.rss / jnp.maximum(points - 4, 1)), 1e-6 * data.span)
+    jacobian = jnp.where(data.present[:, None], jax.jacfwd(lambda theta: force_curve(data.u, theta))(centre), 0.0)
+    # A floor under the information gives a parameter that the record leaves open a finite scale.
+    floor = jnp.stack([data.span, data.span, jnp.asarray(_LOG_K_SD), jnp.asarray(_LOG_BETA_SD)])
+    information = jacobian.T @ jacobian / sigma**2 + jnp.diag(1.0 / floor**2)
+    level, both, shape = information[:2, :2], information[:2, 2:], information[2:, 2:]
+    slope = -jnp.linalg.solve(level, both)
+    factor = jnp.linalg.inv(jnp.linalg.cholesky(level)).T
+    return RecordEstimates(centre, shape + both.T @ slope, slope, factor, jnp.log(sigma), 2.0 * points)
+
+
+def _centre(data: RecordData, estimate: ls.Estimate) -> Float[Array, "4"]:
+    """Return (F_i, J, log k, log beta) of the estimate, brought within the record where it ran out of it."""
+    travel = jnp.max(jnp.where(data.present, jnp.abs(data.u), 0.0))
+    fitted = jnp.where(jnp.isfinite(estimate.value), estimate.value, 0.0)
+    low, high = (factor * travel for factor in _BETA_WITHIN_TRAVEL)
+    secant = data.span / travel
+    sound = estimate.converged & (fitted[ls.K] > 0.01 * secant)
+    k = jnp.where(sound, fitted[ls.K], secant)
+    F_i = jnp.where(sound, fitted[ls.F_I], data.F_0)
+    J = jnp.where(sound, jnp.clip(k * data.d_0 + fitted[ls.C] - F_i, -data.span, data.span), 0.0)
+    beta = jnp.clip(jnp.where(fitted[ls.BETA] > 0, fitted[ls.BETA], low), low, high)
+    return jnp.stack([F_i, J, jnp.log(k), jnp.log(beta)])
+
+
+class EffectEstimate(NamedTuple):
+    """What the cases say of the effects of a factor, in the coordinates of its basis, shape (coordinates,)."""
+
+    value: Float[Array, " coordinates"]
+    precision: Float[Array, " coordinates"]
+
+
+def effect_estimates(values: Float[np.ndarray, " cases"], levels: Levels, parameter: str) -> dict[str, EffectEstimate]:
+    """Return estimates of every effect on log k or log beta by ridge regression over the cases, by factor.
+
+    Parameters
+    ----------
+    values:
+        The parameter's logarithm by case.
+    levels, parameter:
+        How the cases group, and which of ``k`` and ``beta`` it is.
+    """
+    factors = levels.factors(parameter)
+    cells = np.eye(len(levels.cell.labels))[levels.cell.of_case]
+    design = np.concatenate([cells, *(factor.basis[factor.of_case] for factor in factors.values())], axis=1)
+    ridge = np.r_[np.full(cells.shape[1], 1e-6), np.full(design.shape[1] - cells.shape[1], _EFFECT_SD**-2)]
+    variance = _EFFECT_SD**2
+    for _ in range(3):  # residual variance and fit settle on each other
+        covariance = np.linalg.inv(design.T @ design / variance + np.diag(ridge))
+        fitted = covariance @ design.T @ values / variance
+        spare = max(len(values) - design.shape[1], 1)
+        variance = max(float(np.sum((values - design @ fitted) ** 2)) / spare, 1e-4)
+    precision = np.maximum(1.0 / np.diag(covariance) - ridge, 0.0)
+    estimates, start = {}, cells.shape[1]
+    for name, factor in factors.items():
+        here = slice(start, start + factor.basis.shape[1])
+        estimates[name] = EffectEstimate(jnp.asarray(fitted[here]), jnp.asarray(precision[here]))
+        start = here.stop
+    return estimates
+
+
+class CaseEstimates(NamedTuple):
+    """What the records of each case say of one of its parameters.
+
+    Attributes
+    ----------
+    median, variance:
+        Shape (cases,): median of the logarithms, and the mean variance of one of them.
+    effects:
+        What the medians say of the effects of each factor.
+    """
+
+    median: Float[Array, " cases"]
+    variance: Float[Array, " cases"]
+    effects: dict[str, EffectEstimate]
+
+
+def case_estimates(
+    parameter: str, values: Float[np.ndarray, " records"], variances: Float[np.ndarray, " records"], levels: Levels
+) -> CaseEstimates:
+    """Return what the records say of log k or log beta of their cases; a discordant repeat moves no median."""
+    members = [levels.of_record == case for case in range(len(levels.cases))]
+    median = np.array([np.median(values[member]) for member in members])
+    variance = np.array([np.mean(variances[member]) for member in members])
+    return CaseEstimates(jnp.asarray(median), jnp.asarray(variance), effect_estimates(median, levels, parameter))
+
+
+class Picture(NamedTuple):
+    """The whole picture: of the records, and of the cases' k and beta."""
+
+    records: RecordEstimates
+    k: CaseEstimates
+    beta: CaseEstimates
+
+
+def draw_picture(batch: Batch, levels: Levels) -> Picture:
+    """Return the Gaussian picture of the records of a batch and of the cases they repeat."""
+    records = estimate_records(batch)
+    variance = 1.0 / np.diagonal(np.asarray(records.precision), axis1=1, axis2=2)
+    k = case_estimates("k", np.asarray(records.log_k), variance[:, 0], levels)
+    return Picture(records, k, case_estimates("beta", np.asarray(records.log_beta), variance[:, 1], levels))

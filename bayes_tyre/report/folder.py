@@ -1,0 +1,143 @@
+"""A result's folder: every file that a fit writes, each whole or not at all, `run.json` last."""
+
+import hashlib
+import json
+import math
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import pandas as pd
+import xarray as xr
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.tables import whole_file, write_table, write_text
+from bayes_tyre.inference.diagnostics import Diagnostics
+from bayes_tyre.inference.posterior import RECORD_UNITS
+from bayes_tyre.report import contrasts, figures, predictive, summary
+
+LIBRARIES = ("bayes-tyre", "jax", "jaxlib", "numpyro", "optimistix", "equinox", "arviz", "numpy", "pandas", "xarray")
+
+
+@dataclass(frozen=True)
+class Run:
+    """How a result was made: the command, its options, its inputs by name and path, and the seconds it took."""
+
+    command: str
+    options: Mapping[str, object]
+    seed: int
+    inputs: tuple[Path, ...]
+    origin: str
+    wall_time_s: float
+
+
+def prepare_folder(out: Path) -> None:
+    """Make the folder that results go into.
+
+    Raises
+    ------
+    BadInput
+        If it is a file or cannot be made.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError):
+        raise BadInput(f"--out {out}: is a file, or lies below one; name a folder") from None
+    except OSError as error:
+        raise BadInput(f"--out {out}: {error.strerror}; name a folder that you may write to") from None
+
+
+def write_fit(
+    tree: xr.DataTree,
+    diagnostics: Diagnostics,
+    run: Run,
+    out: Path,
+    *,
+    table: pd.DataFrame | None = None,
+    printed: pd.DataFrame | None = None,
+    interval: float = 0.95,
+) -> None:
+    """Write a posterior with its tables, diagnostics and figures into `out`.
+
+    Parameters
+    ----------
+    tree, diagnostics, run:
+        The posterior, its verdict, and how it came about.
+    table:
+        The records it was fitted to, for the figure that shows some of them.
+    printed:
+        Printed `k_kN_per_mm` and `beta_mm` by case, shown beside the posterior where given.
+    interval:
+        Probability of every interval, equal-tailed.
+    """
+    prepare_folder(out)
+    verdict = diagnostics.verdict
+    with whole_file(out / "posterior.nc") as beside:
+        tree.to_netcdf(beside, engine="h5netcdf")
+    cases, repeats = summary.cases(tree, verdict, interval), summary.repeats(tree, verdict, interval)
+    write_table(summary.summary(tree, verdict, interval), out / "summary.csv")
+    write_table(cases, out / "cases.csv")
+    write_table(contrasts.contrasts(tree, verdict, interval), out / "contrasts.csv")
+    write_table(repeats, out / "repeats.csv")
+    write_json(diagnostics._asdict(), out / "diagnostics.json")
+    _write_figures(tree, cases, repeats, table, printed, interval, out / "figures")
+    write_run(run, out)
+
+
+def _write_figures(
+    tree: xr.DataTree,
+    cases: pd.DataFrame,
+    repeats: pd.DataFrame,
+    table: pd.DataFrame | None,
+    printed: pd.DataFrame | None,
+    interval: float,
+    folder: Path,
+) -> None:
+    origin = tree.attrs["origin"]
+    drawn = {
+        "posteriors_by_direction": figures.posteriors_by_direction(_cell_draws(tree), origin, interval),
+        "forest_of_cases": figures.forest_of_cases(cases, printed, origin),
+    }
+    if table is not None:
+        shown = predictive.records_to_show(tree)
+        bands = predictive.predictive_bands(tree, table, shown, interval)
+        points = table.loc[table["record"].isin(shown), ["record", "displacement_mm", "force_kN"]]
+        drawn["records_with_bands"] = figures.records_with_bands(points, bands, origin, interval)
+        one_row_each = repeats.drop_duplicates("record")
+        drawn["outlier_probabilities"] = figures.outlier_probabilities(one_row_each, origin)
+    for name, figure in drawn.items():
+        figures.save(figure, folder / f"{name}.png")
+
+
+def _cell_draws(tree: xr.DataTree) -> pd.DataFrame:
+    """Return the draws of the cell means in long form: configuration, direction, parameter, unit, value."""
+    means = summary.cell_means(tree)
+    long = means.stack(sample=("chain", "draw", "cell")).reset_index("sample", drop=True)
+    words = {word: long[word].to_numpy() for word in ("configuration", "direction")}
+    blocks = [
+        pd.DataFrame({**words, "parameter": name, "unit": RECORD_UNITS[str(name)], "value": draws.to_numpy()})
+        for name, draws in long.data_vars.items()
+    ]
+    return pd.concat(blocks, ignore_index=True)
+
+
+def write_json(content: Mapping[str, object], path: Path) -> None:
+    """Write a mapping as JSON; what is not a number becomes null, which every reader takes."""
+    clean = {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in content.items()}
+    write_text(json.dumps(clean, indent=2, ensure_ascii=False, allow_nan=False) + "\n", path)
+
+
+def write_run(run: Run, out: Path) -> None:
+    """Write `run.json`: command, options, seed, origin, versions, SHA-256 of each input, wall time."""
+    content = {
+        "command": run.command,
+        "options": dict(run.options),
+        "seed": run.seed,
+        "origin": run.origin,
+        "versions": {"python": platform.python_version(), **{name: version(name) for name in LIBRARIES}},
+        "inputs": {str(path): hashlib.sha256(path.read_bytes()).hexdigest() for path in run.inputs},
+        "wall_time_s": run.wall_time_s,
+    }
+    write_json(content, out / "run.json")
