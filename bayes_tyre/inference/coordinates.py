@@ -17,9 +17,20 @@ from jaxtyping import Array, Float
 
 
 class Placed(NamedTuple):
-    """Unknowns placed from standard coordinates, and the logarithm of the volume that the map makes of a unit."""
+    """Unknowns placed from standard coordinates.
+
+    Attributes
+    ----------
+    value:
+        The unknowns.
+    deviation:
+        The unknowns less the level above, free of cancellation: a scale may go to zero.
+    log_volume:
+        Logarithm of the volume that the map makes of a unit of z.
+    """
 
     value: Float[Array, "..."]
+    deviation: Float[Array, "..."]
     log_volume: Float[Array, "..."]
 
 
@@ -35,9 +46,10 @@ def place(
     If the data were as Gaussian as `estimate` and `precision` say and the level above is Normal(above, scale),
     the posterior of z is exactly standard normal, whatever the scale.
     """
-    total = precision + scale**-2
-    value = (precision * estimate + above * scale**-2) / total + z / jnp.sqrt(total)
-    return Placed(value, -0.5 * jnp.log(total))
+    # Precision of the unknown in units of the level above: what the data add to 1.
+    gain = 1.0 + precision * scale**2
+    deviation = scale * (scale * precision * (estimate - above) / gain + z / jnp.sqrt(gain))
+    return Placed(above + deviation, deviation, jnp.log(scale) - 0.5 * jnp.log(gain))
 
 
 def place_pair(
@@ -51,13 +63,15 @@ def place_pair(
 
     Batched 2 x 2 Cholesky factors would go through LAPACK one by one.
     """
-    a, b, c = precision[:, 0, 0] + scale[:, 0] ** -2, precision[:, 0, 1], precision[:, 1, 1] + scale[:, 1] ** -2
-    pull = jnp.einsum("uij,uj->ui", precision, estimate) + above * scale**-2
+    pull = scale * jnp.einsum("uij,uj->ui", precision, estimate - above)
+    a, c = 1.0 + precision[:, 0, 0] * scale[:, 0] ** 2, 1.0 + precision[:, 1, 1] * scale[:, 1] ** 2
+    b = precision[:, 0, 1] * scale[:, 0] * scale[:, 1]
     determinant = a * c - b**2
     mean = jnp.stack([c * pull[:, 0] - b * pull[:, 1], a * pull[:, 1] - b * pull[:, 0]], axis=1) / determinant[:, None]
-    # The total precision is R R^T with R = [[r, 0], [b / r, s]]; inv(R)^T z has it as its precision.
+    # [[a, b], [b, c]] is R R^T with R = [[r, 0], [b / r, s]]; inv(R)^T z has it as its precision.
     r = jnp.sqrt(a)
     s = jnp.sqrt(determinant) / r
     second = z[:, 1] / s
     first = (z[:, 0] - b / r * second) / r
-    return Placed(mean + jnp.stack([first, second], axis=1), -0.5 * jnp.log(determinant))
+    deviation = scale * (mean + jnp.stack([first, second], axis=1))
+    return Placed(above + deviation, deviation, jnp.sum(jnp.log(scale), axis=1) - 0.5 * jnp.log(determinant))

@@ -50,7 +50,7 @@ def _effect(name: str, factor: Factor, scale: Float[Array, ""], estimate: Effect
     """
     z = _flat(f"{name}_z", estimate.value.shape)
     placed = place(z, estimate.value, estimate.precision, jnp.zeros(()), scale)
-    numpyro.factor(f"{name}_density", dist.Normal(0.0, scale).log_prob(placed.value) + placed.log_volume)
+    numpyro.factor(f"{name}_density", dist.Normal(0.0, scale).log_prob(placed.deviation) + placed.log_volume)
     return _keep(name, jnp.asarray(factor.basis) @ placed.value)[factor.of_case]
 
 
@@ -94,22 +94,22 @@ def _case_level(
         precision = jnp.asarray(levels.repeats) / (scatter**2 + estimates.variance)
         z = _flat(f"{parameter}_case_z", (len(levels.cases),))
         placed = place(z, estimates.median, precision, mean, scale)
-        numpyro.factor(f"{parameter}_case_density", dist.Normal(mean, scale).log_prob(placed.value) + placed.log_volume)
+        numpyro.factor(
+            f"{parameter}_case_density", dist.Normal(0.0, scale).log_prob(placed.deviation) + placed.log_volume
+        )
         mean = placed.value
     numpyro.deterministic(f"{parameter}_case", jnp.exp(mean))
     return mean
 
 
-def _repeats(
-    theta: Float[Array, "records 2"], case: Float[Array, "records 2"], scatter: Float[Array, "records 2"], mixture: bool
-) -> None:
+def _repeats(deviation: Float[Array, "records 2"], scatter: Float[Array, "records 2"], mixture: bool) -> None:
     """Add the density of the records' (log k, log beta) about their cases; discordant ones scatter more widely.
 
     The indicator of each record is summed out; its posterior probability is `discordant_probability`.
     """
 
     def about_case(widening: float) -> Float[Array, " records"]:
-        return dist.Normal(case, widening * scatter).log_prob(theta).sum(axis=1)
+        return dist.Normal(0.0, widening * scatter).log_prob(deviation).sum(axis=1)
 
     if not mixture:
         numpyro.factor("repeats", about_case(1.0))
@@ -132,7 +132,7 @@ def _record_level(picture: Picture, levels: Levels) -> Float[Array, "records 4"]
     centre = estimates.centre
     pair = place_pair(_flat("shape_z", above.shape), centre[:, 2:], estimates.precision, above, scale)
     numpyro.factor("shape_volume", pair.log_volume)
-    _repeats(pair.value, above, scale, mixture=bool(levels.repeats.max() >= JUDGEABLE_REPEATS))
+    _repeats(pair.deviation, scale, mixture=bool(levels.repeats.max() >= JUDGEABLE_REPEATS))
     deviation = jnp.einsum("rij,rj->ri", estimates.slope, pair.value - centre[:, 2:])
     level = centre[:, :2] + deviation + jnp.einsum("rij,rj->ri", estimates.factor, _flat("level_z", above.shape))
     return jnp.concatenate([level, pair.value], axis=1)
@@ -143,7 +143,7 @@ def _noise(estimates: RecordEstimates) -> Float[Array, " records"]:
     mean, scale = jnp.log(_prior("sigma_typical")), _prior("log_sigma_spread")
     z = _flat("sigma_z", estimates.log_sigma.shape)
     placed = place(z, estimates.log_sigma, estimates.log_sigma_precision, mean, scale)
-    numpyro.factor("sigma_density", dist.Normal(mean, scale).log_prob(placed.value) + placed.log_volume)
+    numpyro.factor("sigma_density", dist.Normal(0.0, scale).log_prob(placed.deviation) + placed.log_volume)
     return _keep("sigma", jnp.exp(placed.value))
 
 

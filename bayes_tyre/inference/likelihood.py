@@ -6,7 +6,7 @@ functions of log beta. Tabulated once as piecewise Chebyshev polynomials, they m
 the number of points.
 """
 
-from typing import Protocol
+from abc import abstractmethod
 
 import equinox as eqx
 import jax
@@ -23,15 +23,15 @@ _FIRST_POINT_OVER_BETA, _BETA_OVER_TRAVEL = 40.0, 100.0
 _SMALLEST_STEP_OVER_TRAVEL = 1e-9
 
 
-class Likelihood(Protocol):
+class Likelihood(eqx.Module):
     """The contract: the log density of each record's forces."""
 
+    @abstractmethod
     def __call__(self, theta: Float[Array, "records 4"], sigma: Float[Array, " records"]) -> Float[Array, " records"]:
         """Return the log density at theta = (F_i, J, log k, log beta) and noise sigma (kN), shape (records,)."""
-        ...
 
 
-class DirectLikelihood(eqx.Module):
+class DirectLikelihood(Likelihood):
     """The likelihood as it is written down, point by point: the reference."""
 
     data: RecordData
@@ -43,7 +43,7 @@ class DirectLikelihood(eqx.Module):
         return _log_normal(jnp.sum(residual**2, axis=1), jnp.sum(self.data.present, axis=1), sigma)
 
 
-class CompressedLikelihood(eqx.Module):
+class CompressedLikelihood(Likelihood):
     """The same likelihood from a table of inner products; build it with `compress`.
 
     Attributes

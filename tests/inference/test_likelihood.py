@@ -1,0 +1,78 @@
+"""The compressed likelihood is the direct one: values, gradients, ragged records."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from simulated_records import Plan, simulate
+
+from bayes_tyre.inference.fit import record_batch
+from bayes_tyre.inference.likelihood import CompressedLikelihood, DirectLikelihood, compress
+from bayes_tyre.inference.picture import RecordEstimates, estimate_records, record_data
+from bayes_tyre.inference.priors import PRIORS
+from bayes_tyre.record import check_record_table
+
+
+@pytest.fixture(scope="module")
+def records() -> tuple[DirectLikelihood, CompressedLikelihood, RecordEstimates]:
+    table, _ = simulate(Plan(speeds=(0.0,), loads=(20.0,), points=240), seed=3)
+    # Ragged: the last record loses its tail.
+    last = table["record"].iloc[-1]
+    table = table.drop(table.index[table["record"] == last][150:])
+    batch = record_batch(check_record_table(table))
+    data = record_data(batch)
+    return DirectLikelihood(data), compress(data), estimate_records(batch)
+
+
+def prior_beta(quantile_sd: float) -> float:
+    location, scale = PRIORS["beta_cell"].parameters
+    return location + quantile_sd * scale
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(
+    where=st.floats(-3.0, 3.0),
+    sigma_factor=st.sampled_from([0.1, 1.0, 10.0]),
+    off=st.lists(st.floats(-30.0, 30.0), min_size=3, max_size=3),
+)
+def test_values_agree_to_1e_5_over_the_range_of_the_prior(records, where, sigma_factor, off):
+    direct, compressed, picture = records
+    # Off by up to 30 standard deviations of the record's own estimate in F_i, J and k, beta over the prior.
+    level = picture.centre[:, :2] + jnp.einsum("rij,j->ri", picture.factor, jnp.asarray(off[:2]))
+    log_k = picture.log_k + off[2] / jnp.sqrt(picture.precision[:, 0, 0])
+    log_beta = jnp.full_like(log_k, prior_beta(where))
+    theta = jnp.concatenate([level, log_k[:, None], log_beta[:, None]], axis=1)
+    sigma = jnp.exp(picture.log_sigma) * sigma_factor
+    difference = compressed(theta, sigma) - direct(theta, sigma)
+    assert float(jnp.max(jnp.abs(difference))) < 1e-5
+
+
+def test_gradients_agree_to_1e_6_of_their_size(records):
+    direct, compressed, picture = records
+    for where in np.linspace(-3.0, 3.0, 25):
+        theta = picture.centre.at[:, 3].set(prior_beta(float(where)))
+        sigma = jnp.exp(picture.log_sigma)
+        ours = jax.jacfwd(lambda t, s=sigma: compressed(t, s).sum())(theta)
+        theirs = jax.jacfwd(lambda t, s=sigma: direct(t, s).sum())(theta)
+        size = jnp.max(jnp.abs(theirs), axis=1, keepdims=True)
+        assert float(jnp.max(jnp.abs(ours - theirs) / (1.0 + size))) < 1e-6
+
+
+def test_the_direct_likelihood_is_the_normal_density(records):
+    direct, _, picture = records
+    theta, sigma = picture.centre, jnp.exp(picture.log_sigma)
+    data = direct.data
+    first = np.asarray(data.present[0])
+    u, F = np.asarray(data.u[0])[first], np.asarray(data.F[0])[first]
+    F_i, J, log_k, log_beta = np.asarray(theta[0])
+    curve = F_i + (J + np.exp(log_k) * u) * (1 - np.exp(-np.abs(u) / np.exp(log_beta)))
+    by_hand = np.sum(-0.5 * ((F - curve) / sigma[0]) ** 2 - np.log(sigma[0]) - 0.5 * np.log(2 * np.pi))
+    assert float(direct(theta, sigma)[0]) == pytest.approx(float(by_hand), rel=1e-12)
+
+
+def test_padding_does_not_count(records):
+    _, compressed, _ = records
+    assert compressed.points[-1] == 150
+    assert compressed.points[0] == 240
