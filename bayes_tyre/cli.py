@@ -47,7 +47,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors a
 Chains = Annotated[int, typer.Option(min=1, help="Chains, run side by side.")]
 Warmup = Annotated[int, typer.Option(min=1, help="Iterations of each chain to adapt.")]
 Draws = Annotated[int, typer.Option(min=4, help="Iterations of each chain to keep.")]
-Seed = Annotated[int, typer.Option(min=0, help="The same seed, data and options give the same numbers.")]
+Seed = Annotated[int, typer.Option(min=0, max=2**32 - 1, help="The same seed, data and options give the same numbers.")]
 Interval = Annotated[float, typer.Option(min=0.01, max=0.999, help="Probability of every interval, equal-tailed.")]
 
 
@@ -197,20 +197,16 @@ def lsq(
     """
     from bayes_tyre.runtime import prepare_jax
 
+    fixed, starts = _assignments(fix or [], "--fix"), _assignments(start or [], "--start")
+    table = _read_records(records)
     prepare_jax()
     from bayes_tyre import workflow
     from bayes_tyre.inference.record_fits import FitSettings
 
     try:
-        settings = FitSettings(
-            region=region.value,
-            fix=_assignments(fix or [], "--fix"),
-            free=tuple(free or ()),
-            start=_assignments(start or [], "--start"),
-        )
+        settings = FitSettings(region=region.value, fix=fixed, free=tuple(free or ()), start=starts)
     except BadInput as error:
         raise typer.BadParameter(str(error)) from None
-    table = _read_records(records)
     for warning in workflow.suspicious_units(table):
         typer.echo(f"bayes-tyre: warning: {records}: {warning}", err=True)
     with _progress("least squares", table["record"].nunique(), quiet) as on_progress:
@@ -242,11 +238,11 @@ def fit(
     """
     from bayes_tyre.runtime import prepare_jax
 
+    table = _read_records(records)
     prepare_jax(chains)
     from bayes_tyre import workflow
     from bayes_tyre.inference.sampling import SamplerSettings
 
-    table = _read_records(records)
     suspicions = workflow.suspicious_units(table)
     if suspicions and not units_checked:
         raise BadInput(f"{records}: {suspicions[0]}; or say --units-checked")

@@ -72,7 +72,7 @@ def _finite(series: pd.Series) -> pd.Series:
 def _number(required: bool, whole: bool = False) -> pa.Column:
     checks = [pa.Check(_finite, error="is not a finite number")]
     if whole:
-        checks.append(pa.Check(lambda s: s == s.round(), error="is not a whole number"))
+        checks.append(pa.Check(lambda s: (s == s.round()) & (s.abs() < 2**53), error="is not a whole number"))
     return pa.Column(float, checks, required=required, nullable=True)
 
 
@@ -122,12 +122,12 @@ def check_record_table(table: pd.DataFrame, name: str = "record table") -> pd.Da
     missing = [column for column in REQUIRED if column not in table.columns]
     if missing:
         raise BadInput(
-            f"{name}: missing column {', '.join(missing)}; found {', '.join(map(str, table.columns))[:200]}; "
+            f"{name}: missing column {', '.join(missing)}; found {_one_line(', '.join(map(str, table.columns)))}; "
             f"a record table is comma-separated and needs {', '.join(REQUIRED)}"
         )
     repeated = table.columns[table.columns.duplicated()]
     if len(repeated):
-        raise BadInput(f"{name}: column {repeated[0]} stands twice; keep one")
+        raise BadInput(f"{name}: column {_one_line(repeated[0])} stands twice; keep one")
     if table.empty:
         raise BadInput(f"{name}: no rows below the header; give at least one record")
     typed = _typed(table, name)
@@ -161,6 +161,10 @@ def _typed(table: pd.DataFrame, name: str) -> pd.DataFrame:
     return typed
 
 
+def _one_line(text: object) -> str:
+    return " ".join(str(text).split())[:200]
+
+
 def _where(name: str, table: pd.DataFrame, row: int, column: str) -> str:
     return f"{name}: row {row + 1} (line {row + 2}), record {str(table['record'].iloc[row])[:60]!r}, column {column}"
 
@@ -184,7 +188,7 @@ def _check_words(table: pd.DataFrame, name: str) -> None:
         unlike = by_record[word].nunique()
         if unlike.gt(1).any():
             record = str(unlike.idxmax())
-            one, other = table.loc[table["record"] == record, word].unique()[:2]
+            one, other = map(_one_line, table.loc[table["record"] == record, word].unique()[:2])
             raise BadInput(
                 f"{name}: record {record!r}, column {word}: contradicts itself ({one} and {other}); "
                 "give every record one value or a name of its own"

@@ -1,5 +1,6 @@
 """What each command does, from files to files: the rooms put together, nothing computed here."""
 
+import shlex
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,7 +15,7 @@ from bayes_tyre.inference.record_fits import FitSettings, fit_records
 from bayes_tyre.inference.sampling import SamplerSettings
 from bayes_tyre.published import campaign, checks, tables
 from bayes_tyre.record import check_record_table, origin_of, suspicious_units
-from bayes_tyre.report.folder import Run, prepare_folder, write_fit
+from bayes_tyre.report.folder import Run, check_folder, prepare_folder, write_fit
 from bayes_tyre.report.predictive import residual_autocorrelation
 
 __all__ = ["origin_of", "suspicious_units"]
@@ -67,6 +68,7 @@ def fit_table(
 ) -> Diagnostics:
     """Fit a record table hierarchically and write the result's folder; return the verdict."""
     began = time.monotonic()
+    check_folder(out)
     tree = fit_hierarchical(table, settings)
     prepare_folder(out)
     diagnostics = diagnose(tree, residual_autocorrelation(tree, table))
@@ -86,5 +88,5 @@ def _run(
     began: float,
 ) -> Run:
     options = {"chains": settings.chains, "warmup": settings.warmup, "draws": settings.draws, "interval": interval}
-    text = " ".join(["bayes-tyre", *command])
+    text = shlex.join(["bayes-tyre", *command])
     return Run(text, options, settings.seed, tuple(inputs), origin, time.monotonic() - began)

@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,14 +14,19 @@ from bayes_tyre.errors import BadInput
 
 def _read_csv(path: Path) -> pd.DataFrame:
     # Cells stay as they are written: an empty cell or 'NA' must be found and named, not silently become NaN.
-    return pd.read_csv(
-        path,
-        encoding="utf-8-sig",
-        keep_default_na=False,
-        float_precision="round_trip",
-        low_memory=False,
-        dtype=dict.fromkeys(("record", "configuration", "direction", "origin"), str),
-    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", pd.errors.ParserWarning)
+        try:
+            return pd.read_csv(
+                path,
+                encoding="utf-8-sig",
+                index_col=False,  # or a first cell too many becomes an index, and all others move one column on
+                keep_default_na=False,
+                low_memory=False,
+                dtype=dict.fromkeys(("record", "configuration", "direction", "origin"), str),
+            )
+        except pd.errors.ParserWarning:
+            raise ValueError("rows hold more cells than the header") from None
 
 
 READERS: dict[str, Callable[[Path], pd.DataFrame]] = {".csv": _read_csv, ".parquet": pd.read_parquet}
@@ -47,7 +53,8 @@ def read_table(path: Path) -> pd.DataFrame:
         return reader(path)
     except Exception as error:  # parsers raise a dozen kinds; to the user each is an unreadable file
         reason = " ".join(str(error).split())[:200]
-        raise BadInput(f"{path}: cannot be read as {path.suffix[1:]}: {reason}; save it again as UTF-8") from error
+        remedy = "mend it, or save it again" + (" as UTF-8" if reader is _read_csv else "")
+        raise BadInput(f"{path}: cannot be read as {path.suffix[1:]}: {reason}; {remedy}") from error
 
 
 @contextmanager

@@ -47,11 +47,11 @@ class _Worst(NamedTuple):
 
 
 def _worst(figures: xr.Dataset, largest: bool) -> _Worst:
-    """Return the worst figure and the element it belongs to; NaN where a parameter does not vary at all."""
+    """Return the worst figure and the element it belongs to; what does not vary has none (NaN) and is passed over."""
     found = _Worst(np.nan, "")
     for name, figure in figures.data_vars.items():
         values = figure.to_numpy().astype(float).ravel()
-        if not np.isfinite(values).any():
+        if np.isnan(values).all():
             continue
         at = int(np.nanargmax(values) if largest else np.nanargmin(values))
         if np.isnan(found.value) or (values[at] > found.value) == largest:
@@ -61,11 +61,16 @@ def _worst(figures: xr.Dataset, largest: bool) -> _Worst:
     return found
 
 
+def _not_finite(posterior: xr.Dataset) -> list[str]:
+    return [str(name) for name, draws in posterior.data_vars.items() if not np.isfinite(draws.to_numpy()).all()]
+
+
 def diagnose(tree: xr.DataTree, residual_autocorrelation: float = np.nan) -> Diagnostics:
     """Return the verdict on a posterior, from every quantity it holds.
 
-    Pass: R-hat <= 1.01, bulk and tail ESS >= 100 a chain, BFMI >= 0.3, no divergence, residuals that independent
-    noise could have left. Source: Vehtari et al. (2021), "Rank-normalization, folding, and localization".
+    Pass: R-hat <= 1.01, bulk and tail ESS >= 100 a chain, BFMI >= 0.3, no divergence, finite draws, residuals that
+    do not follow each other. Negative autocorrelation passes: a fit to few points leaves it, and it narrows no
+    interval. Source: Vehtari et al. (2021), "Rank-normalization, folding, and localization".
 
     Parameters
     ----------
@@ -76,13 +81,15 @@ def diagnose(tree: xr.DataTree, residual_autocorrelation: float = np.nan) -> Dia
     """
     posterior = tree["posterior"].to_dataset()
     chains, draws = posterior.sizes["chain"], posterior.sizes["draw"]
-    r_hat = _worst(az.rhat(posterior), largest=True) if chains > 1 else _Worst(np.nan, "")
-    bulk = _worst(az.ess(posterior, method="bulk"), largest=False)
-    tail = _worst(az.ess(posterior, method="tail"), largest=False)
+    # A probability that is 1 in every draw does not vary, and a stuck chain varies only against the others.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        r_hat = _worst(az.rhat(posterior), largest=True) if chains > 1 else _Worst(np.nan, "")
+        bulk = _worst(az.ess(posterior, method="bulk"), largest=False)
+        tail = _worst(az.ess(posterior, method="tail"), largest=False)
     bfmi = float(np.min(az.bfmi(tree)["energy"].to_numpy()))
     divergences = int(tree["sample_stats"].to_dataset()["diverging"].sum())
     more = "raise --warmup and --draws"
-    reasons = []
+    reasons = [f"{name}: draws are not finite; check the scales of the records" for name in _not_finite(posterior)]
     if chains < 2:
         reasons.append("one chain cannot be compared with another: use --chains 4")
     elif not r_hat.value <= R_HAT_MOST:
@@ -96,7 +103,7 @@ def diagnose(tree: xr.DataTree, residual_autocorrelation: float = np.nan) -> Dia
         reasons.append(f"energy: BFMI {bfmi:.2f} is below {BFMI_LEAST}: tails are not explored; raise --warmup")
     if divergences:
         reasons.append(f"{divergences} divergent transitions: part of the posterior was not reached; {more}")
-    if abs(residual_autocorrelation) > AUTOCORRELATION_MOST:
+    if residual_autocorrelation > AUTOCORRELATION_MOST:
         reasons.append(
             f"sigma: residuals have lag-1 autocorrelation {residual_autocorrelation:.2f}: intervals are too narrow; "
             "use unsmoothed signals, or thin each record until neighbouring residuals are independent"

@@ -45,8 +45,8 @@ def _flat(site: str, shape: tuple[int, ...]) -> Array:
 def _effect(name: str, factor: Factor, scale: Float[Array, ""], estimate: EffectEstimate) -> Float[Array, " cases"]:
     """Return a partially pooled effect of the factor on each case.
 
-    Effects sum to zero (those of direction x step within each direction): what the levels share would be the
-    cell means' twice over, and the sampler would crawl along the ridge between the two.
+    Effects lie in the factor's basis: what levels share would otherwise be said twice, here and in the cell means,
+    and the sampler would crawl along the ridge between the two.
     """
     z = _flat(f"{name}_z", estimate.value.shape)
     placed = place(z, estimate.value, estimate.precision, jnp.zeros(()), scale)

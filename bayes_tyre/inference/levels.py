@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
-from scipy.linalg import helmert
+from scipy.linalg import helmert, null_space
 
 from bayes_tyre.record import CASE_WORDS, Case
 
@@ -22,22 +22,14 @@ class Factor:
         The levels met in the data, sorted.
     of_case:
         Shape (cases,): which level a case belongs to.
-    group:
-        Shape (levels,): levels of one group have effects that sum to zero.
+    basis:
+        Shape (levels, coordinates): orthonormal columns that span the effects the levels may have. Effects sum
+        to zero: what levels share belongs to the term above them.
     """
 
     labels: tuple[object, ...]
     of_case: Int[np.ndarray, " cases"]
-    group: Int[np.ndarray, " levels"]
-
-    @property
-    def basis(self) -> Float[np.ndarray, "levels coordinates"]:
-        """Orthonormal columns that span the effects of the levels: those that sum to zero in each group."""
-        blocks = []
-        for group in np.unique(self.group):
-            members = np.eye(len(self.labels))[:, self.group == group]
-            blocks.append(members @ helmert(members.shape[1]).T)
-        return np.concatenate(blocks, axis=1)
+    basis: Float[np.ndarray, "levels coordinates"]
 
     @property
     def varies(self) -> bool:
@@ -79,21 +71,26 @@ class Levels:
         The size of the step acts on beta by direction too (Table 11: strongly in loading, hardly in unloading).
         """
         named = {"speed": self.speed, "load": self.load, "step": self.step}
-        if parameter == "beta" and self.step.varies and len({case.direction for case in self.cases}) > 1:
+        if parameter == "beta":
             named["direction_step"] = self.direction_step
         return {name: factor for name, factor in named.items() if factor.varies}
 
 
-def _factor(values: Sequence[Any], groups: list[str] | None = None) -> Factor:
-    """Return the factor with these values by case; its levels are grouped by `groups`, one a case."""
+def _factor(values: Sequence[Any]) -> Factor:
     labels = tuple(sorted(set(values), key=lambda value: (str(type(value)), value)))
-    group_of = dict(zip(values, groups or [""] * len(values), strict=True))
-    names = sorted(set(group_of.values()))
-    return Factor(
-        labels,
-        np.array([labels.index(value) for value in values], dtype=int),
-        np.array([names.index(group_of[label]) for label in labels], dtype=int),
-    )
+    of_case = np.array([labels.index(value) for value in values], dtype=int)
+    return Factor(labels, of_case, helmert(len(labels)).T)
+
+
+def _interaction(values: Sequence[str], groups: Sequence[str], main: Factor) -> Factor:
+    """Return the interaction of groups with a main factor: what neither says, so that none says it twice."""
+    factor = _factor(values)
+    first = [list(values).index(label) for label in factor.labels]
+    group = np.array([groups[case] for case in first])
+    same = group[:, None] == group
+    within = np.eye(len(group)) - same / same.sum(axis=1)
+    known = np.concatenate([same.astype(float), within @ main.basis[main.of_case[first]]], axis=1)
+    return Factor(factor.labels, factor.of_case, null_space(known.T))
 
 
 def find_levels(words: pd.DataFrame) -> Levels:
@@ -116,13 +113,14 @@ def find_levels(words: pd.DataFrame) -> Levels:
     sizes = ["" if np.isnan(case.step_kN) else f"{abs(case.step_kN):g}" for case in cases]
     directions = [case.direction for case in cases]
     both = [f"{direction} {size}".strip() for direction, size in zip(directions, sizes, strict=True)]
+    step = _factor(sizes)
     return Levels(
         cases=cases,
         cell=_factor([f"{case.configuration} {case.direction}".strip() for case in cases]),
         speed=_factor([_level(case.speed_km_h) for case in cases]),
         load=_factor([_level(case.initial_load_kN) for case in cases]),
-        step=_factor(sizes),
-        direction_step=_factor(both, directions),
+        step=step,
+        direction_step=_interaction(both, directions, step),
         of_record=np.array([unique.index(key) for key in keys], dtype=int),
     )
 

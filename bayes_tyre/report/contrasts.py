@@ -66,9 +66,8 @@ def _configurations(cases: list[Case]) -> Iterator[_Contrast]:
 
 
 def _same_span(case: Case) -> Case:
-    return case._replace(
-        direction="unloading", initial_load_kN=case.initial_load_kN + case.step_kN, step_kN=-case.step_kN
-    )
+    end = round(case.initial_load_kN + case.step_kN, 9)  # 10.1 + 3.3 is not 13.4 in binary
+    return case._replace(direction="unloading", initial_load_kN=end, step_kN=-case.step_kN)
 
 
 def _same_initial_load(case: Case) -> Case:
@@ -134,9 +133,16 @@ def contrasts(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.Dat
             lower, median, upper = np.quantile(ratio, tails)
             rows.append(
                 {
-                    **{"contrast": contrast.contrast, "matching": contrast.matching, **contrast.words},
+                    **{"contrast": contrast.contrast, "matching": contrast.matching, **_known(contrast.words)},
                     **{"parameter": parameter, "median": median, "lower": lower, "upper": upper, "interval": interval},
                     **{"p_greater_than_1": np.mean(ratio > 1.0), "origin": tree.attrs["origin"], "verdict": verdict},
                 }
             )
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    # Where a word is missing, an average over one of its levels is the average over all, and is shown once.
+    return pd.DataFrame(rows, columns=list(COLUMNS)).drop_duplicates(
+        ["contrast", "matching", *CASE_WORDS, "parameter"], ignore_index=True
+    )
+
+
+def _known(words: dict[str, object]) -> dict[str, object]:
+    return {word: value for word, value in words.items() if value not in (None, "")}

@@ -33,6 +33,18 @@ class Run:
     wall_time_s: float
 
 
+def check_folder(out: Path) -> None:
+    """Refuse a folder that cannot be made, before minutes of work and without making it.
+
+    Raises
+    ------
+    BadInput
+        If it is a file or lies below one.
+    """
+    if any(path.exists() and not path.is_dir() for path in (out, *out.parents)):
+        raise BadInput(f"--out {out}: is a file, or lies below one; name a folder")
+
+
 def prepare_folder(out: Path) -> None:
     """Make the folder that results go into.
 
@@ -41,10 +53,9 @@ def prepare_folder(out: Path) -> None:
     BadInput
         If it is a file or cannot be made.
     """
+    check_folder(out)
     try:
         out.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError):
-        raise BadInput(f"--out {out}: is a file, or lies below one; name a folder") from None
     except OSError as error:
         raise BadInput(f"--out {out}: {error.strerror}; name a folder that you may write to") from None
 
@@ -73,6 +84,7 @@ def write_fit(
         Probability of every interval, equal-tailed.
     """
     prepare_folder(out)
+    (out / "run.json").unlink(missing_ok=True)  # an older run's: it must not vouch for half of a newer one
     verdict = diagnostics.verdict
     with whole_file(out / "posterior.nc") as beside:
         tree.to_netcdf(beside, engine="h5netcdf")

@@ -34,12 +34,13 @@ def describe(draws: xr.DataArray, interval: float = 0.95) -> pd.DataFrame:
     tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
     lower, median, upper = np.quantile(flat, tails, axis=0)
     chains = sample.sizes["chain"]
-    monitored = {
-        "mcse_mean": az.mcse(sample, method="mean"),
-        "ess_bulk": az.ess(sample, method="bulk"),
-        "ess_tail": az.ess(sample, method="tail"),
-        "r_hat": az.rhat(sample) if chains > 1 else xr.full_like(sample[0, 0], np.nan),
-    }
+    with np.errstate(divide="ignore", invalid="ignore"):  # what does not vary has no R-hat
+        monitored = {
+            "mcse_mean": az.mcse(sample, method="mean"),
+            "ess_bulk": az.ess(sample, method="bulk"),
+            "ess_tail": az.ess(sample, method="tail"),
+            "r_hat": az.rhat(sample) if chains > 1 else xr.full_like(sample[0, 0], np.nan),
+        }
     return pd.DataFrame(
         {
             **{"mean": flat.mean(axis=0), "sd": flat.std(axis=0, ddof=1), "median": median},

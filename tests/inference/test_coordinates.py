@@ -1,4 +1,4 @@
-"""The coordinates are an exact change of variables, and standard normal where the data are as Gaussian as the picture."""
+"""The coordinates are an exact change of variables, and standard normal where the data are Gaussian."""
 
 import jax
 import jax.numpy as jnp

@@ -44,10 +44,23 @@ def test_one_direction_has_no_direction_by_step():
 
 
 @pytest.mark.parametrize("name", ["speed", "load", "step", "direction_step"])
-def test_a_basis_is_orthonormal_and_sums_to_zero_in_each_group(name):
-    factor = getattr(find_levels(tables.case_means()[list(CASE_WORDS)]), name)
-    basis = factor.basis
+def test_a_basis_is_orthonormal_and_sums_to_zero(name):
+    basis = getattr(find_levels(tables.case_means()[list(CASE_WORDS)]), name).basis
     np.testing.assert_allclose(basis.T @ basis, np.eye(basis.shape[1]), atol=1e-14)
-    groups = np.eye(factor.group.max() + 1)[:, factor.group]
-    np.testing.assert_allclose(groups @ basis, 0.0, atol=1e-14)
-    assert basis.shape[1] == len(factor.labels) - len(set(factor.group.tolist()))
+    np.testing.assert_allclose(basis.sum(axis=0), 0.0, atol=1e-14)
+
+
+def test_direction_by_step_says_only_what_direction_and_step_do_not():
+    levels = find_levels(tables.case_means()[list(CASE_WORDS)])
+    directions = np.array([case.direction == "loading" for case in levels.cases], dtype=float)
+    main = np.column_stack([np.ones_like(directions), directions, levels.step.basis[levels.step.of_case]])
+    both = np.column_stack([main, levels.direction_step.basis[levels.direction_step.of_case]])
+    # Five combinations are met: two directions, two contrasts of three steps, one interaction.
+    assert np.linalg.matrix_rank(main) == 4
+    assert both.shape[1] == 5
+    assert np.linalg.matrix_rank(both) == 5
+
+
+def test_levels_without_freedom_have_no_interaction():
+    crossed = words(record=["a", "b"], direction=["loading", "unloading"], step_kN=[5.0, -10.0])
+    assert set(find_levels(crossed).factors("beta")) == {"step"}
