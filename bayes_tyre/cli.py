@@ -223,7 +223,7 @@ def fit(
     out: Out,
     chains: Chains = 4,
     warmup: Warmup = 600,
-    draws: Draws = 1000,
+    draws: Draws = 1500,
     seed: Seed = 0,
     interval: Interval = 0.95,
     units_checked: Annotated[bool, typer.Option("--units-checked", help="The forces are kN, travel is mm.")] = False,

@@ -85,7 +85,7 @@ def _factor(values: Sequence[Any]) -> Factor:
 def _interaction(values: Sequence[str], groups: Sequence[str], main: Factor) -> Factor:
     """Return the interaction of groups with a main factor: what neither says, so that none says it twice."""
     factor = _factor(values)
-    first = [list(values).index(label) for label in factor.labels]
+    first = [list(values).index(str(label)) for label in factor.labels]
     group = np.array([groups[case] for case in first])
     same = group[:, None] == group
     within = np.eye(len(group)) - same / same.sum(axis=1)

@@ -45,7 +45,7 @@ class SamplerSettings:
 
     chains: int = 4
     warmup: int = 600
-    draws: int = 1000
+    draws: int = 1500
     seed: int = 0
     progress: bool = False
 
@@ -106,7 +106,7 @@ def sample(
             model,
             init_strategy=_start_near(starts or {}),
             target_accept_prob=TARGET_ACCEPTANCE,
-            dense_mass=[_population_sites(model, arguments)],
+            dense_mass=[_population_sites(model, arguments)],  # pyright: ignore[reportArgumentType]
         ),
         num_warmup=settings.warmup,
         num_samples=settings.draws,

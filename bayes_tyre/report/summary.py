@@ -138,7 +138,7 @@ def summary(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataF
             continue
         labels = [_level(label) for label in draws[dims[0]].to_numpy()] if dims else [""]
         block = _block(pd.DataFrame(index=range(len(labels))), str(name), draws, unit, interval)
-        blocks.append(block.assign(parameter=[f"{name}[{label}]" if label else name for label in labels]))
+        blocks.append(block.assign(parameter=[f"{name}[{label}]" if label else str(name) for label in labels]))
     return _finish(blocks, tree, verdict, ["record", *WORDS])
 
 
