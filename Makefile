@@ -14,7 +14,7 @@ FIND_PYTHON = for candidate in "$${PYTHON:-}" python3.13 python3.12 python3.14 p
 	    && { echo "$$candidate"; exit 0; }; \
 	done; echo "No Python >= 3.12 on PATH or in pyenv: install one, or call make PYTHON=/path/to/python" >&2; exit 1
 
-.PHONY: help fit test check lint clean install lock campaign
+.PHONY: help fit figure test check lint clean install lock campaign
 
 help:  ## Print this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -33,6 +33,9 @@ fit: install  ## Recompute the published numbers, fit them and the reconstructed
 	@$(BIN)/bayes-tyre lsq data/campaign/records.csv --region thesis --out $(RESULTS)/lsq
 	@$(BIN)/bayes-tyre fit data/campaign/records.csv --out $(RESULTS)/fit
 	@$(BIN)/bayes-tyre show $(RESULTS)/published/posterior $(RESULTS)/fit
+
+figure: fit  ## Run fit, and copy the README's figure from its results
+	@cp $(RESULTS)/published/posterior/figures/posteriors_by_direction.png docs/
 
 test: install  ## Run ruff, pyright, import-linter and every test
 	@$(MAKE) --no-print-directory lint

@@ -9,6 +9,8 @@ import xarray as xr
 R_HAT_MOST = 1.01
 ESS_LEAST_PER_CHAIN = 100
 BFMI_LEAST = 0.3
+#: Quantiles that tail ESS is taken at, as in Vehtari et al.; ArviZ's default follows each user's settings.
+TAILS = (0.05, 0.95)
 #: Lag-1 autocorrelation of residuals above which independent noise is not credible. Over records of a hundred
 #: points its standard error is 0.1 for one record, far less for their median.
 AUTOCORRELATION_MOST = 0.3
@@ -85,7 +87,7 @@ def diagnose(tree: xr.DataTree, residual_autocorrelation: float = np.nan) -> Dia
     with np.errstate(divide="ignore", invalid="ignore"):
         r_hat = _worst(az.rhat(posterior), largest=True) if chains > 1 else _Worst(np.nan, "")
         bulk = _worst(az.ess(posterior, method="bulk"), largest=False)
-        tail = _worst(az.ess(posterior, method="tail"), largest=False)
+        tail = _worst(az.ess(posterior, method="tail", prob=TAILS), largest=False)
     bfmi = float(np.min(az.bfmi(tree)["energy"].to_numpy()))
     divergences = int(tree["sample_stats"].to_dataset()["diverging"].sum())
     more = "raise --warmup and --draws"

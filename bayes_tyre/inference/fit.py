@@ -77,8 +77,8 @@ def _starts(records: RecordEstimates, levels: Levels) -> dict[str, np.ndarray]:
         cell_of_record = levels.cell.of_case[levels.of_record]
         cells = range(len(levels.cell.labels))
         starts[f"{name}_cell"] = np.exp([np.median(log_values[cell_of_record == cell]) for cell in cells])
-    starts["sigma_typical"] = np.exp(np.median(np.asarray(records.log_sigma)))
-    starts["J_scale"] = np.sqrt(np.mean(np.asarray(records.centre[:, 1]) ** 2)) + 1e-3
+    starts["sigma_typical"] = np.asarray(np.exp(np.median(np.asarray(records.log_sigma))))
+    starts["J_scale"] = np.asarray(np.sqrt(np.mean(np.asarray(records.centre[:, 1]) ** 2)) + 1e-3)
     return starts
 
 

@@ -81,4 +81,4 @@ PRIORS: dict[str, Prior] = {
 def prior_medians() -> dict[str, np.ndarray]:
     """Return about the median of each prior, by site: of draws, since not every family has its quantiles."""
     key = jax.random.key(0)
-    return {name: np.median(prior.distribution().sample(key, (999,))) for name, prior in PRIORS.items()}
+    return {name: np.asarray(np.median(prior.distribution().sample(key, (999,)))) for name, prior in PRIORS.items()}

@@ -5,6 +5,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from bayes_tyre.inference.diagnostics import TAILS
 from bayes_tyre.inference.posterior import CASE_PARAMETERS, RECORD_UNITS
 from bayes_tyre.record import CASE_WORDS, WORDS
 from bayes_tyre.report.contrasts import tree_cases
@@ -38,7 +39,7 @@ def describe(draws: xr.DataArray, interval: float = 0.95) -> pd.DataFrame:
         monitored = {
             "mcse_mean": az.mcse(sample, method="mean"),
             "ess_bulk": az.ess(sample, method="bulk"),
-            "ess_tail": az.ess(sample, method="tail"),
+            "ess_tail": az.ess(sample, method="tail", prob=TAILS),
             "r_hat": az.rhat(sample) if chains > 1 else xr.full_like(sample[0, 0], np.nan),
         }
     return pd.DataFrame(
