@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from bayes_tyre.inference.coordinates import place, place_pair
 from bayes_tyre.inference.levels import Factor, Levels
 from bayes_tyre.inference.likelihood import Likelihood
-from bayes_tyre.inference.picture import CaseEstimates, EffectEstimate, Picture, RecordData, RecordEstimates
+from bayes_tyre.inference.picture import CaseEstimates, Gaussian, Picture, RecordData, RecordEstimates
 from bayes_tyre.inference.priors import DISCORDANT_WIDENING, PRIORS
 
 #: Repeats that a case needs before one of them can be called discordant.
@@ -42,7 +42,7 @@ def _flat(site: str, shape: tuple[int, ...]) -> Array:
     return _sample(site, dist.ImproperUniform(dist.constraints.real, (), shape))
 
 
-def _effect(name: str, factor: Factor, scale: Float[Array, ""], estimate: EffectEstimate) -> Float[Array, " cases"]:
+def _effect(name: str, factor: Factor, scale: Float[Array, ""], estimate: Gaussian) -> Float[Array, " cases"]:
     """Return a partially pooled effect of the factor on each case.
 
     Effects lie in the factor's basis: what levels share would otherwise be said twice, here and in the cell means,
@@ -54,7 +54,7 @@ def _effect(name: str, factor: Factor, scale: Float[Array, ""], estimate: Effect
     return _keep(name, jnp.asarray(factor.basis) @ placed.value)[factor.of_case]
 
 
-def case_structure(parameter: str, levels: Levels, estimates: Mapping[str, EffectEstimate]) -> Float[Array, " cases"]:
+def case_structure(parameter: str, levels: Levels, estimates: Mapping[str, Gaussian]) -> Float[Array, " cases"]:
     """Return the mean of the logarithm of `k` (kN/mm) or `beta` (mm) that the words of each case predict.
 
     Configuration x direction, plus partially pooled speed, initial load and size of the step (for beta
@@ -69,16 +69,16 @@ def case_structure(parameter: str, levels: Levels, estimates: Mapping[str, Effec
     return mean
 
 
-def _repeat_scatter(parameter: str, levels: Levels) -> Float[Array, " cases"]:
+def _repeat_scatter(parameter: str, levels: Levels, estimate: Gaussian) -> Float[Array, " cases"]:
     """Return the scatter of log k or log beta among repeats at each case's speed, partially pooled over speeds."""
     name = f"log_{parameter}_repeat_scatter"
     typical = _prior(name)
     if not levels.speed.varies:
         return jnp.broadcast_to(typical, (len(levels.cases),))
-    spread = _prior(f"log_{parameter}_scatter_spread")
-    with numpyro.plate(f"{parameter}_scatter_speeds", len(levels.speed.labels)):
-        raw = _sample(f"{name}_raw", dist.Normal(0.0, 1.0))
-    return _keep(f"{name}_by_speed", typical * jnp.exp(spread * raw))[levels.speed.of_case]
+    mean, spread = jnp.log(typical), _prior(f"log_{parameter}_scatter_spread")
+    placed = place(_flat(f"{name}_z", estimate.value.shape), estimate.value, estimate.precision, mean, spread)
+    numpyro.factor(f"{name}_density", dist.Normal(0.0, spread).log_prob(placed.deviation) + placed.log_volume)
+    return _keep(f"{name}_by_speed", jnp.exp(placed.value))[levels.speed.of_case]
 
 
 def _case_level(
@@ -125,7 +125,7 @@ def _record_level(picture: Picture, levels: Levels) -> Float[Array, "records 4"]
     """Return each record's (F_i, J, log k, log beta), with the density of the last two about their case."""
     estimates, scatter, case = picture.records, [], []
     for parameter, of_cases in (("k", picture.k), ("beta", picture.beta)):
-        by_case = _repeat_scatter(parameter, levels)
+        by_case = _repeat_scatter(parameter, levels, of_cases.log_scatter)
         scatter.append(by_case[levels.of_record])
         case.append(_case_level(parameter, levels, of_cases, by_case)[levels.of_record])
     above, scale = jnp.stack(case, axis=1), jnp.stack(scatter, axis=1)
@@ -176,7 +176,7 @@ def records_model(likelihood: Likelihood, data: RecordData, picture: Picture, le
 
 def published_model(
     values: Mapping[str, Float[np.ndarray, " cases"]],
-    estimates: Mapping[str, Mapping[str, EffectEstimate]],
+    estimates: Mapping[str, Mapping[str, Gaussian]],
     levels: Levels,
 ) -> None:
     """Model printed case means, one a case, such as Tables 9 and 11.

@@ -20,6 +20,8 @@ from bayes_tyre.record import Batch
 _LOG_K_SD, _LOG_BETA_SD = 0.5, 1.0
 #: Effects of levels on log k and log beta, in the ridge regression that shapes their coordinates.
 _EFFECT_SD = 0.5
+#: Scatter of repeats where no case has two of them; it counts with no weight.
+_UNKNOWN_SCATTER = 0.1
 #: Beta is held within these multiples of the travel where the record leaves it open.
 _BETA_WITHIN_TRAVEL = (1e-4, 3.0)
 
@@ -134,15 +136,17 @@ def _centre(data: RecordData, estimate: ls.Estimate) -> Float[Array, "4"]:
     return jnp.stack([F_i, J, jnp.log(k), jnp.log(beta)])
 
 
-class EffectEstimate(NamedTuple):
-    """What the cases say of the effects of a factor, in the coordinates of its basis, shape (coordinates,)."""
+class Gaussian(NamedTuple):
+    """What the data below say of some unknowns, as independent normal estimates, shape (units,)."""
 
-    value: Float[Array, " coordinates"]
-    precision: Float[Array, " coordinates"]
+    value: Float[Array, " units"]
+    precision: Float[Array, " units"]
 
 
-def effect_estimates(values: Float[np.ndarray, " cases"], levels: Levels, parameter: str) -> dict[str, EffectEstimate]:
-    """Return estimates of every effect on log k or log beta by ridge regression over the cases, by factor.
+def effect_estimates(values: Float[np.ndarray, " cases"], levels: Levels, parameter: str) -> dict[str, Gaussian]:
+    """Return estimates of every effect on log k or log beta, by factor, in the coordinates of its basis.
+
+    By ridge regression over the cases.
 
     Parameters
     ----------
@@ -165,7 +169,7 @@ def effect_estimates(values: Float[np.ndarray, " cases"], levels: Levels, parame
     estimates, start = {}, cells.shape[1]
     for name, factor in factors.items():
         here = slice(start, start + factor.basis.shape[1])
-        estimates[name] = EffectEstimate(jnp.asarray(fitted[here]), jnp.asarray(precision[here]))
+        estimates[name] = Gaussian(jnp.asarray(fitted[here]), jnp.asarray(precision[here]))
         start = here.stop
     return estimates
 
@@ -179,11 +183,14 @@ class CaseEstimates(NamedTuple):
         Shape (cases,): median of the logarithms, and the mean variance of one of them.
     effects:
         What the medians say of the effects of each factor.
+    log_scatter:
+        What the repeats say of the logarithm of their scatter, by speed.
     """
 
     median: Float[Array, " cases"]
     variance: Float[Array, " cases"]
-    effects: dict[str, EffectEstimate]
+    effects: dict[str, Gaussian]
+    log_scatter: Gaussian
 
 
 def case_estimates(
@@ -193,7 +200,30 @@ def case_estimates(
     members = [levels.of_record == case for case in range(len(levels.cases))]
     median = np.array([np.median(values[member]) for member in members])
     variance = np.array([np.mean(variances[member]) for member in members])
-    return CaseEstimates(jnp.asarray(median), jnp.asarray(variance), effect_estimates(median, levels, parameter))
+    return CaseEstimates(
+        jnp.asarray(median),
+        jnp.asarray(variance),
+        effect_estimates(median, levels, parameter),
+        _log_scatter([values[member] for member in members], variance, levels),
+    )
+
+
+def _log_scatter(by_case: list[Float[np.ndarray, " repeats"]], variance: np.ndarray, levels: Levels) -> Gaussian:
+    """Return the scatter of repeats by speed, from the median over cases of their variance: robust to odd repeats."""
+    spare = levels.repeats - 1
+    estimates, precisions = [], []
+    for speed in range(len(levels.speed.labels)):
+        cases = np.flatnonzero((levels.speed.of_case == speed) & (spare > 0))
+        if not len(cases):
+            estimates.append(np.log(_UNKNOWN_SCATTER))
+            precisions.append(0.0)
+            continue
+        # The median of a chi-squared number with two degrees of freedom is 0.7 of its mean.
+        total = max(float(np.median([np.var(by_case[case], ddof=1) for case in cases])) / 0.7, 1e-6)
+        own = max(total - float(np.mean(variance[cases])), 0.1 * total)
+        estimates.append(0.5 * np.log(own))
+        precisions.append(2.0 * spare[cases].sum() * (own / total) ** 2)
+    return Gaussian(jnp.asarray(estimates), jnp.asarray(precisions))
 
 
 class Picture(NamedTuple):

@@ -141,7 +141,7 @@ def test_the_same_seed_gives_the_same_draws_and_another_seed_others():
 
 @pytest.mark.slow
 def test_the_published_tables_alone_say_that_dual_is_stiffer():
-    tree = fit_published(tables.case_means(), SamplerSettings(warmup=500, draws=500, seed=0))
+    tree = fit_published(tables.case_means(), SamplerSettings(warmup=1000, draws=2000, seed=0))
     diagnostics = diagnose(tree)
     assert diagnostics.verdict == "pass", diagnostics.reasons
     posterior = tree["posterior"].to_dataset()
