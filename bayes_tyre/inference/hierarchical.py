@@ -86,10 +86,10 @@ def _case_level(
 ) -> Float[Array, " cases"]:
     """Return log k or log beta of each case: what its words predict, and a remainder.
 
-    With one repeat a case, remainder and scatter are one term, and the scatter holds it.
+    Where a remainder cannot be told from the scatter of repeats or from the words, there is none.
     """
     mean = case_structure(parameter, levels, estimates.effects)
-    if levels.repeats.max() > 1:
+    if levels.has_remainder(parameter):
         scale = _prior(f"log_{parameter}_case_scale")
         precision = jnp.asarray(levels.repeats) / (scatter**2 + estimates.variance)
         z = _flat(f"{parameter}_case_z", (len(levels.cases),))

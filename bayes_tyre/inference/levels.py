@@ -75,6 +75,14 @@ class Levels:
             named["direction_step"] = self.direction_step
         return {name: factor for name, factor in named.items() if factor.varies}
 
+    def has_remainder(self, parameter: str) -> bool:
+        """Whether cases can differ by more than their words say.
+
+        Not with one repeat a case (scatter holds it), nor where the words can fit every case exactly.
+        """
+        terms = len(self.cell.labels) + sum(factor.basis.shape[1] for factor in self.factors(parameter).values())
+        return bool(self.repeats.max() > 1 and len(self.cases) > terms)
+
 
 def _factor(values: Sequence[Any]) -> Factor:
     labels = tuple(sorted(set(values), key=lambda value: (str(type(value)), value)))

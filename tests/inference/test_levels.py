@@ -64,3 +64,12 @@ def test_direction_by_step_says_only_what_direction_and_step_do_not():
 def test_levels_without_freedom_have_no_interaction():
     crossed = words(record=["a", "b"], direction=["loading", "unloading"], step_kN=[5.0, -10.0])
     assert set(find_levels(crossed).factors("beta")) == {"step"}
+
+
+def test_a_remainder_needs_repeats_and_more_cases_than_terms():
+    assert not find_levels(tables.case_means()[list(CASE_WORDS)]).has_remainder("k")
+    twice = pd.concat([tables.case_means()[list(CASE_WORDS)]] * 2)
+    assert find_levels(twice).has_remainder("k")
+    assert not find_levels(words(record=["a", "b"], configuration=["x", "x"])).has_remainder("k")
+    two_cells = words(record=list("abcd"), configuration=["x", "x", "y", "y"])
+    assert not find_levels(two_cells).has_remainder("beta")
