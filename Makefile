@@ -39,11 +39,11 @@ figure: fit  ## Run fit, and copy the README's figure from its results
 
 test: install  ## Run ruff, pyright, import-linter and every test
 	@$(MAKE) --no-print-directory lint
-	@$(BIN)/pytest
+	@$(BIN)/pytest -n 2 --dist loadfile
 
 check: install  ## Run the fast part: ruff, pyright, import-linter, the tests not marked slow
 	@$(MAKE) --no-print-directory lint
-	@$(BIN)/pytest -m "not slow"
+	@$(BIN)/pytest -n 2 --dist loadfile -m "not slow"
 
 lint: install
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/pyright && $(BIN)/lint-imports

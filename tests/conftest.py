@@ -1,10 +1,13 @@
 """Every test runs in float64 with jaxtyping checked by beartype; both are set before anything imports jax."""
 
 import os
+from pathlib import Path
 
 from jaxtyping import install_import_hook
 
 os.environ["JAX_ENABLE_X64"] = "1"
-os.environ["JAX_NUMPY_DTYPE_PROMOTION"] = "standard"
 os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=4"
+# Most of the suite's time is compilation, of the same kernels each time: kept beside pytest's own cache.
+os.environ["JAX_COMPILATION_CACHE_DIR"] = str(Path(__file__).parents[1] / ".pytest_cache" / "jax")
+os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.3"
 install_import_hook("bayes_tyre", "beartype.beartype")

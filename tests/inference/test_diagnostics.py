@@ -10,7 +10,7 @@ from hand_made_posteriors import grid, posterior, quiet, scattered
 from bayes_tyre.inference.diagnostics import Diagnostics, diagnose
 from bayes_tyre.report.folder import write_json
 
-CHAINS, DRAWS = 4, 500
+CHAINS, DRAWS = 4, 400
 CONTRACT = {
     *("verdict", "reasons", "r_hat_max", "ess_bulk_min", "ess_tail_min"),
     *("divergences", "bfmi_min", "draws", "chains"),

@@ -78,6 +78,7 @@ def test_a_discordant_repeat_is_found_and_moves_its_case_little():
     assert k_case == pytest.approx(kept, rel=0.06)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("plan", "mixture"),
     [
@@ -103,6 +104,7 @@ def test_a_table_without_words_is_fitted_as_repeats_of_one_case():
     assert posterior["posterior"].sizes["record"] == 3
 
 
+@pytest.mark.slow
 def test_every_quantity_has_its_unit_and_named_dimension():
     posterior, _ = fit(Plan(("x", "y"), (0.0,), (20.0,), (-5.0, 5.0), repeats=3), 2, GLANCE)
     assert posterior["k"].attrs["units"] == "kN/mm"

@@ -78,6 +78,8 @@ def test_the_pooled_comparison_is_the_ratio_of_the_printed_averages(published):
             printed = tables.means(column).set_index(["configuration", "direction"])
             mean, half_digit = printed[column].to_dict(), printed["half_digit"].to_dict()
             up, down = (configuration, "loading"), (configuration, "unloading")
+            table = tables.case_means().groupby(["configuration", "direction"])[column].mean().to_dict()
+            assert row[parameter] == pytest.approx(table[up] / table[down], rel=1e-12)
             digits = half_digit[up] / mean[up] + half_digit[down] / mean[down]
             assert row[parameter] == pytest.approx(mean[up] / mean[down], rel=digits)
     single = medians(published, "loading / unloading", "pooled as published", configuration="single")

@@ -132,15 +132,17 @@ def test_residuals_show_the_autocorrelation_of_the_noise(rho):
 
 def test_the_autocorrelation_of_ragged_records_is_that_of_each_alone():
     rng = np.random.default_rng(14)
-    lengths = [12, 90, 33, 60, 47]
+    lengths = [33, 90, 60, 47, 12]
     tree, truth = known(len(lengths))
     F_i, J, k, beta, sigma = truth.values()
-    forces = [curve(path(n), F_i, J, k, beta) + sigma * ar1(rng, 0.5, n) for n in lengths]
+    # The longest record, the only one without padding, lies at one end: the median is a padded one's.
+    forces = [curve(path(n), F_i, J, k, beta) + sigma * ar1(rng, 0.99 if n == 90 else 0.5, n) for n in lengths]
     alone = []
     for force, n in zip(forces, lengths, strict=True):
         left = force - curve(path(n), F_i, J, k, beta)
         left -= left.mean()
         alone.append(np.sum(left[1:] * left[:-1]) / np.sum(left**2))
+    assert alone[1] == max(alone)
     found = predictive.residual_autocorrelation(tree, table_of(forces, [7.0 + path(n) for n in lengths]))
     assert found == pytest.approx(np.median(alone), rel=1e-6)
 
