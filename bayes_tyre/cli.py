@@ -130,7 +130,7 @@ def published(
     interval: Interval = 0.95,
     quiet: Quiet = False,
 ) -> None:
-    """Recompute every number that the source prints; with --posterior, fit its Tables 9 and 11 (kN/mm, mm).
+    """Recompute what the source prints and can be recomputed; --posterior fits its Tables 9 and 11 (kN/mm, mm).
 
     Writes published_check.csv (quantity, source, kind, published, recomputed, tolerance, agrees) and posterior/.
 
@@ -161,6 +161,7 @@ def published(
 @_faults
 def campaign(
     out: Annotated[Path, typer.Option(help="Record table to write (.csv or .parquet); its truth goes beside it.")],
+    seed: Annotated[int | None, typer.Option(min=0, help="Another campaign than the one in data/campaign.")] = None,
     quiet: Quiet = False,
 ) -> None:
     """Reconstruct records from the published tables: 48 cases x 3 repeats (mm, kN). Nothing in it was measured.
@@ -171,7 +172,7 @@ def campaign(
     """
     from bayes_tyre import workflow
 
-    for path in workflow.write_campaign(out):
+    for path in workflow.write_campaign(out, seed):
         _say(f"wrote {path} (reconstructed, not measured)", quiet)
 
 
@@ -187,6 +188,7 @@ def lsq(
     fix: Annotated[list[str] | None, typer.Option(help="NAME=VALUE held fixed: k, C, beta, d_i or F_i.")] = None,
     free: Annotated[list[str] | None, typer.Option(help="d_i or F_i: fit it; else it is the first point.")] = None,
     start: Annotated[list[str] | None, typer.Option(help="NAME=VALUE to start from (kN/mm, kN, mm).")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Taken as by every command; least squares draws nothing.")] = 0,
     quiet: Quiet = False,
 ) -> None:
     """Fit Equation 2 to each record by least squares: k (kN/mm), C (kN), beta (mm), with standard errors.
@@ -202,17 +204,20 @@ def lsq(
     prepare_jax()
     from bayes_tyre import workflow
     from bayes_tyre.inference.record_fits import FitSettings
+    from bayes_tyre.record import origin_of, suspicious_units
+
+    del seed  # least squares draws nothing
 
     try:
         settings = FitSettings(region=region.value, fix=fixed, free=tuple(free or ()), start=starts)
     except BadInput as error:
         raise typer.BadParameter(str(error)) from None
-    for warning in workflow.suspicious_units(table):
+    for warning in suspicious_units(table):
         typer.echo(f"bayes-tyre: warning: {records}: {warning}", err=True)
     with _progress("least squares", table["record"].nunique(), quiet) as on_progress:
         fits = workflow.fit_least_squares(table, settings, out, on_progress)
     odd = int((fits["status"] != "ok").sum())
-    _say(f"wrote {out / 'least_squares.csv'} (data: {workflow.origin_of(table)})", quiet)
+    _say(f"wrote {out / 'least_squares.csv'} (data: {origin_of(table)})", quiet)
     _say(f"{len(fits)} records, {odd} not ok", quiet)
 
 
@@ -242,11 +247,12 @@ def fit(
     prepare_jax(chains)
     from bayes_tyre import workflow
     from bayes_tyre.inference.sampling import SamplerSettings
+    from bayes_tyre.record import origin_of, suspicious_units
 
-    suspicions = workflow.suspicious_units(table)
+    suspicions = suspicious_units(table)
     if suspicions and not units_checked:
         raise BadInput(f"{records}: {suspicions[0]}; or say --units-checked")
-    _say(f"fitting {table['record'].nunique()} records (data: {workflow.origin_of(table)}), {chains} chains", quiet)
+    _say(f"fitting {table['record'].nunique()} records (data: {origin_of(table)}), {chains} chains", quiet)
     began = time.monotonic()
     settings = SamplerSettings(chains, warmup, draws, seed, _on_terminal(quiet))
     diagnostics = workflow.fit_table(table, records, out, settings, interval, sys.argv[1:])

@@ -9,7 +9,7 @@ def data_path(relative: str) -> Path:
     Parameters
     ----------
     relative:
-        Path below `data/`, such as ``"published/table_09_k.csv"``.
+        Path below `data/`, such as ``"published/table_09_stiffness.csv"``.
 
     Raises
     ------

@@ -35,9 +35,17 @@ class Case(NamedTuple):
 
     @property
     def label(self) -> str:
-        """The source's way of writing a case, such as ``single (0)30-20``."""
-        end = self.initial_load_kN + self.step_kN
-        return f"{self.configuration} ({self.speed_km_h:g}){self.initial_load_kN:g}-{end:g}"
+        """The source's way of writing a case, such as ``single (0)30-20``, as far as the words are known."""
+        known = {name: value for name, value in self._asdict().items() if value == value and value is not None}
+        parts = [self.configuration] if self.configuration else []
+        if "step_kN" not in known and self.direction:
+            parts.append(self.direction)
+        speed = f"({self.speed_km_h:g})" if "speed_km_h" in known else ""
+        if {"initial_load_kN", "step_kN"} <= known.keys():
+            loads = f"{self.initial_load_kN:g}-{self.initial_load_kN + self.step_kN:g}"
+        else:
+            loads = " ".join(f"{name} {known[name]:g}" for name in ("initial_load_kN", "step_kN") if name in known)
+        return " ".join([*parts, *([speed + loads] if speed + loads else [])]) or "all records"
 
 
 @dataclass(frozen=True)

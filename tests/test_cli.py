@@ -24,6 +24,9 @@ from bayes_tyre.embedded import data_path
 from bayes_tyre.record import record_words
 from bayes_tyre.report import folder as result_folder
 
+# Compilation and module fixtures: over 10 s for the file from cold.
+pytestmark = pytest.mark.slow
+
 COMMAND = Path(sys.executable).parent / "bayes-tyre"
 COMMANDS = ("published", "campaign", "lsq", "fit", "show")
 WORDS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN", "repeat"]

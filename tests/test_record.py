@@ -289,3 +289,12 @@ def test_pad_is_as_wide_as_the_longest():
     assert batch.force_kN.tolist() == [[-1.0, -2.0, -1.0], [-3.0, -4.0, -5.0]]
     assert batch.present.tolist() == [[True, True, False], [True, True, True]]
     assert batch.points.tolist() == [2, 3]
+
+
+def test_a_label_says_what_is_known_of_a_case():
+    nan = float("nan")
+    assert Case("single", "unloading", 0.0, 30.0, -10.0).label == "single (0)30-20"
+    assert Case("single", "unloading", 0.0, nan, nan).label == "single unloading (0)"
+    assert Case("", "loading", nan, nan, nan).label == "loading"
+    assert Case("", "", nan, nan, nan).label == "all records"
+    assert Case("x", "", nan, 30.0, nan).label == "x initial_load_kN 30"

@@ -1,5 +1,6 @@
 """Tables on disk: CSV and Parquet, read with one kind of error and written whole or not at all."""
 
+import csv
 import os
 import tempfile
 import warnings
@@ -14,6 +15,11 @@ from bayes_tyre.errors import BadInput
 
 def _read_csv(path: Path) -> pd.DataFrame:
     # Cells stay as they are written: an empty cell or 'NA' must be found and named, not silently become NaN.
+    with path.open(encoding="utf-8-sig", newline="") as lines:
+        header = next(csv.reader(lines), [])
+    twice = [name for i, name in enumerate(header) if name in header[:i]]
+    if twice:  # pandas would rename the second, and it would pass for a column of its own
+        raise ValueError(f"column {twice[0]!r} stands twice")
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)
         try:

@@ -52,7 +52,7 @@ def fit_hierarchical(table: pd.DataFrame, settings: SamplerSettings | None = Non
     Returns
     -------
     xarray.DataTree
-        Groups `posterior`, `sample_stats`, `posterior_predictive_check`; dims `record`, `case`, `cell`, ...;
+        Groups `posterior`, `sample_stats`; dims `record`, `case`, `cell`, ...;
         units in `attrs["units"]`.
 
     Raises

@@ -182,7 +182,8 @@ def published_model(
     """Model printed case means, one a case, such as Tables 9 and 11.
 
     One value a case cannot tell the scatter of repeats from the case's remainder: both are one term, and
-    `k_case`, `beta_case` are what the words of the case predict.
+    `k_case`, `beta_case` are the value to expect in print for a case with these words. The ratio of two
+    configurations is therefore the same in every case of a direction.
 
     Parameters
     ----------
@@ -195,6 +196,7 @@ def published_model(
     """
     for parameter, printed in values.items():
         mean = case_structure(parameter, levels, estimates[parameter])
-        numpyro.deterministic(f"{parameter}_case", jnp.exp(mean))
         scatter = _prior(f"published_scatter_{parameter}")
+        # The mean of a log-normal number, not its median: printed averages over cases are to be met by averages.
+        numpyro.deterministic(f"{parameter}_case", jnp.exp(mean + 0.5 * scatter**2))
         numpyro.sample(f"published_{parameter}", dist.LogNormal(mean, scatter), obs=printed)

@@ -135,7 +135,7 @@ def _starts(problem: Problem, base: Float[Array, "5"], free: tuple[int, ...]) ->
     is_free = jnp.array([i in free for i in range(5)])
 
     def complete(start: Float[Array, "5"]) -> Float[Array, "5"]:
-        beta = jnp.where(jnp.isnan(start[BETA]), scanned, start[BETA])
+        beta = jnp.where(is_free[BETA] & ~jnp.isnan(start[BETA]), start[BETA], scanned)
         value, _ = _solve_linear(beta, base, problem, free)
         return jnp.where(is_free & ~jnp.isnan(start), start, value)
 

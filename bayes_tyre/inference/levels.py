@@ -75,13 +75,18 @@ class Levels:
             named["direction_step"] = self.direction_step
         return {name: factor for name, factor in named.items() if factor.varies}
 
+    def design(self, parameter: str) -> Float[np.ndarray, "cases terms"]:
+        """Return what the words say of each case: its cell, and the coordinates of each factor's effects."""
+        cells = np.eye(len(self.cell.labels))[self.cell.of_case]
+        return np.concatenate([cells, *(f.basis[f.of_case] for f in self.factors(parameter).values())], axis=1)
+
     def has_remainder(self, parameter: str) -> bool:
         """Whether cases can differ by more than their words say.
 
         Not with one repeat a case (scatter holds it), nor where the words can fit every case exactly.
         """
-        terms = len(self.cell.labels) + sum(factor.basis.shape[1] for factor in self.factors(parameter).values())
-        return bool(self.repeats.max() > 1 and len(self.cases) > terms)
+        rank = np.linalg.matrix_rank(self.design(parameter))
+        return bool(self.repeats.max() > 1 and len(self.cases) > rank)
 
 
 def _factor(values: Sequence[Any]) -> Factor:

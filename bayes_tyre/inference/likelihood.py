@@ -107,7 +107,7 @@ def _inner_products(log_beta: Float[Array, ""], data: RecordData) -> Float[Array
 
 @eqx.filter_jit
 def compress(data: RecordData) -> CompressedLikelihood:
-    """Return the compressed likelihood of the records, exact to rounding inside its range of beta.
+    """Return the compressed likelihood of the records, off by 1e-7 at most inside its range of beta.
 
     The range of each record is from a fortieth of its smallest displacement to a hundred times its travel.
     """

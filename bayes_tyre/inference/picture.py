@@ -155,10 +155,8 @@ def effect_estimates(values: Float[np.ndarray, " cases"], levels: Levels, parame
     levels, parameter:
         How the cases group, and which of ``k`` and ``beta`` it is.
     """
-    factors = levels.factors(parameter)
-    cells = np.eye(len(levels.cell.labels))[levels.cell.of_case]
-    design = np.concatenate([cells, *(factor.basis[factor.of_case] for factor in factors.values())], axis=1)
-    ridge = np.r_[np.full(cells.shape[1], 1e-6), np.full(design.shape[1] - cells.shape[1], _EFFECT_SD**-2)]
+    factors, design, cells = levels.factors(parameter), levels.design(parameter), len(levels.cell.labels)
+    ridge = np.r_[np.full(cells, 1e-6), np.full(design.shape[1] - cells, _EFFECT_SD**-2)]
     variance = _EFFECT_SD**2
     for _ in range(3):  # residual variance and fit settle on each other
         covariance = np.linalg.inv(design.T @ design / variance + np.diag(ridge))
@@ -166,7 +164,7 @@ def effect_estimates(values: Float[np.ndarray, " cases"], levels: Levels, parame
         spare = max(len(values) - design.shape[1], 1)
         variance = max(float(np.sum((values - design @ fitted) ** 2)) / spare, 1e-4)
     precision = np.maximum(1.0 / np.diag(covariance) - ridge, 0.0)
-    estimates, start = {}, cells.shape[1]
+    estimates, start = {}, cells
     for name, factor in factors.items():
         here = slice(start, start + factor.basis.shape[1])
         estimates[name] = Gaussian(jnp.asarray(fitted[here]), jnp.asarray(precision[here]))
@@ -218,7 +216,7 @@ def _log_scatter(by_case: list[Float[np.ndarray, " repeats"]], variance: np.ndar
             estimates.append(np.log(_UNKNOWN_SCATTER))
             precisions.append(0.0)
             continue
-        # The median of a chi-squared number with two degrees of freedom is 0.7 of its mean.
+        # The median of a chi-squared number is 0.7 of its mean with two degrees of freedom, near it with others.
         total = max(float(np.median([np.var(by_case[case], ddof=1) for case in cases])) / 0.7, 1e-6)
         own = max(total - float(np.mean(variance[cases])), 0.1 * total)
         estimates.append(0.5 * np.log(own))
@@ -237,6 +235,7 @@ class Picture(NamedTuple):
 def draw_picture(batch: Batch, levels: Levels) -> Picture:
     """Return the Gaussian picture of the records of a batch and of the cases they repeat."""
     records = estimate_records(batch)
+    # Of one with the other held: near enough for coordinates.
     variance = 1.0 / np.diagonal(np.asarray(records.precision), axis1=1, axis2=2)
     k = case_estimates("k", np.asarray(records.log_k), variance[:, 0], levels)
     return Picture(records, k, case_estimates("beta", np.asarray(records.log_beta), variance[:, 1], levels))

@@ -1,4 +1,8 @@
-"""Every prior of the hierarchical models, as data: what it allows, and why it is that wide."""
+"""Every prior of the hierarchical models, as data: what it allows, and why it is that wide.
+
+One has no place in the table, for it takes its scale from each record: F_i is normal about the first force, with the
+record's change of force as its standard deviation. That is wider than any error of a first sample.
+"""
 
 from typing import NamedTuple
 

@@ -74,7 +74,7 @@ def _start_near(values: Mapping[str, Any], site: dict | None = None) -> Any:
 
 
 def _population_sites(model: Callable[..., None], arguments: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the sites above the records and cases: few unknowns, correlated, worth a dense mass matrix together."""
+    """Return the sites of few unknowns: the populations, correlated and worth a dense mass matrix together."""
     first = substitute(seed(model, 0), substitute_fn=init_to_uniform)
     sites = trace(first).get_trace(**arguments).values()
     latent = [site for site in sites if site["type"] == "sample" and not site["is_observed"]]

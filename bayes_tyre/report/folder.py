@@ -3,7 +3,9 @@
 import hashlib
 import json
 import math
+import os
 import platform
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -23,14 +25,23 @@ LIBRARIES = ("bayes-tyre", "jax", "jaxlib", "numpyro", "optimistix", "equinox", 
 
 @dataclass(frozen=True)
 class Run:
-    """How a result was made: the command, its options, its inputs by name and path, and the seconds it took."""
+    """How a result is made: the command, its options, the SHA-256 of each input by path, and when it began.
+
+    Make it with `begin_run` before the work: an input may change while a fit runs.
+    """
 
     command: str
     options: Mapping[str, object]
     seed: int
-    inputs: tuple[Path, ...]
+    inputs: Mapping[str, str]
     origin: str
-    wall_time_s: float
+    began: float
+
+
+def begin_run(command: str, options: Mapping[str, object], seed: int, inputs: list[Path], origin: str) -> Run:
+    """Return the run that begins now, its inputs hashed as they are now."""
+    hashes = {str(path): hashlib.sha256(path.read_bytes()).hexdigest() for path in inputs}
+    return Run(command, options, seed, hashes, origin, time.monotonic())
 
 
 def check_folder(out: Path) -> None:
@@ -39,10 +50,13 @@ def check_folder(out: Path) -> None:
     Raises
     ------
     BadInput
-        If it is a file or lies below one.
+        If it is a file, lies below one, or lies where one may not write.
     """
     if any(path.exists() and not path.is_dir() for path in (out, *out.parents)):
         raise BadInput(f"--out {out}: is a file, or lies below one; name a folder")
+    there = next(path for path in (out.absolute(), *out.absolute().parents) if path.exists())
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise BadInput(f"--out {out}: {there} may not be written to; name a folder that you may write to")
 
 
 def prepare_folder(out: Path) -> None:
@@ -149,7 +163,7 @@ def write_run(run: Run, out: Path) -> None:
         "seed": run.seed,
         "origin": run.origin,
         "versions": {"python": platform.python_version(), **{name: version(name) for name in LIBRARIES}},
-        "inputs": {str(path): hashlib.sha256(path.read_bytes()).hexdigest() for path in run.inputs},
-        "wall_time_s": run.wall_time_s,
+        "inputs": dict(run.inputs),
+        "wall_time_s": time.monotonic() - run.began,
     }
     write_json(content, out / "run.json")

@@ -6,6 +6,7 @@ import pandas as pd
 import xarray as xr
 
 from bayes_tyre.inference.diagnostics import TAILS
+from bayes_tyre.inference.hierarchical import JUDGEABLE_REPEATS
 from bayes_tyre.inference.posterior import CASE_PARAMETERS, RECORD_UNITS
 from bayes_tyre.record import CASE_WORDS, WORDS
 from bayes_tyre.report.contrasts import tree_cases
@@ -16,8 +17,6 @@ STATISTICS = (
 )
 #: Parameters of a record that `repeats.csv` shows.
 REPEAT_PARAMETERS = ("k", "beta", "J", "C", "sigma")
-#: A repeat can be called discordant only against two others.
-JUDGEABLE_REPEATS = 3
 
 
 def describe(draws: xr.DataArray, interval: float = 0.95) -> pd.DataFrame:
@@ -131,7 +130,7 @@ def summary(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataF
         words = pd.DataFrame({word: draws[word].to_numpy() for word in CASE_WORDS[:2]})
         blocks.append(_block(words, f"{parameter}_mean", draws, RECORD_UNITS[str(parameter)], interval))
     for name, draws in posterior.data_vars.items():
-        unit = draws.attrs["units"].replace("1", "") if draws.attrs["units"] == "1" else draws.attrs["units"]
+        unit = "" if draws.attrs["units"] == "1" else draws.attrs["units"]
         dims = [str(dim) for dim in draws.dims if dim not in ("chain", "draw")]
         if dims and dims[0] in ("case", "record"):
             words = _words_of(posterior, dims[0])

@@ -155,3 +155,10 @@ def test_writing_again_replaces_the_old_file_with_its_usual_permissions(tmp_path
     path = write_text("old", tmp_path / "result.txt")
     assert write_text("⌀ new", path).read_bytes() == "⌀ new".encode()
     assert path.stat().st_mode == usual
+
+
+def test_a_column_that_stands_twice_is_refused(tmp_path):
+    path = tmp_path / "twice.csv"
+    path.write_text("record,force_kN,force_kN\na,1,2\n")
+    with pytest.raises(BadInput, match="column 'force_kN' stands twice"):
+        read_table(path)

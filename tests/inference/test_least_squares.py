@@ -144,6 +144,7 @@ def units(mm: float, kN: float) -> np.ndarray:
     beta=st.floats(0.02, 0.6),
     sign=st.sampled_from([1, -1]),
 )
+@pytest.mark.slow
 def test_exact_records_return_their_truth_on_any_scale(decade_d, decade_F, k, J, beta, sign):
     d, F, truth = record(k, J, beta, sign)
     mm, kN = 10.0**decade_d, 10.0**decade_F
@@ -221,6 +222,7 @@ def simulated() -> tuple[np.ndarray, np.ndarray, np.ndarray, Fit]:
     return batch.displacement_mm[:, :60], batch.force_kN[:, :60], truth, Fit(*map(np.asarray, estimates))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("parameter", "column"), [(K, 0), (BETA, 1)], ids=["k", "beta"])
 def test_intervals_cover_the_truth_as_often_as_they_say(simulated, parameter, column):
     _, _, truth, found = simulated

@@ -73,3 +73,16 @@ def test_a_remainder_needs_repeats_and_more_cases_than_terms():
     assert not find_levels(words(record=["a", "b"], configuration=["x", "x"])).has_remainder("k")
     two_cells = words(record=list("abcd"), configuration=["x", "x", "y", "y"])
     assert not find_levels(two_cells).has_remainder("beta")
+
+
+def test_words_that_say_the_same_twice_do_not_hide_a_remainder():
+    # Loading only standing, unloading only rolling, as in the source: four terms of which three are independent.
+    aliased = words(
+        record=list("abcdefgh"),
+        direction=["loading", "loading", "unloading", "unloading"] * 2,
+        speed_km_h=[0.0, 0.0, 25.0, 25.0] * 2,
+        initial_load_kN=[10.0, 20.0, 10.0, 20.0] * 2,
+    )
+    levels = find_levels(aliased)
+    assert levels.design("k").shape == (4, 4)
+    assert levels.has_remainder("k")

@@ -14,6 +14,9 @@ from bayes_tyre.inference.picture import RecordEstimates, estimate_records, reco
 from bayes_tyre.inference.priors import PRIORS
 from bayes_tyre.record import check_record_table
 
+# Compilation and module fixtures: over 10 s for the file from cold.
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def records() -> tuple[DirectLikelihood, CompressedLikelihood, RecordEstimates]:

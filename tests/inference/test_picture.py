@@ -13,6 +13,9 @@ from bayes_tyre.inference.picture import effect_estimates, estimate_records, rec
 from bayes_tyre.published import tables
 from bayes_tyre.record import CASE_WORDS, check_record_table
 
+# Compilation and module fixtures: over 10 s for the file from cold.
+pytestmark = pytest.mark.slow
+
 
 def test_the_likelihood_is_standard_normal_in_the_picture_of_long_records():
     table, _ = simulate(Plan(("x",), (0.0,), (20.0,), points=1000, noise_kN=0.005), seed=4)

@@ -5,10 +5,14 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from simulated_records import Plan, simulate
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.record_fits import FitSettings, fit_records
 from bayes_tyre.record import ORIGIN_UNKNOWN, WORDS, check_record_table
+
+# Compilation and module fixtures: over 10 s for the file from cold.
+pytestmark = pytest.mark.slow
 
 K, BETA, J, D_I, F_I = 1.6, 0.1, 0.4, 10.0, 14.0
 NOISE_KN = 0.03
@@ -330,3 +334,16 @@ def test_settings_that_cannot_be_are_refused_in_one_line(settings, said):
         FitSettings(**settings)
     assert str(caught.value).startswith(said)
     assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("region", ["all", "thesis"])
+@pytest.mark.parametrize("name", ["k", "C", "beta"])
+def test_a_fixed_parameter_is_what_was_given_in_either_region(region, name):
+    table, truth = simulate(Plan(("x",), (0.0,), (20.0,), (5.0,), repeats=1), seed=6)
+    d_i = table["displacement_mm"].iloc[0]
+    values = {"k": truth["k"][0], "beta": truth["beta"][0], "C": truth["J"][0] + truth["F_i"][0] - truth["k"][0] * d_i}
+    settings = FitSettings(region=region, fix={name: 1.01 * values[name]})
+    row = fit_records(check_record_table(table), settings).iloc[0]
+    column = {"k": "k_kN_per_mm", "C": "C_kN", "beta": "beta_mm"}[name]
+    assert row[column] == 1.01 * values[name]
+    assert np.isnan(row[f"{column}_se"])

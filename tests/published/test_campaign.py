@@ -25,6 +25,9 @@ from bayes_tyre.record import CASE_WORDS, WORDS, check_record_table
 from bayes_tyre.rig.axle import Rig, load_rig
 from bayes_tyre.rig.geometry import flat_ground_force, sin_theta
 
+# Compilation and module fixtures: over 10 s for the file from cold.
+pytestmark = pytest.mark.slow
+
 NUMBERS = ["time_s", "displacement_mm", "force_kN"]
 
 
