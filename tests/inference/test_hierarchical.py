@@ -97,6 +97,7 @@ def test_any_number_of_levels_and_repeats_can_be_fitted(plan, mixture):
     assert posterior["k"].median(("chain", "draw")).to_numpy() == pytest.approx(truth["k"].to_numpy(), rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_table_without_words_is_fitted_as_repeats_of_one_case():
     table, _ = simulate(Plan(("x",), (0.0,), (20.0,), (5.0,), repeats=3), seed=2)
     posterior = fit_hierarchical(check_record_table(table[["record", "displacement_mm", "force_kN"]]), GLANCE)
