@@ -1,0 +1,92 @@
+"""The command line as tests call it: the installed command in a process of its own, or the app in this one."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import jax
+import pandas as pd
+from simulated_records import Plan, simulate
+from typer.testing import CliRunner, Result
+
+from bayes_tyre.cli import app
+
+COMMAND = Path(sys.executable).parent / "bayes-tyre"
+COMMANDS = ("published", "campaign", "lsq", "fit", "show")
+WORDS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN", "repeat"]
+FIT_FILES = {
+    *("posterior.nc", "summary.csv", "cases.csv", "contrasts.csv", "repeats.csv", "diagnostics.json", "run.json"),
+    *("figures/posteriors_by_direction.png", "figures/forest_of_cases.png"),
+    *("figures/records_with_bands.png", "figures/outlier_probabilities.png"),
+}
+TABLES = ("summary.csv", "cases.csv", "contrasts.csv", "repeats.csv")
+SMALL = Plan(configurations=("single",), speeds=(0.0,), loads=(20.0,), repeats=3, points=30)
+
+
+def environment() -> dict[str, str]:
+    """Return what a user's shell would hand on: without what conftest sets for tests in this process."""
+    return {name: value for name, value in os.environ.items() if name not in ("XLA_FLAGS", "JAX_ENABLE_X64")}
+
+
+def start(*arguments: object, cwd: Path) -> subprocess.Popen[str]:
+    command = [str(COMMAND), *map(str, arguments)]
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command, cwd=cwd, env=environment(), text=True, stdout=pipe, stderr=pipe)
+
+
+def finish(process: subprocess.Popen[str]) -> subprocess.CompletedProcess[str]:
+    try:
+        out, err = process.communicate(timeout=400)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        raise
+    return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+
+
+def installed(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run the installed command."""
+    return finish(start(*arguments, cwd=cwd))
+
+
+def here(*arguments: object) -> Result:
+    """Run the command in this process; JAX has started, so its devices stay those of the tests."""
+    jax.devices()
+    return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
+
+
+def tree_of(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()} | {
+        f"{path.relative_to(folder)}/": b"" for path in folder.rglob("*") if path.is_dir()
+    }
+
+
+def assert_refused(code: int, stderr: str, *said: str) -> None:
+    """Assert exit code 3 and one line on stderr that names all of `said` and ends with what to do."""
+    assert code == 3, stderr
+    assert stderr.startswith("bayes-tyre: ")
+    assert stderr.count("\n") == 1
+    assert stderr.endswith("\n")
+    assert ";" in stderr
+    for word in said:
+        assert word in stderr
+
+
+def small(seed: int = 1) -> pd.DataFrame:
+    return simulate(SMALL, seed)[0]
+
+
+def written(table: pd.DataFrame, path: Path) -> Path:
+    table.to_csv(path, index=False)
+    return path
+
+
+def with_cell(row: int, column: str, cell: str | float) -> pd.DataFrame:
+    """Return the small table with one cell replaced; rows count from 1 below the header."""
+    table = small().astype({column: object})
+    table.loc[row - 1, column] = cell
+    return table
+
+
+def text_of(table: pd.DataFrame) -> bytes:
+    return table.to_csv(index=False).encode()
