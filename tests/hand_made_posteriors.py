@@ -24,7 +24,9 @@ def posterior(
     else:
         known = [word for word in CASE_WORDS if word in words]
         levels, records = find_levels(words[known]), pd.DataFrame({"record": []})
-    return to_datatree(draws, quiet(*shape) | dict(statistics or {}), levels, records, {"origin": origin})
+    return to_datatree(
+        draws, quiet(*shape) | dict(statistics or {}), levels, records, {"origin": origin, "model": "records"}
+    )
 
 
 def quiet(chains: int, draws: int) -> dict[str, np.ndarray]:

@@ -101,7 +101,7 @@ def _density(ax: Axes, values: np.ndarray, look: Look, log: bool, interval: floa
 
 
 @matplotlib.style.context(STYLE)
-def forest_of_cases(cases: pd.DataFrame, printed: pd.DataFrame | None, origin: str) -> Figure:
+def forest_of_cases(cases: pd.DataFrame, printed: pd.DataFrame | None, origin: str, about: str = "") -> Figure:
     """Return k and beta of every case, a line a case: median, interval, and the printed value beside them.
 
     Parameters
@@ -113,6 +113,8 @@ def forest_of_cases(cases: pd.DataFrame, printed: pd.DataFrame | None, origin: s
         A row a case: the case's words, `k_kN_per_mm` (kN/mm), `beta_mm` (mm); None draws no printed values.
     origin:
         Where the data come from, such as ``"reconstructed"``; it stands in the corner.
+    about:
+        A sentence on what the intervals are of, where it is not plain; it joins the note.
     """
     cases = cases[texts(cases, "parameter").isin(list(PARAMETERS))]
     shown = case_lines.numbered(case_lines.case_words(cases).assign(parameter=texts(cases, "parameter")))
@@ -138,7 +140,7 @@ def forest_of_cases(cases: pd.DataFrame, printed: pd.DataFrame | None, origin: s
     colours.legend(figure, entries)
     contents = sorted(set(numbers(cases, "interval").dropna()))
     note = f"Marker: median. Line: {' or '.join(map(colours.interval_name, contents)) or 'interval'}."
-    return colours.finish(figure, origin, note, [cases])
+    return colours.finish(figure, origin, f"{note} {about}".rstrip(), [cases])
 
 
 def _forest_panel(

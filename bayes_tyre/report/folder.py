@@ -23,6 +23,10 @@ from bayes_tyre.report import contrasts, figures, predictive, summary
 LIBRARIES = ("bayes-tyre", "jax", "jaxlib", "numpyro", "optimistix", "equinox", "arviz", "numpy", "pandas", "xarray")
 
 
+#: What the cases' intervals are of, where a reader of the figure could take them for something else, by model.
+ABOUT_CASES = {"published": "They are of the value to expect; single printed values scatter about it."}
+
+
 @dataclass(frozen=True)
 class Run:
     """How a result is made: the command, its options, the SHA-256 of each input by path, and when it began.
@@ -124,7 +128,7 @@ def _write_figures(
     origin = tree.attrs["origin"]
     drawn = {
         "posteriors_by_direction": figures.posteriors_by_direction(_cell_draws(tree), origin, interval),
-        "forest_of_cases": figures.forest_of_cases(cases, printed, origin),
+        "forest_of_cases": figures.forest_of_cases(cases, printed, origin, ABOUT_CASES.get(tree.attrs["model"], "")),
     }
     if table is not None:
         shown = predictive.records_to_show(tree)

@@ -211,7 +211,8 @@ def test_the_forest_holds_every_case_its_interval_and_its_printed_value():
 
 def test_a_forest_of_many_cases_stays_below_the_tallest_and_names_what_fits():
     cases = _cases(speeds=np.arange(150.0))
-    figure = figures.forest_of_cases(cases, None, "simulated")
+    figure = figures.forest_of_cases(cases, None, "simulated", "They are of something else.")
+    assert any("They are of something else." in text.get_text() for text in figure.texts)
     assert figure.get_figheight() == figures.TALLEST
     ax = figure.get_axes()[0]
     assert len(_segments(ax)) == len(cases) / 2
