@@ -1,45 +1,73 @@
-"""Tables on disk: CSV and Parquet, read with one kind of error and written whole or not at all."""
+"""Tables on disk: CSV and Parquet, read with one kind of error."""
 
 import csv
-import os
-import tempfile
 import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.decimals import read_by_decimals
+from bayes_tyre.formats.dialect import Dialect, find_dialect, first_long_row
+from bayes_tyre.formats.files import whole_file
+from bayes_tyre.formats.formulas import as_meant, harmless, map_texts, texts_of
+from bayes_tyre.record import TEXT_COLUMNS
+
+_WORKBOOKS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
+_TEXTS = (".txt", ".tsv", ".dat", ".asc")
 
 
 def _read_csv(path: Path) -> pd.DataFrame:
+    dialect = find_dialect(path)
+    table = read_by_decimals(lambda decimal: _parse(path, dialect, decimal), path, dialect.separator)
+    # A spreadsheet writes a separator for every column that once held a cell.
+    unnamed = [table.columns[i] for i, name in enumerate(dialect.names) if not name]
+    table = table.drop(columns=[name for name in unnamed if (table[name] == "").all()])
+    return map_texts(table, lambda text: as_meant(_text(text)))
+
+
+def _parse(path: Path, dialect: Dialect, decimal: str) -> pd.DataFrame:
     # Cells stay as they are written: an empty cell or 'NA' must be found and named, not silently become NaN.
-    with path.open(encoding="utf-8-sig", newline="") as lines:
-        header = next(csv.reader(lines), [])
-    twice = [name for i, name in enumerate(header) if name in header[:i]]
-    if twice:  # pandas would rename the second, and it would pass for a column of its own
-        raise ValueError(f"column {twice[0]!r} stands twice")
     with warnings.catch_warnings():
         warnings.simplefilter("error", pd.errors.ParserWarning)
         try:
             return pd.read_csv(
                 path,
-                encoding="utf-8-sig",
+                sep=dialect.separator,
+                decimal=decimal,
+                encoding=dialect.encoding,
                 index_col=False,  # or a first cell too many becomes an index, and all others move one column on
                 keep_default_na=False,
                 low_memory=False,
-                dtype=dict.fromkeys(("record", "configuration", "direction", "origin"), str),
-            )
-        except pd.errors.ParserWarning:
-            raise ValueError("rows hold more cells than the header") from None
+                dtype=dict.fromkeys(TEXT_COLUMNS, str),
+            ).rename(columns=str.strip)
+        except (pd.errors.ParserWarning, pd.errors.ParserError):
+            wrong = first_long_row(path, dialect)
+            if not wrong:
+                raise
+    commas = " (a decimal comma makes two of one: put semicolons between the cells)" if dialect.separator == "," else ""
+    raise BadInput(f"{path}: {wrong}; mend the row{commas}")
 
 
-READERS: dict[str, Callable[[Path], pd.DataFrame]] = {".csv": _read_csv, ".parquet": pd.read_parquet}
+def _read_parquet(path: Path) -> pd.DataFrame:
+    return map_texts(pd.read_parquet(path), _text)
+
+
+def _text(text: str) -> str:
+    if "\0" in text:  # a netCDF file could not hold it
+        raise ValueError(f"{text[:40]!r} holds a zero byte, which is no text")
+    return text
+
+
+READERS: dict[str, Callable[[Path], pd.DataFrame]] = {".csv": _read_csv, ".parquet": _read_parquet}
 
 
 def read_table(path: Path) -> pd.DataFrame:
     """Return the table in a `.csv` or `.parquet` file, cells unchecked.
+
+    A CSV file may have commas, semicolons or tabs between its cells, decimal commas beside semicolons or tabs, and
+    be UTF-8 or, with its byte-order mark, UTF-16. Text comes back as it was before `write_table` made it harmless.
 
     Raises
     ------
@@ -52,50 +80,44 @@ def read_table(path: Path) -> pd.DataFrame:
         raise BadInput(f"{path}: is a folder, not a table; name a .csv or .parquet file in it")
     reader = READERS.get(path.suffix.lower())
     if reader is None:
-        raise BadInput(f"{path}: {path.suffix or 'no suffix'} is not a table format; use {' or '.join(READERS)}")
-    if path.stat().st_size == 0:
-        raise BadInput(f"{path}: the file is empty; give at least a header and one record")
+        raise BadInput(f"{path}: {path.suffix or 'no suffix'} is not a table format; {_remedy(path.suffix.lower())}")
     try:
+        if path.stat().st_size == 0:
+            raise BadInput(f"{path}: the file is empty; give at least a header and one record")
         return reader(path)
+    except (BadInput, MemoryError):
+        raise
+    except PermissionError:
+        raise BadInput(f"{path}: may not be read; ask for the permission to read it") from None
     except Exception as error:  # parsers raise a dozen kinds; to the user each is an unreadable file
         reason = " ".join(str(error).split())[:200]
         remedy = "mend it, or save it again" + (" as UTF-8" if reader is _read_csv else "")
         raise BadInput(f"{path}: cannot be read as {path.suffix[1:]}: {reason}; {remedy}") from error
 
 
-@contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
-    """Give a path beside `path` to write to; it takes its place only when the block ends without an error."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=path.suffix)
-    os.close(handle)
-    beside = Path(name)
-    try:
-        yield beside
-        beside.chmod(0o666 & ~_umask())
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+def _remedy(suffix: str) -> str:
+    use = f"use {' or '.join(READERS)}"
+    if suffix in _WORKBOOKS:
+        return f"{use}: save the sheet as CSV (UTF-8)"
+    return f"{use}: name it .csv if commas, semicolons or tabs stand between its cells" if suffix in _TEXTS else use
 
 
 def write_table(table: pd.DataFrame, path: Path) -> Path:
-    """Write a table as `.csv` or `.parquet`, whole or not at all, numbers unrounded; return the path."""
+    """Write a table as `.csv` or `.parquet`, whole or not at all, numbers unrounded; return the path.
+
+    In a CSV, text that a spreadsheet would take for a formula gets an apostrophe before it; `read_table` takes it
+    away again.
+    """
     with whole_file(path) as beside:
         if path.suffix.lower() == ".parquet":
             table.to_parquet(beside, index=False)
         else:
-            table.to_csv(beside, index=False, lineterminator="\n")
+            _write_csv(map_texts(table, harmless), beside)
     return path
 
 
-def write_text(text: str, path: Path) -> Path:
-    """Write UTF-8 text, whole or not at all; return the path."""
-    with whole_file(path) as beside:
-        beside.write_text(text, encoding="utf-8")
-    return path
+def _write_csv(table: pd.DataFrame, path: Path) -> None:
+    # Python 3.12 leaves a lone carriage return without quotes, and every reader takes it for the end of a row.
+    returns = any("\r" in text for i in range(table.shape[1]) for text in texts_of(table.iloc[:, i]))
+    quoting = csv.QUOTE_NONNUMERIC if returns else csv.QUOTE_MINIMAL
+    table.to_csv(path, index=False, lineterminator="\n", quoting=quoting, errors="backslashreplace")

@@ -1,4 +1,4 @@
-"""Tables on disk: files that cannot be read are told in one line, and files are written whole or not at all."""
+"""Tables on disk: files that cannot be read are told in one line, and numbers and names come back exactly."""
 
 from pathlib import Path
 
@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.tables import read_table, whole_file, write_table, write_text
-from bayes_tyre.record import check_record_table
+from bayes_tyre.formats.tables import read_table, write_table
+from bayes_tyre.record_table import check_record_table
 
 HEADER = "record,displacement_mm,force_kN\n"
 
@@ -52,10 +52,20 @@ def test_an_empty_file_is_refused(tmp_path, name):
     assert "is empty" in refusal(write(tmp_path / name, b""))
 
 
-@pytest.mark.parametrize(("name", "said"), [("records.xlsx", ".xlsx"), ("records", "no suffix"), ("a.csv.gz", ".gz")])
-def test_another_kind_of_file_is_refused_and_told_the_kinds_that_are_read(tmp_path, name, said):
+@pytest.mark.parametrize(
+    ("name", "said", "remedy"),
+    [
+        ("records.xlsx", ".xlsx", "save the sheet as CSV (UTF-8)"),
+        ("records.ODS", ".ODS", "save the sheet as CSV (UTF-8)"),
+        ("records.txt", ".txt", "name it .csv"),
+        ("records", "no suffix", ""),
+        ("a.csv.gz", ".gz", ""),
+    ],
+)
+def test_another_kind_of_file_is_refused_and_told_the_kinds_that_are_read(tmp_path, name, said, remedy):
     message = refusal(write(tmp_path / name, HEADER.encode()))
     assert f"{said} is not a table format; use .csv or .parquet" in message
+    assert remedy in message
 
 
 @pytest.mark.parametrize("name", ["records.csv", "records.parquet"])
@@ -122,39 +132,6 @@ def test_a_short_row_is_found(tmp_path):
 def test_a_header_alone_is_a_table_without_rows(tmp_path):
     with pytest.raises(BadInput, match="no rows"):
         check_record_table(read_table(write(tmp_path / "records.csv", HEADER.encode())))
-
-
-def test_a_whole_file_takes_its_place_and_leaves_nothing_beside(tmp_path):
-    path = tmp_path / "new" / "result.csv"
-    with whole_file(path) as beside:
-        assert beside.parent == path.parent  # a rename within one file system
-        assert not path.exists()
-        beside.write_text("done")
-    assert path.read_text() == "done"
-    assert list(path.parent.iterdir()) == [path]
-
-
-def test_a_block_that_raises_leaves_nothing_behind(tmp_path):
-    with pytest.raises(KeyboardInterrupt), whole_file(tmp_path / "result.csv") as beside:  # noqa: PT012
-        beside.write_text("half")
-        raise KeyboardInterrupt
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_block_that_raises_leaves_the_old_file_as_it_was(tmp_path):
-    path = write_text("old", tmp_path / "result.txt")
-    with pytest.raises(ValueError, match="half way"), whole_file(path) as beside:  # noqa: PT012
-        beside.write_text("new")
-        raise ValueError("half way")
-    assert path.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_writing_again_replaces_the_old_file_with_its_usual_permissions(tmp_path):
-    usual = write(tmp_path / "usual", b"").stat().st_mode
-    path = write_text("old", tmp_path / "result.txt")
-    assert write_text("⌀ new", path).read_bytes() == "⌀ new".encode()
-    assert path.stat().st_mode == usual
 
 
 def test_a_column_that_stands_twice_is_refused(tmp_path):

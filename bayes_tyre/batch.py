@@ -1,0 +1,86 @@
+"""Records of unlike length side by side: padded into batches for kernels that take one shape."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Bool, Float, Int
+
+#: Least width of a batch; shorter records are padded to it.
+NARROWEST = 32
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Records of unlike length side by side, padded behind their last point.
+
+    Attributes
+    ----------
+    records:
+        Names, in the order of the rows.
+    displacement_mm, force_kN:
+        Shape (records, points), float64; padding repeats the record's first point.
+    present:
+        Shape (records, points); False on padding.
+    """
+
+    records: tuple[str, ...]
+    displacement_mm: Float[np.ndarray, "records points"]
+    force_kN: Float[np.ndarray, "records points"]
+    present: Bool[np.ndarray, "records points"]
+
+    @property
+    def points(self) -> np.ndarray:
+        """Number of measured points a record, shape (records,)."""
+        return self.present.sum(axis=1)
+
+
+def batches(table: pd.DataFrame, cells: int = 131_072) -> Iterator[Batch]:
+    """Yield the records of a checked table in batches of like length, so that memory stays bounded.
+
+    Parameters
+    ----------
+    table:
+        A checked record table.
+    cells:
+        Most padded points in a batch (a longer record is a batch of its own). Lengths are padded to the
+        next power of two (at least 32): the number of shapes, and with it of compilations, grows only with
+        the logarithm of the longest record.
+    """
+    codes, names = pd.factorize(table["record"])
+    order = _order(codes)
+    lengths = np.bincount(codes)
+    first = np.cumsum(lengths) - lengths
+    displacement = table["displacement_mm"].to_numpy(dtype=float)
+    force = table["force_kN"].to_numpy(dtype=float)
+    widths = np.maximum(NARROWEST, 2 ** np.ceil(np.log2(lengths)).astype(int))
+    for width in np.unique(widths):
+        alike = np.flatnonzero(widths == width)
+        size = max(1, cells // width)
+        column = np.arange(width)
+        for chosen in (alike[start : start + size] for start in range(0, len(alike), size)):
+            present = column < lengths[chosen][:, None]
+            rows = first[chosen][:, None] + np.where(present, column, 0)
+            rows = rows if order is None else order[rows]
+            yield Batch(tuple(map(str, names[chosen])), displacement[rows], force[rows], present)
+
+
+def _order(codes: Int[np.ndarray, " rows"]) -> Int[np.ndarray, " rows"] | None:
+    """Return the rows, record after record; None where they stand so already."""
+    return None if (np.diff(codes) >= 0).all() else np.argsort(codes, kind="stable")
+
+
+def pad(
+    records: tuple[str, ...], displacement: list[np.ndarray], force: list[np.ndarray], width: int | None = None
+) -> Batch:
+    """Return the records (mm, kN; one array each) as a batch of the given width (default: the longest)."""
+    width = width or max(len(d) for d in displacement)
+    shape = (len(records), width)
+    present = np.zeros(shape, dtype=bool)
+    padded_d, padded_f = np.empty(shape), np.empty(shape)
+    for i, (d, f) in enumerate(zip(displacement, force, strict=True)):
+        present[i, : len(d)] = True
+        padded_d[i], padded_f[i] = d[0], f[0]
+        padded_d[i, : len(d)], padded_f[i, : len(d)] = d, f
+    return Batch(records, padded_d, padded_f, present)

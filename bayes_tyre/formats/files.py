@@ -1,0 +1,113 @@
+"""Files and folders to write: whole or not at all, and refused before the work where they cannot be."""
+
+import errno
+import os
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from bayes_tyre.errors import BadInput
+
+# Files being written now, and the right to begin or end one. A signal reaches a process, not a function: this is the
+# one place that all files pass.
+_begun: set[Path] = set()
+_turn = threading.Lock()
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Give a path beside `path` to write to; it takes its place only when the block ends without an error.
+
+    Raises
+    ------
+    OSError
+        With the name of the file that was to be written, whatever the writer said.
+    """
+    made = [folder for folder in path.parents if not folder.exists()]
+    beside = None
+    try:
+        with _turn:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=path.suffix)
+            beside = Path(name)
+            _begun.add(beside)
+        os.close(handle)
+        yield beside
+        beside.chmod(0o666 & ~_umask())
+        with _turn:
+            beside.replace(path)
+    except BaseException as error:
+        with suppress(OSError):
+            if beside is not None:
+                beside.unlink(missing_ok=True)
+            for folder in made:  # those that hold nothing else
+                folder.rmdir()
+        if isinstance(error, OSError):
+            raise _named(error, path) from error
+        raise
+    finally:
+        if beside is not None:
+            _begun.discard(beside)
+
+
+def take_back_for_good() -> None:
+    """Remove every file that is being written, and let no other begin or end: the process ends now."""
+    _turn.acquire(timeout=2.0)  # s; a disk that hangs must not hold the process
+    for beside in tuple(_begun):
+        with suppress(OSError):
+            beside.unlink(missing_ok=True)
+
+
+def _named(error: OSError, path: Path) -> OSError:
+    if error.errno is None:  # a library's own words, where it gives no number
+        return OSError(errno.EIO, " ".join(str(error).split())[:200], str(path))
+    return OSError(error.errno, os.strerror(error.errno), str(path))
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def write_text(text: str, path: Path) -> Path:
+    """Write UTF-8 text, whole or not at all; return the path. Bytes of a path that are no text become escapes."""
+    with whole_file(path) as beside:
+        beside.write_text(text, encoding="utf-8", errors="backslashreplace")
+    return path
+
+
+def check_folder(out: Path) -> None:
+    """Refuse a folder that cannot be made, before minutes of work and without making it.
+
+    Raises
+    ------
+    BadInput
+        If it is a file, lies below one, or lies where one may not write.
+    """
+    if any(path.exists() and not path.is_dir() for path in (out, *out.parents)):
+        raise BadInput(f"--out {out}: is a file, or lies below one; name a folder")
+    there = next(path for path in (out.absolute(), *out.absolute().parents) if path.exists())
+    try:  # permissions do not tell of read-only disks and of places like /proc
+        Path(tempfile.mkdtemp(dir=there, prefix=".bayes-tyre.")).rmdir()
+    except OSError as error:
+        raise BadInput(
+            f"--out {out}: {there} may not be written to ({error.strerror}); name a folder that you may write to"
+        ) from None
+
+
+def prepare_folder(out: Path) -> None:
+    """Make the folder that results go into.
+
+    Raises
+    ------
+    BadInput
+        If it is a file or cannot be made.
+    """
+    check_folder(out)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"--out {out}: {error.strerror}; name a folder that you may write to") from None

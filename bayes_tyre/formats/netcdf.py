@@ -1,0 +1,40 @@
+"""Posteriors on disk: an xarray DataTree as netCDF, written whole, read with one kind of error."""
+
+from pathlib import Path
+
+import xarray as xr
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.files import whole_file
+
+ENGINE = "h5netcdf"
+
+
+def write_tree(tree: xr.DataTree, path: Path) -> Path:
+    """Write a DataTree as netCDF, whole or not at all; return the path.
+
+    The bytes are made in memory first: where a disk refuses what HDF5 itself writes, HDF5 ends the process.
+    """
+    with whole_file(path) as beside, beside.open("wb") as file:
+        file.write(tree.to_netcdf(engine=ENGINE))
+    return path
+
+
+def read_tree(path: Path) -> xr.DataTree:
+    """Return the DataTree in a netCDF file, loaded and closed.
+
+    Raises
+    ------
+    BadInput
+        If the file is missing, a folder, or no netCDF that can be read.
+    """
+    if path.is_dir():
+        raise BadInput(f"{path}: is a folder, not a netCDF file; name a folder that fit wrote")
+    if not path.is_file():
+        raise BadInput(f"{path}: no such file; name a folder that fit wrote")
+    try:
+        with xr.open_datatree(path, engine=ENGINE) as tree:
+            return tree.load()
+    except Exception as error:  # HDF5 raises a handful of kinds; to the user each is an unreadable file
+        reason = " ".join(str(error).split())[:200]
+        raise BadInput(f"{path}: cannot be read as netCDF: {reason}; run fit again") from error

@@ -1,0 +1,240 @@
+"""The record table: checked on the way in, and what it says of each record."""
+
+import warnings
+
+import numpy as np
+import pandas as pd
+import pandera.pandas as pa
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.record import DIRECTIONS, NUMBER_COLUMNS, ORIGIN_UNKNOWN, ORIGINS, REQUIRED, TEXT_COLUMNS, WORDS
+
+#: A median force above this is taken for newtons, a median travel below this for metres.
+NEWTON_LIKE_KN, METRE_LIKE_MM = 1000.0, 0.05
+
+
+def _finite(series: pd.Series) -> pd.Series:
+    return pd.Series(np.isfinite(series.to_numpy(dtype=float)), index=series.index)
+
+
+def _number(required: bool, whole: bool = False) -> pa.Column:
+    checks = [pa.Check(_finite, error="is not a finite number")]
+    if whole:
+        checks.append(pa.Check(lambda s: (s == s.round()) & (s.abs() < 2**53), error="is not a whole number"))
+    return pa.Column(float, checks, required=required, nullable=True)
+
+
+def _text(required: bool, allowed: tuple[str, ...] = ()) -> pa.Column:
+    checks = [pa.Check(lambda s: s.str.strip() != "", error="is empty")]
+    if allowed:
+        checks.append(pa.Check.isin(allowed, error=f"is none of {', '.join(allowed)}"))
+    return pa.Column(None, checks, required=required)
+
+
+def _schema() -> pa.DataFrameSchema:
+    return pa.DataFrameSchema(
+        {
+            "record": _text(required=True),
+            "displacement_mm": _number(required=True),
+            "force_kN": _number(required=True),
+            "time_s": _number(required=False),
+            "configuration": _text(required=False),
+            "direction": _text(required=False, allowed=DIRECTIONS),
+            "speed_km_h": _number(required=False),
+            "initial_load_kN": _number(required=False),
+            "step_kN": _number(required=False),
+            "repeat": _number(required=False, whole=True),
+            "origin": _text(required=False, allowed=ORIGINS),
+        }
+    )
+
+
+def check_record_table(table: pd.DataFrame, name: str = "record table") -> pd.DataFrame:
+    """Return the record table with its columns typed, or say what is wrong with it.
+
+    Parameters
+    ----------
+    table:
+        Long form: `record`, `displacement_mm` (mm), `force_kN` (kN); optional `time_s` (s), the words
+        (`configuration`, `direction`, `speed_km_h`, `initial_load_kN`, `step_kN`, `repeat`), `origin`,
+        and any further columns, which are kept. Rows of a record are in measured order.
+    name:
+        What to call the table in messages: its file.
+
+    Raises
+    ------
+    BadInput
+        For missing columns, no rows, cells that are not finite numbers, words that are empty or unknown,
+        words that contradict each other within a record, and time that runs backwards.
+    """
+    missing = [column for column in REQUIRED if column not in table.columns]
+    if missing:
+        raise BadInput(
+            f"{name}: missing column {', '.join(missing)}; found {_one_line(', '.join(map(str, table.columns)))}; "
+            f"a record table needs {', '.join(REQUIRED)}"
+        )
+    repeated = table.columns[table.columns.duplicated()]
+    if len(repeated):
+        raise BadInput(f"{name}: column {_one_line(repeated[0])} stands twice; keep one")
+    if table.empty:
+        raise BadInput(f"{name}: no rows below the header; give at least one record")
+    typed = _typed(table, name)
+    try:
+        _schema().validate(typed, lazy=True, inplace=True)
+    except pa.errors.SchemaErrors as error:
+        raise BadInput(_first_failure(error.failure_cases, name)) from None
+    _check_words(typed, name)
+    _check_time(typed, name)
+    return typed
+
+
+def _typed(table: pd.DataFrame, name: str) -> pd.DataFrame:
+    typed = table.reset_index(drop=True)  # copy on write: only columns that change take memory
+    for column in TEXT_COLUMNS:
+        if column in typed:
+            typed[column] = _text_of(typed[column])
+    for column in NUMBER_COLUMNS:
+        if column not in typed:
+            continue
+        numbers = pd.to_numeric(typed[column], errors="coerce").astype(float)
+        wrong = numbers.isna().to_numpy()
+        if wrong.any():
+            row = int(np.flatnonzero(wrong)[0])
+            cell = typed[column].iloc[row]
+            what = "is empty" if pd.isna(cell) or str(cell).strip() == "" else f"holds {str(cell)[:40]!r}"
+            raise BadInput(
+                f"{_where(name, typed, row, column)} {what}: not a finite number; mend the cell or remove it"
+            )
+        typed[column] = numbers
+    return typed
+
+
+def _text_of(column: pd.Series) -> pd.Series:
+    """Return a column as text, empty where it is missing."""
+    if isinstance(column.dtype, pd.StringDtype):
+        return column.fillna("") if column.hasnans else column
+    return column.astype(object).where(column.notna(), "").astype(str)
+
+
+def _one_line(text: object) -> str:
+    return " ".join(str(text).split())[:200]
+
+
+def _where(name: str, table: pd.DataFrame, row: int, column: str) -> str:
+    return f"{name}: row {row + 1} (line {row + 2}), record {str(table['record'].iloc[row])[:60]!r}, column {column}"
+
+
+def _first_failure(failures: pd.DataFrame, name: str) -> str:
+    first = failures.sort_values("index", kind="stable").iloc[0]
+    more = "" if len(failures) == 1 else f" (and {len(failures) - 1} more)"
+    row = int(first["index"])
+    return (
+        f"{name}: row {row + 1} (line {row + 2}), column {first['column']}: "
+        f"{str(first['failure_case'])[:60]!r} {first['check']}{more}; mend the cell or remove the row"
+    )
+
+
+def _check_words(table: pd.DataFrame, name: str) -> None:
+    present = [word for word in (*WORDS, "origin") if word in table]
+    if not present:
+        return
+    by_record = table.groupby("record", sort=False)
+    for word in present:
+        unlike = by_record[word].nunique()
+        if unlike.gt(1).any():
+            record = str(unlike.idxmax())
+            one, other = map(_one_line, table.loc[table["record"] == record, word].unique()[:2])
+            raise BadInput(
+                f"{name}: record {record!r}, column {word}: contradicts itself ({one} and {other}); "
+                "give every record one value or a name of its own"
+            )
+    if {"direction", "step_kN"} <= set(present):
+        first = table.drop_duplicates("record")
+        wrong = (first["direction"] == "loading") != (first["step_kN"] > 0)
+        if wrong.any():
+            record, direction, step = first.loc[wrong, ["record", "direction", "step_kN"]].iloc[0]
+            raise BadInput(
+                f"{name}: record {record!r}, column step_kN: {step:g} contradicts direction {direction!r}; "
+                "step_kN is signed, positive when loading"
+            )
+
+
+def _check_time(table: pd.DataFrame, name: str) -> None:
+    if "time_s" not in table:
+        return
+    steps = table.groupby("record", sort=False)["time_s"].diff()
+    backwards = (steps < 0).to_numpy()
+    if backwards.any():
+        row = int(np.flatnonzero(backwards)[0])
+        raise BadInput(f"{_where(name, table, row, 'time_s')}: time runs backwards; sort the record or split it in two")
+
+
+def origin_of(table: pd.DataFrame) -> str:
+    """Return where the numbers come from, such as ``"reconstructed"``; several are joined by a plus."""
+    if "origin" not in table:
+        return ORIGIN_UNKNOWN
+    return " + ".join(sorted(table["origin"].unique()))
+
+
+def suspicious_units(table: pd.DataFrame) -> list[str]:
+    """Return what suggests that a checked table is in N or m: a sentence each, with the factor."""
+    found = []
+    force = float(table["force_kN"].abs().median())
+    if force > NEWTON_LIKE_KN:
+        found.append(f"column force_kN: median |F| is {force:g}, which looks like N; divide by 1000")
+    displacement = table.groupby("record", sort=False)["displacement_mm"]
+    travel = float((displacement.max() - displacement.min()).median())
+    if 0 < travel < METRE_LIKE_MM:
+        found.append(f"column displacement_mm: median travel is {travel:g}, which looks like m; multiply by 1000")
+    return found
+
+
+def record_words(table: pd.DataFrame) -> pd.DataFrame:
+    """Return one row a record, in order of first appearance: `record`, and those words the table has."""
+    present = [word for word in WORDS if word in table]
+    words = table.drop_duplicates("record")[["record", *present]].reset_index(drop=True)
+    if "repeat" in words:
+        words["repeat"] = words["repeat"].astype(int)
+    return words
+
+
+def record_extras(table: pd.DataFrame) -> pd.DataFrame:
+    """Return what further columns say of each record, such as a pressure: one row a record, in order of appearance.
+
+    Columns `record`, and each column that is no column of a record table. Numbers that vary within a record are
+    averaged; text that varies is left out.
+
+    Warns
+    -----
+    UserWarning
+        For columns that are left out.
+    """
+    known = {*TEXT_COLUMNS, *NUMBER_COLUMNS}
+    extras, varying = table[["record"]].drop_duplicates().reset_index(drop=True), []
+    by_record = table.groupby("record", sort=False)
+    for column in (column for column in table.columns if column not in known):
+        if pd.api.types.is_numeric_dtype(table[column]) and not pd.api.types.is_bool_dtype(table[column]):
+            extras[column] = by_record[column].mean().to_numpy()
+        elif by_record[column].nunique(dropna=False).gt(1).any():
+            varying.append(str(column))
+        else:
+            extras[column] = by_record[column].first().to_numpy()
+    if varying:
+        warnings.warn(
+            f"column{'s' * (len(varying) > 1)} {', '.join(varying)}: text that varies within a record, left out of the "
+            "result; give each record one",
+            stacklevel=3,
+        )
+    return extras
+
+
+def carry_extras(rows: pd.DataFrame, extras: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows with the extras of their `record` behind them; one whose name is taken is ``given_<name>``."""
+    taken = {*rows.columns, "origin", "verdict"}
+    names = {"record": "record"}
+    for column in map(str, extras.columns.drop("record")):
+        name = column
+        while name in taken or (name != column and name in extras):
+            name = f"given_{name}"
+        names[column] = name
+    return rows.merge(extras.rename(columns=names), on="record", how="left", validate="m:1")
