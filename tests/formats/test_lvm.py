@@ -1,24 +1,57 @@
-"""The strict reader: the printed sample, and files that are not of its layout."""
+"""The `.lvm` reader: the printed sample, and every dialect that was met, each in a small file written by hand."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
+from fuzz_lvm import outcome
+from lvm_dialects import BAD, DATA, END, FILES, SAME, file_header, segment
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.lvm import read_lvm
+from bayes_tyre.formats.lvm_write import write_lvm
+from bayes_tyre.record import Channel, RawSignals
 
 SAMPLE = data_path("sample/appendix_b1.lvm")
+NAN = np.nan
 
 
 @pytest.fixture
-def text() -> str:
-    return SAMPLE.read_text()
+def path(tmp_path) -> Path:
+    return tmp_path / "recording.lvm"
+
+
+def read(path: Path, content: str | bytes) -> RawSignals:
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return read_lvm(path)
+
+
+def refusal(path: Path, content: str | bytes) -> str:
+    with pytest.raises(BadInput) as caught:
+        read(path, content)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert message.isprintable()
+    assert "; " in message
+    return message
+
+
+def table(raw: RawSignals) -> list[tuple[str, list[float], list[float]]]:
+    """Return name, times and values of the channels of the only segment; times to the microsecond."""
+    (channels,) = raw.segments
+    return [(one.name, one.time_s.round(6).tolist(), one.values.tolist()) for one in channels]
+
+
+def channels_of(path: Path, dialect: str) -> tuple[Channel, ...]:
+    (channels,) = read(path, FILES[dialect]).segments
+    return channels
 
 
 def test_the_printed_sample():
-    table = read_lvm(SAMPLE)
-    assert list(table.columns) == [
-        "X_Value",
+    raw = read_lvm(SAMPLE)
+    (channels,) = raw.segments
+    names = [
         "Raw Acc Voltage",
         "Acc m/s^2",
         "Raw Disp Voltage",
@@ -26,59 +59,278 @@ def test_the_printed_sample():
         "Raw Load Voltage",
         "Load kN",
         "Time Elapsed",
-        "Comment",
     ]
-    assert len(table) == 27
-    assert table["X_Value"].is_monotonic_increasing
-    assert table.loc[0, "Time Elapsed"] == 15144.0
-    assert table["Time Elapsed"].isna().sum() == 26
-    assert table.loc[0, "Comment"] == "06:04:45"
-    assert table.iloc[-1]["Load kN"] == 30.379580
-    assert all(table[name].dtype == np.float64 for name in table.columns[:-1])
+    assert [one.name for one in channels] == names
+    assert [one.unit for one in channels] == ["Volts"] * 6 + [""]
+    assert [one.declared_samples for one in channels] == [150_000] * 6 + [1]
+    assert [len(one.values) for one in channels] == [27] * 6 + [1]
+    assert channels[0].time_s[:3].tolist() == [0.0, 0.0001, 0.0002]
+    assert channels[0].time_s[-1] == 0.0099
+    assert channels[5].values[-1] == 30.379580
+    assert (channels[6].time_s[0], channels[6].values[0]) == (0.0, 15144.0)
+    assert len(raw.remarks) == 1
+    assert "27 samples, the header promises 150000" in raw.remarks[0]
 
 
-def test_asterisks_and_windows_line_ends(tmp_path, text):
-    path = tmp_path / "windows.lvm"
-    starred = text.replace("End_of_Header", "***End_of_Header***").replace("\n", "\r\n")
-    path.write_bytes(("LabVIEW Measurement\r\n" + starred).encode())
-    assert read_lvm(path).equals(read_lvm(SAMPLE))
+@pytest.mark.parametrize("dialect", SAME)
+def test_the_same_table_in_every_dialect(path, dialect):
+    raw = read(path, FILES[dialect])
+    times = [0.0, 0.1, 0.2]
+    assert table(raw) == [("acc", times, [1.0, 1.125, 1.25]), ("load", times, [-2.5, -2.25, -2.0])]
+    assert raw.remarks == ()
+    assert all((one.unit, one.declared_samples) == ("Volts", 3) for one in raw.segments[0])
+
+
+@pytest.mark.parametrize(
+    ("dialect", "encoding", "names", "units"),
+    [
+        ("latin-1", "latin-1", ["Temp\u00e9rature", "load"], ["\u00b0C", "kN"]),
+        ("utf-8 with a mark", "utf-8", ["acc", "load"], ["m/s\u00b2", "\u00b5V"]),
+    ],
+)
+def test_names_and_units_in_other_encodings(path, dialect, encoding, names, units):
+    channels = channels_of(path, dialect)
+    assert [one.name for one in channels] == names
+    assert [one.unit for one in channels] == units
+    assert FILES[dialect].removeprefix(b"\xef\xbb\xbf").decode(encoding).startswith("LabVIEW")
+
+
+def test_an_x_column_for_each_channel(path):
+    raw = read(path, FILES["multi"])
+    assert table(raw) == [("acc", [0.0, 0.1, 0.2], [1.0, 1.125, 1.25]), ("load", [-1.0, -0.5], [-2.5, -2.25])]
+    assert [(one.unit, one.declared_samples) for one in raw.segments[0]] == [("g", 3), ("kN", 2)]
+    assert raw.remarks == ()
+
+
+def test_a_header_without_blank_cells_above_the_x_columns(path):
+    text = FILES["multi"].decode().replace("g\t\tkN", "g\tkN").replace("3\t\t2\t", "3\t2\t")
+    channels = read(path, text).segments[0]
+    assert [(one.unit, one.declared_samples) for one in channels] == [("g", 3), ("kN", 2)]
+
+
+@pytest.mark.parametrize("dialect", ["segments", "segments without a blank line", "two files"])
+def test_several_headers(path, dialect):
+    raw = read(path, FILES[dialect])
+    assert [[len(one.values) for one in channels] for channels in raw.segments] == [[3, 3], [3, 3]]
+    assert raw.segments[0][0].values[0] == 1.0
+    assert raw.segments[1][0].values[0] == (1.0 if dialect == "two files" else 9.0)
+    np.testing.assert_allclose(raw.segments[1][1].time_s, [0.0, 0.1, 0.2])
+    assert raw.remarks == ()
+
+
+def test_two_writes_under_one_header(path):
+    raw = read(path, FILES["two writes"])
+    assert table(raw)[0] == ("acc", [0.0, 0.1, 0.2, 0.3, 0.4, 0.5], [1.0, 1.125, 1.25] * 2)
+    assert [one.declared_samples for one in raw.segments[0]] == [3, 3]
+    assert raw.remarks == ("'acc', 'load': 6 samples, the header promises 3",)
+
+
+def test_x_that_begins_again_is_kept_and_said(path):
+    raw = read(path, FILES["X that resets"])
+    assert table(raw)[1] == ("load", [0.0, 0.1, 0.2] * 2, [-2.5, -2.25, -2.0] * 2)
+    assert raw.remarks == ("X goes back once, first in row 4", "'acc', 'load': 6 samples, the header promises 3")
+
+
+def test_fewer_rows_than_promised(path):
+    raw = read(path, FILES["fewer rows"])
+    assert [(len(one.values), one.declared_samples) for one in raw.segments[0]] == [(3, 150_000)] * 2
+    assert raw.remarks == ("'acc', 'load': 3 samples, the header promises 150000",)
+
+
+def test_channels_of_unequal_length(path):
+    assert table(read(path, FILES["unequal"]))[1] == ("load", [0.0], [-2.5])
+    # The header promises three: the last two are missing, not absent.
+    assert channels_of(path, "unequal, cut short")[1].values.tolist() == pytest.approx([-2.5, NAN, NAN], nan_ok=True)
+    assert table(read(path, FILES["empty channel"]))[1] == ("load", [], [])
+    unsaid = FILES["unequal"].decode().replace("Samples\t3\t1\t\n", "")
+    assert table(read(path, unsaid))[1] == ("load", [0.0], [-2.5])
+
+
+def test_two_rates_in_one_table(path):
+    raw = read(path, FILES["two rates"])
+    assert table(raw) == [("acc", [0.0, 0.1, 0.2, 0.3], [1.0, 1.1, 1.2, 1.3]), ("load", [0.0, 0.2], [5.0, 6.0])]
+    assert raw.remarks == ()
+
+
+def test_two_rates_in_rows_of_several_writes(path):
+    raw = read(path, FILES["two rates, two writes"])
+    assert table(raw)[1] == ("load", [0.0, 0.2, 0.4], [5.0, 6.0, 7.0])
+    assert len(raw.remarks) == 2
+
+
+def test_x_is_that_of_the_channel_in_the_notes(path):
+    notes = "X values guaranteed valid only for load"
+    rows = "-1.0\t1.0\t5.0\n-0.5\t1.1\t6.0\n0.0\t1.2\t7.0\n"
+    text = file_header() + segment(("acc", "load"), rows, ["3", "3"], x0=["0", "-1"], delta=["0.1", "0.5"], notes=notes)
+    assert [times for _, times, _ in table(read(path, text))] == [[0.0, 0.1, 0.2], [-1.0, -0.5, 0.0]]
+
+
+def test_x_that_is_blank_where_its_channel_has_ended(path):
+    rows = "0.0\t1.0\t5.0\n0.1\t1.1\t6.0\n\t\t7.0\n"
+    raw = read(path, file_header() + segment(("acc", "load"), rows, ["2", "3"]))
+    assert table(raw) == [("acc", [0.0, 0.1], [1.0, 1.1]), ("load", [0.0, 0.1, 0.2], [5.0, 6.0, 7.0])]
+    assert raw.remarks == ("'load': X is blank in 1 rows: taken from Delta_X",)
+
+
+def test_blank_cells_and_nan(path):
+    assert channels_of(path, "empty cells")[0].values.tolist() == pytest.approx([1.0, NAN, 1.25], nan_ok=True)
+    acc, load = channels_of(path, "NaN")
+    assert acc.values.tolist() == pytest.approx([1.0, NAN, 1.25], nan_ok=True)
+    assert load.values.tolist() == pytest.approx([-2.5, NAN, NAN], nan_ok=True)
+
+
+def test_times_from_x0_and_delta_x(path):
+    acc, load = channels_of(path, "negative X0")
+    np.testing.assert_allclose(acc.time_s, [-0.5, -0.4, -0.3])
+    np.testing.assert_allclose(load.time_s, [-0.25, -0.15, -0.05])
+    without = FILES["no X"].decode().replace("Delta_X\t0.100000\t0.100000\t\n", "")
+    raw = read(path, without)
+    assert raw.segments[0][0].time_s.tolist() == [0.0, 1.0, 2.0]
+    assert raw.remarks == ("'acc', 'load': no X and no Delta_X: its time counts samples, not seconds",)
+
+
+@pytest.mark.parametrize("cut", range(1, 28))
+def test_a_row_cut_anywhere_is_left_out_and_said(path, cut):
+    raw = read(path, SAME["tab"][:-cut])
+    whole = 3 if cut == 1 else 2  # without its line end alone, the row is whole
+    assert [len(one.values) for one in raw.segments[0]] == [whole, whole]
+    if cut in (1, 28):
+        assert raw.remarks == ()
+    else:
+        assert raw.remarks[0] == "the last row is half written: left out"
+        assert raw.remarks[1] == "'acc', 'load': 2 samples, the header promises 3"
+
+
+def test_a_header_cut_short_at_the_end_is_left_out_and_said(path):
+    raw = read(path, FILES["truncated header"])
+    assert [len(one.values) for one in raw.segments[0]] == [3, 3]
+    assert raw.remarks == ("the file ends in an unfinished header: left out",)
+
+
+@pytest.mark.parametrize("dialect", [name for name in FILES if name.startswith("plain") and "one" not in name])
+def test_no_header(path, dialect):
+    raw = read(path, FILES[dialect])
+    named = "names" in dialect
+    counted = dialect == "plain without X"
+    times = [0.0, 1.0, 2.0] if counted else [0.0, 0.1, 0.2]
+    names = ("acc", "load") if named else ("column 2", "column 3")
+    assert table(raw) == [(names[0], times, [1.0, 1.125, 1.25]), (names[1], times, [-2.5, -2.25, -2.0])]
+    assert len(raw.remarks) == counted
+    assert all(one.declared_samples is None for one in raw.segments[0])
+
+
+def test_no_header_and_one_column(path):
+    assert table(read(path, FILES["plain one column"])) == [("column 1", [0.0, 1.0, 2.0], [1.5, 1.25, 3.5])]
+
+
+def test_what_differs_from_the_header_is_said(path):
+    raw = read(path, SAME["tab"].replace("Channels\t2", "Channels\t4").replace("Time\tTime", "Frequency\tTime"))
+    assert raw.remarks == ("the header promises 4 channels, the table has 2", "X is 'Frequency', not time")
+    raw = read(path, SAME["decimal comma"].replace("Decimal_Separator\t,", "Decimal_Separator\t."))
+    assert raw.remarks == ("the header says decimals have a '.', the rows have a ','",)
+    assert read(path, SAME["tab"].replace("acc\tload", "acc\tacc")).remarks == ("several channels have the name 'acc'",)
+    empty = DATA[: DATA.index("0.000000\t1")]
+    raw = read(path, file_header(Multi_Headings="Yes") + empty + DATA)
+    assert raw.remarks == ("segment 1: a header and no rows below it: left out",)
+    assert len(raw.segments) == 1
+
+
+def test_a_table_large_enough_to_be_read_in_pieces(path):
+    numbers = np.random.default_rng(3).normal(size=(70_000, 7)).round(6)
+    times = np.arange(70_000) * 1e-4
+    raw = RawSignals((tuple(Channel(f"c{i}", "V", times, column) for i, column in enumerate(numbers.T)),))
+    content = write_lvm(raw, path).read_bytes()
+    assert len(content) > 2 * 2**21  # two pieces at least, where there are two cores
+    middle = content.index(b"\n", len(content) // 2)
+    commented = content[:middle] + b"\tstopped\n" + content[middle + 1 :]
+    for variant in (content, content.replace(b"\n", b"\r\n"), commented):
+        (channels,) = read(path, variant).segments
+        np.testing.assert_array_equal(np.column_stack([one.values for one in channels]), numbers)
+        np.testing.assert_allclose(channels[0].time_s, times, atol=1e-9)
+    line = 2 + content[:middle].count(b"\n")
+    faulty = content[: middle + 1] + b"x" + content[middle + 1 :]
+    assert f": line {line}, column X_Value: 'x" in refusal(path, faulty)
+
+
+@pytest.mark.parametrize("fault", BAD)
+def test_no_rows_is_an_error(path, fault):
+    assert any(word in refusal(path, BAD[fault]) for word in ("no rows", "no end", "nothing"))
 
 
 @pytest.mark.parametrize(
     ("before", "after", "message"),
     [
-        ("Separator\tTab", "Separator\tComma", "header Separator is 'Comma'"),
-        ("Decimal_Separator\t.", "Decimal_Separator\t,", "header Decimal_Separator is ','"),
-        ("X_Columns\tOne", "X_Columns\tMulti", "header X_Columns is 'Multi'"),
-        ("Multi_Headings\tNo\t", "Multi_Headings\tYes\t", "header Multi_Headings is 'Yes'"),
-        ("X_Value\t", "Time\t", "needs X_Value"),
-        ("Disp mm", "Load kN", "each once"),
-        ("3.490187", "3,490187", "row 2, column Raw Acc Voltage: '3,490187' is no number"),
-        ("30.006036\t\t\n", "30.006036\t\t\t1\n", "10 cells under 9 columns"),
-        ("End_of_Header", "Start", "0 End_of_Header lines"),
+        ("1.125000", "1,125000", ", column acc: '1,125000' is no number"),
+        ("1.125000", "1.125000x", ", column acc: '1.125000x' is no number"),
+        ("1.125000", "0x10", ", column acc: '0x10' is no number"),
+        ("1.125000", "1_0", ", column acc: '1_0' is no number"),
+        ("1.125000", "\N{ARABIC-INDIC DIGIT ONE}", ", column acc: '\N{ARABIC-INDIC DIGIT ONE}' is no number"),
+        ("0.100000\t1", "broken\t1", ", column X_Value: 'broken' is no number"),
+        ("-2.250000\n", "-2.250000\t\t\t1\n", ": has 6 cells under 4 columns"),
+        ("-2.250000\n", "-2.250000\tnote\t1\n", ": has 5 cells under 4 columns"),
     ],
 )
-def test_another_layout_is_refused(tmp_path, text, before, after, message):
-    assert before in text
-    path = tmp_path / "other.lvm"
-    path.write_text(text.replace(before, after))
-    with pytest.raises(BadInput) as caught:
-        read_lvm(path)
-    assert message in str(caught.value)
-    assert str(path) in str(caught.value)
-    assert "\n" not in str(caught.value)
+def test_faults_name_the_line(path, before, after, message):
+    text = SAME["tab"]
+    line = 1 + text[: text.index(before, text.index("X_Value"))].count("\n")
+    assert f": line {line}{message}" in refusal(path, text.replace(before, after))
 
 
-def test_missing_empty_cut_and_binary_files(tmp_path, text):
-    path = tmp_path / "bad.lvm"
-    with pytest.raises(BadInput, match="no such file"):
-        read_lvm(path)
-    path.write_text("")
-    with pytest.raises(BadInput, match="0 End_of_Header"):
-        read_lvm(path)
-    path.write_text(text[: text.index("0.000000\t")])
-    with pytest.raises(BadInput, match="no rows"):
-        read_lvm(path)
-    path.write_bytes(b"\xff\xfe\x00\x81")
-    with pytest.raises(BadInput, match="UTF-8"):
-        read_lvm(path)
+def test_a_damaged_row_above_a_header_is_not_lost_in_it(path):
+    text = FILES["segments"].decode().replace("0.200000\t1.25", "o.2ooooo\t1.25", 1)
+    line = 1 + text[: text.index("o.2")].count("\n")
+    assert f": line {line}: 'o.2ooooo\\t1.250000\\t-2.000000' is neither a row nor of a header" in refusal(path, text)
+    no_x = file_header(X_Columns="No") + segment(("acc", "load"), "\t1.0\t2.0\n\t1.#IND\t3.0\n", ["2", "2"])
+    raw = read(path, no_x + DATA)
+    np.testing.assert_array_equal(raw.segments[0][0].values, [1.0, NAN])
+
+
+@pytest.mark.parametrize("row", range(3))
+def test_a_fault_in_any_row_names_its_line(path, row):
+    lines = SAME["tab"].split("\n")
+    line = row + 1 + next(i for i, text in enumerate(lines) if text.startswith("0.000000"))
+    lines[line - 1] = lines[line - 1].replace(".", ":", 1)
+    assert f": line {line}, column X_Value: " in refusal(path, "\n".join(lines))
+
+
+def test_a_blank_first_cell_is_missed_where_the_header_says_there_is_no_x(path):
+    text = SAME["no X"].replace("\n\t", "\n")
+    assert "rows lack the blank X cell" in refusal(path, text)
+
+
+def test_what_is_no_text_is_refused(path):
+    for missing, message in ((path, "no such file"), (path.parent, "is a folder")):
+        with pytest.raises(BadInput, match=message):
+            read_lvm(missing)
+    assert "zero bytes" in refusal(path, SAME["tab"].encode("utf-16"))
+    assert "no rows of numbers" in refusal(path, b"\x89PNG\r\n\x1a\n" + bytes(range(1, 255)))
+    assert "no rows of numbers" in refusal(path, "some notes\nof a day on the rig\n")
+
+
+def test_channels_named_to_deceive_are_text(path):
+    name = "\x1b[2J[bold]acc[/bold]"
+    text = SAME["tab"].replace("acc", name).replace("1.125000", "x")
+    assert "'\\x1b[2J[bold]acc[/bold]': 'x' is no number" in refusal(path, text)
+    assert read(path, SAME["tab"].replace("acc", name)).segments[0][0].name == name
+
+
+@pytest.mark.parametrize(
+    ("content", "ends"),
+    [
+        (b"1" * 10_000_000, "refused"),
+        (b"1\t" * 5_000_000, "refused"),
+        (b"\t" * 10_000_000, "refused"),
+        (b"Channels" * 1_000_000, "refused"),
+        ((SAME["tab"] + "\t" * 10_000_000 + "\n").encode(), "read"),
+        ((SAME["tab"] + "9" * 10_000_000 + "\n").encode(), "read"),
+        ((SAME["tab"] + "Channels\t1\n" * 1_000_000).encode(), "refused"),
+        (SAME["tab"].replace("acc\tload", "\t".join(["a"] * 1_000_000)).encode(), "refused"),
+        (SAME["tab"].replace("Time\tTime", "\t".join(["Time"] * 1_000_000)).encode(), "read"),
+        ((file_header() + f"{END}\n" * 300_000).encode(), "refused"),
+        ((file_header() + "***Start_Special***\n" * 300_000).encode(), "refused"),
+        ((SAME["tab"] + "0\n" * 1_000_000 + "\t".join(["1"] * 4)).encode(), "read"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else f"{value[:6]!r} {value[-6:]!r} {len(value)}",
+)
+def test_odd_content_of_ten_megabytes(path, content, ends):
+    assert outcome(content, path) == ends

@@ -1,0 +1,99 @@
+"""Named columns of numbers, from a CSV or Parquet file or a sheet, as raw signals: one of them is X."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.lvm import COMMENT, read_lvm
+from bayes_tyre.formats.lvm_channels import Roles, Said, build_channels
+from bayes_tyre.formats.lvm_source import shown
+from bayes_tyre.formats.tables import read_table
+from bayes_tyre.formats.x_column import grows, is_time, seconds_per_unit, unit_in
+from bayes_tyre.record import RawSignals
+
+_NO_READING = ("", "nan")
+_HEAD = 4096
+
+
+def signals_of(columns: Sequence[tuple[str, np.ndarray]], remarks: Sequence[str]) -> RawSignals:
+    """Return columns of equal length as one segment.
+
+    X is the first column with a name such as `time`, else the first column if it grows; a unit of time in its name is
+    turned into seconds. Units of channels stand in brackets at the end of their names.
+    """
+    names, values, said = [name for name, _ in columns], [column for _, column in columns], list(remarks)
+    x = next((i for i, name in enumerate(names) if is_time(name)), None)
+    if x is None and len(columns) > 1 and grows(values[0]):
+        x = 0
+    channels = tuple(i for i in range(len(columns)) if i != x)
+    if x is not None and (factor := seconds_per_unit(names[x])) != 1:
+        values[x] = values[x] * factor
+        said.append(f"X {shown(names[x])} turned into seconds")
+    roles = Roles(channels, (x,) * len(channels))
+    units = [Said(unit_in(names[i]), None, np.nan, np.nan) for i in channels]
+    segment, odd = build_channels(names, roles, values, units, "")
+    return RawSignals((segment,), (*said, *odd))
+
+
+def read_columns(path: Path) -> RawSignals:
+    """Return the raw signals in a `.csv` or `.parquet` file: a column a channel, X among them, names above.
+
+    A `.csv` file that is a LabVIEW file, or has no line of names, is read as such. A column of text is left out and
+    said; blank and NaN cells are missing.
+
+    Raises
+    ------
+    BadInput
+        If the file cannot be read, holds no numbers, or a cell among numbers is none.
+    """
+    if path.suffix.lower() == ".csv" and _is_lvm_or_plain(path):
+        return read_lvm(path)
+    table = read_table(path)
+    columns, remarks = [], []
+    for i, name in enumerate(map(str, table.columns)):
+        numbers = _numbers(table.iloc[:, i], name, path)
+        if numbers is None and name.strip().lower() != COMMENT:
+            remarks.append(f"column {shown(name)} is text: left out")
+        elif numbers is not None:
+            columns.append((name, numbers))
+    if not len(table) or not any(not np.isnan(numbers).all() for _, numbers in columns):
+        raise BadInput(f"{path}: holds no numbers; give a column a channel, and the time in the first")
+    return signals_of(columns, remarks)
+
+
+def _is_lvm_or_plain(path: Path) -> bool:
+    """Return whether a file begins as a LabVIEW file does, or with numbers where names should stand."""
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        head = file.read(_HEAD).lstrip(b"\xef\xbb\xbf")
+    first = head.split(b"\n")[0].strip().replace(b"\t", b",").replace(b";", b",").split(b",")
+    return head.startswith(b"LabVIEW Measurement") or b"End_of_Header" in head or all(map(_is_number, first))
+
+
+def _is_number(cell: bytes) -> bool:
+    try:
+        float(cell or b"0")
+    except ValueError:
+        return False
+    return True
+
+
+def _numbers(column: pd.Series, name: str, path: Path) -> np.ndarray | None:
+    """Return a column as numbers, NaN where a cell is blank; None if it holds no number."""
+    if pd.api.types.is_datetime64_any_dtype(column):
+        return ((column - column.min()) / pd.Timedelta(seconds=1)).to_numpy(dtype=float) if is_time(name) else None
+    if pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column):
+        return column.to_numpy(dtype=float, na_value=np.nan)
+    texts = column.astype(str).where(column.notna(), "").str.strip()
+    numbers = pd.to_numeric(texts, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
+    wrong = np.flatnonzero(np.isnan(numbers) & ~texts.str.lower().isin(_NO_READING).to_numpy())
+    if len(wrong) and np.isnan(numbers).all():
+        return None
+    if len(wrong):
+        cell = shown(texts.iloc[int(wrong[0])])
+        raise BadInput(f"{path}: row {wrong[0] + 1}, column {name}: {cell} is no number; mend the cell")
+    return numbers

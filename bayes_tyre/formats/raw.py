@@ -1,0 +1,83 @@
+"""Raw recordings of every kind: which reader for which suffix, and which files of a folder are recordings."""
+
+import os
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.column_signals import read_columns
+from bayes_tyre.formats.excel import read_excel
+from bayes_tyre.formats.lvm import read_lvm
+from bayes_tyre.formats.tdms import read_tdms
+from bayes_tyre.record import RawSignals
+
+READERS: dict[str, Callable[[Path], RawSignals]] = {
+    ".lvm": read_lvm,
+    ".txt": read_lvm,
+    ".tdms": read_tdms,
+    ".xlsx": read_excel,
+    ".csv": read_columns,
+    ".parquet": read_columns,
+}
+#: The simulator's table of truths, which belongs to the recordings beside it.
+TRUTH = "truth.csv"
+#: Suffixes of recordings and nothing else; the others in the same folder may be tables, notes, results.
+_RECORDINGS = (".lvm", ".tdms")
+
+
+def read_raw(path: Path, columns: Mapping[str, int] | None = None) -> RawSignals:
+    """Return what a raw file holds.
+
+    Parameters
+    ----------
+    path:
+        A `.lvm`, `.txt`, `.tdms`, `.xlsx`, `.csv` or `.parquet` file.
+    columns:
+        For a sheet: channel name -> column, counted from 1.
+
+    Raises
+    ------
+    BadInput
+        If the file is missing, of another kind, or cannot be read.
+    """
+    suffix = path.suffix.lower()
+    reader = READERS.get(suffix)
+    if reader is None:
+        raise BadInput(f"{path}: {suffix or 'no suffix'} is no kind of recording; use {', '.join(READERS)}")
+    try:
+        return read_excel(path, columns) if suffix == ".xlsx" else reader(path)
+    except OSError as error:
+        raise BadInput(f"{path}: {error.strerror or error}; check the path and the disk") from None
+    except MemoryError:
+        raise BadInput(f"{path}: is larger than the memory; cut it in pieces") from None
+
+
+def raw_files(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
+    """Return the recordings that files and folders name, and remarks on what was passed over.
+
+    Of a folder, all `.lvm` and `.tdms` files below it, sorted; where there are none, all files with another known
+    suffix but `.txt`. A file that is named itself is taken whatever it is.
+
+    Raises
+    ------
+    BadInput
+        If a path is not there, or no recording is below a folder.
+    """
+    files: list[Path] = []
+    remarks: list[str] = []
+    for path in paths:
+        if not path.is_dir():
+            if not path.exists():
+                raise BadInput(f"{path}: no such file; check the path")
+            files.append(path)
+            continue
+        below = sorted(Path(folder) / name for folder, _, names in os.walk(path) for name in names)
+        known = [file for file in below if file.suffix.lower() in READERS and not file.name.startswith(".")]
+        recordings = [file for file in known if file.suffix.lower() in _RECORDINGS]
+        tables = [file for file in known if file.suffix.lower() not in (*_RECORDINGS, ".txt") and file.name != TRUTH]
+        if recordings and tables:
+            remarks.append(f"{path}: {len(tables)} tables beside the recordings are not read; name those that are raw")
+        if not recordings and not tables:
+            raise BadInput(f"{path}: holds no recording ({', '.join(READERS)}); name another folder")
+        files += recordings or tables
+    return list(dict.fromkeys(files)), remarks

@@ -1,0 +1,120 @@
+"""LabVIEW's binary files (`.tdms`) as raw signals, through npTDMS: a group is a segment."""
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from nptdms import TdmsChannel, TdmsFile, TdmsGroup
+from nptdms.log import log_manager
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.lvm_channels import said_once
+from bayes_tyre.formats.lvm_source import reason, shown
+from bayes_tyre.formats.x_column import is_time, seconds_per_unit
+from bayes_tyre.record import Channel, RawSignals
+
+_INCREMENT, _OFFSET = "wf_increment", "wf_start_offset"
+_NO_NUMBERS = "text or time stamps: left out"
+_UNITS = ("unit_string", "NI_UnitDescription")
+
+
+def read_tdms(path: Path) -> RawSignals:
+    """Return what a TDMS file holds; groups without numbers are left out.
+
+    Times come from the waveform properties (`wf_start_offset`, `wf_increment`); in a group without them from its
+    channel named as X is, else they count samples, and `remarks` says so.
+
+    Raises
+    ------
+    BadInput
+        If the file is missing, no TDMS file, promises more samples than it has bytes, or holds no numbers.
+    """
+    if not path.is_file():
+        raise BadInput(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; check the path")
+    try:
+        # By an open file: with a path npTDMS would believe an index beside it, and leave a damaged file open.
+        with path.open("rb") as opened, _told() as told, TdmsFile.open(opened) as file:
+            groups = file.groups()
+            promised = sum(len(channel) for group in groups for channel in group.channels())
+            if promised > path.stat().st_size:
+                raise BadInput(f"{path}: promises {promised} samples, more than it has bytes; it may be damaged")
+            read = [_segment(group) for group in groups]
+    except BadInput:
+        raise
+    except Exception as error:  # the library raises whatever its parser runs into; to the user all are one
+        raise BadInput(
+            f"{path}: cannot be read as TDMS: {reason(error)}; it may be damaged, or not finished"
+        ) from error
+    segments = tuple(channels for channels, _ in read if channels)
+    if not segments:
+        raise BadInput(f"{path}: holds no channel of numbers; give a recording")
+    return RawSignals(segments, (*dict.fromkeys(told), *(text for _, remarks in read for text in remarks)))
+
+
+@contextmanager
+def _told() -> Iterator[list[str]]:
+    """Give the list of warnings that npTDMS logs within the block, instead of having them printed."""
+    told: list[str] = []
+
+    def take(record: logging.LogRecord) -> bool:
+        told.append(reason(record.getMessage()))
+        return False
+
+    log_manager.console_handler.addFilter(take)
+    try:
+        yield told
+    finally:
+        log_manager.console_handler.removeFilter(take)
+
+
+def _segment(group: TdmsGroup) -> tuple[tuple[Channel, ...], list[str]]:
+    numbers: list[tuple[TdmsChannel, np.ndarray]] = []
+    odd: list[tuple[str, str]] = []
+    for channel in group.channels():
+        values = _values(channel)
+        if values is None:
+            odd.append((channel.name, _NO_NUMBERS))
+        else:
+            numbers.append((channel, values))
+    x = next((i for i, (channel, _) in enumerate(numbers) if is_time(channel.name)), None)
+    times = None if x is None else _as_seconds(numbers[x][0].name, numbers[x][1])
+    channels = []
+    for i, (channel, values) in enumerate(numbers):
+        if i != x and np.issubdtype(values.dtype, np.datetime64):
+            odd.append((channel.name, _NO_NUMBERS))
+        elif i != x:
+            time_s, remark = _times(channel, len(values), times)
+            odd.append((channel.name, remark))
+            unit = next((str(channel.properties[key]) for key in _UNITS if key in channel.properties), "")
+            channels.append(Channel(channel.name, unit, time_s, values.astype(float), None))
+    return tuple(channels), [f"group {shown(group.name)}: {text}" for text in said_once(odd)]
+
+
+def _values(channel: TdmsChannel) -> np.ndarray | None:
+    """Return a channel's readings, or its time stamps; None if it holds text."""
+    kind = np.dtype(channel.dtype)
+    if len(channel) and not (np.issubdtype(kind, np.number) or np.issubdtype(kind, np.datetime64)):
+        return None
+    readings = np.asarray(channel[:]) if len(channel) else np.empty(0)
+    return None if np.iscomplexobj(readings) else readings
+
+
+def _as_seconds(name: str, values: np.ndarray) -> np.ndarray:
+    if np.issubdtype(values.dtype, np.datetime64):
+        return (values - values[:1]) / np.timedelta64(1, "s")
+    return values.astype(float) * seconds_per_unit(name)
+
+
+def _times(channel: TdmsChannel, samples: int, x: np.ndarray | None) -> tuple[np.ndarray, str]:
+    try:
+        increment = float(channel.properties[_INCREMENT])
+        offset = float(channel.properties.get(_OFFSET, 0.0))
+    except (KeyError, TypeError, ValueError):
+        increment = offset = np.nan
+    if increment > 0 and np.isfinite(increment) and np.isfinite(offset):
+        return offset + increment * np.arange(samples), ""
+    if x is not None and len(x) == samples:
+        return x, ""
+    return np.arange(samples, dtype=float), "no wf_increment: its time counts samples, not seconds"
