@@ -49,6 +49,15 @@ class StatefulLaw(Law):
         No move, no change: a step to the displacement where the state already is returns its force.
         """
 
+    def check(self) -> None:
+        """Refuse parameters, known numbers, with which a body moving on the law would gain energy from it.
+
+        Raises
+        ------
+        ValueError
+            If a closed loop of the law makes energy. A law that never does has nothing to refuse.
+        """
+
     def force(self, path: Path, F_start: ScalarLike) -> Float[Array, " points"]:
         """Return the force, kN, at every point of the path, mm, by stepping along it from `F_start`, kN."""
         # A scan's carry keeps its dtype: let path, start and parameters agree on one before it starts.

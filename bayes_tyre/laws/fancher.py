@@ -7,6 +7,7 @@ of single and dual truck tyres* (University of the Witwatersrand, 2019). Forces 
 from collections.abc import Callable
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.laws.base import Law, Path, ScalarLike, StatefulLaw
@@ -220,6 +221,19 @@ class Fancher(StatefulLaw):
         d_i, F_i = state
         F = small_step_limit(d, k=self.k, C=self.C, x=self.x, beta=self.beta, d_i=d_i, F_i=F_i)
         return (d, F), F
+
+    def check(self) -> None:
+        """Refuse x < k beta and beta <= 0 (known numbers): closed loops would make energy.
+
+        Raises
+        ------
+        ValueError
+            If any of the parameters, single or stacked, is so.
+        """
+        # In numpy: under a trace even known numbers come out of jax.numpy as traced ones.
+        k, x, beta = np.asarray(self.k), np.asarray(self.x), np.asarray(self.beta)
+        if not (np.all(beta > 0) and np.all(x >= k * beta)):
+            raise ValueError(f"needs beta > 0 and x >= k beta, or the law makes energy; got k {k}, x {x}, beta {beta}")
 
 
 def loop_energy(d: Path, F: Float[ArrayLike, " points"]) -> Float[Array, ""]:

@@ -153,9 +153,11 @@ def raw_sample(mended: bool = True) -> pd.DataFrame:
     Returns
     -------
     `X_Value` (s; it jumps, for the rows are excerpts), three voltages (V), `Acc m/s^2`, `Disp mm`, `Load kN`,
-    `Time Elapsed`, `Comment`. Source: appendix B1.
+    `Time Elapsed` (NaN but for the first row). Source: appendix B1.
     """
-    sample = read_lvm(data_path("sample/appendix_b1.lvm"))
+    segment = read_lvm(data_path("sample/appendix_b1.lvm")).segments[0]
+    channels = {channel.name: pd.Series(channel.values) for channel in segment}
+    sample = pd.DataFrame({"X_Value": segment[0].time_s, **channels})
     if mended:
         volts, acceleration = sample["Raw Acc Voltage"].to_numpy(), sample["Acc m/s^2"].to_numpy()
         sample["Acc m/s^2"] = mend_signs(volts, acceleration)

@@ -1,6 +1,7 @@
 """The axle on its rollers as read from a TOML file, and the section and beam formulas of appendices B2 and B3."""
 
 import math
+import re
 import tomllib
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +14,7 @@ from bayes_tyre.errors import BadInput
 #: Acceleration of free fall as the source takes it, m/s^2.
 GRAVITY_M_PER_S2 = 9.81
 EMBEDDED_RIGS = ("single", "dual")
+_CHOICES = f"{' or '.join(EMBEDDED_RIGS)}, or the path of a TOML file"
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
 NotNegative = Annotated[FiniteFloat, Field(ge=0)]
@@ -126,23 +128,31 @@ def load_rig(name_or_path: str | Path) -> Rig:
     """
     embedded = str(name_or_path) in EMBEDDED_RIGS
     path = data_path(f"rigs/{name_or_path}.toml") if embedded else Path(name_or_path)
-    if not path.is_file():
-        raise BadInput(f"{path}: no such rig file; name {' or '.join(EMBEDDED_RIGS)}, or the path of a TOML file")
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
+        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except IsADirectoryError:
+        raise BadInput(f"{path}: is a folder, not a rig file; name {_CHOICES}") from None
+    except FileNotFoundError:
+        raise BadInput(f"{path}: no such rig file; name {_CHOICES}") from None
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read: {error.strerror}; name {_CHOICES}") from None
+    except (ValueError, RecursionError) as error:
         raise BadInput(f"{path}: cannot be read as TOML: {' '.join(str(error).split())[:200]}; mend the file") from None
     try:
         return Rig.model_validate(content)
     except ValidationError as error:
-        first, *others = error.errors()
-        key = ".".join(map(str, first["loc"]))
-        more = f" (and {len(others)} more)" if others else ""
-        given = "" if first["type"] == "missing" else f", not {str(first['input'])[:40]!r}"
-        raise BadInput(
-            f"{path}: key {key}: {first['msg'][0].lower()}{first['msg'][1:]}{given}{more}; "
-            "the keys are explained in data/rigs/README.md"
-        ) from None
+        raise BadInput(f"{path}: {_first_fault(error)}") from None
+
+
+def _first_fault(error: ValidationError) -> str:
+    """Return what is wrong with the first key, as the file spells it, and what to do."""
+    first, *others = error.errors()
+    key = ".".join(part if re.fullmatch(r"[\w-]+", part, re.ASCII) else repr(part) for part in map(str, first["loc"]))
+    more = f" (and {len(others)} more)" if others else ""
+    said = {"missing": ("is missing", "add it"), "extra_forbidden": ("is unknown", "mend its spelling or remove it")}
+    wrong = f"{first['msg'][0].lower()}{first['msg'][1:]}, not {repr(first['input'])[:40]}", "mend the value"
+    what, remedy = said.get(first["type"], wrong)
+    return f"key {key}: {what}{more}; {remedy}, the keys are explained in data/rigs/README.md"
 
 
 def second_moment_m4(beam: Beam) -> float:

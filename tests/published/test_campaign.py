@@ -21,7 +21,8 @@ from bayes_tyre.published.campaign import (
     usual_scatter,
 )
 from bayes_tyre.published.checks import round_trip_rows
-from bayes_tyre.record import CASE_WORDS, WORDS, check_record_table
+from bayes_tyre.record import CASE_WORDS, WORDS
+from bayes_tyre.record_table import check_record_table
 from bayes_tyre.rig.axle import Rig, load_rig
 from bayes_tyre.rig.geometry import flat_ground_force, sin_theta
 

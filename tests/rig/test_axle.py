@@ -39,41 +39,86 @@ def test_whole_numbers_are_numbers(tmp_path, single_text):
     assert load_rig(own).rollers.radius_mm == 133.0
 
 
+ADD, MEND, SPELL = "; add it", "; mend the value", "; mend its spelling or remove it"
+
+
 @pytest.mark.parametrize(
-    ("before", "after", "key"),
+    ("before", "after", "said", "remedy"),
     [
-        ("support_to_load_mm = 875.0\n", "", "axle.support_to_load_mm"),
-        ("support_to_load_mm = 875.0", "support_to_load_mm = -875.0", "axle.support_to_load_mm"),
-        ("mass_kg = 290.0", "mass_kg = 0", "axle.mass_kg"),
-        ("mass_kg = 290.0", "mass_kg = inf", "axle.mass_kg"),
-        ("half_spacing_mm = 253.0", 'half_spacing_mm = "253"', "rollers.half_spacing_mm"),
-        ("half_spacing_mm = 253.0", "half_spacing_m = 0.253", "rollers.half_spacing_m"),
-        ("[tyre]\nunloaded_radius_mm = 536.0\n", "", "tyre"),
-        ("load_positive_into_rollers = true", "load_positive_into_rollers = -1", "signs.load_positive_into_rollers"),
-        ('load = "Load kN"', 'load = ""', "channels.load"),
+        ("support_to_load_mm = 875.0\n", "", "axle.support_to_load_mm: is missing", ADD),
+        ("[tyre]\nunloaded_radius_mm = 536.0\n", "", "tyre: is missing", ADD),
+        ("support_to_load_mm = 875.0", "support_to_load_mm = -875.0", "axle.support_to_load_mm: ", "not -875.0; mend"),
+        ("mass_kg = 290.0", "mass_kg = 0", "axle.mass_kg: ", MEND),
+        ("mass_kg = 290.0", "mass_kg = inf", "axle.mass_kg: ", MEND),
+        ("mass_kg = 290.0", f"mass_kg = 1{'0' * 400}", "axle.mass_kg: ", MEND),
+        ("half_spacing_mm = 253.0", 'half_spacing_mm = "253"', "rollers.half_spacing_mm: ", "not '253'; mend"),
+        ("half_spacing_mm = 253.0", "half_spacing_mm = 1999-12-31", "rollers.half_spacing_mm: ", MEND),
+        ("half_spacing_mm = 253.0", "half_spacing_mm = [253.0]", "rollers.half_spacing_mm: ", "not [253.0]; mend"),
+        ("half_spacing_mm = 253.0", "half_spacing_mm = 253.0\nhalf_spacing_m = 0.2", "rollers.half_spacing_m: ", SPELL),
+        ("half_spacing_mm = 253.0", 'half_spacing_mm = 253.0\n"a\\nb" = 1', r"rollers.'a\nb': is unknown", SPELL),
+        (
+            "load_positive_into_rollers = true",
+            "load_positive_into_rollers = -1",
+            "signs.load_positive_into_rollers",
+            MEND,
+        ),
+        ('load = "Load kN"', 'load = ""', "channels.load: ", MEND),
     ],
 )
-def test_bad_keys_are_named_with_the_file(tmp_path, single_text, before, after, key):
+def test_bad_keys_are_named_as_the_file_spells_them_with_what_to_do(tmp_path, single_text, before, after, said, remedy):
     assert before in single_text
     own = tmp_path / "own.toml"
     own.write_text(single_text.replace(before, after))
+    message = refusal(own)
+    assert message.startswith(f"{own}: key {said}")
+    assert remedy in message
+    assert message.endswith("the keys are explained in data/rigs/README.md")
+
+
+def refusal(name: object) -> str:
     with pytest.raises(BadInput) as caught:
-        load_rig(own)
+        load_rig(str(name))
     message = str(caught.value)
-    assert str(own) in message
-    assert f"key {key}" in message
-    assert "\n" not in message
+    assert message.isprintable()
+    assert "; " in message
+    return message
 
 
-def test_missing_file_folder_and_broken_toml(tmp_path):
-    with pytest.raises(BadInput, match="no such rig file"):
-        load_rig(tmp_path / "none.toml")
-    with pytest.raises(BadInput, match="no such rig file"):
-        load_rig(tmp_path)
+@pytest.mark.parametrize("name", ["triple", "rigs/none.toml"])
+def test_an_unknown_rig_is_refused_with_those_there_are(name):
+    assert refusal(name) == f"{name}: no such rig file; name single or dual, or the path of a TOML file"
+
+
+def test_a_path_that_no_disk_has_is_refused():
+    assert "cannot be read: File name too long; name single or dual" in refusal("x" * 300)
+
+
+def test_a_folder_is_no_rig(tmp_path):
+    assert f"{tmp_path}: is a folder, not a rig file; name single or dual" in refusal(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"name = ", b"[axle]\n[axle]\n", b"\xff\xfe\x00", b"x = " + b"[" * 5000, b"x = " + b"9" * 5000, b"name = 'a\nb'"],
+    ids=["half", "twice", "binary", "deep", "long", "two lines"],
+)
+def test_broken_toml_is_refused(content, tmp_path):
     broken = tmp_path / "broken.toml"
-    broken.write_text("name = ")
-    with pytest.raises(BadInput, match="cannot be read as TOML"):
-        load_rig(broken)
+    broken.write_bytes(content)
+    message = refusal(broken)
+    assert message.startswith(f"{broken}: cannot be read as TOML: ")
+    assert message.endswith("; mend the file")
+
+
+def test_an_empty_file_lacks_every_key(tmp_path):
+    (tmp_path / "empty.toml").touch()
+    assert "key name: is missing (and 5 more); add it" in refusal(tmp_path / "empty.toml")
+
+
+def test_a_byte_order_mark_is_no_part_of_a_rig(tmp_path, single_text):
+    own = tmp_path / "own.toml"
+    own.write_text(single_text, encoding="utf-8-sig")
+    assert load_rig(own) == load_rig("single")
 
 
 def test_a_rig_does_not_change():

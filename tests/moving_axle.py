@@ -1,0 +1,113 @@
+"""An axle on a tyre for tests of its motion, and what scipy makes of it, written out in plain numbers."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+from scipy.integrate import solve_ivp
+
+from bayes_tyre.laws.base import ScalarLike, StatefulLaw
+from bayes_tyre.laws.fancher import Fancher
+from bayes_tyre.rig import geometry
+from bayes_tyre.rig.axle import load_rig
+from bayes_tyre.rig.motion import Body, Drive, Motion, Start, move, node_times, rest_displacement, substeps_for
+
+RIG = load_rig("single")
+K, C, X, BETA, M, DAMPING = 1.7, 0.3, 0.4, 0.06, 285.0, 0.0013
+LAW = Fancher(k=K, C=C, x=X, beta=BETA)
+STEP_START_S, RISE_S = 0.05, 0.036
+HEIGHT, HALF, FACTOR = geometry.centre_height_mm(RIG), RIG.rollers.half_spacing_mm, geometry.curvature_factor(RIG)
+
+
+class Spring(StatefulLaw):
+    """A linear spring: no memory, so that scipy can integrate it straight through."""
+
+    k: ScalarLike
+
+    def init(self, d, F):
+        return d
+
+    def step(self, state, d):
+        return d, self.k * d
+
+
+def applied(time_s: np.ndarray) -> np.ndarray:
+    """30 kN down to 20 kN on the cylinder, and what that is at the wheel centre."""
+    s = np.clip((time_s - STEP_START_S) / RISE_S, 0, 1)
+    return (30.0 - 5.0 * (1 - np.cos(np.pi * s))) * (875 / 1300) + 2.518
+
+
+def runout(time_s: np.ndarray | float, amplitude: float) -> Any:
+    return amplitude * (np.sin(2 * np.pi * 2.9 * time_s) + 0.3 * np.sin(2 * np.pi * 11.6 * time_s + 1.0))
+
+
+def driven(rate_Hz: float, duration_s: float, amplitude: float = 0.0, max_step_s: float = 2e-4) -> tuple[Drive, int]:
+    substeps = substeps_for(1 / rate_Hz, max_step_s)
+    nodes = node_times(np.arange(round(duration_s * rate_Hz) + 1) / rate_Hz, substeps)
+    return Drive(nodes, applied(nodes), runout(nodes, amplitude)), substeps
+
+
+def at_rest(offset: float = C) -> Array:
+    return rest_displacement(RIG, applied(np.zeros(1))[0], k=K, offset_kN=offset)
+
+
+moved = jax.jit(lambda body, drive, start: move(RIG, body, drive, start))
+
+
+def motion(
+    rate_Hz: float, duration_s: float, amplitude: float = 0.0, max_step_s: float = 2e-4, law: StatefulLaw = LAW
+) -> tuple[Body, Drive, Motion, Motion]:
+    """Return what was moved, by what, the motion at the nodes and at the samples; the runout starts from rest."""
+    body = Body(law, M, DAMPING)
+    drive, substeps = driven(rate_Hz, duration_s, amplitude, max_step_s)
+    whole = moved(body, drive, Start(at_rest() - jnp.asarray(drive.runout_mm)[0]))
+    return body, drive, whole, whole.at_samples(substeps)
+
+
+# What scipy integrates is written out here anew, in plain numbers.
+def to_flat(e: float) -> tuple[float, float]:
+    sine = (HEIGHT - e) / np.hypot(HEIGHT - e, HALF)
+    return e * sine, FACTOR * sine
+
+
+def flat_rate(e: float) -> float:
+    """d(e sin theta)/de."""
+    u = HEIGHT - e
+    return u / np.hypot(u, HALF) - e * HALF**2 / np.hypot(u, HALF) ** 3
+
+
+def fancher_by_scipy(times: np.ndarray, friction: float) -> np.ndarray:
+    """Return displacements of the axle on Fancher's law, integrated from reversal to reversal, s fixed in between."""
+    start = float(at_rest(C + friction))
+    y, t, s, d = np.array([start, 0.0, K * to_flat(start)[0] + C + friction]), STEP_START_S, -1.0, []
+
+    def rates(t, y):
+        d_flat, factor = to_flat(y[0])
+        rate = s * (K * d_flat + C + s * X - y[2]) / BETA
+        return [y[1], (applied(t) - factor * y[2] - DAMPING * y[1]) / (M * 1e-6), rate * flat_rate(y[0]) * y[1]]
+
+    def turns(t, y):
+        return y[1] + 1e-30  # the start, at rest, is no turn
+
+    turns.terminal = True
+    while True:
+        turns.direction = -s
+        inside = times[(times > t) & (times <= times[-1])]
+        span = (t, times[-1])
+        piece = solve_ivp(rates, span, y, "DOP853", inside, events=turns, rtol=1e-11, atol=1e-11, max_step=1e-3)
+        d.append(piece.y[0])
+        if piece.status == 0:
+            return np.concatenate([np.full(int(np.sum(times <= STEP_START_S)), start), *d])
+        t, y, s = piece.t_events[0][0], piece.y_events[0][0] * [1, 0, 1], -s
+
+
+def spring_by_scipy(times: np.ndarray, start: float, amplitude: float) -> np.ndarray:
+    """Return displacement and velocity of the axle on a linear spring over a runout."""
+
+    def rates(t, y):
+        d_flat, factor = to_flat(y[0] + runout(t, amplitude))
+        return [y[1], (applied(t) - factor * K * d_flat - DAMPING * y[1]) / (M * 1e-6)]
+
+    return solve_ivp(rates, (0, times[-1]), [start, 0.0], "DOP853", times, rtol=1e-12, atol=1e-12, max_step=1e-3).y
