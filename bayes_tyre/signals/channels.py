@@ -1,0 +1,150 @@
+"""The three channels of a recording, on one time base, in engineering units, with the signs that the rig says."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.record import Channel, RawSignals
+from bayes_tyre.rig.axle import Rig
+from bayes_tyre.rig.calibration import Line
+
+Samples = Float[np.ndarray, " samples"]
+#: Two samples may lie so much closer or further apart than the others, as a share of their spacing.
+_JITTER = 0.1
+#: Fewer samples hold no step.
+LEAST_SAMPLES = 100
+
+
+class Signals(NamedTuple):
+    """What the sensors said, shape (samples,) each.
+
+    Attributes
+    ----------
+    time_s:
+        At equal steps, as in the file.
+    acceleration_m_per_s2:
+        At the measurement point, positive upward, the sensor's offset in it.
+    laser_mm:
+        Reading of the laser at the measurement point, growing as the axle goes down.
+    load_kN:
+        Of the cylinder, positive into the rollers.
+    """
+
+    time_s: Samples
+    acceleration_m_per_s2: Samples
+    laser_mm: Samples
+    load_kN: Samples
+
+    @property
+    def dt_s(self) -> float:
+        """Spacing of the samples, s."""
+        return float((self.time_s[-1] - self.time_s[0]) / (len(self.time_s) - 1))
+
+
+def find_channels(raw: RawSignals, rig: Rig) -> Signals:
+    """Return the three channels of a recording in units and signs.
+
+    Parameters
+    ----------
+    raw:
+        What a file holds; channels are sought by name, as the rig file says, in the first segment that has all three.
+        Where an engineering channel is missing, its voltage goes through the rig's calibration line.
+    rig:
+        Names, signs and calibration lines.
+
+    Raises
+    ------
+    BadInput
+        If a channel is missing or stands twice, has no reading somewhere, or its times are not those of the others,
+        have a gap or are uneven. The message names the channel and what the file has.
+    """
+    faults = []
+    for segment in raw.segments:
+        try:
+            found = [_find(segment, *wanted) for wanted in _wanted(rig)]
+        except BadInput as error:
+            faults.append(error)
+            continue
+        return _together(found)
+    raise faults[0] if faults else BadInput("holds no channel; record it again")
+
+
+def _wanted(rig: Rig) -> list[tuple[str, str, Line, bool]]:
+    names, lines, signs = rig.channels, rig.calibration, rig.signs
+    return [
+        (
+            names.acceleration,
+            names.acceleration_voltage,
+            Line(lines.acceleration_slope_m_per_s2_per_V, lines.acceleration_intercept_m_per_s2),
+            signs.acceleration_positive_upward,
+        ),
+        (
+            names.displacement,
+            names.displacement_voltage,
+            Line(lines.displacement_slope_mm_per_V, lines.displacement_intercept_mm),
+            signs.displacement_grows_downward,
+        ),
+        (
+            names.load,
+            names.load_voltage,
+            Line(lines.load_slope_kN_per_V, lines.load_intercept_kN),
+            signs.load_positive_into_rollers,
+        ),
+    ]
+
+
+def _find(segment: Sequence[Channel], name: str, voltage: str, line: Line, positive: bool) -> Channel:
+    """Return a channel in engineering units, signs turned."""
+    sign = 1.0 if positive else -1.0
+    for wanted, convert in ((name, lambda values: values), (voltage, line)):
+        found = [channel for channel in segment if channel.name.strip() == wanted.strip()]
+        if len(found) > 1:
+            raise BadInput(f"channel {wanted!r} stands {len(found)} times; give each channel a name of its own")
+        if found and not np.isnan(found[0].values).all():
+            channel = found[0]
+            return Channel(wanted, channel.unit, channel.time_s, sign * convert(channel.values))
+    has = ", ".join(repr(channel.name) for channel in segment[:12])
+    raise BadInput(f"has neither channel {name!r} nor {voltage!r}, but {has}; mend [channels] of the rig file")
+
+
+def _together(channels: Sequence[Channel]) -> Signals:
+    first = channels[0]
+    if len(first.values) < LEAST_SAMPLES:
+        raise BadInput(f"channel {first.name!r}: {len(first.values)} samples hold no step; record it again")
+    for channel in channels:
+        if len(channel.values) != len(first.values):
+            raise BadInput(
+                f"channel {channel.name!r} has {len(channel.values)} samples and {first.name!r} has "
+                f"{len(first.values)}; record them together"
+            )
+        missing = np.flatnonzero(~np.isfinite(channel.values))
+        if len(missing):
+            raise BadInput(
+                f"channel {channel.name!r}: no reading in {len(missing)} of {len(channel.values)} samples, the first "
+                f"is sample {missing[0] + 1}; mend the file"
+            )
+    _check_times(channels)
+    return Signals(first.time_s, *(channel.values for channel in channels))
+
+
+def _check_times(channels: Sequence[Channel]) -> None:
+    time, name = channels[0].time_s, channels[0].name
+    steps = np.diff(time)
+    dt = float(np.median(steps))
+    if not (np.isfinite(time).all() and dt > 0):
+        raise BadInput(f"channel {name!r}: time does not run forward; mend the X column")
+    odd = np.flatnonzero(np.abs(steps - dt) > _JITTER * dt)
+    if len(odd):
+        raise BadInput(
+            f"channel {name!r}: samples are {dt:g} s apart, but {steps[odd[0]]:g} s at {time[odd[0]]:g} s (and "
+            f"{len(odd) - 1} more places); time needs equal steps"
+        )
+    for other in channels[1:]:
+        apart = float(np.abs(other.time_s - time).max())
+        if not apart <= _JITTER * dt:
+            raise BadInput(
+                f"channels {name!r} and {other.name!r} are up to {apart:g} s apart in time; record them together"
+            )

@@ -1,0 +1,68 @@
+"""What a method makes of a recording: a record's columns, what is known of it as a whole, and a picture of the way."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from bayes_tyre.signals.channels import Signals
+from bayes_tyre.signals.steps import Step
+from bayes_tyre.signals.words import Words
+
+Samples = Float[np.ndarray, " samples"]
+
+
+class Recording(NamedTuple):
+    """A recording ready for a method: words, channels (runout removed), step, and how much runout there was."""
+
+    words: Words
+    raw: Signals
+    signals: Signals
+    step: Step
+    runout_rms_m_per_s2: float
+
+
+class Processed(NamedTuple):
+    """A record on flat ground.
+
+    Attributes
+    ----------
+    words:
+        Its name, case and repeat.
+    time_s, displacement_mm, force_kN, displacement_sd_mm, force_sd_kN:
+        Shape (points,); time is the file's. The standard deviations are those of the noise before the step.
+    extras:
+        A number or word a record, by column name.
+    recording:
+        What it was made from, for pictures.
+    """
+
+    words: Words
+    time_s: Samples
+    displacement_mm: Samples
+    force_kN: Samples
+    displacement_sd_mm: Samples
+    force_sd_kN: Samples
+    extras: dict[str, float | str]
+    recording: Recording
+
+    def columns(self) -> dict[str, object]:
+        """Return the columns of a record table, words and extras repeated on every row."""
+        return {
+            **self.words.row(),
+            "time_s": self.time_s,
+            "displacement_mm": self.displacement_mm,
+            "force_kN": self.force_kN,
+            "displacement_sd_mm": self.displacement_sd_mm,
+            "force_sd_kN": self.force_sd_kN,
+            **self.extras,
+        }
+
+
+def clarity(step: Step) -> dict[str, float | str]:
+    """Return the extras that tell of any record how clear its step is."""
+    return {
+        "load_change_kN": step.change_kN,
+        "load_clarity": step.load_clarity,
+        "acceleration_clarity": step.acceleration_clarity,
+    }

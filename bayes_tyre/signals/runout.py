@@ -1,0 +1,120 @@
+"""The periodic runout of a rolling tyre: turns of wheel and rollers, fitted before the step and removed everywhere."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from bayes_tyre.rig.axle import Rig
+from bayes_tyre.signals.channels import Signals
+from bayes_tyre.signals.noise import block_means
+
+Samples = Float[np.ndarray, " samples"]
+#: Harmonics of each turning body.
+WHEEL_HARMONICS, ROLLER_HARMONICS = 5, 3
+# A loaded tyre rolls on less than its unloaded radius, and speed is not met exactly: a turn is sought so far about
+# its nominal frequency, on means over 4 ms. Fewer turns than this before the step cannot be told from a drift.
+_SEARCH, _MEAN_S, _LEAST_TURNS = 0.06, 4e-3, 2.0
+
+
+class Turning(NamedTuple):
+    """A turning body: turns a second and how many harmonics of them."""
+
+    turn_Hz: float
+    harmonics: int
+
+    @property
+    def frequencies_Hz(self) -> list[float]:
+        """Return those of its harmonics."""
+        return [order * self.turn_Hz for order in range(1, self.harmonics + 1)]
+
+
+class Runout(NamedTuple):
+    """What was removed: the turning bodies as found, and the amplitude of their acceleration (root mean square)."""
+
+    bodies: tuple[Turning, ...]
+    acceleration_rms_m_per_s2: float
+
+
+def nominal_bodies(rig: Rig, speed_km_h: float) -> tuple[Turning, ...]:
+    """Return wheel and rollers (where there are any) turning at a road speed, km/h, without slip."""
+    mm_per_s = speed_km_h / 3.6e-3
+    bodies = [Turning(mm_per_s / (2 * math.pi * rig.tyre.unloaded_radius_mm), WHEEL_HARMONICS)]
+    rollers = getattr(rig, "rollers", None)  # a machine with a flat ground has none
+    if rollers is not None:
+        bodies.append(Turning(mm_per_s / (2 * math.pi * rollers.radius_mm), ROLLER_HARMONICS))
+    return tuple(bodies)
+
+
+def remove_runout(signals: Signals, quiet: int, bodies: tuple[Turning, ...]) -> tuple[Signals, Runout]:
+    """Return the signals without what is periodic before the step.
+
+    The frequencies are refined on the acceleration about their nominal values, one body after the other; then sines
+    and cosines of all harmonics are fitted to each channel's quiet stretch by least squares, with its mean and slope,
+    and taken away from the whole of it.
+
+    Parameters
+    ----------
+    signals:
+        Three channels.
+    quiet:
+        Samples before the step.
+    bodies:
+        As `nominal_bodies` gives them.
+    """
+    time_s = signals.time_s - signals.time_s[0]
+    known = tuple(body for body in bodies if body.turn_Hz * time_s[quiet - 1] >= _LEAST_TURNS)
+    if not known:
+        return signals, Runout((), 0.0)
+    length = max(1, round(_MEAN_S / signals.dt_s))
+    means = block_means(signals.acceleration_m_per_s2[:quiet], length)
+    found = _refined(block_means(time_s[:quiet], length), means, known)
+    columns = _columns(time_s, found)
+    trend = np.stack([np.ones(quiet), time_s[:quiet] - time_s[:quiet].mean()])
+    design = np.concatenate([columns[:, :quiet], trend])
+    gram = design @ design.T
+    clean = []
+    for channel in signals[1:]:
+        weights = np.linalg.solve(gram, design @ channel[:quiet])[: len(columns)]
+        clean.append(channel - weights @ columns)
+    removed = signals.acceleration_m_per_s2 - clean[0]
+    return Signals(signals.time_s, *clean), Runout(found, float(np.sqrt(np.mean(removed**2))))
+
+
+def _refined(time_s: Samples, values: Samples, bodies: tuple[Turning, ...]) -> tuple[Turning, ...]:
+    found = list(bodies)
+    for reach, sweeps in ((_SEARCH, 2), (_SEARCH / 20, 2)):
+        for i in list(range(len(found))) * sweeps:
+            centre = found[i].turn_Hz
+            # Steps that the highest harmonic's peak, as wide as 1 / duration, cannot fall between.
+            step = 0.2 / (time_s[-1] * found[i].harmonics) * (1.0 if reach == _SEARCH else 0.1)
+            count = max(2, math.ceil(reach * centre / step))
+            tried = centre + np.linspace(-1, 1, 2 * count + 1) * reach * centre
+            left = [_left_over(time_s, values, _with(found, i, turn)) for turn in tried]
+            found[i] = found[i]._replace(turn_Hz=_peak(tried, np.array(left)))
+    return tuple(found)
+
+
+def _with(bodies: list[Turning], i: int, turn_Hz: float) -> tuple[Turning, ...]:
+    return (*bodies[:i], bodies[i]._replace(turn_Hz=turn_Hz), *bodies[i + 1 :])
+
+
+def _left_over(time_s: Samples, values: Samples, bodies: tuple[Turning, ...]) -> float:
+    design = np.concatenate([_columns(time_s, bodies), np.ones((1, len(time_s)))])
+    weights = np.linalg.lstsq(design @ design.T, design @ values, rcond=1e-10)[0]
+    return float(np.sum((values - weights @ design) ** 2))
+
+
+def _peak(tried: Samples, left: Samples) -> float:
+    """Return where the parabola through the best frequency and its neighbours is least."""
+    i = int(np.clip(np.argmin(left), 1, len(tried) - 2))
+    below, here, above = left[i - 1 : i + 2]
+    bend = below - 2 * here + above
+    shift = np.clip(0.5 * (below - above) / bend, -1, 1) if bend > 0 else 0.0
+    return float(tried[i] + shift * (tried[1] - tried[0]))
+
+
+def _columns(time_s: Samples, bodies: tuple[Turning, ...]) -> Float[np.ndarray, "columns samples"]:
+    angles = [2 * np.pi * frequency * time_s for body in bodies for frequency in body.frequencies_Hz]
+    return np.concatenate([np.sin(angles), np.cos(angles)])
