@@ -20,12 +20,13 @@ def posterior(
     """Return draws, shape (chains, draws, ...), as the DataTree of a fit; without a `record`, of printed cases."""
     shape = next(iter(draws.values())).shape[:2]
     if "record" in words:
-        levels, records = find_levels(words), words
+        levels, records = find_levels(words), words if "travel_mm" in words else words.assign(travel_mm=4.0)
+        model = "records"
     else:
         known = [word for word in CASE_WORDS if word in words]
-        levels, records = find_levels(words[known]), pd.DataFrame({"record": []})
+        levels, records, model = find_levels(words[known]), pd.DataFrame({"record": []}), "published"
     return to_datatree(
-        draws, quiet(*shape) | dict(statistics or {}), levels, records, {"origin": origin, "model": "records"}
+        draws, quiet(*shape) | dict(statistics or {}), levels, records, {"origin": origin, "model": model}
     )
 
 
@@ -77,6 +78,8 @@ def scattered(words: pd.DataFrame, seed: int, chains: int = 4, draws: int = 250)
         "log_k_case_scale": about(0.05, 0.3),
         "sigma_typical": about(0.03, 0.1),
     }
+    kept["beta_cell"] = about(0.05, 0.1, len(levels.cell.labels))
+    kept |= {"log_beta_case_scale": about(0.2, 0.3), "J_scale": about(0.4, 0.2)}
     if levels.speed.varies:
         kept["log_k_speed"] = 0.05 * rng.normal(size=(chains, draws, len(levels.speed.labels)))
     return kept

@@ -13,7 +13,15 @@ hierarchical models", Statistical Science 22, taken from one partial centring to
 from typing import NamedTuple
 
 import jax.numpy as jnp
+from jax.scipy.linalg import cho_solve, solve_triangular
 from jaxtyping import Array, Float
+
+
+class Gaussian(NamedTuple):
+    """What the data below say of some unknowns, as independent normal estimates, shape (units,)."""
+
+    value: Float[Array, " units"]
+    precision: Float[Array, " units"]
 
 
 class Placed(NamedTuple):
@@ -35,20 +43,17 @@ class Placed(NamedTuple):
 
 
 def place(
-    z: Float[Array, " units"],
-    estimate: Float[Array, " units"],
-    precision: Float[Array, " units"],
-    above: Float[Array, "*#units"],
-    scale: Float[Array, "*#units"],
+    z: Float[Array, " units"], estimate: Gaussian, above: Float[Array, "*#units"], scale: Float[Array, "*#units"]
 ) -> Placed:
     """Return scalar unknowns at z, given a Gaussian estimate below and a normal level above, shape (units,).
 
-    If the data were as Gaussian as `estimate` and `precision` say and the level above is Normal(above, scale),
-    the posterior of z is exactly standard normal, whatever the scale.
+    If the data were as Gaussian as `estimate` says and the level above is Normal(above, scale), the posterior of z
+    is exactly standard normal, whatever the scale.
     """
+    value, precision = estimate
     # Precision of the unknown in units of the level above: what the data add to 1.
     gain = 1.0 + precision * scale**2
-    deviation = scale * (scale * precision * (estimate - above) / gain + z / jnp.sqrt(gain))
+    deviation = scale * (scale * precision * (value - above) / gain + z / jnp.sqrt(gain))
     return Placed(above + deviation, deviation, jnp.log(scale) - 0.5 * jnp.log(gain))
 
 
@@ -75,3 +80,25 @@ def place_pair(
     first = (z[:, 0] - b / r * second) / r
     deviation = scale * (mean + jnp.stack([first, second], axis=1))
     return Placed(above + deviation, deviation, jnp.sum(jnp.log(scale), axis=1) - 0.5 * jnp.log(determinant))
+
+
+def place_jointly(
+    z: Float[Array, " terms"],
+    design: Float[Array, "units terms"],
+    estimate: Gaussian,
+    above: Float[Array, " terms"],
+    scale: Float[Array, " terms"],
+) -> Placed:
+    """Return the terms of a regression at z: `estimate` is of design @ terms, and each term is Normal(above, scale).
+
+    If the data were as Gaussian as `estimate` says, the posterior of z is exactly standard normal, whatever the scales
+    and however the columns of the design overlap.
+    """
+    weighted = design * scale
+    pull = weighted.T @ (estimate.precision * (estimate.value - design @ above))
+    # Precision of the terms in units of their scales: what the data add to 1.
+    gain = jnp.eye(len(scale)) + weighted.T @ (weighted * estimate.precision[:, None])
+    factor = jnp.linalg.cholesky(gain)
+    deviation = scale * (cho_solve((factor, True), pull) + solve_triangular(factor.T, z))
+    log_volume = jnp.sum(jnp.log(scale)) - jnp.sum(jnp.log(jnp.diagonal(factor)))
+    return Placed(above + deviation, deviation, log_volume)

@@ -6,6 +6,8 @@ import arviz as az
 import numpy as np
 import xarray as xr
 
+from bayes_tyre.inference.doubts import find_doubts
+
 R_HAT_MOST = 1.01
 ESS_LEAST_PER_CHAIN = 100
 BFMI_LEAST = 0.3
@@ -71,8 +73,9 @@ def diagnose(tree: xr.DataTree, residual_autocorrelation: float = np.nan) -> Dia
     """Return the verdict on a posterior, from every quantity it holds.
 
     Pass: R-hat <= 1.01, bulk and tail ESS >= 100 a chain, BFMI >= 0.3, no divergence, finite draws, residuals that
-    do not follow each other. Negative autocorrelation passes: a fit to few points leaves it, and it narrows no
-    interval. Source: Vehtari et al. (2021), "Rank-normalization, folding, and localization".
+    do not follow each other, and no doubt of `bayes_tyre.inference.doubts` about the records. Negative
+    autocorrelation passes: a fit to few points leaves it, and it narrows no interval. Source: Vehtari et al. (2021),
+    "Rank-normalization, folding, and localization".
 
     Parameters
     ----------
@@ -110,6 +113,7 @@ def diagnose(tree: xr.DataTree, residual_autocorrelation: float = np.nan) -> Dia
             f"sigma: residuals have lag-1 autocorrelation {residual_autocorrelation:.2f}: intervals are too narrow; "
             "use unsmoothed signals, or thin each record until neighbouring residuals are independent"
         )
+    reasons += find_doubts(posterior)
     return Diagnostics(
         "fail" if reasons else "pass",
         tuple(reasons),

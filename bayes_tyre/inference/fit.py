@@ -1,21 +1,70 @@
 """From a table to a posterior: the two hierarchical fits, put together from their parts."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from bayes_tyre.batch import Batch, pad
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.hierarchical import published_model, records_model
-from bayes_tyre.inference.levels import Levels, find_levels
+from bayes_tyre.inference.levels import find_levels
 from bayes_tyre.inference.likelihood import compress
-from bayes_tyre.inference.picture import RecordEstimates, draw_picture, effect_estimates, record_data
-from bayes_tyre.inference.posterior import to_datatree
+from bayes_tyre.inference.picture import RecordEstimates, draw_picture, record_data
+from bayes_tyre.inference.posterior import scale_displacement, to_datatree
 from bayes_tyre.inference.priors import prior_medians
+from bayes_tyre.inference.record_fits import LARGEST, REGIONS, THESIS_KEPT
 from bayes_tyre.inference.sampling import SamplerSettings, sample
-from bayes_tyre.record import CASE_WORDS, Batch, origin_of, pad, record_words
+from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.record_table import origin_of, record_words
 
 #: F_i, J, k, beta and sigma of a record, and one point to spare.
 LEAST_POINTS = 6
+INITIAL_LOADS = ("nominal", "actual")
+
+
+@dataclass(frozen=True)
+class ModelSettings:
+    """What the hierarchical model of records is told beside the records.
+
+    Attributes
+    ----------
+    region:
+        ``all`` points of each record, or ``thesis``: the source's first 70 %.
+    initial_load:
+        What k and beta may change with: ``nominal``, an effect of each `initial_load_kN`, or ``actual``, a slope
+        over the mean force that a case's records really started from.
+    displacement_scale_sd:
+        Relative standard deviation of a common factor on displacement, carried into k and beta; 0: none.
+
+    Raises
+    ------
+    BadInput
+        For unknown names, and a standard deviation that is negative or not finite.
+    """
+
+    region: str = "all"
+    initial_load: str = "nominal"
+    displacement_scale_sd: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, allowed in (("region", REGIONS), ("initial_load", INITIAL_LOADS)):
+            if getattr(self, name) not in allowed:
+                raise BadInput(f"{name} {getattr(self, name)!r} is unknown; use {' or '.join(allowed)}")
+        if not 0 <= self.displacement_scale_sd < np.inf:
+            raise BadInput(
+                f"displacement_scale_sd is {self.displacement_scale_sd}; give 0 or a relative sd such as 0.05"
+            )
+
+
+def used_points(table: pd.DataFrame, region: str) -> pd.DataFrame:
+    """Return the rows of a checked table that a region uses: all, or the first 70 % of each record (appendix B5)."""
+    if region == "all":
+        return table
+    by_record = table.groupby("record", sort=False)["record"]
+    kept = by_record.cumcount() < np.ceil(THESIS_KEPT * by_record.transform("size"))
+    return table[kept].reset_index(drop=True)
 
 
 def record_batch(table: pd.DataFrame) -> Batch:
@@ -31,6 +80,12 @@ def record_batch(table: pd.DataFrame) -> Batch:
         names.append(str(name))
         displacement.append(rows["displacement_mm"].to_numpy(dtype=float))
         force.append(rows["force_kN"].to_numpy(dtype=float))
+        for column, values in (("displacement_mm", displacement[-1]), ("force_kN", force[-1])):
+            if np.abs(values).max() > LARGEST:
+                raise BadInput(
+                    f"record {name!r}, column {column}: {np.abs(values).max():g} is above {LARGEST:g}, too large to be "
+                    "squared; check the cells"
+                )
         if len(rows) < LEAST_POINTS:
             raise BadInput(f"record {name!r}: {len(rows)} points, a fit needs {LEAST_POINTS}; remove the record")
         if np.ptp(displacement[-1]) == 0 or np.ptp(force[-1]) == 0:
@@ -39,7 +94,9 @@ def record_batch(table: pd.DataFrame) -> Batch:
     return pad(tuple(names), displacement, force)
 
 
-def fit_hierarchical(table: pd.DataFrame, settings: SamplerSettings | None = None) -> xr.DataTree:
+def fit_hierarchical(
+    table: pd.DataFrame, settings: SamplerSettings | None = None, model: ModelSettings | None = None
+) -> xr.DataTree:
     """Return the posterior of k, beta, J, C and sigma of every record, their cases and populations.
 
     Parameters
@@ -48,6 +105,8 @@ def fit_hierarchical(table: pd.DataFrame, settings: SamplerSettings | None = Non
         A checked record table (`bayes_tyre.record.check_record_table`).
     settings:
         How much to sample.
+    model:
+        What else the model is told.
 
     Returns
     -------
@@ -60,23 +119,24 @@ def fit_hierarchical(table: pd.DataFrame, settings: SamplerSettings | None = Non
     BadInput
         For a record with too few points or no travel.
     """
-    batch = record_batch(table)
-    words = record_words(table)
-    levels = find_levels(words)
+    settings, model = settings or SamplerSettings(), model or ModelSettings()
+    batch = record_batch(used_points(table, model.region))
+    travel = np.abs(batch.displacement_mm - batch.displacement_mm[:, :1]).max(axis=1)
+    words = record_words(table).assign(travel_mm=travel)
+    levels = find_levels(words, batch.force_kN[:, 0] if model.initial_load == "actual" else None)
     data, picture = record_data(batch), draw_picture(batch, levels)
     arguments = {"likelihood": compress(data), "data": data, "picture": picture, "levels": levels}
-    draws = sample(records_model, arguments, settings or SamplerSettings(), _starts(picture.records, levels))
+    draws = sample(records_model, arguments, settings, _starts(picture.records))
     attributes = {"origin": origin_of(table), "model": "records"}
-    return to_datatree(draws.sites, draws.statistics, levels, words, attributes)
+    tree = to_datatree(draws.sites, draws.statistics, levels, words, attributes)
+    if model.displacement_scale_sd > 0:
+        tree = scale_displacement(tree, model.displacement_scale_sd, settings.seed)
+    return tree
 
 
-def _starts(records: RecordEstimates, levels: Levels) -> dict[str, np.ndarray]:
+def _starts(records: RecordEstimates) -> dict[str, np.ndarray]:
     """Return where the populations start: prior medians, and where the records' own estimates say more, these."""
     starts = prior_medians()
-    for name, log_values in (("k", np.asarray(records.log_k)), ("beta", np.asarray(records.log_beta))):
-        cell_of_record = levels.cell.of_case[levels.of_record]
-        cells = range(len(levels.cell.labels))
-        starts[f"{name}_cell"] = np.exp([np.median(log_values[cell_of_record == cell]) for cell in cells])
     starts["sigma_typical"] = np.asarray(np.exp(np.median(np.asarray(records.log_sigma))))
     starts["J_scale"] = np.asarray(np.sqrt(np.mean(np.asarray(records.centre[:, 1]) ** 2)) + 1e-3)
     return starts
@@ -95,8 +155,7 @@ def fit_published(table: pd.DataFrame, settings: SamplerSettings | None = None) 
     levels = find_levels(table[list(CASE_WORDS)])
     columns = {"k": "k_kN_per_mm", "beta": "beta_mm"}
     values = {name: table[column].to_numpy(dtype=float) for name, column in columns.items()}
-    estimates = {name: effect_estimates(np.log(printed), levels, name) for name, printed in values.items()}
-    arguments = {"values": values, "estimates": estimates, "levels": levels}
+    arguments = {"values": values, "levels": levels}
     draws = sample(published_model, arguments, settings or SamplerSettings(), prior_medians())
     attributes = {"origin": "published", "model": "published"}
     return to_datatree(draws.sites, draws.statistics, levels, pd.DataFrame({"record": []}), attributes)

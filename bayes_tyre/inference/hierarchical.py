@@ -11,12 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 import numpyro
 import numpyro.distributions as dist
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
-from bayes_tyre.inference.coordinates import place, place_pair
-from bayes_tyre.inference.levels import Factor, Levels
+from bayes_tyre.inference.coordinates import Gaussian, place, place_jointly, place_pair
+from bayes_tyre.inference.levels import Levels
 from bayes_tyre.inference.likelihood import Likelihood
-from bayes_tyre.inference.picture import CaseEstimates, Gaussian, Picture, RecordData, RecordEstimates
+from bayes_tyre.inference.picture import CaseEstimates, Picture, RecordData, RecordEstimates
 from bayes_tyre.inference.priors import DISCORDANT_WIDENING, PRIORS
 
 #: Repeats that a case needs before one of them can be called discordant.
@@ -42,31 +42,39 @@ def _flat(site: str, shape: tuple[int, ...]) -> Array:
     return _sample(site, dist.ImproperUniform(dist.constraints.real, (), shape))
 
 
-def _effect(name: str, factor: Factor, scale: Float[Array, ""], estimate: Gaussian) -> Float[Array, " cases"]:
-    """Return a partially pooled effect of the factor on each case.
-
-    Effects lie in the factor's basis: what levels share would otherwise be said twice, here and in the cell means,
-    and the sampler would crawl along the ridge between the two.
-    """
-    z = _flat(f"{name}_z", estimate.value.shape)
-    placed = place(z, estimate.value, estimate.precision, jnp.zeros(()), scale)
-    numpyro.factor(f"{name}_density", dist.Normal(0.0, scale).log_prob(placed.deviation) + placed.log_volume)
-    return _keep(name, jnp.asarray(factor.basis) @ placed.value)[factor.of_case]
+def _placed(site: str, estimate: Gaussian, above: ArrayLike, scale: ArrayLike) -> Array:
+    """Sample unknowns that are Normal(above, scale), in coordinates that follow the scale and the estimate."""
+    above, scale = jnp.asarray(above), jnp.asarray(scale)
+    placed = place(_flat(f"{site}_z", estimate.value.shape), estimate, above, scale)
+    numpyro.factor(f"{site}_density", dist.Normal(0.0, scale).log_prob(placed.deviation) + placed.log_volume)
+    return placed.value
 
 
-def case_structure(parameter: str, levels: Levels, estimates: Mapping[str, Gaussian]) -> Float[Array, " cases"]:
+def case_structure(parameter: str, levels: Levels, estimate: Gaussian) -> Float[Array, " cases"]:
     """Return the mean of the logarithm of `k` (kN/mm) or `beta` (mm) that the words of each case predict.
 
     Configuration x direction, plus partially pooled speed, initial load and size of the step (for beta
-    direction x step too). A word with one level has no term. `estimates` shape the coordinates of the effects.
+    direction x step too). A word with one level has no term. Effects lie in their factor's basis: what levels share
+    would otherwise be said twice, here and in the cells, and the sampler would crawl along the ridge between the two.
+
+    `estimate` shapes the coordinates: what is known of each case, with its precision about what the words say.
     """
-    with numpyro.plate(f"{parameter}_cells", len(levels.cell.labels)):
-        cell = _prior(f"{parameter}_cell")
-    mean = jnp.log(cell)[levels.cell.of_case]
-    for name, factor in levels.factors(parameter).items():
-        site = f"log_{parameter}_{name}"
-        mean = mean + _effect(site, factor, _prior(f"{site}_scale"), estimates[name])
-    return mean
+    location, width = PRIORS[f"{parameter}_cell"].parameters
+    factors, cells = levels.factors(parameter), len(levels.cell.labels)
+    scales = [jnp.full(cells, width)]
+    scales += [jnp.repeat(_prior(f"log_{parameter}_{name}_scale"), f.basis.shape[1]) for name, f in factors.items()]
+    scale, design = jnp.concatenate(scales), jnp.asarray(levels.design(parameter))
+    above = jnp.zeros(len(scale)).at[:cells].set(location)
+    placed = place_jointly(_flat(f"{parameter}_words_z", scale.shape), design, estimate, above, scale)
+    numpyro.factor(f"{parameter}_words_density", dist.Normal(0.0, scale).log_prob(placed.deviation).sum())
+    numpyro.factor(f"{parameter}_words_volume", placed.log_volume)
+    numpyro.deterministic(f"{parameter}_cell", jnp.exp(placed.value[:cells]))
+    start = cells
+    for name, factor in factors.items():
+        here = placed.value[start : start + factor.basis.shape[1]]
+        numpyro.deterministic(f"log_{parameter}_{name}", jnp.asarray(factor.basis) @ here)
+        start += factor.basis.shape[1]
+    return design @ placed.value
 
 
 def _repeat_scatter(parameter: str, levels: Levels, estimate: Gaussian) -> Float[Array, " cases"]:
@@ -75,10 +83,8 @@ def _repeat_scatter(parameter: str, levels: Levels, estimate: Gaussian) -> Float
     typical = _prior(name)
     if not levels.speed.varies:
         return jnp.broadcast_to(typical, (len(levels.cases),))
-    mean, spread = jnp.log(typical), _prior(f"log_{parameter}_scatter_spread")
-    placed = place(_flat(f"{name}_z", estimate.value.shape), estimate.value, estimate.precision, mean, spread)
-    numpyro.factor(f"{name}_density", dist.Normal(0.0, spread).log_prob(placed.deviation) + placed.log_volume)
-    return _keep(f"{name}_by_speed", jnp.exp(placed.value))[levels.speed.of_case]
+    log_scatter = _placed(name, estimate, jnp.log(typical), _prior(f"log_{parameter}_scatter_spread"))
+    return _keep(f"{name}_by_speed", jnp.exp(log_scatter))[levels.speed.of_case]
 
 
 def _case_level(
@@ -88,16 +94,12 @@ def _case_level(
 
     Where a remainder cannot be told from the scatter of repeats or from the words, there is none.
     """
-    mean = case_structure(parameter, levels, estimates.effects)
-    if levels.has_remainder(parameter):
-        scale = _prior(f"log_{parameter}_case_scale")
-        precision = jnp.asarray(levels.repeats) / (scatter**2 + estimates.variance)
-        z = _flat(f"{parameter}_case_z", (len(levels.cases),))
-        placed = place(z, estimates.median, precision, mean, scale)
-        numpyro.factor(
-            f"{parameter}_case_density", dist.Normal(0.0, scale).log_prob(placed.deviation) + placed.log_volume
-        )
-        mean = placed.value
+    variance = (scatter**2 + estimates.variance) / jnp.asarray(levels.repeats)
+    remainder = _prior(f"log_{parameter}_case_scale") if levels.has_remainder(parameter) else None
+    about_words = variance if remainder is None else variance + remainder**2
+    mean = case_structure(parameter, levels, Gaussian(estimates.median, 1.0 / about_words))
+    if remainder is not None:
+        mean = _placed(f"{parameter}_case", Gaussian(estimates.median, 1.0 / variance), mean, remainder)
     numpyro.deterministic(f"{parameter}_case", jnp.exp(mean))
     return mean
 
@@ -139,12 +141,12 @@ def _record_level(picture: Picture, levels: Levels) -> Float[Array, "records 4"]
 
 
 def _noise(estimates: RecordEstimates) -> Float[Array, " records"]:
-    """Return sigma (kN) of each record, partially pooled."""
-    mean, scale = jnp.log(_prior("sigma_typical")), _prior("log_sigma_spread")
-    z = _flat("sigma_z", estimates.log_sigma.shape)
-    placed = place(z, estimates.log_sigma, estimates.log_sigma_precision, mean, scale)
-    numpyro.factor("sigma_density", dist.Normal(0.0, scale).log_prob(placed.deviation) + placed.log_volume)
-    return _keep("sigma", jnp.exp(placed.value))
+    """Return sigma (kN) of each record, partially pooled; one record alone is the typical one."""
+    if len(estimates.log_sigma) == 1:
+        return _keep("sigma", jnp.reshape(_prior("sigma_typical"), (1,)))
+    told = Gaussian(estimates.log_sigma, estimates.log_sigma_precision)
+    log_sigma = _placed("sigma", told, jnp.log(_prior("sigma_typical")), _prior("log_sigma_spread"))
+    return _keep("sigma", jnp.exp(log_sigma))
 
 
 def records_model(likelihood: Likelihood, data: RecordData, picture: Picture, levels: Levels) -> None:
@@ -174,11 +176,7 @@ def records_model(likelihood: Likelihood, data: RecordData, picture: Picture, le
     numpyro.deterministic("C", F_i + J - k * data.d_0)
 
 
-def published_model(
-    values: Mapping[str, Float[np.ndarray, " cases"]],
-    estimates: Mapping[str, Mapping[str, Gaussian]],
-    levels: Levels,
-) -> None:
+def published_model(values: Mapping[str, Float[np.ndarray, " cases"]], levels: Levels) -> None:
     """Model printed case means, one a case, such as Tables 9 and 11.
 
     One value a case cannot tell the scatter of repeats from the case's remainder: both are one term, and
@@ -189,14 +187,13 @@ def published_model(
     ----------
     values:
         ``k`` (kN/mm) and ``beta`` (mm) by case.
-    estimates:
-        What they say of the effects, by parameter; shapes the coordinates.
     levels:
         How the cases group.
     """
     for parameter, printed in values.items():
-        mean = case_structure(parameter, levels, estimates[parameter])
         scatter = _prior(f"published_scatter_{parameter}")
+        known = Gaussian(jnp.log(jnp.asarray(printed)), jnp.full(len(printed), scatter**-2.0))
+        mean = case_structure(parameter, levels, known)
         # The mean of a log-normal number, not its median: printed averages over cases are to be met by averages.
         numpyro.deterministic(f"{parameter}_case", jnp.exp(mean + 0.5 * scatter**2))
         numpyro.sample(f"published_{parameter}", dist.LogNormal(mean, scatter), obs=printed)

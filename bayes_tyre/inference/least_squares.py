@@ -1,6 +1,5 @@
-"""Batched Levenberg-Marquardt on Equation 2: all records of a batch in one jit and one vmap, failures as values."""
+"""Least squares on Equation 2: all records of a batch in one jit and one vmap, failures as values."""
 
-import math
 from typing import NamedTuple
 
 import equinox as eqx
@@ -9,47 +8,22 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
-from bayes_tyre.laws.fancher import equation_2
+from bayes_tyre.inference.box_solver import BoxLevenbergMarquardt
+from bayes_tyre.inference.parameters import BETA, D_I, F_I, C, K
+from bayes_tyre.inference.problem import OwnProblem, Problem, in_own_units
+from bayes_tyre.inference.starts import solve_linear, starting_values
 
-#: The order of the parameters in every vector here: kN/mm, kN, mm, mm, kN.
-PARAMETERS = ("k", "C", "beta", "d_i", "F_i")
-K, C, BETA, D_I, F_I = range(5)
-#: Equation 2 is linear in these once beta and d_i are known.
-LINEAR = (K, C, F_I)
+__all__ = ["BETA", "D_I", "F_I", "C", "Estimate", "K", "Problem", "estimate_batch", "estimate_record"]
 
-MAX_STEPS = 512
+#: Most steps of a fit, and of one of the many that d_i is tried with.
+MAX_STEPS, TRIED_STEPS = 512, 32
 TOLERANCE = 1e-11
 #: Singular values of the column-scaled Jacobian below this, relative to the largest, are rank lost.
 RANK_TOLERANCE = 1e-7
 #: 95 % point of chi-squared with one degree of freedom: a profile that rises less is open to that side.
 CHI2_95 = 3.841458820694124
-#: Betas tried for a start, over the travel: from far below any spacing of points to almost a straight line.
-SCAN_DECADES = (-5.0, 2.0, 57)
-#: Beta over the travel beyond which nothing tells betas apart: the fit ends there, and profiles are open or not.
-BETA_ENDS = (1e-12, 1e3)
-
-
-class Problem(NamedTuple):
-    """One record and what is known of its parameters; a leading axis batches it.
-
-    Attributes
-    ----------
-    d, F:
-        Displacement (mm) and force (kN), shape (points,).
-    used:
-        Shape (points,); False on padding.
-    fixed:
-        Shape (5,), in the order of `PARAMETERS`; NaN where not given (d_i, F_i: the first point). Counts
-        where the parameter is not free.
-    start:
-        Shape (starts, 5); NaN where not given: found from the data. The best of the fits is kept.
-    """
-
-    d: Float[Array, "*records points"]
-    F: Float[Array, "*records points"]
-    used: Bool[Array, "*records points"]
-    fixed: Float[Array, "*records 5"]
-    start: Float[Array, "*records starts 5"]
+#: A parameter this near to its bound, in own units, is on it; beta, relative to itself.
+AT_BOUND = 1e-11
 
 
 class Estimate(NamedTuple):
@@ -58,13 +32,17 @@ class Estimate(NamedTuple):
     Attributes
     ----------
     value, standard_error:
-        Shape (5,), in the order and units of `PARAMETERS`; the error is NaN where not fitted.
+        Shape (5,), in the order and units of `PARAMETERS`; the error is NaN where not fitted or at a bound,
+        and conditional on those at a bound.
     rss:
         Residual sum of squares, kN^2.
+    at_bound:
+        Shape (5,); True where the value is one of its bounds.
     undetermined:
         Shape (5,); True where the Jacobian has lost the parameter.
     beta_open_below, beta_open_above:
-        True where beta towards zero (infinity) fits no worse: the record gives only a bound.
+        True where beta towards zero (infinity) fits no worse: the record gives only a bound. False to a side
+        where a bound was given.
     converged:
         False where the solver ran out of steps or met numbers that are not finite.
     """
@@ -72,131 +50,115 @@ class Estimate(NamedTuple):
     value: Float[Array, "*records 5"]
     standard_error: Float[Array, "*records 5"]
     rss: Float[Array, "*records"]
+    at_bound: Bool[Array, "*records 5"]
     undetermined: Bool[Array, "*records 5"]
     beta_open_below: Bool[Array, "*records"]
     beta_open_above: Bool[Array, "*records"]
     converged: Bool[Array, "*records"]
 
 
-class _LevenbergMarquardt(optx.LevenbergMarquardt):
-    def __init__(self):
-        super().__init__(rtol=TOLERANCE, atol=TOLERANCE)
+class _Fit(NamedTuple):
+    """Parameters in own units, the RSS there (infinite if a number is not finite), and whether it is an optimum."""
 
-    def terminate(self, fn, y, args, options, state, tags):
-        """Stop also when the step has shrunk to nothing: at an optimum, rounding alone may reject every step."""
-        done, result = super().terminate(fn, y, args, options, state, tags)
-        return done | (state.search_state.step_size < jnp.finfo(y.dtype).eps), result
+    value: Float[Array, "5"]
+    rss: Float[Array, ""]
+    converged: Bool[Array, ""]
 
 
-def _residual(value: Float[Array, "5"], problem: Problem) -> Float[Array, " points"]:
-    force = equation_2(problem.d, k=value[K], C=value[C], beta=value[BETA], d_i=value[D_I], F_i=value[F_I])
-    return jnp.where(problem.used, force - problem.F, 0.0)
+def _mask(indices: tuple[int, ...]) -> Bool[Array, "5"]:
+    return jnp.array([i in indices for i in range(5)])
 
 
-def _solve_linear(
-    beta: Float[Array, ""], base: Float[Array, "5"], problem: Problem, free: tuple[int, ...]
-) -> tuple[Float[Array, "5"], Float[Array, ""]]:
-    """Return the parameters with the free linear ones at their optimum for this beta, and the RSS there."""
-    gone = -jnp.expm1(-jnp.abs(problem.d - base[D_I]) / beta)
-    # With C free the line is taken through the first point: far from zero displacement k and C are nearly collinear.
-    pivot = problem.d[0] if C in free else jnp.zeros(())
-    columns = {K: (problem.d - pivot) * gone, C: gone, F_I: 1.0 - gone}
-    unknown = [i for i in LINEAR if i in free]
-    value = base.at[BETA].set(beta)
-    if unknown:
-        known = sum(columns[i] * base[i] for i in LINEAR if i not in free)
-        design = jnp.where(problem.used[:, None], jnp.stack([columns[i] for i in unknown], axis=1), 0.0)
-        size = jnp.linalg.norm(design, axis=0)
-        design = design / jnp.where(size > 0, size, 1.0)
-        target = jnp.where(problem.used, problem.F - known, 0.0)
-        # The Gram matrix of scaled columns is at most 3 x 3; its pseudo-inverse survives a column that vanishes.
-        solution = jnp.linalg.pinv(design.T @ design, rtol=1e-14, hermitian=True) @ (design.T @ target)
-        value = value.at[jnp.array(unknown)].set(solution / jnp.where(size > 0, size, 1.0))
-        value = value.at[C].add(-value[K] * pivot)
-    return value, jnp.sum(_residual(value, problem) ** 2)
-
-
-def _scales(problem: Problem) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Return travel (mm) and force span (kN) of the record, 1 where it has none: the units it is solved in."""
-    travel = jnp.max(jnp.where(problem.used, jnp.abs(problem.d - problem.d[0]), 0.0))
-    span = jnp.max(jnp.where(problem.used, jnp.abs(problem.F - problem.F[0]), 0.0))
-    return jnp.where(travel > 0, travel, 1.0), jnp.where(span > 0, span, 1.0)
-
-
-def _starts(problem: Problem, base: Float[Array, "5"], free: tuple[int, ...]) -> Float[Array, "starts 5"]:
-    """Return starting values: as given, beta from a scan of its profile, the linear ones at their optimum."""
-    travel, _ = _scales(problem)
-    scanned = base[BETA]
-    if BETA in free:
-        # lax.map, not vmap: a scan over betas keeps memory at one batch whatever the number tried.
-        candidates = travel * jnp.logspace(*SCAN_DECADES)
-        rss = jax.lax.map(lambda beta: _solve_linear(beta, base, problem, free)[1], candidates)
-        scanned = candidates[jnp.argmin(jnp.where(jnp.isfinite(rss), rss, jnp.inf))]
-    is_free = jnp.array([i in free for i in range(5)])
-
-    def complete(start: Float[Array, "5"]) -> Float[Array, "5"]:
-        beta = jnp.where(is_free[BETA] & ~jnp.isnan(start[BETA]), start[BETA], scanned)
-        value, _ = _solve_linear(beta, base, problem, free)
-        return jnp.where(is_free & ~jnp.isnan(start), start, value)
-
-    return jax.vmap(complete)(problem.start)
-
-
-def _levenberg_marquardt(
-    value: Float[Array, "5"], problem: Problem, free: tuple[int, ...]
-) -> tuple[Float[Array, "5"], Bool[Array, ""]]:
-    """Return the optimum over the free parameters from `value`, and whether the solver got there."""
-    travel, span = _scales(problem)
-    unit = jnp.stack([span / travel, span, travel, travel, span])
-    pivot = problem.d[0] if C in free else jnp.zeros(())
+def _fit(value: Float[Array, "5"], own: OwnProblem, free: tuple[int, ...], steps: int = MAX_STEPS) -> _Fit:
+    """Return the optimum over the free parameters from `value`."""
     index = jnp.array(free)
+    two_sided = jnp.isfinite(own.low) & jnp.isfinite(own.high)
+    bends = _mask((K, C)) & ~two_sided
+    side = jnp.where(jnp.isfinite(own.low), own.low, jnp.where(jnp.isfinite(own.high), own.high, 0.0))
+    anchor = jnp.where(bends, side, 0.0)
 
-    def reached(value: Float[Array, "5"]) -> Float[Array, ""]:
-        return -jnp.expm1(-travel / value[BETA])
-
-    # log beta: raw beta steps negative, and overflows. The line through the first point, times the part of it that
-    # is reached at full travel: beyond the travel only k / beta and C / beta are determined.
-    def to_unknown(value: Float[Array, "5"]) -> Float[Array, " free"]:
-        line = jnp.stack([value[K], value[C] + value[K] * pivot]) * reached(value)
-        packed = value.at[jnp.array([K, C])].set(line) / unit
-        return packed.at[BETA].set(jnp.log(packed[BETA]))[index]
+    # log beta: raw beta steps negative, and overflows. k and C, from their bound on, times the part of the line that is
+    # reached at full travel: beyond the travel only k / beta and C / beta are determined. Within two bounds they stay.
+    def reached(beta: Float[Array, ""]) -> Float[Array, "5"]:
+        return jnp.where(bends, -jnp.expm1(-1.0 / beta), 1.0)
 
     def to_value(unknown: Float[Array, " free"]) -> Float[Array, "5"]:
-        packed = jnp.zeros(5).at[index].set(unknown)
-        packed = packed.at[BETA].set(jnp.exp(jnp.clip(packed[BETA], *map(math.log, BETA_ENDS)))) * unit
-        full = value.at[BETA].set(packed[BETA]) if BETA in free else value
-        line = packed / reached(full)
-        full = full.at[K].set(line[K]) if K in free else full
-        full = full.at[C].set(line[C] - full[K] * pivot) if C in free else full
-        for i in {D_I, F_I} & set(free):
-            full = full.at[i].set(packed[i])
-        return full
+        packed = own.base.at[index].set(unknown)
+        if BETA in free:
+            packed = packed.at[BETA].set(jnp.exp(packed[BETA]))
+        return jnp.where(_mask(free), anchor + packed / reached(packed[BETA]), own.base)
 
+    def to_unknown(value: Float[Array, "5"]) -> Float[Array, " free"]:
+        packed = (value - anchor) * reached(value[BETA])
+        return packed.at[BETA].set(jnp.log(packed[BETA]))[index]
+
+    ends = jnp.log(jnp.stack(own.beta_ends))
+    low, high = (
+        (bound - anchor).at[BETA].set(end)[index] for bound, end in zip((own.low, own.high), ends, strict=True)
+    )
     solution = optx.least_squares(
-        lambda unknown, _: _residual(to_value(unknown), problem) / span,
-        _LevenbergMarquardt(),
-        to_unknown(value),
-        max_steps=MAX_STEPS,
+        lambda unknown, _: own.residual(to_value(unknown)),
+        BoxLevenbergMarquardt(low=low, high=high, rtol=TOLERANCE, atol=TOLERANCE),
+        jnp.clip(to_unknown(value), low, high),
+        max_steps=steps,
         throw=False,
     )
     found = to_value(solution.value)
-    return found, (solution.result == optx.RESULTS.successful) & jnp.all(jnp.isfinite(found))
+    rss = jnp.sum(own.residual(found) ** 2)
+    finite = jnp.all(jnp.isfinite(found)) & jnp.isfinite(rss)
+    return _Fit(found, jnp.where(finite, rss, jnp.inf), finite & (solution.result == optx.RESULTS.successful))
+
+
+def _best_fit(starts: Float[Array, "starts 5"], own: OwnProblem, free: tuple[int, ...]) -> _Fit:
+    """Return the best of the fits from several starts: of those that converged, if any did."""
+    # lax.map, not vmap: memory stays at one batch whatever the number of starts.
+    if D_I not in free:
+        return _best(jax.lax.map(lambda start: _fit(start, own, free), starts))
+    # The RSS has a kink where d_i passes a point, and the solver is slow beside one: most starts are only tried out.
+    tried = jax.lax.map(lambda start: _fit(start, own, free, TRIED_STEPS), starts)
+    fits = [_fit(tried.value[jnp.argmin(tried.rss)], own, free)]
+    others = tuple(i for i in free if i != D_I)
+    if others:
+        # Where a kink is a minimum, the solver stops on the way into it.
+        value = fits[0].value
+        point = own.d[jnp.argmin(jnp.where(own.used, jnp.abs(own.d - value[D_I]), jnp.inf))]
+        kink = jnp.clip(point, own.low[D_I], own.high[D_I])
+        fits.append(_fit(value.at[D_I].set(kink), own._replace(base=own.base.at[D_I].set(kink)), others))
+    return _best(jax.tree.map(lambda *fields: jnp.stack(fields), *fits))
+
+
+def _best(fits: _Fit) -> _Fit:
+    """Return the fit of lowest RSS of those that converged, if any did, else of all."""
+    sums = jnp.where(fits.converged | ~jnp.any(fits.converged), fits.rss, jnp.inf)
+    return jax.tree.map(lambda field: field[jnp.argmin(sums)], fits)
 
 
 def _errors(
-    value: Float[Array, "5"], problem: Problem, free: tuple[int, ...], variance: Float[Array, ""]
+    value: Float[Array, "5"], own: OwnProblem, fitted: Bool[Array, "5"], free: tuple[int, ...]
 ) -> tuple[Float[Array, "5"], Bool[Array, "5"]]:
-    """Return standard errors from the Jacobian's inverse Gram matrix, and the parameters lost in its null space."""
+    """Return standard errors over that of a point, and the parameters lost in the null space of the Jacobian."""
     index = jnp.array(free)
-    jacobian = jax.jacfwd(_residual)(value, problem)[:, index]
+    jacobian = jnp.where(fitted, jax.jacfwd(own.residual)(value), 0.0)[:, index]
     size = jnp.linalg.norm(jacobian, axis=0)
-    _, singular, vectors = jnp.linalg.svd(jacobian / jnp.where(size > 0, size, 1.0), full_matrices=False)
+    scale = jnp.where(size > 0, size, 1.0)
+    _, singular, vectors = jnp.linalg.svd(jnp.linalg.qr(jacobian / scale, mode="r"))
     kept = singular > RANK_TOLERANCE * singular[0]
     inverse = jnp.where(kept, 1.0 / jnp.where(kept, singular, 1.0), 0.0)
-    spread = jnp.sqrt(jnp.sum((vectors.T * inverse) ** 2, axis=1)) / jnp.where(size > 0, size, 1.0)
-    lost = (jnp.max(jnp.abs(vectors) * ~kept[:, None], axis=0) > 0.1) | (size == 0)
-    error = jnp.full(5, jnp.nan).at[index].set(jnp.where(lost, jnp.nan, spread * jnp.sqrt(variance)))
-    return error, jnp.zeros(5, bool).at[index].set(lost)
+    root = jnp.zeros((5, len(free))).at[index].set(vectors.T * inverse / scale[:, None])
+    lost = jnp.zeros(5, bool).at[index].set(jnp.max(jnp.abs(vectors) * ~kept[:, None], axis=0) > 0.1) & fitted
+    # Away from zero displacement C is the line's force less k times the distance: no better known than k.
+    lost = lost.at[C].set(lost[C] | (fitted[C] & lost[K] & (own.units.origin != 0)))
+    return jnp.where(fitted & ~lost, own.units.deviations(root), jnp.nan), lost
+
+
+def _to_the_digit(
+    value: Float[Array, "5"], at_bound: Bool[Array, "5"], problem: Problem, free: tuple[int, ...]
+) -> Float[Array, "5"]:
+    """Return the values with those that were fixed, or end on a bound, exactly as they were given."""
+    low, high = problem.bounds
+    bound = jnp.where(jnp.abs(value - low) < jnp.abs(value - high), low, high)
+    inside = jnp.where(at_bound, bound, jnp.clip(value, low, high))
+    return jnp.where(_mask(free), inside, problem.base)
 
 
 def estimate_record(problem: Problem, free: tuple[int, ...]) -> Estimate:
@@ -209,26 +171,33 @@ def estimate_record(problem: Problem, free: tuple[int, ...]) -> Estimate:
     free:
         Indices into `PARAMETERS` of those to fit; static.
 
-    Source: Equation 2; Levenberg-Marquardt in log beta (optimistix); errors from RSS / (points - fitted).
+    Source: Equation 2; Levenberg-Marquardt in log beta (optimistix); errors from RSS / (points - fitted), where a
+    parameter at its bound is not counted as fitted.
     """
-    first = jnp.stack([jnp.zeros(()), jnp.zeros(()), jnp.ones(()), problem.d[0], problem.F[0]])
-    base = jnp.where(jnp.isnan(problem.fixed), first, problem.fixed)
-    values, converged = jax.vmap(lambda start: _levenberg_marquardt(start, problem, free))(_starts(problem, base, free))
-    sums = jax.vmap(lambda value: jnp.sum(_residual(value, problem) ** 2))(values)
-    converged = converged & jnp.isfinite(sums)
-    best = jnp.argmin(jnp.where(converged, sums, jnp.inf))
-    value, rss, converged = values[best], sums[best], converged[best]
-    spare = jnp.sum(problem.used) - len(free)
+    own = in_own_units(problem, free)
+    value, rss, converged = _best_fit(starting_values(problem.start, own, free), own, free)
+    near = AT_BOUND * jnp.where(_mask((BETA,)), value, 1.0 + jnp.abs(value))
+    at_bound = _mask(free) & ((value <= own.low + near) | (value >= own.high - near))
+    fitted = _mask(free) & ~at_bound
+    spare = jnp.sum(problem.used) - jnp.sum(fitted)
     # Exact data have no residual: rounding stands in for the noise, so that profiles compare against something.
-    rounding = 1e-12 * jnp.max(jnp.where(problem.used, jnp.abs(problem.F), 0.0))
+    rounding = 1e-12 * jnp.max(jnp.where(problem.used, jnp.abs(problem.F), 0.0)) / own.units.span
     variance = jnp.maximum(rss / jnp.maximum(spare, 1), rounding**2)
-    error, lost = _errors(value, problem, free, jnp.where(spare > 0, variance, jnp.nan))
+    errors, lost = _errors(value, own, fitted, free)
     below = above = jnp.zeros((), bool)
     if BETA in free:
-        travel, _ = _scales(problem)
-        ends = [_solve_linear(factor * travel, value, problem, free)[1] for factor in BETA_ENDS]
-        below, above = (end - rss < CHI2_95 * variance for end in ends)
-    return Estimate(value, error, rss, lost, below, above, converged)
+        ends = [solve_linear(beta, value, own, free)[1] - rss < CHI2_95 * variance for beta in own.beta_ends]
+        below, above = ends[0] & ~(own.low[BETA] > 0), ends[1] & ~jnp.isfinite(own.high[BETA])
+    return Estimate(
+        value=_to_the_digit(own.units.given(value), at_bound, problem, free),
+        standard_error=errors * jnp.sqrt(jnp.where(spare > 0, variance, jnp.nan)),
+        rss=rss * own.units.span**2,
+        at_bound=at_bound,
+        undetermined=lost,
+        beta_open_below=below,
+        beta_open_above=above,
+        converged=converged,
+    )
 
 
 @eqx.filter_jit

@@ -11,6 +11,9 @@ from scipy.linalg import helmert, null_space
 
 from bayes_tyre.record import CASE_WORDS, Case
 
+#: A slope over the initial force is told per this many kN: the distance of the source's nominal loads.
+SLOPE_UNIT_KN = 10.0
+
 
 @dataclass(frozen=True)
 class Factor:
@@ -25,16 +28,24 @@ class Factor:
     basis:
         Shape (levels, coordinates): orthonormal columns that span the effects the levels may have. Effects sum
         to zero: what levels share belongs to the term above them.
+    weight:
+        Shape (cases,): what multiplies the effect in each case; 1 but for a slope, whose one level is `per 10 kN`.
     """
 
     labels: tuple[object, ...]
     of_case: Int[np.ndarray, " cases"]
     basis: Float[np.ndarray, "levels coordinates"]
+    weight: Float[np.ndarray, " cases"]
 
     @property
     def varies(self) -> bool:
         """Whether levels can differ: with one level a group the term would not be identified, and vanishes."""
         return self.basis.shape[1] > 0
+
+    @property
+    def design(self) -> Float[np.ndarray, "cases coordinates"]:
+        """What each coordinate adds to each case."""
+        return self.basis[self.of_case] * self.weight[:, None]
 
 
 @dataclass(frozen=True)
@@ -46,8 +57,8 @@ class Levels:
     cases:
         In order of first appearance.
     cell, speed, load, step, direction_step:
-        Groupings by configuration x direction, speed (km/h), initial load (kN), size of the step (kN), and
-        direction x size of the step.
+        Groupings by configuration x direction, speed (km/h), initial load (kN; or a slope over the force that a
+        step really started from), size of the step (kN), and direction x size of the step.
     of_record:
         Shape (records,): the case of each record.
     """
@@ -78,7 +89,7 @@ class Levels:
     def design(self, parameter: str) -> Float[np.ndarray, "cases terms"]:
         """Return what the words say of each case: its cell, and the coordinates of each factor's effects."""
         cells = np.eye(len(self.cell.labels))[self.cell.of_case]
-        return np.concatenate([cells, *(f.basis[f.of_case] for f in self.factors(parameter).values())], axis=1)
+        return np.concatenate([cells, *(factor.design for factor in self.factors(parameter).values())], axis=1)
 
     def has_remainder(self, parameter: str) -> bool:
         """Whether cases can differ by more than their words say.
@@ -92,7 +103,14 @@ class Levels:
 def _factor(values: Sequence[Any]) -> Factor:
     labels = tuple(sorted(set(values), key=lambda value: (str(type(value)), value)))
     of_case = np.array([labels.index(value) for value in values], dtype=int)
-    return Factor(labels, of_case, helmert(len(labels)).T)
+    return Factor(labels, of_case, helmert(len(labels)).T, np.ones(len(of_case)))
+
+
+def _slope(values: Float[np.ndarray, " cases"]) -> Factor:
+    """Return the slope over a number (kN) that differs from case to case; no term where it does not differ."""
+    centred = (values - values.mean()) / SLOPE_UNIT_KN
+    basis = np.ones((1, int(np.ptp(values) > 0)))
+    return Factor((f"per {SLOPE_UNIT_KN:g} kN",), np.zeros(len(values), dtype=int), basis, centred)
 
 
 def _interaction(values: Sequence[str], groups: Sequence[str], main: Factor) -> Factor:
@@ -103,10 +121,10 @@ def _interaction(values: Sequence[str], groups: Sequence[str], main: Factor) -> 
     same = group[:, None] == group
     within = np.eye(len(group)) - same / same.sum(axis=1)
     known = np.concatenate([same.astype(float), within @ main.basis[main.of_case[first]]], axis=1)
-    return Factor(factor.labels, factor.of_case, null_space(known.T))
+    return Factor(factor.labels, factor.of_case, null_space(known.T), factor.weight)
 
 
-def find_levels(words: pd.DataFrame) -> Levels:
+def find_levels(words: pd.DataFrame, initial_force_kN: Float[np.ndarray, " records"] | None = None) -> Levels:
     """Return the levels in a table of words, one row a record.
 
     Parameters
@@ -114,6 +132,9 @@ def find_levels(words: pd.DataFrame) -> Levels:
     words:
         As `bayes_tyre.record.record_words` gives them. A word that the table lacks is one level: all records
         then share it. `repeat` is not used: records with the same words are repeats of one case.
+    initial_force_kN:
+        The force each record really started from. Where given, `load` is a slope over its mean in each case,
+        in place of an effect of each nominal initial load.
     """
     complete = words.copy()
     for word in CASE_WORDS:
@@ -127,14 +148,18 @@ def find_levels(words: pd.DataFrame) -> Levels:
     directions = [case.direction for case in cases]
     both = [f"{direction} {size}".strip() for direction, size in zip(directions, sizes, strict=True)]
     step = _factor(sizes)
+    of_record = np.array([unique.index(key) for key in keys], dtype=int)
+    load = _factor([_level(case.initial_load_kN) for case in cases])
+    if initial_force_kN is not None:
+        load = _slope(np.bincount(of_record, weights=initial_force_kN) / np.bincount(of_record))
     return Levels(
         cases=cases,
         cell=_factor([f"{case.configuration} {case.direction}".strip() for case in cases]),
         speed=_factor([_level(case.speed_km_h) for case in cases]),
-        load=_factor([_level(case.initial_load_kN) for case in cases]),
+        load=load,
         step=step,
         direction_step=_interaction(both, directions, step),
-        of_record=np.array([unique.index(key) for key in keys], dtype=int),
+        of_record=of_record,
     )
 
 

@@ -11,15 +11,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from bayes_tyre.batch import Batch
 from bayes_tyre.inference import least_squares as ls
+from bayes_tyre.inference.coordinates import Gaussian
 from bayes_tyre.inference.levels import Levels
 from bayes_tyre.laws.fancher import equation_2_offset
-from bayes_tyre.record import Batch
 
 #: Widest standard deviations of log k and log beta that the picture of a record may have.
 _LOG_K_SD, _LOG_BETA_SD = 0.5, 1.0
-#: Effects of levels on log k and log beta, in the ridge regression that shapes their coordinates.
-_EFFECT_SD = 0.5
 #: Scatter of repeats where no case has two of them; it counts with no weight.
 _UNKNOWN_SCATTER = 0.1
 #: Beta is held within these multiples of the travel where the record leaves it open.
@@ -136,42 +135,6 @@ def _centre(data: RecordData, estimate: ls.Estimate) -> Float[Array, "4"]:
     return jnp.stack([F_i, J, jnp.log(k), jnp.log(beta)])
 
 
-class Gaussian(NamedTuple):
-    """What the data below say of some unknowns, as independent normal estimates, shape (units,)."""
-
-    value: Float[Array, " units"]
-    precision: Float[Array, " units"]
-
-
-def effect_estimates(values: Float[np.ndarray, " cases"], levels: Levels, parameter: str) -> dict[str, Gaussian]:
-    """Return estimates of every effect on log k or log beta, by factor, in the coordinates of its basis.
-
-    By ridge regression over the cases.
-
-    Parameters
-    ----------
-    values:
-        The parameter's logarithm by case.
-    levels, parameter:
-        How the cases group, and which of ``k`` and ``beta`` it is.
-    """
-    factors, design, cells = levels.factors(parameter), levels.design(parameter), len(levels.cell.labels)
-    ridge = np.r_[np.full(cells, 1e-6), np.full(design.shape[1] - cells, _EFFECT_SD**-2)]
-    variance = _EFFECT_SD**2
-    for _ in range(3):  # residual variance and fit settle on each other
-        covariance = np.linalg.inv(design.T @ design / variance + np.diag(ridge))
-        fitted = covariance @ design.T @ values / variance
-        spare = max(len(values) - design.shape[1], 1)
-        variance = max(float(np.sum((values - design @ fitted) ** 2)) / spare, 1e-4)
-    precision = np.maximum(1.0 / np.diag(covariance) - ridge, 0.0)
-    estimates, start = {}, cells
-    for name, factor in factors.items():
-        here = slice(start, start + factor.basis.shape[1])
-        estimates[name] = Gaussian(jnp.asarray(fitted[here]), jnp.asarray(precision[here]))
-        start = here.stop
-    return estimates
-
-
 class CaseEstimates(NamedTuple):
     """What the records of each case say of one of its parameters.
 
@@ -179,20 +142,17 @@ class CaseEstimates(NamedTuple):
     ----------
     median, variance:
         Shape (cases,): median of the logarithms, and the mean variance of one of them.
-    effects:
-        What the medians say of the effects of each factor.
     log_scatter:
         What the repeats say of the logarithm of their scatter, by speed.
     """
 
     median: Float[Array, " cases"]
     variance: Float[Array, " cases"]
-    effects: dict[str, Gaussian]
     log_scatter: Gaussian
 
 
 def case_estimates(
-    parameter: str, values: Float[np.ndarray, " records"], variances: Float[np.ndarray, " records"], levels: Levels
+    values: Float[np.ndarray, " records"], variances: Float[np.ndarray, " records"], levels: Levels
 ) -> CaseEstimates:
     """Return what the records say of log k or log beta of their cases; a discordant repeat moves no median."""
     members = [levels.of_record == case for case in range(len(levels.cases))]
@@ -201,7 +161,6 @@ def case_estimates(
     return CaseEstimates(
         jnp.asarray(median),
         jnp.asarray(variance),
-        effect_estimates(median, levels, parameter),
         _log_scatter([values[member] for member in members], variance, levels),
     )
 
@@ -237,5 +196,5 @@ def draw_picture(batch: Batch, levels: Levels) -> Picture:
     records = estimate_records(batch)
     # Of one with the other held: near enough for coordinates.
     variance = 1.0 / np.diagonal(np.asarray(records.precision), axis1=1, axis2=2)
-    k = case_estimates("k", np.asarray(records.log_k), variance[:, 0], levels)
-    return Picture(records, k, case_estimates("beta", np.asarray(records.log_beta), variance[:, 1], levels))
+    k = case_estimates(np.asarray(records.log_k), variance[:, 0], levels)
+    return Picture(records, k, case_estimates(np.asarray(records.log_beta), variance[:, 1], levels))

@@ -55,7 +55,8 @@ def to_datatree(
     statistics:
         By name as ArviZ has them (`diverging`, `energy`, ...), shape (chains, draws).
     levels, words:
-        What the cases, records and groupings are called; `words` has a row a record, or none.
+        What the cases, records and groupings are called; `words` has a row a record, or none. A column `travel_mm`
+        in it, how far a record goes from its start, is kept beside the words.
     attributes:
         Put on the root: origin of the data, the model.
     """
@@ -75,12 +76,43 @@ def to_datatree(
     return tree
 
 
+def scale_displacement(tree: xr.DataTree, relative_sd: float, seed: int) -> xr.DataTree:
+    """Return the posterior under a common, unknown factor on displacement, such as a gauge that reads 5 % short.
+
+    True displacement is `displacement_scale` times the measured one; the factor is log-normal about 1. Records cannot
+    tell it from k, for Eq. 2 holds for any factor with k / factor and beta x factor: every draw takes one of the
+    prior. All k move together and all beta with them, so no ratio of two k or two beta changes. J and F_i are forces
+    and keep their values, and so does C = F_i + J - k d_i, since d_i is scaled as k is divided.
+
+    Parameters
+    ----------
+    tree:
+        A posterior of `to_datatree`.
+    relative_sd:
+        Standard deviation of the factor's logarithm, such as 0.05.
+    seed:
+        Of the factors.
+    """
+    posterior = tree["posterior"].to_dataset()
+    shape = (posterior.sizes["chain"], posterior.sizes["draw"])
+    drawn = np.exp(relative_sd * np.random.default_rng(seed).standard_normal(shape))
+    factor = xr.DataArray(drawn, dims=("chain", "draw"), attrs={"units": "1"})
+    for parameter, power in (("k", -1.0), ("beta", 1.0)):
+        for name in (parameter, f"{parameter}_case", f"{parameter}_cell"):
+            if name in posterior:
+                scaled = posterior[name] * factor**power
+                posterior[name] = scaled.transpose(*posterior[name].dims).assign_attrs(posterior[name].attrs)
+    scaled_tree = tree.copy()
+    scaled_tree["posterior"] = xr.DataTree(posterior.assign(displacement_scale=factor))
+    return scaled_tree
+
+
 def _with_words(posterior: xr.Dataset, levels: Levels, words: pd.DataFrame) -> xr.Dataset:
     """Return the posterior with the words as labels along its cases and records."""
     cases = pd.DataFrame(levels.cases)
     for dim, table in (("case", cases), ("record", words)):
         if dim in posterior.dims:
-            columns = [word for word in WORDS if word in table]
+            columns = [word for word in (*WORDS, "travel_mm") if word in table]
             posterior = posterior.assign_coords(
                 {f"{dim}_{word}": (dim, np.asarray(table[word].tolist())) for word in columns}
             )

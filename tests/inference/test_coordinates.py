@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bayes_tyre.inference.coordinates import place, place_pair
+from bayes_tyre.inference.coordinates import Gaussian, place, place_jointly, place_pair
 
 scales = st.floats(1e-4, 1e3)
 numbers = st.floats(-5.0, 5.0)
@@ -17,7 +17,9 @@ numbers = st.floats(-5.0, 5.0)
 @given(z=numbers, estimate=numbers, above=numbers, precision=scales, scale=scales)
 def test_a_placed_scalar_is_standard_normal_in_its_coordinate(z, estimate, above, precision, scale):
     def log_density(z):
-        placed = place(z, jnp.array([estimate]), jnp.array([precision]), jnp.array([above]), jnp.array([scale]))
+        placed = place(
+            z, Gaussian(jnp.array([estimate]), jnp.array([precision])), jnp.array([above]), jnp.array([scale])
+        )
         data = -0.5 * precision * (placed.value - estimate) ** 2
         level = -0.5 * ((placed.value - above) / scale) ** 2 - jnp.log(scale)
         return jnp.sum(data + level + placed.log_volume)
@@ -30,10 +32,12 @@ def test_a_placed_scalar_is_standard_normal_in_its_coordinate(z, estimate, above
 @settings(derandomize=True, deadline=None, max_examples=200)
 @given(scale=scales, precision=scales)
 def test_the_volume_of_a_placed_scalar_is_its_derivative(scale, precision):
-    def value(z):
-        return place(z[None], jnp.array([0.3]), jnp.array([precision]), jnp.array([-1.0]), jnp.array([scale])).value[0]
+    estimate = Gaussian(jnp.array([0.3]), jnp.array([precision]))
 
-    placed = place(jnp.zeros(1), jnp.array([0.3]), jnp.array([precision]), jnp.array([-1.0]), jnp.array([scale]))
+    def value(z):
+        return place(z[None], estimate, jnp.array([-1.0]), jnp.array([scale])).value[0]
+
+    placed = place(jnp.zeros(1), estimate, jnp.array([-1.0]), jnp.array([scale]))
     assert float(jnp.log(jax.grad(value)(jnp.array(0.7)))) == pytest.approx(float(placed.log_volume[0]), abs=1e-12)
 
 
@@ -56,3 +60,37 @@ def test_a_placed_pair_is_standard_normal_in_its_coordinates_with_the_volume_of_
     assert float(log_density(z) - log_density(jnp.zeros(2))) == pytest.approx(-0.5 * float(z @ z), rel=1e-6)
     jacobian = jax.jacfwd(lambda z: placed(z).value[0])(z)
     assert float(jnp.linalg.slogdet(jacobian)[1]) == pytest.approx(float(placed(z).log_volume[0]), abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_terms_placed_jointly_are_standard_normal_in_their_coordinates_with_the_volume_of_their_map(seed):
+    rng = np.random.default_rng(seed)
+    units, terms = 7, 4
+    design = jnp.asarray(rng.normal(size=(units, terms))).at[:, 3].set(1.0)
+    design = design.at[:, 2].set(design[:, 0] + 1e-3 * design[:, 1])  # two columns that say nearly the same
+    estimate = Gaussian(jnp.asarray(rng.normal(size=units)), jnp.asarray(10.0 ** rng.uniform(-2, 4, size=units)))
+    above, scale = jnp.asarray(rng.normal(size=terms)), jnp.asarray(10.0 ** rng.uniform(-3, 1, size=terms))
+
+    def placed(z):
+        return place_jointly(z, design, estimate, above, scale)
+
+    def log_density(z):
+        found = placed(z)
+        data = -0.5 * jnp.sum(estimate.precision * (design @ found.value - estimate.value) ** 2)
+        return data - 0.5 * jnp.sum((found.deviation / scale) ** 2)
+
+    z = jnp.asarray(rng.normal(size=terms))
+    difference = float(log_density(z) - log_density(jnp.zeros(terms)))
+    size = abs(float(log_density(z)))
+    assert difference == pytest.approx(-0.5 * float(z @ z), abs=1e-8 * (1.0 + size))
+    jacobian = jax.jacfwd(lambda z: placed(z).value)(z)
+    assert float(jnp.linalg.slogdet(jacobian)[1]) == pytest.approx(float(placed(z).log_volume), abs=1e-8)
+
+
+def test_terms_whose_scale_vanishes_stay_where_they_belong():
+    design, above = jnp.eye(2), jnp.array([0.5, -0.5])
+    estimate = Gaussian(jnp.array([3.0, 3.0]), jnp.array([10.0, 10.0]))
+    placed = place_jointly(jnp.ones(2), design, estimate, above, jnp.array([1e-200, 1.0]))
+    assert float(placed.deviation[0]) == pytest.approx(1e-200)
+    assert float(placed.value[0]) == 0.5
+    assert bool(jnp.isfinite(placed.log_volume))

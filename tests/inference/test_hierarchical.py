@@ -12,7 +12,8 @@ from bayes_tyre.inference.diagnostics import diagnose
 from bayes_tyre.inference.fit import fit_hierarchical, fit_published
 from bayes_tyre.inference.sampling import SamplerSettings
 from bayes_tyre.published import campaign, tables
-from bayes_tyre.record import CASE_WORDS, check_record_table
+from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.record_table import check_record_table
 
 SHORT = SamplerSettings(chains=4, warmup=400, draws=400, seed=1)
 #: For what is only looked at, not believed.

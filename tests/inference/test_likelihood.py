@@ -12,7 +12,7 @@ from bayes_tyre.inference.fit import record_batch
 from bayes_tyre.inference.likelihood import CompressedLikelihood, DirectLikelihood, compress
 from bayes_tyre.inference.picture import RecordEstimates, estimate_records, record_data
 from bayes_tyre.inference.priors import PRIORS
-from bayes_tyre.record import check_record_table
+from bayes_tyre.record_table import check_record_table
 
 # Compilation and module fixtures: over 10 s for the file from cold.
 pytestmark = pytest.mark.slow

@@ -1,0 +1,114 @@
+"""What a fit of a record is worth, in words: `ok`, or the reasons why it is not."""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from bayes_tyre.batch import Batch
+from bayes_tyre.inference.least_squares import Estimate
+from bayes_tyre.inference.parameters import PARAMETERS
+
+#: Displacements and forces above this are no measurements, and their sums of squares overflow; travels and changes
+#: of force below the inverse are none either, and vanish.
+LARGEST = 1e100
+#: Part of its travel by which displacement may run back, by noise or overshoot, and still be one step.
+TURNS_BACK = 0.25
+
+
+def hopeless(batch: Batch, used: Bool[np.ndarray, "records points"], unknowns: int) -> np.ndarray:
+    """Return, a record, why there is nothing to fit; empty where there is.
+
+    Parameters
+    ----------
+    batch, used:
+        The records, and which of their points are used.
+    unknowns:
+        Number of parameters to fit.
+    """
+    d, F = _points(batch, used)
+    points = used.sum(axis=1)
+    with np.errstate(over="ignore"):
+        least = np.minimum(_largest(d - d[:, :1]), np.where(F.max(axis=1) > F.min(axis=1), _largest(F - F[:, :1]), 1))
+    reasons = np.full(len(points), "", dtype=object)
+    reasons[least < 1 / LARGEST] = f"changes below {1 / LARGEST:g}: too small to be squared, check the cells"
+    reasons[np.maximum(_largest(d), _largest(F)) > LARGEST] = (
+        f"numbers above {LARGEST:g}: too large to be squared, check the cells"
+    )
+    reasons[d.max(axis=1) == d.min(axis=1)] = "no travel: the displacement is constant"
+    few = points <= unknowns
+    reasons[few] = [f"too few points: {number} for {unknowns} parameters" for number in points[few]]
+    return reasons
+
+
+def status(
+    batch: Batch,
+    used: Bool[np.ndarray, "records points"],
+    estimate: Estimate,
+    bounds: Float[np.ndarray, "2 5"],
+    hopeless: np.ndarray,
+) -> np.ndarray:
+    """Return, a record, ``ok`` or what the estimate is not worth; `bounds` (kN, mm): low and high."""
+    said = hopeless.copy()
+    said[(said == "") & ~np.asarray(estimate.converged)] = (
+        "did not converge: give a --start nearer to the data, or fix a parameter"
+    )
+    fitted = said == ""
+    for holds, reason in (*_of_the_points(batch, used), *_of_bounds(estimate, bounds), *_of_the_estimate(estimate)):
+        rows = np.flatnonzero(fitted & holds)
+        said[rows] = [f"{said[row]}; {reason}" if said[row] else reason for row in rows]
+    said[said == ""] = "ok"
+    return said
+
+
+Reasons = list[tuple[np.ndarray, str]]
+"""Which records a reason holds for, shape (records,), and its words."""
+
+
+def _points(batch: Batch, used: Bool[np.ndarray, "records points"]) -> tuple[np.ndarray, np.ndarray]:
+    """Return displacement and force with the first point in place of those not used."""
+    d, F = batch.displacement_mm, batch.force_kN
+    return np.where(used, d, d[:, :1]), np.where(used, F, F[:, :1])
+
+
+def _largest(numbers: Float[np.ndarray, "records points"]) -> Float[np.ndarray, " records"]:
+    return np.abs(numbers).max(axis=1)
+
+
+def _of_the_points(batch: Batch, used: Bool[np.ndarray, "records points"]) -> Reasons:
+    d, F = _points(batch, used)
+    rows, last = np.arange(len(d)), used.sum(axis=1) - 1
+    with np.errstate(over="ignore", invalid="ignore"):  # of records that are hopeless
+        u = d - d[:, :1]
+        farthest = u[rows, np.abs(u).argmax(axis=1)]
+        forward = u * np.sign(farthest)[:, None]
+        back = (np.maximum.accumulate(forward, axis=1) - np.where(used, forward, np.inf)).max(axis=1)
+        falls = np.sign(F[rows, last] - F[:, 0]) * np.sign(u[rows, last]) < 0
+        turns = back > TURNS_BACK * np.abs(farthest)
+    return [
+        (falls, "force falls as displacement grows: check the signs"),
+        (turns, "displacement turns back: Equation 2 holds for one direction, cut the record there"),
+    ]
+
+
+def _of_bounds(estimate: Estimate, bounds: Float[np.ndarray, "2 5"]) -> Reasons:
+    at_bound, value = np.asarray(estimate.at_bound), np.asarray(estimate.value)
+    return [
+        (at_bound[:, i] & (value[:, i] == bound), f"{name} at its bound {bound:.15g}")
+        for i, name in enumerate(PARAMETERS)
+        for bound in bounds[:, i]
+        if np.isfinite(bound)
+    ]
+
+
+def _of_the_estimate(estimate: Estimate) -> Reasons:
+    below, above = np.asarray(estimate.beta_open_below), np.asarray(estimate.beta_open_above)
+    lost = np.asarray(estimate.undetermined) & ~(below | above)[:, None]
+    return [
+        (below & above, "beta not determined: this record bounds it neither below nor above"),
+        (below & ~above, "beta not determined: only an upper bound, it lies below the spacing of the first points"),
+        (above & ~below, "beta not determined: only a lower bound, beyond the travel it trades against k"),
+        *(
+            ((lost == which).all(axis=1), f"{', '.join(np.array(PARAMETERS)[which])} not determined by this record")
+            for which in np.unique(lost, axis=0)
+            if which.any()
+        ),
+    ]
