@@ -8,7 +8,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from bayes_tyre.record import CASE_WORDS, DIRECTIONS
-from bayes_tyre.report.colours import numbers, plain, texts
+from bayes_tyre.report.columns import numbers, texts
+from bayes_tyre.report.labels import plain
 
 #: The least height of a line that can carry a label, inches.
 LABEL = 0.12

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import math
-import os
 import platform
 import time
 from collections.abc import Mapping
@@ -14,17 +13,16 @@ from pathlib import Path
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.tables import whole_file, write_table, write_text
+from bayes_tyre.formats.files import prepare_folder, write_text
+from bayes_tyre.formats.netcdf import write_tree
+from bayes_tyre.formats.tables import write_table
 from bayes_tyre.inference.diagnostics import Diagnostics
-from bayes_tyre.inference.posterior import RECORD_UNITS
-from bayes_tyre.report import contrasts, figures, predictive, summary
+from bayes_tyre.record_table import record_extras
+from bayes_tyre.report import contrasts, figures, summary
+from bayes_tyre.report.figures import Result
+from bayes_tyre.report.page import save
 
 LIBRARIES = ("bayes-tyre", "jax", "jaxlib", "numpyro", "optimistix", "equinox", "arviz", "numpy", "pandas", "xarray")
-
-
-#: What the cases' intervals are of, where a reader of the figure could take them for something else, by model.
-ABOUT_CASES = {"published": "They are of the value to expect; single printed values scatter about it."}
 
 
 @dataclass(frozen=True)
@@ -48,36 +46,6 @@ def begin_run(command: str, options: Mapping[str, object], seed: int, inputs: li
     return Run(command, options, seed, hashes, origin, time.monotonic())
 
 
-def check_folder(out: Path) -> None:
-    """Refuse a folder that cannot be made, before minutes of work and without making it.
-
-    Raises
-    ------
-    BadInput
-        If it is a file, lies below one, or lies where one may not write.
-    """
-    if any(path.exists() and not path.is_dir() for path in (out, *out.parents)):
-        raise BadInput(f"--out {out}: is a file, or lies below one; name a folder")
-    there = next(path for path in (out.absolute(), *out.absolute().parents) if path.exists())
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise BadInput(f"--out {out}: {there} may not be written to; name a folder that you may write to")
-
-
-def prepare_folder(out: Path) -> None:
-    """Make the folder that results go into.
-
-    Raises
-    ------
-    BadInput
-        If it is a file or cannot be made.
-    """
-    check_folder(out)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(f"--out {out}: {error.strerror}; name a folder that you may write to") from None
-
-
 def write_fit(
     tree: xr.DataTree,
     diagnostics: Diagnostics,
@@ -95,7 +63,7 @@ def write_fit(
     tree, diagnostics, run:
         The posterior, its verdict, and how it came about.
     table:
-        The records it was fitted to, for the figure that shows some of them.
+        The records it was fitted to, for the figures of records.
     printed:
         Printed `k_kN_per_mm` and `beta_mm` by case, shown beside the posterior where given.
     interval:
@@ -104,53 +72,21 @@ def write_fit(
     prepare_folder(out)
     (out / "run.json").unlink(missing_ok=True)  # an older run's: it must not vouch for half of a newer one
     verdict = diagnostics.verdict
-    with whole_file(out / "posterior.nc") as beside:
-        tree.to_netcdf(beside, engine="h5netcdf")
-    cases, repeats = summary.cases(tree, verdict, interval), summary.repeats(tree, verdict, interval)
+    write_tree(tree, out / "posterior.nc")
+    extras = record_extras(table) if table is not None else None
+    cases, repeats = summary.cases(tree, verdict, interval), summary.repeats(tree, verdict, interval, extras)
     write_table(summary.summary(tree, verdict, interval), out / "summary.csv")
     write_table(cases, out / "cases.csv")
     write_table(contrasts.contrasts(tree, verdict, interval), out / "contrasts.csv")
     write_table(repeats, out / "repeats.csv")
     write_json(diagnostics._asdict(), out / "diagnostics.json")
-    _write_figures(tree, cases, repeats, table, printed, interval, out / "figures")
+    _write_figures(Result(tree, verdict, cases, repeats, table, printed, interval), out / "figures")
     write_run(run, out)
 
 
-def _write_figures(
-    tree: xr.DataTree,
-    cases: pd.DataFrame,
-    repeats: pd.DataFrame,
-    table: pd.DataFrame | None,
-    printed: pd.DataFrame | None,
-    interval: float,
-    folder: Path,
-) -> None:
-    origin = tree.attrs["origin"]
-    drawn = {
-        "posteriors_by_direction": figures.posteriors_by_direction(_cell_draws(tree), origin, interval),
-        "forest_of_cases": figures.forest_of_cases(cases, printed, origin, ABOUT_CASES.get(tree.attrs["model"], "")),
-    }
-    if table is not None:
-        shown = predictive.records_to_show(tree)
-        bands = predictive.predictive_bands(tree, table, shown, interval)
-        points = table.loc[table["record"].isin(shown), ["record", "displacement_mm", "force_kN"]]
-        drawn["records_with_bands"] = figures.records_with_bands(points, bands, origin, interval)
-        one_row_each = repeats.drop_duplicates("record")
-        drawn["outlier_probabilities"] = figures.outlier_probabilities(one_row_each, origin)
-    for name, figure in drawn.items():
-        figures.save(figure, folder / f"{name}.png")
-
-
-def _cell_draws(tree: xr.DataTree) -> pd.DataFrame:
-    """Return the draws of the cell means in long form: configuration, direction, parameter, unit, value."""
-    means = summary.cell_means(tree)
-    long = means.stack(sample=("chain", "draw", "cell")).reset_index("sample", drop=True)
-    words = {word: long[word].to_numpy() for word in ("configuration", "direction")}
-    blocks = [
-        pd.DataFrame({**words, "parameter": name, "unit": RECORD_UNITS[str(name)], "value": draws.to_numpy()})
-        for name, draws in long.data_vars.items()
-    ]
-    return pd.concat(blocks, ignore_index=True)
+def _write_figures(result: Result, folder: Path) -> None:
+    for name, figure in figures.draw(result):
+        save(figure, folder / f"{name}.png")
 
 
 def write_json(content: Mapping[str, object], path: Path) -> None:

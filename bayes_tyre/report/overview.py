@@ -1,11 +1,14 @@
 """The short table that a run ends with: k and beta, by configuration and direction, and how far to believe them."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import pandas as pd
 from rich import box
+from rich.cells import cell_len
 from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
@@ -19,6 +22,10 @@ WHAT_IT_IS = {
     "simulated": "simulated records: not measured",
 }
 PARAMETERS = ("k_mean", "beta_mean")
+NUMBERS = ("median", "lower", "upper", "interval")
+COLUMNS = ("parameter", "configuration", "direction", "unit", *NUMBERS, "verdict")
+#: The most of a label that is shown.
+LONGEST = 30
 
 
 def overview_rows(folder: Path) -> pd.DataFrame:
@@ -27,46 +34,85 @@ def overview_rows(folder: Path) -> pd.DataFrame:
     Raises
     ------
     BadInput
-        If the folder holds no finished result.
+        If the folder holds no finished result, or a `summary.csv` that `fit` did not write.
     """
     if not (folder / "run.json").is_file():
         raise BadInput(f"{folder}: holds no run.json, so no finished result; name a folder that fit wrote")
     try:
         origin = str(json.loads((folder / "run.json").read_text(encoding="utf-8"))["origin"])
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise BadInput(f"{folder / 'run.json'}: is not what fit writes; run fit again") from None
-    table = read_table(folder / "summary.csv")
+    path = folder / "summary.csv"
+    table = read_table(path)
+    missing = [column for column in COLUMNS if column not in table]
+    if missing:
+        raise BadInput(f"{path}: is not what fit writes: no column {missing[0]}; run fit again")
     means = table[table["parameter"].isin(PARAMETERS)]
+    numeric = all(pd.api.types.is_numeric_dtype(means[column]) for column in NUMBERS)
+    if means.empty or not numeric or means.duplicated(["parameter", "direction", "configuration"]).any():
+        raise BadInput(f"{path}: is not what fit writes: no numbers of {' and '.join(PARAMETERS)}; run fit again")
     return means.assign(data=WHAT_IT_IS.get(origin, origin)).reset_index(drop=True)
 
 
 def print_overview(folders: list[Path], console: Console | None = None) -> None:
-    """Print a table for each folder, configurations side by side, and where its files are."""
+    """Print a table for each folder, and where its files are.
+
+    Configurations stand side by side where the terminal is wide enough for all their figures, else below each other.
+    """
     tables = [(folder, overview_rows(folder)) for folder in folders]
     console = console or Console()
     for folder, rows in tables:
+        level, verdict = float(rows["interval"].iloc[0]), rows["verdict"].iloc[0]
+        about = _shown(f"{rows['data'].iloc[0]}; verdict: {verdict}", 200)
         console.print()
-        console.print(_table(rows))
-        console.print(f"files: {folder}", highlight=False, markup=False, soft_wrap=True)
+        console.print(Text(f"{about}\nmean over the cases, median and {100 * level:g} % interval"))
+        beside = _beside(rows)
+        if Measurement.get(console, console.options.update(width=10**6), beside).maximum <= console.width:
+            console.print(beside)
+        else:
+            console.print(Text(f"\n{_below(rows)}\n"), soft_wrap=True)
+        console.print(Text(f"files: {_shown(folder, None)}"), soft_wrap=True)
 
 
-def _table(rows: pd.DataFrame) -> Table:
-    """Return one result as a rich table of 80 columns; labels from files go in as text, never as markup."""
-    level, verdict = float(rows["interval"].iloc[0]), rows["verdict"].iloc[0]
-    title = f"{rows['data'].iloc[0]}; verdict: {verdict}\nmean over the cases, median and {100 * level:g} % interval"
-    table = Table(title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1))
+def _beside(rows: pd.DataFrame) -> Table:
+    """Return one result as a table, a column a configuration; labels from files go in as text, never as markup."""
     configurations = sorted(rows["configuration"].astype(str).unique(), reverse=True)
-    for column in ("", *configurations):
-        table.add_column(Text(column))
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
+    for name in ("", *configurations):
+        table.add_column(Text(_shown(name)))
+    for name, of in _blocks(rows):
+        by_label = of.set_index(of["configuration"].astype(str))
+        cells = [_figures(by_label.loc[label]) if label in by_label.index else "" for label in configurations]
+        table.add_row(*map(Text, [name, *cells]))
+    return table
+
+
+def _below(rows: pd.DataFrame) -> str:
+    """Return one result as lines, a configuration below the other."""
+    lines = []
+    for name, of in _blocks(rows):
+        of = of.set_index(of["configuration"].astype(str)).sort_index(ascending=False)
+        widest = max(cell_len(_shown(label)) for label in of.index)
+        lines.append(f"  {name}")
+        for label, row in of.iterrows():
+            lines.append(f"    {_shown(label)}{' ' * (widest - cell_len(_shown(label)))}   {_figures(row)}")
+    return "\n".join(lines)
+
+
+def _blocks(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Yield the rows of each parameter and direction, and what to call them."""
     for parameter in PARAMETERS:
         block = rows[rows["parameter"] == parameter]
         for direction, of in block.groupby(block["direction"].astype(str)):
-            by_label = of.set_index(of["configuration"].astype(str))
-            name = f"{parameter.removesuffix('_mean')}, {of['unit'].iloc[0]} {direction}"
-            cells = [_figures(by_label.loc[label]) if label in by_label.index else "" for label in configurations]
-            table.add_row(*map(Text, [name, *cells]))
-    return table
+            yield _shown(f"{parameter.removesuffix('_mean')}, {of['unit'].iloc[0]} {direction}"), of
 
 
 def _figures(row: pd.Series) -> str:
     return f"{row['median']:.4g} [{row['lower']:.4g}, {row['upper']:.4g}]"
+
+
+def _shown(text: object, most: int | None = LONGEST) -> str:
+    """Return a text from a file or a path in one line, what would steer a terminal replaced, not too long."""
+    line = str(text) if most is None else " ".join(str(text).split())
+    line = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in line)
+    return line if most is None or len(line) <= most else f"{line[: most - 1]}\N{HORIZONTAL ELLIPSIS}"

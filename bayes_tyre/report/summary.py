@@ -9,6 +9,7 @@ from bayes_tyre.inference.diagnostics import TAILS
 from bayes_tyre.inference.hierarchical import JUDGEABLE_REPEATS
 from bayes_tyre.inference.posterior import CASE_PARAMETERS, RECORD_UNITS
 from bayes_tyre.record import CASE_WORDS, WORDS
+from bayes_tyre.record_table import carry_extras
 from bayes_tyre.report.contrasts import tree_cases
 
 STATISTICS = (
@@ -88,8 +89,13 @@ def cases(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataFra
     return _finish(blocks, tree, verdict)
 
 
-def repeats(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataFrame:
+def repeats(
+    tree: xr.DataTree, verdict: str, interval: float = 0.95, extras: pd.DataFrame | None = None
+) -> pd.DataFrame:
     """Return `repeats.csv`: the parameters of each record, and the probability that it is discordant.
+
+    `extras` is what further columns say of each record, such as a pressure
+    (`bayes_tyre.record_table.record_extras`); they are carried through.
 
     `outlier_probability` is missing for records of cases with fewer than three repeats: two that differ cannot
     say which of them is odd. Without records (a posterior of printed tables) the table has no rows.
@@ -104,6 +110,8 @@ def repeats(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataF
         _block(words, name, posterior[name], RECORD_UNITS[name], interval).assign(outlier_probability=odd)
         for name in REPEAT_PARAMETERS
     ]
+    if extras is not None:
+        blocks = [carry_extras(block, extras) for block in blocks]
     return _finish(blocks, tree, verdict)
 
 

@@ -1,5 +1,7 @@
 """Posterior predictive: bands hold new points at the stated rate, and residuals show the noise that was there."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -29,10 +31,12 @@ def ar1(rng: np.random.Generator, rho: float, points: int) -> np.ndarray:
     return noise
 
 
-def known(records: int, sigma: float = 0.03, **spread: np.ndarray) -> tuple[xr.DataTree, dict[str, float]]:
+def known(
+    records: int, sigma: float = 0.03, *, spread: Mapping[str, np.ndarray] | None = None
+) -> tuple[xr.DataTree, dict[str, float]]:
     """Return a posterior that is sure of the truth, or that has the draws given, and the truth."""
     truth = {"F_i": 20.0, "J": 0.4, "k": 1.8, "beta": 0.05, "sigma": sigma}
-    draws = {name: fixed(np.full(records, value), draws=500) for name, value in truth.items()} | spread
+    draws = {name: fixed(np.full(records, value), draws=500) for name, value in truth.items()} | dict(spread or {})
     names = [f"r{i}" for i in range(records)]
     return posterior(draws, pd.DataFrame({"record": names})), truth
 
@@ -69,7 +73,7 @@ def test_bands_hold_new_points_at_the_stated_rate_when_parameters_are_uncertain(
     records, rng = 1000, np.random.default_rng(12)
     spread = {"F_i": 0.03 * rng.normal(size=(2, 500, records)), "J": 0.05 * rng.normal(size=(2, 500, records))}
     shifted = {"F_i": 20.0 + spread["F_i"], "J": 0.4 + spread["J"]}
-    tree, truth = known(records, sigma=0.03, **shifted)
+    tree, truth = known(records, sigma=0.03, spread=shifted)
     d, names = [path(8)] * records, [f"r{i}" for i in range(records)]
     band = predictive.predictive_bands(tree, table_of([np.linspace(0, 1, 8)] * records, d), names, interval)
     end = band.groupby("record", sort=False).last()
@@ -104,7 +108,7 @@ def test_bands_stand_at_the_points_of_the_records_asked_for_whatever_their_lengt
 
 def test_a_record_gets_the_band_of_its_own_draws():
     level = np.stack([fixed(10.0, draws=500), fixed(30.0, draws=500)], axis=-1)
-    tree, _ = known(2, F_i=level)
+    tree, _ = known(2, spread={"F_i": level})
     band = predictive.predictive_bands(tree, table_of([np.linspace(0, 1, 20)] * 2, [path(20)] * 2), ["r0", "r1"])
     first = band.groupby("record")["median_kN"].first()
     assert first.to_dict() == pytest.approx({"r0": 10.0, "r1": 30.0}, abs=0.01)
@@ -147,6 +151,45 @@ def test_the_autocorrelation_of_ragged_records_is_that_of_each_alone():
     assert found == pytest.approx(np.median(alone), rel=1e-6)
 
 
+def test_residual_tables_hold_the_records_asked_for_and_a_row_for_every_record():
+    tree, truth = known(3)
+    F_i, J, k, beta, _ = truth.values()
+    lengths, rng = (20, 33, 12), np.random.default_rng(19)
+    noise = [0.03 * rng.normal(size=n) for n in lengths]
+    forces = [curve(path(n), F_i, J, k, beta) + e for n, e in zip(lengths, noise, strict=True)]
+    table = table_of(forces, [5.0 + path(n) for n in lengths]).assign(configuration="a")
+    found = predictive.residuals(tree, table)
+    points, every = predictive.residual_tables(found, table, ["r0", "r2"])
+    assert points.groupby("record").size().to_dict() == {"r0": 20, "r2": 12}
+    for name, left in (("r0", noise[0]), ("r2", noise[2])):
+        mine = points[points["record"] == name]
+        np.testing.assert_allclose(mine["residual_kN"], left, atol=1e-12)
+        np.testing.assert_array_equal(mine["displacement_mm"], table.loc[table["record"] == name, "displacement_mm"])
+    assert every[["record", "configuration"]].to_numpy().tolist() == [[f"r{i}", "a"] for i in range(3)]
+    np.testing.assert_allclose(every["sigma_kN"], 0.03)
+    centred = [left - left.mean() for left in noise]
+    alone = [np.sum(e[1:] * e[:-1]) / np.sum(e**2) for e in centred]
+    np.testing.assert_allclose(every["autocorrelation"], alone, rtol=1e-9)
+    assert predictive.residual_autocorrelation(tree, table) == pytest.approx(np.median(alone), rel=1e-9)
+
+
+def test_a_factor_on_displacement_leaves_residuals_and_bands_as_they_are():
+    tree, truth = known(2)
+    rng = np.random.default_rng(20)
+    factor = np.exp(0.05 * rng.normal(size=(2, 500)))
+    spread = {"k": truth["k"] / factor[..., None] * np.ones(2), "beta": truth["beta"] * factor[..., None] * np.ones(2)}
+    scaled, _ = known(2, spread=spread)
+    dataset = scaled["posterior"].to_dataset().assign(displacement_scale=(("chain", "draw"), factor))
+    scaled["posterior"] = xr.DataTree(dataset)
+    F_i, J, k, beta, sigma = truth.values()
+    forces = [curve(path(50), F_i, J, k, beta) + sigma * rng.normal(size=50) for _ in range(2)]
+    table = table_of(forces, [3.0 + path(50)] * 2)
+    plain, under_factor = (predictive.residuals(of, table) for of in (tree, scaled))
+    np.testing.assert_allclose(under_factor.residual_kN, plain.residual_kN, atol=1e-12)
+    bands = [predictive.predictive_bands(of, table, ["r0"]) for of in (tree, scaled)]
+    np.testing.assert_allclose(bands[0]["upper_kN"], bands[1]["upper_kN"], atol=1e-12)
+
+
 def test_one_record_of_each_configuration_and_direction_is_shown_and_the_most_discordant():
     words = grid()
     draws = scattered(words, seed=15)
@@ -157,6 +200,14 @@ def test_one_record_of_each_configuration_and_direction_is_shown_and_the_most_di
     assert odd <= set(shown)
     cells = words[words["record"].isin(shown)].groupby(["configuration", "direction"]).size()
     assert len(cells) == 4
+
+
+def test_of_many_cells_every_configuration_is_shown_before_a_second_direction():
+    words = grid(("a", "b", "c"))
+    shown = predictive.records_to_show(posterior(scattered(words, seed=18), words))[:4]
+    chosen = words.set_index("record").loc[shown]
+    assert set(chosen["configuration"]) == {"a", "b", "c"}
+    assert chosen["direction"].tolist().count("loading") == 3
 
 
 @pytest.mark.parametrize(("configurations", "repeats"), [(("single",), 1), (("a", "b", "c", "d", "e"), 3)])
