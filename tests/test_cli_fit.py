@@ -15,9 +15,9 @@ from command_line import FIT_FILES, TABLES, assert_refused, finish, here, instal
 from hand_made_posteriors import posterior, scattered
 from simulated_records import Plan, simulate
 
-from bayes_tyre import workflow
-from bayes_tyre.record import record_words
+from bayes_tyre.record_table import record_words
 from bayes_tyre.report import folder as result_folder
+from bayes_tyre.workflow import fit as workflow
 
 # Compilation and module fixtures: over 10 s for the file from cold.
 pytestmark = pytest.mark.slow
@@ -144,7 +144,9 @@ def test_a_run_tells_how_it_was_made(fits):
     run = json.loads((folder / "one" / "run.json").read_text(encoding="utf-8"))
     few = "--chains 2 --warmup 60 --draws 60 --seed 7"
     assert run["command"] == f"bayes-tyre fit 'the records.csv' --out one {few}"
-    assert run["options"] == {"chains": 2, "warmup": 60, "draws": 60, "interval": 0.95}
+    sampler = {"chains": 2, "warmup": 60, "draws": 60}
+    model = {"region": "all", "initial_load": "nominal", "displacement_scale_sd": 0.0}
+    assert run["options"] == {**sampler, **model, "interval": 0.95}
     assert run["seed"] == 7
     digest = hashlib.sha256((folder / "the records.csv").read_bytes()).hexdigest()
     assert run["inputs"] == {"the records.csv": digest}

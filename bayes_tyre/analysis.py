@@ -1,0 +1,248 @@
+"""The public face: a whole analysis in a few calls, `import bayes_tyre as bt`.
+
+Thin functions over the rooms below. Those that compute with JAX first switch it, as the commands do, to float64 and to
+a host device for each chain; the functions they call leave JAX as they find it. A posterior that `fit` or
+`read_posterior` returns carries its verdict, which then stands in every table made of it.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from jaxtyping import Array, ArrayLike, Float
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.tables import read_table
+from bayes_tyre.inference import diagnostics, record_fits
+from bayes_tyre.inference.diagnostics import Diagnostics
+from bayes_tyre.inference.fit import ModelSettings, fit_hierarchical, used_points
+from bayes_tyre.inference.record_fits import FitSettings
+from bayes_tyre.inference.sampling import SamplerSettings
+from bayes_tyre.laws import fancher
+from bayes_tyre.published import campaign
+from bayes_tyre.published.campaign import Reconstruction
+from bayes_tyre.record_table import check_record_table
+from bayes_tyre.report import contrasts as ratios
+from bayes_tyre.report import prediction, predictive, summary
+from bayes_tyre.report.case_choice import parse_wish
+from bayes_tyre.report.prediction import Prediction
+from bayes_tyre.runtime import prepare_jax
+from bayes_tyre.workflow.predict import read_result
+
+__all__ = [
+    "BadInput",
+    "FitSettings",
+    "SamplerSettings",
+    "cases",
+    "contrasts",
+    "diagnose",
+    "equation_2",
+    "fit",
+    "fit_least_squares",
+    "predict",
+    "read_posterior",
+    "read_records",
+    "reconstruct_campaign",
+    "repeats",
+]
+
+#: Host devices, fixed when JAX starts: enough for the chains of a fit that may come after.
+_DEVICES = SamplerSettings().chains
+_AUTOCORRELATION = "residual_autocorrelation"
+
+
+def read_records(path: str | Path) -> pd.DataFrame:
+    """Return a record table from a `.csv` or `.parquet` file, checked: mm, kN, a row a point.
+
+    Raises
+    ------
+    BadInput
+        For a file that cannot be read, and for cells, words or columns that cannot be right.
+    """
+    return check_record_table(read_table(Path(path)), str(path))
+
+
+def reconstruct_campaign() -> Reconstruction:
+    """Return the records reconstructed from the published tables, and their truth: made up, nothing was measured.
+
+    Examples
+    --------
+    >>> import bayes_tyre as bt
+    >>> len(bt.reconstruct_campaign().truth)
+    144
+    """
+    prepare_jax(_DEVICES)
+    return campaign.reconstruct()
+
+
+def fit_least_squares(
+    records: pd.DataFrame,
+    settings: FitSettings | None = None,
+    on_progress: Callable[[int], None] = lambda _: None,
+) -> pd.DataFrame:
+    """Return Equation 2 fitted to each record by itself, a row a record.
+
+    Parameters
+    ----------
+    records:
+        A record table; it is checked.
+    settings:
+        What to fit; by default k (kN/mm), C (kN) and beta (mm) over all points.
+    on_progress:
+        Called with the number of records just done.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The columns of `least_squares.csv`.
+
+    Raises
+    ------
+    BadInput
+        For a record table that cannot be right.
+    """
+    prepare_jax(_DEVICES)
+    return record_fits.fit_records(check_record_table(records), settings, on_progress)
+
+
+def fit(
+    records: pd.DataFrame,
+    settings: SamplerSettings | None = None,
+    *,
+    region: str = "all",
+    initial_load: str = "nominal",
+    displacement_scale_sd: float = 0.0,
+) -> xr.DataTree:
+    """Return the posterior of all records together, by NUTS, with its verdict.
+
+    Parameters
+    ----------
+    records:
+        A record table; it is checked.
+    settings:
+        How much to sample.
+    region, initial_load, displacement_scale_sd:
+        As `bayes_tyre.inference.fit.ModelSettings` explains them.
+
+    Returns
+    -------
+    xarray.DataTree
+        ArviZ's groups `posterior` and `sample_stats`, dims and units named; `attrs["verdict"]` is ``pass`` or
+        ``fail``, and `diagnose` says why.
+
+    Raises
+    ------
+    BadInput
+        For a record table that cannot be right, and for a record that cannot be fitted: none is dropped.
+    """
+    settings, model = settings or SamplerSettings(), ModelSettings(region, initial_load, displacement_scale_sd)
+    table = check_record_table(records)
+    prepare_jax(max(settings.chains, _DEVICES))
+    tree = fit_hierarchical(table, settings, model)
+    return _judged(tree, predictive.residual_autocorrelation(tree, used_points(table, model.region)))
+
+
+def read_posterior(folder: str | Path) -> xr.DataTree:
+    """Return the posterior of records in a folder that `bayes-tyre fit` wrote, with its verdict.
+
+    Raises
+    ------
+    BadInput
+        If the folder holds no finished result of records.
+    """
+    result = read_result(Path(folder))
+    result.tree.attrs["verdict"] = result.verdict
+    return result.tree
+
+
+def diagnose(posterior: xr.DataTree) -> Diagnostics:
+    """Return whether a posterior may be trusted: the verdict, its reasons and the figures behind them."""
+    return diagnostics.diagnose(posterior, posterior.attrs.get(_AUTOCORRELATION, np.nan))
+
+
+def _judged(tree: xr.DataTree, residual_autocorrelation: float) -> xr.DataTree:
+    """Return the posterior carrying its verdict, and what of the verdict came from the records."""
+    judged = tree.copy()
+    judged.attrs[_AUTOCORRELATION] = residual_autocorrelation
+    judged.attrs["verdict"] = diagnose(judged).verdict
+    return judged
+
+
+def _verdict(posterior: xr.DataTree) -> str:
+    return posterior.attrs.get("verdict") or diagnose(posterior).verdict
+
+
+def cases(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
+    """Return k (kN/mm) and beta (mm) of each case: the columns of `cases.csv`."""
+    return summary.cases(posterior, _verdict(posterior), interval)
+
+
+def contrasts(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
+    """Return ratios of k and of beta between configurations and directions: the columns of `contrasts.csv`."""
+    return ratios.contrasts(posterior, _verdict(posterior), interval)
+
+
+def repeats(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
+    """Return the parameters of each record and whether it is discordant: the columns of `repeats.csv`."""
+    return summary.repeats(posterior, _verdict(posterior), interval)
+
+
+def predict(
+    posterior: xr.DataTree,
+    case: str | Sequence[str],
+    displacement_mm: Sequence[float | int] | np.ndarray | None = None,
+    *,
+    of: str = "case",
+    interval: float = 0.95,
+    seed: int = 0,
+) -> Prediction:
+    """Return force (kN) against displacement (mm) of a case, loading and unloading, and its mean parameters.
+
+    Parameters
+    ----------
+    posterior:
+        Of records.
+    case:
+        A label such as ``single (0)30-20``, or words such as ``configuration=single,speed_km_h=0``; or several.
+    displacement_mm:
+        From the start of the step; by default up to |step_kN| / k.
+    of:
+        ``case``, its mean curve, or ``repeat``, one more measurement of it.
+    interval:
+        Probability between `lower` and `upper`.
+    seed:
+        Of what a repeat adds.
+
+    Returns
+    -------
+    Prediction
+        `curves`, the columns of `prediction.csv`; `parameters`, a mapping a case; `remarks`.
+
+    Raises
+    ------
+    BadInput
+        For a posterior without records, and a case that it does not hold.
+    """
+    wish = parse_wish([case] if isinstance(case, str) else case, prediction.predictable_cases(posterior))
+    grid = None if displacement_mm is None else np.asarray(displacement_mm, dtype=float).ravel()
+    return prediction.predict(posterior, wish, grid, verdict=_verdict(posterior), of=of, interval=interval, seed=seed)
+
+
+def equation_2(
+    d: ArrayLike, *, k: ArrayLike, C: ArrayLike, beta: ArrayLike, d_i: ArrayLike, F_i: ArrayLike
+) -> Float[Array, "..."]:
+    """Return the force (kN) at displacement d (mm) by Equation 2, in float64; all arguments broadcast together.
+
+    k in kN/mm, C and F_i in kN, beta and d_i in mm. Inside a function that JAX compiles, take
+    `bayes_tyre.laws.fancher.equation_2` instead.
+
+    Examples
+    --------
+    >>> import bayes_tyre as bt
+    >>> float(bt.equation_2(3.0, k=1.8, C=0.4, beta=0.05, d_i=0.0, F_i=0.0).round(3))
+    5.8
+    """
+    prepare_jax(_DEVICES)
+    return fancher.equation_2(d, k=k, C=C, beta=beta, d_i=d_i, F_i=F_i)

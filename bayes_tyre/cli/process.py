@@ -1,0 +1,64 @@
+"""`process`: raw files to records."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bayes_tyre.cli.shell import Quiet, progress, say, warn
+
+
+class Method(StrEnum):
+    """How raw signals become a record."""
+
+    INERTIA = "inertia"
+    THESIS = "thesis"
+
+
+def process(
+    raw: Annotated[
+        list[Path],
+        typer.Argument(metavar="RAW...", help="Raw files (.lvm, .tdms, .xlsx, .csv, .parquet), or folders of them."),
+    ],
+    out: Annotated[Path, typer.Option(help="Record table to write (.csv or .parquet); rejected.csv goes beside it.")],
+    method: Annotated[
+        Method,
+        typer.Option(
+            help="inertia: unsmoothed, applied load less m d''; thesis: the source's smoothing, for comparison."
+        ),
+    ] = Method.INERTIA,
+    rig: Annotated[
+        str | None, typer.Option(help="Rig: single, dual, or a TOML file; default: the one the configuration names.")
+    ] = None,
+    cases: Annotated[
+        Path | None,
+        typer.Option(
+            help="Table (.csv, .parquet) with file, configuration, speed_km_h, initial_load_kN, step_kN, repeat; "
+            "default: from names such as DynamicS(0)30-20(1).lvm."
+        ),
+    ] = None,
+    figures: Annotated[
+        Path | None, typer.Option(help="Folder for a picture a record: raw channels, step found, resulting path.")
+    ] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes; default: one a core.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Turn raw files into records: displacement and force on flat ground (mm, kN), from the step to the first reversal.
+
+    Writes the record table (record, words, time_s, displacement_mm, force_kN, their standard deviations, mass_kg, how
+    clear the step is) and rejected.csv: file, reason. With no usable file only the latter, and exit 3.
+
+    Example: bayes-tyre process data/raw --method inertia --out results/records.csv --figures results/pictures
+    """
+    from bayes_tyre.formats.raw import raw_files
+    from bayes_tyre.workflow.process import REJECTED, Settings, process_files
+
+    files, passed_over = raw_files(raw)
+    settings = Settings(rig, cases, method.value, figures, workers)
+    with progress("process", len(files), quiet) as advance:
+        records, rejected = process_files(files, settings, out, advance)
+    for remark in passed_over:
+        warn(remark)
+    say(f"wrote {out} and {out.parent / REJECTED} (method {method.value})", quiet)
+    say(f"{records} records, {rejected} rejected", quiet)

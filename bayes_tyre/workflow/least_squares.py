@@ -1,0 +1,20 @@
+"""A record table in, `least_squares.csv` out."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+
+from bayes_tyre.formats.files import prepare_folder
+from bayes_tyre.formats.tables import write_table
+from bayes_tyre.inference.record_fits import FitSettings, fit_records
+
+
+def fit_least_squares(
+    table: pd.DataFrame, settings: FitSettings, out: Path, on_progress: Callable[[int], None]
+) -> pd.DataFrame:
+    """Write `least_squares.csv` into `out`; return it."""
+    prepare_folder(out)
+    fits = fit_records(table, settings, on_progress)
+    write_table(fits, out / "least_squares.csv")
+    return fits

@@ -1,0 +1,116 @@
+"""A result's folder in; `prediction.csv` and `prediction.toml` out."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import tomli_w
+import xarray as xr
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.files import check_folder, whole_file, write_text
+from bayes_tyre.formats.netcdf import read_tree
+from bayes_tyre.formats.tables import write_table
+from bayes_tyre.record import Case
+from bayes_tyre.report.case_choice import Wish
+from bayes_tyre.report.prediction import Prediction, predict, predictable_cases
+
+NAME = "prediction.csv"
+#: Said at the top of the TOML; the labels in it come from files, and are never put into a comment.
+ABOUT = """\
+# Parameters of a tyre for a vehicle model, a table [[case]] for each case and direction: kN, mm, kN/mm, km/h.
+# step_kN is signed: loading is positive. lower and upper hold the probability `interval`, equal-tailed.
+"""
+EQUATION = "F = F_i + (J + k u) (1 - exp(-|u| / beta)), u = d - d_i; J = k d_i + C - F_i"
+VERDICTS = ("pass", "fail")
+
+
+class Result(NamedTuple):
+    """A fit on disk: where its posterior lies, the posterior, the cases in it, and the verdict on it."""
+
+    path: Path
+    tree: xr.DataTree
+    cases: list[Case]
+    verdict: str
+
+
+def read_result(folder: Path) -> Result:
+    """Return the posterior and the verdict in a folder that a fit wrote.
+
+    Raises
+    ------
+    BadInput
+        If the folder holds no finished result, one that cannot be read, or one without records.
+    """
+    if not (folder / "run.json").is_file():
+        raise BadInput(f"{folder}: holds no run.json, so no finished result; name a folder that fit wrote")
+    judged = folder / "diagnostics.json"
+    try:
+        verdict = json.loads(judged.read_text(encoding="utf-8"))["verdict"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        verdict = None
+    if verdict not in VERDICTS:
+        raise BadInput(f"{judged}: does not say a verdict; run fit again")
+    path = folder / "posterior.nc"
+    tree = read_tree(path)
+    with _named(path):
+        return Result(path, tree, predictable_cases(tree), verdict)
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Put the file's name in front of what is wrong with what it holds."""
+    try:
+        yield
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from None
+
+
+def target(folder: Path, out: Path | None) -> Path:
+    """Return the CSV to write: in `out`, which is a folder or itself a `.csv`; by default in the result's folder.
+
+    Raises
+    ------
+    BadInput
+        If it lies where nothing can be written, or has the name of another kind of file.
+    """
+    out = out or folder
+    path = out if out.suffix.lower() == ".csv" and not out.is_dir() else out / NAME
+    if path.parent == out and out.suffix.lower() in (".parquet", ".toml", ".json"):
+        raise BadInput(f"--out {out}: the curves are written as CSV; name a folder or a .csv file")
+    check_folder(path.parent)
+    if path.is_dir() or path.with_suffix(".toml").is_dir():
+        raise BadInput(f"--out {path}: a folder is in the place of a file; name another")
+    return path
+
+
+def write_prediction(
+    result: Result,
+    wish: Wish,
+    out: Path,
+    *,
+    displacement_mm: np.ndarray | None = None,
+    of: str = "case",
+    interval: float = 0.95,
+    seed: int = 0,
+) -> tuple[Prediction, tuple[Path, Path]]:
+    """Predict, and write curves to `out` (`.csv`) and parameters beside it (`.toml`), both or none; return both paths.
+
+    Arguments are those of `bayes_tyre.report.prediction.predict`.
+    """
+    with _named(result.path):
+        prediction = predict(
+            result.tree, wish, displacement_mm, verdict=result.verdict, of=of, interval=interval, seed=seed
+        )
+    said = {"equation": EQUATION, "of": of, "interval": interval, "origin": result.tree.attrs["origin"]}
+    made = {"verdict": result.verdict, "version": f"bayes-tyre {version('bayes-tyre')}"}
+    text = ABOUT + tomli_w.dumps({**said, **made, "case": list(prediction.parameters)})
+    beside = out.with_suffix(".toml")
+    with whole_file(out) as curves, whole_file(beside) as parameters:
+        write_table(prediction.curves, curves)
+        write_text(text, parameters)
+    return prediction, (out, beside)

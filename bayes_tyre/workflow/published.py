@@ -1,0 +1,40 @@
+"""The published tables: recomputed, and turned into reconstructed records."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from bayes_tyre.embedded import data_path
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.files import prepare_folder
+from bayes_tyre.formats.tables import READERS, read_table, write_table
+from bayes_tyre.inference.record_fits import FitSettings, fit_records
+from bayes_tyre.published import campaign, checks
+from bayes_tyre.record_table import check_record_table
+
+CAMPAIGN = "campaign/records.csv"
+
+
+def write_campaign(out: Path, seed: int | None = None) -> tuple[Path, Path]:
+    """Write the reconstructed campaign to `out` and its truth beside it; return both paths.
+
+    Raises
+    ------
+    BadInput
+        If `out` is named like no record table.
+    """
+    if out.suffix.lower() not in READERS:
+        raise BadInput(f"--out {out}: {out.suffix or 'no suffix'} is not a table format; use {' or '.join(READERS)}")
+    made = campaign.reconstruct(campaign.SEED if seed is None else seed)
+    truth = out.with_name(f"{out.stem}_truth{out.suffix}")
+    return write_table(made.records, out), write_table(made.truth, truth)
+
+
+def check_published(out: Path) -> pd.DataFrame:
+    """Write `published_check.csv` into `out`; return it. The round trip goes through the embedded campaign."""
+    prepare_folder(out)
+    records = check_record_table(read_table(data_path(CAMPAIGN)), CAMPAIGN)
+    fits = fit_records(records, FitSettings(region="thesis"))
+    check = checks.published_check(campaign.case_means(fits))
+    write_table(check, out / "published_check.csv")
+    return check

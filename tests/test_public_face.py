@@ -1,0 +1,152 @@
+"""`import bayes_tyre`: it waits for no library, its names carry an analysis, and every example shown is true."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from command_line import environment, small, written
+from hand_made_posteriors import grid, posterior, scattered
+
+import bayes_tyre as bt
+from bayes_tyre import analysis
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.netcdf import write_tree
+from bayes_tyre.laws import fancher
+
+README = Path(__file__).parents[1] / "README.md"
+
+
+def alone(script: str, folder: Path) -> str:
+    """Return what a script prints in a process of its own, started as a user would start it."""
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, cwd=folder, env=environment(), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_importing_the_package_and_asking_for_help_wait_for_no_library(tmp_path):
+    script = """
+import contextlib, io, json, sys
+import bayes_tyre as bt
+from bayes_tyre.cli import app
+said = io.StringIO()
+with contextlib.redirect_stdout(said):
+    try:
+        app(["predict", "--help"], prog_name="bayes-tyre")
+    except SystemExit as end:
+        assert not end.code
+heavy = ("jax", "numpy", "numpyro", "pandas", "xarray", "arviz", "matplotlib", "h5py", "scipy")
+print(json.dumps([sorted(dir(bt)), [name for name in heavy if name in sys.modules], said.getvalue()]))
+"""
+    names, imported, said = json.loads(alone(script, tmp_path))
+    assert imported == []
+    assert set(bt.__all__) <= set(names)
+    said = " ".join(said.split())
+    for words in ("Example: bayes-tyre predict ", "force (kN)", "displacement (mm)", "kN/mm", "prediction.toml"):
+        assert words in said
+
+
+def test_every_name_is_there_and_says_what_it_is():
+    assert bt.__all__ == sorted(analysis.__all__) == analysis.__all__
+    for name in bt.__all__:
+        assert getattr(bt, name) is getattr(analysis, name)
+        assert (getattr(bt, name).__doc__ or "").strip()
+    with pytest.raises(AttributeError, match="nonsense"):
+        bt.nonsense  # noqa: B018  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_the_face_computes_in_float64_on_a_device_for_each_chain(tmp_path):
+    script = """
+import bayes_tyre as bt
+settings = bt.SamplerSettings(), bt.FitSettings()
+force = bt.equation_2(3.0, k=1.8, C=0.4, beta=0.05, d_i=0.0, F_i=0.0)
+import jax
+print(force.dtype, jax.local_device_count(), jax.numpy.ones(1).dtype)
+"""
+    assert alone(script, tmp_path) == "float64 4 float64\n"
+
+
+def test_equation_2_is_that_of_the_laws():
+    values = {"k": 1.8, "C": 0.4, "beta": 0.05, "d_i": 0.2, "F_i": 0.3}
+    d = np.linspace(-1.0, 3.0, 7)
+    np.testing.assert_array_equal(bt.equation_2(d, **values), fancher.equation_2(d, **values))
+
+
+def test_records_are_read_and_checked(tmp_path):
+    table = small()
+    read = bt.read_records(str(written(table, tmp_path / "records.csv")))
+    pd.testing.assert_frame_equal(read[table.columns], table, check_dtype=False)
+    wrong = written(table.drop(columns="force_kN"), tmp_path / "wrong.csv")
+    with pytest.raises(bt.BadInput, match=r"wrong\.csv: missing column force_kN"):
+        bt.read_records(wrong)
+    for function in (bt.fit, bt.fit_least_squares):
+        with pytest.raises(BadInput, match="missing column force_kN"):
+            function(table.drop(columns="force_kN"))
+
+
+def test_tables_carry_the_verdict_of_their_posterior_whoever_made_it(tmp_path):
+    words = grid()
+    tree = posterior(scattered(words, seed=41), words)
+    assert bt.diagnose(tree).verdict == "pass"
+    for table in (bt.cases(tree), bt.contrasts(tree), bt.repeats(tree), bt.predict(tree, "single (0)20-30").curves):
+        assert set(table["verdict"]) == {"pass"}
+    write_tree(tree, tmp_path / "posterior.nc")
+    (tmp_path / "run.json").write_text("{}", encoding="utf-8")
+    (tmp_path / "diagnostics.json").write_text('{"verdict": "fail"}', encoding="utf-8")
+    failed = bt.read_posterior(str(tmp_path))
+    for table in (
+        bt.cases(failed),
+        bt.contrasts(failed),
+        bt.repeats(failed),
+        bt.predict(failed, "dual (0)20-30").curves,
+    ):
+        assert set(table["verdict"]) == {"fail"}
+    with pytest.raises(BadInput, match=r"holds no run\.json"):
+        bt.read_posterior(tmp_path / "nowhere")
+
+
+def test_cases_are_asked_for_by_one_text_or_several():
+    words = grid()
+    tree = posterior(scattered(words, seed=42), words)
+    one = bt.predict(tree, "single (0)20-30", [0, 1.5])
+    assert one.curves["displacement_mm"].tolist() == [0.0, 1.5]
+    both = bt.predict(tree, ["single (0)20-30", "dual (0)20-30"], np.array([0.0, 1.5]), interval=0.5)
+    assert both.curves["configuration"].tolist() == ["single"] * 2 + ["dual"] * 2
+    assert set(both.curves["interval"]) == {0.5}
+
+
+EXAMPLES = """
+import doctest, importlib, json, pkgutil
+import bayes_tyre
+found = {}
+for module in pkgutil.walk_packages(bayes_tyre.__path__, "bayes_tyre."):
+    if not module.name.endswith("__main__"):
+        failed, tried = doctest.testmod(importlib.import_module(module.name), optionflags=doctest.ELLIPSIS)
+        found[module.name] = [failed, tried]
+print("\\n" + json.dumps(found))
+"""
+
+
+@pytest.mark.slow
+def test_examples_in_docstrings_are_true(tmp_path):
+    said = alone(EXAMPLES, tmp_path)
+    found = json.loads(said.splitlines()[-1])
+    assert sum(failed for failed, _ in found.values()) == 0, said
+    for module in ("bayes_tyre.analysis", "bayes_tyre.rig.axle", "bayes_tyre.rig.calibration"):
+        assert found[module][1] > 0
+
+
+@pytest.mark.slow
+def test_the_ten_lines_of_the_readme_give_what_it_shows(tmp_path):
+    section = README.read_text(encoding="utf-8").split("\n## In ten lines of Python\n")[1].split("\n## ")[0]
+    (example,) = re.findall(r"```pycon\n(.*?)```", section, flags=re.DOTALL)
+    assert example.count(">>> ") <= 10
+    (tmp_path / "example.txt").write_text(example, encoding="utf-8")
+    script = "import doctest; print(doctest.testfile('example.txt', False, optionflags=doctest.ELLIPSIS))"
+    said = alone(script, tmp_path)
+    assert said == f"TestResults(failed=0, attempted={example.count('>>> ')})\n", said
