@@ -14,7 +14,7 @@ FIND_PYTHON = for candidate in "$${PYTHON:-}" python3.13 python3.12 python3.14 p
 	    && { echo "$$candidate"; exit 0; }; \
 	done; echo "No Python >= 3.12 on PATH or in pyenv: install one, or call make PYTHON=/path/to/python" >&2; exit 1
 
-.PHONY: help fit figure test check lint clean install lock campaign
+.PHONY: help fit figure test check lint clean install lock campaign wheel fuzz
 
 help:  ## Print this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -48,11 +48,42 @@ check: install  ## Run the fast part: ruff, pyright, import-linter, the tests no
 	@$(MAKE) --no-print-directory lint
 	@$(BIN)/pytest -n 2 --dist loadfile -m "not slow"
 
+fuzz: install  ## Give 100,000 mutated raw files to the reader (COUNT=...): results, or its one error
+	@PYTHONPATH=tests/formats $(BIN)/python tests/formats/fuzz_lvm.py $${COUNT:-100000}
+
 lint: install
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/pyright && $(BIN)/lint-imports
 
 campaign: install  ## Rebuild data/campaign from the published tables
 	@$(BIN)/bayes-tyre campaign --out data/campaign/records.csv
+
+# What the wheel must do where there is no checkout. Code 4 of fit: so few draws are not to be trusted, but written.
+TRY_WHEEL = bayes-tyre --version; \
+	bayes-tyre published --out published; \
+	bayes-tyre campaign --out records.csv --quiet; \
+	awk 'NR == 1 || /^DynamicS\(0\)30/' records.csv > few.csv; \
+	bayes-tyre lsq few.csv --out lsq; \
+	bayes-tyre fit few.csv --out fit --chains 2 --warmup 100 --draws 100 2> said || [ $$? -eq 4 ] || { cat said; exit 1; }; \
+	bayes-tyre show fit
+
+wheel: install  ## Build the wheel into dist/ and run it in an empty folder, under Python 3.12 and 3.13 where found
+	@rm -rf dist; $(BIN)/python -m hatchling build --target wheel --directory dist
+	@away=$$(mktemp -d); trap 'rm -rf "$$away"' EXIT; tried=0; \
+	for version in 3.12 3.13; do \
+	  python=$$(for candidate in python$$version \
+	    $$(ls -d "$${PYENV_ROOT:-$$HOME/.pyenv}"/versions/$$version.*/bin/python 2>/dev/null || true); do \
+	      "$$candidate" -c "import sys; sys.exit(sys.version_info[:2] != ($${version/./, }))" 2>/dev/null \
+	        && { echo "$$candidate"; break; }; \
+	    done || true); \
+	  [ -n "$$python" ] || { echo "Python $$version: not found, not tried"; continue; }; \
+	  echo "Python $$version: $$python"; \
+	  "$$python" -m venv --without-pip "$$away/$$version"; \
+	  VIRTUAL_ENV="$$away/$$version" $(BIN)/uv pip install --quiet --constraints requirements.lock dist/*.whl; \
+	  mkdir "$$away/empty-$$version"; \
+	  (cd "$$away/empty-$$version"; unset PYTHONPATH; PATH="$$away/$$version/bin:$$PATH"; $(TRY_WHEEL)); \
+	  tried=$$((tried + 1)); \
+	done; \
+	[ $$tried -gt 0 ] && echo "the wheel runs under $$tried of 2 versions of Python"
 
 lock: install  ## Resolve the dependencies anew into requirements.lock
 	$(BIN)/uv pip compile pyproject.toml --group dev --generate-hashes --no-emit-index-url --universal \
