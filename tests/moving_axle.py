@@ -18,7 +18,7 @@ RIG = load_rig("single")
 K, C, X, BETA, M, DAMPING = 1.7, 0.3, 0.4, 0.06, 285.0, 0.0013
 LAW = Fancher(k=K, C=C, x=X, beta=BETA)
 STEP_START_S, RISE_S = 0.05, 0.036
-HEIGHT, HALF, FACTOR = geometry.centre_height_mm(RIG), RIG.rollers.half_spacing_mm, geometry.curvature_factor(RIG)
+HEIGHT, HALF, FACTOR = geometry.centre_height_mm(RIG), 253.0, geometry.curvature_factor(RIG)
 
 
 class Spring(StatefulLaw):

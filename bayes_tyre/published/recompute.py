@@ -37,7 +37,7 @@ def numbers_outside_tables() -> dict[str, float]:
         "dual, h": geometry.centre_height_mm(dual),
         "single, curvature factor": geometry.curvature_factor(single),
         "dual, curvature factor": geometry.curvature_factor(dual),
-        "single, second moment": axle.second_moment_m4(single.beam) * 1e5,
+        "single, second moment": axle.second_moment_m4(axle.beam_of(single)) * 1e5,
         "single, axle load on the tyre": axle.axle_load_on_tyre_kN(single),
         "single, slope at 45 kN": axle.beam_slope_rad(single, BEAM_LOAD_kN, _printed_second_moment_m4("single")) * 1e3,
     }
@@ -106,18 +106,19 @@ def _corrected_signs() -> dict[str, float]:
 
 def _corrected_sections() -> dict[str, float]:
     single, dual = (axle.load_rig(name) for name in CONFIGURATIONS)
-    exchanged = {"inner_width_mm": single.beam.inner_height_mm, "inner_height_mm": single.beam.inner_width_mm}
-    as_formula = axle.second_moment_m4(single.beam.model_copy(update=exchanged))
+    beam = axle.beam_of(single)
+    exchanged = {"inner_width_mm": beam.inner_height_mm, "inner_height_mm": beam.inner_width_mm}
+    as_formula = axle.second_moment_m4(beam.model_copy(update=exchanged))
     slope = axle.beam_slope_rad(dual, BEAM_LOAD_kN, _printed_second_moment_m4("dual"))
     values = {
         "Appendix B2: single, second moment with b_i and h_i in the printed order (1e-5 m^4)": as_formula * 1e5,
         "Appendix B2: single, hub weight within the axle load (N)": axle.hub_weight_N(single),
-        "Appendix B2: dual, second moment (1e-5 m^4)": axle.second_moment_m4(dual.beam) * 1e5,
+        "Appendix B2: dual, second moment (1e-5 m^4)": axle.second_moment_m4(axle.beam_of(dual)) * 1e5,
         "Appendix B2: dual, axle load on the tyre (kN)": axle.axle_load_on_tyre_kN(dual),
         "Appendix B3: dual, slope at 45 kN (1e-4 rad)": slope * 1e4,
     }
     for name, rig in (("single", single), ("dual", dual)):
-        values[f"Appendix B2: {name}, section area (1e-3 m^2)"] = axle.section_area_m2(rig.beam) * 1e3
+        values[f"Appendix B2: {name}, section area (1e-3 m^2)"] = axle.section_area_m2(axle.beam_of(rig)) * 1e3
         values[f"Appendix B2: {name}, beam volume (1e-3 m^3)"] = axle.beam_volume_m3(rig) * 1e3
         values[f"Appendix B2: {name}, beam weight (N)"] = axle.beam_weight_N(rig)
         values[f"Appendix B2: {name}, hub weight (N)"] = axle.hub_weight_N(rig)

@@ -1,4 +1,4 @@
-"""The axle on its rollers as read from a TOML file, and the section and beam formulas of appendices B2 and B3."""
+"""The machine as read from a TOML file, and the section and beam formulas of appendices B2 and B3."""
 
 import math
 import re
@@ -6,7 +6,8 @@ import tomllib
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
@@ -15,6 +16,7 @@ from bayes_tyre.errors import BadInput
 GRAVITY_M_PER_S2 = 9.81
 EMBEDDED_RIGS = ("single", "dual")
 _CHOICES = f"{' or '.join(EMBEDDED_RIGS)}, or the path of a TOML file"
+_EXPLAINED = "the keys are explained in data/rigs/README.md"
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
 NotNegative = Annotated[FiniteFloat, Field(ge=0)]
@@ -26,16 +28,40 @@ class _Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
 
-class Axle(_Section):
-    """Lever arms (mm), masses (kg) and the axle's own load on the tyre (kN)."""
+def _missing(*keys: str) -> ValidationError:
+    """Return the fault of a section that is only half described, by the keys that it lacks."""
+    return ValidationError.from_exception_data(
+        "rig", [InitErrorDetails(type="missing", loc=tuple(key.split(".")), input=None) for key in keys]
+    )
 
-    support_to_wheel_centre_mm: Positive
-    support_to_load_mm: Positive
-    support_to_measurement_mm: Positive
-    mass_kg: Positive
+
+class Axle(_Section):
+    """Lever arms (mm), masses (kg) and the axle's own load on the tyre (kN).
+
+    Of the lever arms only ratios enter. A machine whose actuator and sensors act at the wheel centre has none: all
+    three left out are alike.
+    """
+
+    support_to_wheel_centre_mm: Positive = 1.0
+    support_to_load_mm: Positive = 1.0
+    support_to_measurement_mm: Positive = 1.0
+    mass_kg: Positive | None = None
     axle_load_kN: NotNegative
     effective_mass_kg: Positive
     effective_mass_relative_sd: NotNegative = 0.1
+
+    @property
+    def has_lever(self) -> bool:
+        """Whether the lever arms are described."""
+        return "support_to_wheel_centre_mm" in self.model_fields_set
+
+    @model_validator(mode="after")
+    def _all_lever_arms_or_none(self) -> "Axle":
+        arms = ("support_to_wheel_centre_mm", "support_to_load_mm", "support_to_measurement_mm")
+        absent = [arm for arm in arms if arm not in self.model_fields_set]
+        if 0 < len(absent) < len(arms):
+            raise _missing(*absent)
+        return self
 
 
 class Tyre(_Section):
@@ -65,14 +91,23 @@ class Beam(_Section):
 
 
 class Calibration(_Section):
-    """Lines from volts to engineering units: value = slope * volts + intercept."""
+    """Lines from volts to engineering units, value = slope * volts + intercept; a sensor may have none."""
 
-    acceleration_slope_m_per_s2_per_V: FiniteFloat
-    acceleration_intercept_m_per_s2: FiniteFloat
-    displacement_slope_mm_per_V: FiniteFloat
-    displacement_intercept_mm: FiniteFloat
-    load_slope_kN_per_V: FiniteFloat
-    load_intercept_kN: FiniteFloat
+    acceleration_slope_m_per_s2_per_V: FiniteFloat | None = None
+    acceleration_intercept_m_per_s2: FiniteFloat | None = None
+    displacement_slope_mm_per_V: FiniteFloat | None = None
+    displacement_intercept_mm: FiniteFloat | None = None
+    load_slope_kN_per_V: FiniteFloat | None = None
+    load_intercept_kN: FiniteFloat | None = None
+
+    @model_validator(mode="after")
+    def _slope_and_intercept_or_neither(self) -> "Calibration":
+        keys = list(type(self).model_fields)
+        for pair in zip(keys[::2], keys[1::2], strict=True):
+            absent = [key for key in pair if getattr(self, key) is None]
+            if len(absent) == 1:
+                raise _missing(*absent)
+        return self
 
 
 class Channels(_Section):
@@ -95,17 +130,37 @@ class Signs(_Section):
 
 
 class Rig(_Section):
-    """One axle on its pair of rollers; `data/rigs/README.md` explains every key."""
+    """One axle and the ground under its tyre; `data/rigs/README.md` explains every key.
+
+    Without `rollers` the tyre stands on flat ground; the tyre's radius then serves only the runout of a rolling one.
+    """
 
     name: Name
     description: str = ""
     axle: Axle
-    tyre: Tyre
-    rollers: Rollers
-    beam: Beam
-    calibration: Calibration
+    tyre: Tyre | None = None
+    rollers: Rollers | None = None
+    beam: Beam | None = None
+    calibration: Calibration = Calibration()
     channels: Channels = Channels()
     signs: Signs = Signs()
+
+    @model_validator(mode="after")
+    def _whole(self) -> "Rig":
+        absent = ["tyre"] if self.rollers and not self.tyre else []
+        if self.beam and not self.axle.has_lever:
+            absent += ["axle.support_to_wheel_centre_mm", "axle.support_to_load_mm", "axle.support_to_measurement_mm"]
+        if self.beam and self.axle.mass_kg is None:
+            absent.append("axle.mass_kg")
+        if absent:
+            raise _missing(*absent)
+        if self.rollers and self.tyre:
+            given = self.rollers.half_spacing_mm
+            if given >= self.rollers.radius_mm + self.tyre.unloaded_radius_mm:
+                kind = PydanticCustomError("too_wide", "Should be below the radii of roller and tyre together")
+                where = InitErrorDetails(type=kind, loc=("rollers", "half_spacing_mm"), input=given)
+                raise ValidationError.from_exception_data("rig", [where])
+        return self
 
 
 def load_rig(name_or_path: str | Path) -> Rig:
@@ -152,7 +207,7 @@ def _first_fault(error: ValidationError) -> str:
     said = {"missing": ("is missing", "add it"), "extra_forbidden": ("is unknown", "mend its spelling or remove it")}
     wrong = f"{first['msg'][0].lower()}{first['msg'][1:]}, not {repr(first['input'])[:40]}", "mend the value"
     what, remedy = said.get(first["type"], wrong)
-    return f"key {key}: {what}{more}; {remedy}, the keys are explained in data/rigs/README.md"
+    return f"key {key}: {what}{more}; {remedy}, {_EXPLAINED}"
 
 
 def second_moment_m4(beam: Beam) -> float:
@@ -169,19 +224,37 @@ def section_area_m2(beam: Beam) -> float:
     return (outer - inner) * 1e-6
 
 
+def needed[T](value: T | None, rig: Rig, key: str) -> T:
+    """Return what a rig file may leave out, where it is needed after all.
+
+    Raises
+    ------
+    BadInput
+        If this one has left it out.
+    """
+    if value is None:
+        raise BadInput(f"rig {rig.name!r}, key {key}: is missing; add it, {_EXPLAINED}")
+    return value
+
+
+def beam_of(rig: Rig) -> Beam:
+    """Return the beam of a rig that describes one; BadInput names the key where it does not."""
+    return needed(rig.beam, rig, "beam")
+
+
 def beam_volume_m3(rig: Rig) -> float:
     """Return the volume (m^3) of a beam as long as the axle. Source: appendix B2."""
-    return section_area_m2(rig.beam) * rig.axle.support_to_wheel_centre_mm * 1e-3
+    return section_area_m2(beam_of(rig)) * rig.axle.support_to_wheel_centre_mm * 1e-3
 
 
 def beam_weight_N(rig: Rig) -> float:
     """Return the beam's weight (N). Source: appendix B2."""
-    return beam_volume_m3(rig) * rig.beam.density_kg_per_m3 * GRAVITY_M_PER_S2
+    return beam_volume_m3(rig) * beam_of(rig).density_kg_per_m3 * GRAVITY_M_PER_S2
 
 
 def hub_weight_N(rig: Rig) -> float:
     """Return the weight (N) of the axle less its beam. Source: appendix B2."""
-    return rig.axle.mass_kg * GRAVITY_M_PER_S2 - beam_weight_N(rig)
+    return needed(rig.axle.mass_kg, rig, "axle.mass_kg") * GRAVITY_M_PER_S2 - beam_weight_N(rig)
 
 
 def axle_load_on_tyre_kN(rig: Rig) -> float:
@@ -212,7 +285,7 @@ def beam_deflection_m(rig: Rig, load_kN: float, second_moment_m4: float) -> floa
     Deflection in m. Source: appendix B3, v_1, for a measurement point between load and wheel.
     """
     a, b, x = _beam_arms_m(rig)
-    stiffness = rig.beam.youngs_modulus_GPa * 1e9 * second_moment_m4
+    stiffness = beam_of(rig).youngs_modulus_GPa * 1e9 * second_moment_m4
     constant = b**2 / 2 - b * (a + b) / 3 - b**3 / (6 * (a + b))
     return load_kN * 1e3 / stiffness * (a * x**3 / (6 * (a + b)) + constant * x)
 
@@ -220,6 +293,6 @@ def beam_deflection_m(rig: Rig, load_kN: float, second_moment_m4: float) -> floa
 def beam_slope_rad(rig: Rig, load_kN: float, second_moment_m4: float) -> float:
     """Return the beam's slope (rad) at the measurement point; arguments as in `beam_deflection_m`. Source: B3."""
     a, b, x = _beam_arms_m(rig)
-    stiffness = rig.beam.youngs_modulus_GPa * 1e9 * second_moment_m4
+    stiffness = beam_of(rig).youngs_modulus_GPa * 1e9 * second_moment_m4
     constant = b**2 / 2 - b * (a + b) / 3 - b**3 / (6 * (a + b))
     return load_kN * 1e3 / stiffness * (a * x**2 / (2 * (a + b)) + constant)

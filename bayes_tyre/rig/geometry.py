@@ -1,5 +1,7 @@
 """From cylinder and laser to the wheel centre, and from two rollers to flat ground (Eq. 3 to 10, appendix B4).
 
+A rig without rollers stands on flat ground already: factor and sine are 1 there, and Eq. 7 to 9 change nothing.
+
 Forces are in kN and displacements in mm, positive into the rollers. Functions take numpy or JAX arrays or plain
 numbers of any shape, and work element by element.
 """
@@ -9,7 +11,7 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from bayes_tyre.rig.axle import Rig
+from bayes_tyre.rig.axle import Rig, needed
 
 
 def tyre_radius_mm(rim_diameter_inch: float, section_width_mm: float, aspect_ratio: float) -> float:
@@ -18,13 +20,23 @@ def tyre_radius_mm(rim_diameter_inch: float, section_width_mm: float, aspect_rat
 
 
 def centre_height_mm(rig: Rig) -> float:
-    """Return h (mm): the wheel centre above the roller axes when the tyre just touches. Source: Eq. 10."""
-    return math.sqrt((rig.rollers.radius_mm + rig.tyre.unloaded_radius_mm) ** 2 - rig.rollers.half_spacing_mm**2)
+    """Return h (mm): the wheel centre above the roller axes when the tyre just touches. Source: Eq. 10.
+
+    Raises
+    ------
+    BadInput
+        If the rig has no rollers.
+    """
+    rollers, tyre = needed(rig.rollers, rig, "rollers"), needed(rig.tyre, rig, "tyre")
+    return math.sqrt((rollers.radius_mm + tyre.unloaded_radius_mm) ** 2 - rollers.half_spacing_mm**2)
 
 
 def curvature_factor(rig: Rig) -> float:
-    """Return 2 (R_r / (R_r + R_t))^(1/3), printed as 1.168 (single) and 1.167 (dual). Source: Eq. 8, 9."""
-    return 2 * math.cbrt(rig.rollers.radius_mm / (rig.rollers.radius_mm + rig.tyre.unloaded_radius_mm))
+    """Return 2 (R_r / (R_r + R_t))^(1/3), printed as 1.168 (single) and 1.167 (dual); 1 on flat ground. Eq. 8, 9."""
+    if rig.rollers is None:
+        return 1.0
+    radius = rig.rollers.radius_mm
+    return 2 * math.cbrt(radius / (radius + needed(rig.tyre, rig, "tyre").unloaded_radius_mm))
 
 
 def wheel_centre_force(rig: Rig, cylinder_kN: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
@@ -91,8 +103,10 @@ def sin_theta(rig: Rig, wheel_centre_mm: Float[ArrayLike, "..."]) -> Float[Array
 
     Returns
     -------
-    Dimensionless, of the same shape. Source: Eq. 10.
+    Dimensionless, of the same shape; 1 on flat ground. Source: Eq. 10.
     """
+    if rig.rollers is None:
+        return jnp.ones_like(jnp.asarray(wheel_centre_mm), float)
     height = centre_height_mm(rig) - jnp.asarray(wheel_centre_mm)
     return height / jnp.sqrt(height**2 + rig.rollers.half_spacing_mm**2)
 
@@ -138,6 +152,21 @@ def flat_ground_force(
     return jnp.asarray(wheel_centre_kN) / (curvature_factor(rig) * sin_theta(rig, wheel_centre_mm))
 
 
+def wheel_centre_start(rig: Rig, cylinder_load_kN: float, stiffness_kN_per_mm: float) -> float:
+    """Return the displacement of the wheel centre (mm) at which the tyre rests under a cylinder load.
+
+    On flat ground it is on the line F_f = k d_f; arguments and errors as in `flat_ground_start`.
+    """
+    lever = rig.axle.support_to_load_mm / rig.axle.support_to_wheel_centre_mm
+    load = cylinder_load_kN * lever + rig.axle.axle_load_kN
+    if not (stiffness_kN_per_mm > 0 and load >= 0):
+        raise ValueError(f"needs k > 0 and a load on the tyre; got {stiffness_kN_per_mm} kN/mm and {load} kN")
+    target = load / (stiffness_kN_per_mm * curvature_factor(rig))
+    if rig.rollers is None:
+        return target
+    return _solve_displacement(target, centre_height_mm(rig), rig.rollers.half_spacing_mm)
+
+
 def flat_ground_start(rig: Rig, cylinder_load_kN: float, stiffness_kN_per_mm: float) -> tuple[float, float]:
     """Return the flat-ground point at which the tyre rests under a cylinder load, on the line F_f = k d_f.
 
@@ -163,16 +192,16 @@ def flat_ground_start(rig: Rig, cylinder_load_kN: float, stiffness_kN_per_mm: fl
     ValueError
         If k is not positive, the tyre would lift off, or no displacement carries the load.
     """
-    lever = rig.axle.support_to_load_mm / rig.axle.support_to_wheel_centre_mm
-    load = cylinder_load_kN * lever + rig.axle.axle_load_kN
-    if not (stiffness_kN_per_mm > 0 and load >= 0):
-        raise ValueError(f"needs k > 0 and a load on the tyre; got {stiffness_kN_per_mm} kN/mm and {load} kN")
-    target = load / (stiffness_kN_per_mm * curvature_factor(rig))
-    d, sine = _solve_displacement(target, centre_height_mm(rig), rig.rollers.half_spacing_mm)
+    d = wheel_centre_start(rig, cylinder_load_kN, stiffness_kN_per_mm)
+    sine = 1.0
+    if rig.rollers is not None:
+        u = centre_height_mm(rig) - d
+        sine = u / math.hypot(u, rig.rollers.half_spacing_mm)
+    load = cylinder_load_kN * rig.axle.support_to_load_mm / rig.axle.support_to_wheel_centre_mm + rig.axle.axle_load_kN
     return d * sine, load / (curvature_factor(rig) * sine)
 
 
-def _solve_displacement(target_mm: float, height_mm: float, half_spacing_mm: float) -> tuple[float, float]:
+def _solve_displacement(target_mm: float, height_mm: float, half_spacing_mm: float) -> float:
     # Newton for d sin^2(theta(d)) = target. The left side is concave where it rises, so that steps from d = 0
     # never pass the root: a step that finds no rise any more means that there is none.
     d = 0.0
@@ -185,6 +214,5 @@ def _solve_displacement(target_mm: float, height_mm: float, half_spacing_mm: flo
         step = (target_mm - d * squared) / rise
         d += step
         if abs(step) <= 1e-13 * max(d, 1.0):
-            u = height_mm - d
-            return d, u / math.hypot(u, half_spacing_mm)
+            return d
     raise ValueError(f"no displacement between the rollers carries this load ({target_mm:g} mm on flat ground)")

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from bayes_tyre.errors import BadInput
 from bayes_tyre.record import Channel, RawSignals
 from bayes_tyre.rig.axle import Rig
-from bayes_tyre.rig.calibration import Line
+from bayes_tyre.rig.sensors import Sensor, sensors_of
 
 Samples = Float[np.ndarray, " samples"]
 #: Two samples may lie so much closer or further apart than the others, as a share of their spacing.
@@ -64,7 +64,7 @@ def find_channels(raw: RawSignals, rig: Rig) -> Signals:
     faults = []
     for segment in raw.segments:
         try:
-            found = [_find(segment, *wanted) for wanted in _wanted(rig)]
+            found = [_find(segment, sensor) for sensor in sensors_of(rig)]
         except BadInput as error:
             faults.append(error)
             continue
@@ -72,34 +72,11 @@ def find_channels(raw: RawSignals, rig: Rig) -> Signals:
     raise faults[0] if faults else BadInput("holds no channel; record it again")
 
 
-def _wanted(rig: Rig) -> list[tuple[str, str, Line, bool]]:
-    names, lines, signs = rig.channels, rig.calibration, rig.signs
-    return [
-        (
-            names.acceleration,
-            names.acceleration_voltage,
-            Line(lines.acceleration_slope_m_per_s2_per_V, lines.acceleration_intercept_m_per_s2),
-            signs.acceleration_positive_upward,
-        ),
-        (
-            names.displacement,
-            names.displacement_voltage,
-            Line(lines.displacement_slope_mm_per_V, lines.displacement_intercept_mm),
-            signs.displacement_grows_downward,
-        ),
-        (
-            names.load,
-            names.load_voltage,
-            Line(lines.load_slope_kN_per_V, lines.load_intercept_kN),
-            signs.load_positive_into_rollers,
-        ),
-    ]
-
-
-def _find(segment: Sequence[Channel], name: str, voltage: str, line: Line, positive: bool) -> Channel:
-    """Return a channel in engineering units, signs turned."""
-    sign = 1.0 if positive else -1.0
-    for wanted, convert in ((name, lambda values: values), (voltage, line)):
+def _find(segment: Sequence[Channel], sensor: Sensor) -> Channel:
+    """Return a sensor's channel in engineering units, sign turned."""
+    sign = 1.0 if sensor.positive else -1.0
+    ways = [(sensor.channel, lambda values: values), *([(sensor.voltage, sensor.line)] if sensor.line else [])]
+    for wanted, convert in ways:
         found = [channel for channel in segment if channel.name.strip() == wanted.strip()]
         if len(found) > 1:
             raise BadInput(f"channel {wanted!r} stands {len(found)} times; give each channel a name of its own")
@@ -107,7 +84,14 @@ def _find(segment: Sequence[Channel], name: str, voltage: str, line: Line, posit
             channel = found[0]
             return Channel(wanted, channel.unit, channel.time_s, sign * convert(channel.values))
     has = ", ".join(repr(channel.name) for channel in segment[:12])
-    raise BadInput(f"has neither channel {name!r} nor {voltage!r}, but {has}; mend [channels] of the rig file")
+    if sensor.line is None:
+        raise BadInput(
+            f"has no channel {sensor.channel!r}, but {has}; mend [channels] of the rig file, or give it a line for "
+            f"{sensor.voltage!r} in [calibration]"
+        )
+    raise BadInput(
+        f"has neither channel {sensor.channel!r} nor {sensor.voltage!r}, but {has}; mend [channels] of the rig file"
+    )
 
 
 def _together(channels: Sequence[Channel]) -> Signals:

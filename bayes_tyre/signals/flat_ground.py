@@ -1,4 +1,4 @@
-"""From the wheel centre between two rollers to flat ground, where no sensor knows how far the tyre is pressed in."""
+"""From the wheel centre (between two rollers, say) to flat ground; no sensor knows how far the tyre is pressed in."""
 
 from typing import NamedTuple
 
@@ -31,13 +31,13 @@ def to_flat_ground(rig: Rig, moved_mm: Samples, force_kN: Samples, cylinder_kN: 
 
     The geometry needs the displacement since first touch. It is found so that record and static load agree: a tyre on
     a line through the origin, as stiff as the record's own path, rests under the load before the step at that
-    displacement (`geometry.flat_ground_start`, and from its d_f back to the wheel centre). An offset C of the true line
-    shifts d by C / k and changes k by some 0.03 % a mm.
+    displacement (`geometry.wheel_centre_start`). An offset C of the true line shifts d by C / k and, where there are
+    rollers, changes k by some 0.03 % a mm.
 
     Parameters
     ----------
     rig:
-        Radii and half spacing.
+        Lever arms and axle load; radii and half spacing where there are rollers.
     moved_mm, force_kN:
         Displacement from rest, mm, and force on the tyre, kN, at the wheel centre, shape (samples,).
     cylinder_kN:
@@ -51,14 +51,9 @@ def to_flat_ground(rig: Rig, moved_mm: Samples, force_kN: Samples, cylinder_kN: 
     k = _slope(moved_mm, force_kN) / geometry.curvature_factor(rig)
     for _ in range(_ROUNDS):
         try:
-            start_flat, force_flat = geometry.flat_ground_start(rig, cylinder_kN, k)
+            start = geometry.wheel_centre_start(rig, cylinder_kN, k)
         except ValueError as error:
-            raise BadInput(
-                f"path has no start on the rollers: {error}; check signs and lever arms of the rig"
-            ) from None
-        load = float(geometry.tyre_load(rig, cylinder_kN))
-        # Eq. 8 at the start: force_flat = load / (factor sin), so that the sine follows, and Eq. 7 turned round.
-        start = start_flat * geometry.curvature_factor(rig) * force_flat / load
+            raise BadInput(f"path has no start under load: {error}; check signs and lever arms of the rig") from None
         d = start + moved_mm
         per_wheel_centre = np.asarray(geometry.flat_ground_force(rig, np.ones_like(d), d), float)
         flat = np.asarray(geometry.flat_ground_displacement(rig, d), float)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from bayes_tyre.rig.axle import Rig
+from bayes_tyre.rig.axle import Rig, needed
 from bayes_tyre.signals.channels import Signals
 from bayes_tyre.signals.noise import block_means
 
@@ -38,12 +38,18 @@ class Runout(NamedTuple):
 
 
 def nominal_bodies(rig: Rig, speed_km_h: float) -> tuple[Turning, ...]:
-    """Return wheel and rollers (where there are any) turning at a road speed, km/h, without slip."""
+    """Return wheel and rollers (where there are any) turning at a road speed, km/h, without slip.
+
+    Raises
+    ------
+    BadInput
+        If the rig file does not say the tyre's radius: left in, runout would pass for motion of the step.
+    """
     mm_per_s = speed_km_h / 3.6e-3
-    bodies = [Turning(mm_per_s / (2 * math.pi * rig.tyre.unloaded_radius_mm), WHEEL_HARMONICS)]
-    rollers = getattr(rig, "rollers", None)  # a machine with a flat ground has none
-    if rollers is not None:
-        bodies.append(Turning(mm_per_s / (2 * math.pi * rollers.radius_mm), ROLLER_HARMONICS))
+    tyre = needed(rig.tyre, rig, "tyre")
+    bodies = [Turning(mm_per_s / (2 * math.pi * tyre.unloaded_radius_mm), WHEEL_HARMONICS)]
+    if rig.rollers is not None:
+        bodies.append(Turning(mm_per_s / (2 * math.pi * rig.rollers.radius_mm), ROLLER_HARMONICS))
     return tuple(bodies)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from bayes_tyre.record import Case
 from bayes_tyre.rig import geometry
-from bayes_tyre.rig.axle import Rig
+from bayes_tyre.rig.axle import Rig, needed
 from bayes_tyre.simulate.plan import Planned
 from bayes_tyre.simulate.stiffness import case_stiffness
 from bayes_tyre.simulate.truth import Harmonic, Runout, Truth
@@ -39,7 +39,13 @@ def stream(seed: int, *names: str) -> np.random.Generator:
 
 
 def draw_truth(plan: Planned, rig: Rig, seed: int) -> Truth:
-    """Return the truth of one record of a plan on a rig; the same record and seed give the same truth."""
+    """Return the truth of one record of a plan on a rig; the same record and seed give the same truth.
+
+    Raises
+    ------
+    BadInput
+        If the tyre rolls and the rig file does not say its radius.
+    """
     case = plan.case
     draw = stream(seed, "record", plan.label)
     k, beta, x, C, c = _law_and_damping(case, rig, seed, draw)
@@ -104,17 +110,16 @@ def _runout(case: Case, rig: Rig, seed: int, draw: np.random.Generator) -> Runou
         sizes = [amplitude * (1 + 0.2 * _clipped(axle)) for amplitude in amplitudes]
         return tuple(Harmonic(size, draw.uniform(0, 2 * math.pi)) for size in sizes)
 
+    tyre, rollers = needed(rig.tyre, rig, "tyre"), rig.rollers
     return Runout(
-        wheel_turn_Hz=mm_per_s / (2 * math.pi * rig.tyre.unloaded_radius_mm),
-        roller_turn_Hz=mm_per_s / (2 * math.pi * rig.rollers.radius_mm),
+        wheel_turn_Hz=mm_per_s / (2 * math.pi * tyre.unloaded_radius_mm),
+        roller_turn_Hz=mm_per_s / (2 * math.pi * rollers.radius_mm) if rollers else 0.0,
         wheel_harmonics=harmonics(_WHEEL_RUNOUT_MM),
-        roller_harmonics=harmonics(_ROLLER_RUNOUT_MM),
+        roller_harmonics=harmonics(_ROLLER_RUNOUT_MM) if rollers else (),
         road_noise_mm=_ROAD_NOISE_MM,
     )
 
 
 def _laser_at_first_touch(case: Case, rig: Rig) -> float:
-    k = case_stiffness(Case(case.configuration, *_LASER_CASE))
-    d_flat, F_flat = geometry.flat_ground_start(rig, 30.0, k)
-    down = d_flat * F_flat * geometry.curvature_factor(rig) / float(geometry.tyre_load(rig, 30.0))  # Eq. 7 and 8
+    down = geometry.wheel_centre_start(rig, 30.0, case_stiffness(Case(case.configuration, *_LASER_CASE)))
     return _LASER_AT_30_KN_MM - down * rig.axle.support_to_measurement_mm / rig.axle.support_to_wheel_centre_mm

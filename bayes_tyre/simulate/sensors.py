@@ -6,6 +6,7 @@ from jaxtyping import Float
 from bayes_tyre.record import Channel, RawSignals
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.calibration import Line
+from bayes_tyre.rig.sensors import sensors_of
 from bayes_tyre.simulate.draw import stream
 from bayes_tyre.simulate.truth import Truth
 
@@ -25,7 +26,8 @@ def channels(
     """Return the raw signals of a record, named and ordered as in appendix B1.
 
     Each sensor reads with an offset and white noise; its voltage is rounded to the converter's step, and the
-    engineering channel is the calibration line of the rounded voltage. Left out: bandwidth of sensors and filters,
+    engineering channel is the calibration line of the rounded voltage. A sensor without a line has only the latter
+    channel, not rounded. Left out: bandwidth of sensors and filters,
     the laser's own sampling, saturation, cross-talk, hum.
 
     Parameters
@@ -42,23 +44,19 @@ def channels(
         Of the cylinder, shape (samples,).
     """
     lever = rig.axle.support_to_measurement_mm / rig.axle.support_to_wheel_centre_mm
-    upward = -1.0 if rig.signs.acceleration_positive_upward else 1.0
-    downward = 1.0 if rig.signs.displacement_grows_downward else -1.0
-    inward = 1.0 if rig.signs.load_positive_into_rollers else -1.0
-    readings = (
-        upward * lever * acceleration_m_per_s2 + truth.acceleration_offset_m_per_s2,
-        downward * lever * displacement_mm + truth.laser_at_first_touch_mm,
-        inward * load_kN,
-    )
+    readings = (-lever * acceleration_m_per_s2, lever * displacement_mm, load_kN)
+    offsets = (truth.acceleration_offset_m_per_s2, truth.laser_at_first_touch_mm, 0.0)
     sds = (truth.noise_acceleration_m_per_s2, truth.noise_displacement_mm, truth.noise_load_kN)
     written: list[Channel] = []
-    for (volts_name, name, line), reading, sd in zip(_sensors(rig), readings, sds, strict=True):
-        noise = sd * stream(truth.seed, "sensor", name, truth.plan.label).standard_normal(len(time_s))
-        volts = converted(reading + noise, line)
-        written += [
-            Channel(volts_name, _UNIT, time_s, volts, len(time_s)),
-            Channel(name, _UNIT, time_s, line(volts), len(time_s)),
-        ]
+    for sensor, reading, offset, sd in zip(sensors_of(rig), readings, offsets, sds, strict=True):
+        noise = sd * stream(truth.seed, "sensor", sensor.channel, truth.plan.label).standard_normal(len(time_s))
+        values = (reading if sensor.positive else -reading) + offset + noise
+        unit = sensor.unit
+        if sensor.line is not None:
+            volts, unit = converted(values, sensor.line), _UNIT
+            values = sensor.line(volts)
+            written.append(Channel(sensor.voltage, unit, time_s, volts, len(time_s)))
+        written.append(Channel(sensor.channel, unit, time_s, values, len(time_s)))
     elapsed = np.array([1000 * truth.plan.duration_s + _ELAPSED_BEYOND_MS])
     return RawSignals(segments=((*written, Channel("Time Elapsed", "", np.zeros(1), elapsed, 1)),))
 
@@ -67,20 +65,3 @@ def converted(reading: Samples, line: Line) -> Samples:
     """Return the voltage, V, that the converter makes of a reading: the nearest of its steps."""
     volts = (reading - line.intercept) / line.slope
     return np.round(volts / CONVERTER_STEP_V) * CONVERTER_STEP_V
-
-
-def _sensors(rig: Rig) -> tuple[tuple[str, str, Line], ...]:
-    names, lines = rig.channels, rig.calibration
-    return (
-        (
-            names.acceleration_voltage,
-            names.acceleration,
-            Line(lines.acceleration_slope_m_per_s2_per_V, lines.acceleration_intercept_m_per_s2),
-        ),
-        (
-            names.displacement_voltage,
-            names.displacement,
-            Line(lines.displacement_slope_mm_per_V, lines.displacement_intercept_mm),
-        ),
-        (names.load_voltage, names.load, Line(lines.load_slope_kN_per_V, lines.load_intercept_kN)),
-    )

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from bayes_tyre.published import checks, recompute, tables
+from bayes_tyre.rig.axle import Rollers
 
 COLUMNS = ["quantity", "source", "kind", "published", "recomputed", "tolerance", "agrees"]
 
@@ -61,7 +62,7 @@ def test_a_wrong_rig_spoils_sections_and_geometry(monkeypatch):
 
     def wrong(name):
         rig = right(name)
-        return rig.model_copy(update={"rollers": rig.rollers.model_copy(update={"radius_mm": 134.0})})
+        return rig.model_copy(update={"rollers": Rollers(radius_mm=134.0, half_spacing_mm=253.0)})
 
     monkeypatch.setattr(recompute.axle, "load_rig", wrong)
     rows = checks.recomputed_rows().set_index("quantity")

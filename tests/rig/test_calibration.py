@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bayes_tyre.rig.calibration import Line, fit_line, mend_signs, quantisation_step
+from bayes_tyre.rig.calibration import Line, fit_line, mend_signs, quantisation_step, residual_rms, with_best_signs
 
 
 def test_a_line_is_returned_with_its_digits():
@@ -51,3 +51,18 @@ def test_signs_that_were_never_lost_stay():
     np.testing.assert_array_equal(mend_signs(values / 10, values), values)
     with pytest.raises(ValueError, match="three or more"):
         mend_signs(np.array([1.0, 2.0]), np.array([1.0, 2.0]))
+
+
+def test_signs_are_mended_only_where_that_brings_the_values_to_a_line():
+    volts = np.linspace(0.0, 1.0, 41)
+    rising, falling = Line(5.0, -2.0)(volts), Line(-5.0, 7.0)(volts)
+    np.testing.assert_array_equal(with_best_signs(volts, np.abs(rising)), rising)
+    np.testing.assert_array_equal(with_best_signs(volts, falling), falling)
+    assert residual_rms(Line(5.0, -2.0), volts, rising + 0.5) == pytest.approx(0.5)
+
+
+def test_150_000_unlike_voltages_take_no_time():
+    """A place for the sign is tried between all of them; each with a fit of its own would take minutes."""
+    volts = 3.487 + 0.004 * np.random.default_rng(0).standard_normal(150_000)
+    values = Line(10.0421, -35.0137)(volts)
+    np.testing.assert_array_equal(mend_signs(volts, np.abs(values)), values)
