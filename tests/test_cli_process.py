@@ -1,13 +1,18 @@
 """`process`: records, rejected files with reasons, pictures, the same whatever the number of processes."""
 
 import shutil
+import subprocess
+import sys
+import time
 
 import numpy as np
+import own_cluster
 import pandas as pd
 import pytest
-from command_line import assert_refused, here, start, tree_of
+from command_line import assert_refused, environment, here, start, tree_of
 from dying_work import DEADLY, work
 
+from bayes_tyre.embedded import data_path
 from bayes_tyre.simulate.plan import thesis_plan
 from bayes_tyre.workflow.parallel import in_parallel
 from bayes_tyre.workflow.simulate import write_simulated
@@ -16,16 +21,21 @@ GOOD = ("DynamicS(0)30-20(1).lvm", "DynamicS(0)20-30(2).lvm", "DynamicD(0)30-40(
 WORDS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN", "repeat"]
 
 
+def record_into(folder, seed, *names) -> None:
+    """Write short simulated recordings of these names."""
+    plan = [
+        record._replace(duration_s=2.5, step_between_s=(1.0, 1.1))
+        for record in thesis_plan(5000.0)
+        if record.file in names
+    ]
+    write_simulated(plan, seed, folder, lambda done: None)
+
+
 @pytest.fixture(scope="module")
 def raw(tmp_path_factory):
     """Return a folder of three simulated recordings, one without a step and one that is no recording."""
     folder = tmp_path_factory.mktemp("raw")
-    plan = [
-        record._replace(duration_s=2.5, step_between_s=(1.0, 1.1))
-        for record in thesis_plan(5000.0)
-        if record.file in GOOD
-    ]
-    write_simulated(plan, 0, folder, lambda done: None)
+    record_into(folder, 0, *GOOD)
     text = (folder / GOOD[0]).read_text().splitlines(keepends=True)
     still = [*text[:-12500], *[line for line in text[-12500:] if float(line.split("\t")[0]) < 0.9]]
     (folder / "DynamicS(0)30-20(2).lvm").write_text("".join(still))
@@ -61,9 +71,8 @@ def test_every_file_is_a_record_or_a_reason(done):
 @pytest.mark.slow
 def test_the_number_of_processes_changes_nothing(done, raw, tmp_path):
     out, _, _ = done
-    command = start("process", raw, "--out", tmp_path / "records.csv", "--workers", 2, cwd=tmp_path)
-    _, stderr = command.communicate(timeout=300)
-    assert command.returncode == 0, stderr
+    command = here("process", raw, "--out", tmp_path / "records.csv", "--workers", 2)
+    assert command.exit_code == 0, command.stderr
     for name in ("records.csv", "rejected.csv"):
         assert (tmp_path / name).read_bytes() == (out / name).read_bytes()
 
@@ -139,8 +148,110 @@ def test_options_of_no_use_are_refused_before_the_work(raw, tmp_path, options, s
 
 @pytest.mark.slow
 def test_a_process_that_dies_loses_nothing_but_its_own_task():
-    progress = []
-    outcomes = in_parallel(work, range(8), 2, progress.append)
-    assert [outcome for i, outcome in enumerate(outcomes) if i != DEADLY] == [str(i) for i in range(8) if i != DEADLY]
-    assert "died twice" in str(outcomes[DEADLY])
-    assert sum(progress) == 8
+    outcomes = dict(in_parallel(work, range(6), 2))
+    assert "died twice" in str(outcomes.pop(DEADLY))
+    assert outcomes == {i: str(i) for i in range(6) if i != DEADLY}
+
+
+def kept_of(out) -> int:
+    """Return of how many files the results are kept beside a table."""
+    return sum(path.suffix in (".part", ".reason") for path in out.with_name(f".{out.name}.parts").glob("[!.]*"))
+
+
+def assert_same(done, folder) -> None:
+    """Assert that a folder holds what the undisturbed run wrote, to the byte."""
+    for path in (path for path in done.rglob("*") if path.is_file()):
+        assert (folder / path.relative_to(done)).read_bytes() == path.read_bytes(), path
+
+
+@pytest.mark.slow
+def test_resume_after_kill_gives_the_bytes_of_an_undisturbed_run(done, raw, tmp_path):
+    options = ["--out", tmp_path / "records.csv", "--figures", tmp_path / "pictures", "--workers", 1]
+    command = start("process", raw, *options, cwd=tmp_path)
+    while command.poll() is None and kept_of(tmp_path / "records.csv") < 2:
+        time.sleep(0.005)
+    command.kill()
+    command.communicate()
+    assert not (tmp_path / "records.csv").exists()
+    assert here("process", raw, *options, "--resume").exit_code == 0
+    assert_same(done[0], tmp_path)
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_same_bytes_and_what_it_did_outlives_its_scheduler(done, raw, tmp_path):
+    lock = tmp_path / "lock"
+    cluster = subprocess.Popen(
+        [sys.executable, own_cluster.__file__, GOOD[0], lock], cwd=tmp_path, env=environment(), text=True,
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    with cluster:
+        try:
+            assert cluster.stdout is not None
+            address = cluster.stdout.readline().strip()
+            command = ["process", raw, "--cluster", address, "--figures"]
+            whole = here(*command, tmp_path / "a" / "pictures", "--out", tmp_path / "a" / "records.csv")
+            assert whole.stderr == ""
+            assert whole.exit_code == 0
+            assert_same(done[0], tmp_path / "a")
+            lock.touch()
+            out = ["--out", tmp_path / "b" / "records.csv"]
+            cut = start(*command, tmp_path / "b" / "pictures", *out, cwd=raw)
+            while cut.poll() is None and kept_of(out[1]) < 5:  # all but the one that waits
+                time.sleep(0.01)
+        finally:
+            cluster.kill()
+    try:
+        stdout, stderr = cut.communicate(timeout=60)
+    finally:
+        cut.kill()
+    assert_refused(cut.returncode, stderr, "the scheduler is lost", "--resume")
+    assert stdout == ""
+    assert not (tmp_path / "b" / "records.csv").exists()
+    resumed = here("process", raw, *out, "--figures", tmp_path / "b" / "pictures", "--workers", 1, "--resume")
+    assert resumed.exit_code == 0
+    assert_same(done[0], tmp_path / "b")
+
+
+def another_rig(file, rig) -> list[str]:
+    text = rig.read_text()
+    rig.write_text(text.replace("1300", "1301"))
+    assert rig.read_text() != text
+    return []
+
+
+def another_method(file, rig) -> list[str]:
+    return ["--method", "thesis"]
+
+
+def another_file(file, rig) -> list[str]:
+    record_into(file.parent, 1, file.name)
+    return []
+
+
+@pytest.mark.parametrize("change", [another_rig, another_method, another_file])
+def test_resume_heeds_another_file_rig_and_method(change, raw, tmp_path):
+    file, rig = tmp_path / GOOD[0], tmp_path / "rig.toml"
+    shutil.copy(raw / GOOD[0], file)
+    rig.write_text(data_path("rigs/single.toml").read_text())
+
+    def run(name, *options) -> bytes:
+        done = here("process", file, "--rig", rig, "--workers", 1, "--out", tmp_path / name, *options)
+        assert done.exit_code == 0, done.stderr
+        return (tmp_path / name).read_bytes()
+
+    before = run("r.csv")
+    options = change(file, rig)
+    after = run("r.csv", "--resume", *options)
+    assert after != before
+    assert after == run("fresh.csv", *options)
+
+
+@pytest.mark.parametrize("address", ["tcp://nowhere", "", "bogus://x:1"])
+def test_a_cluster_that_is_none_is_refused_and_nothing_written(address, raw, tmp_path):
+    refused = here("process", raw, "--out", tmp_path / "new" / "r.csv", "--cluster", address)
+    assert_refused(refused.exit_code, refused.stderr, "--cluster", "tcp://host:8786")
+    assert tree_of(tmp_path) == {}
+
+
+def test_a_cluster_and_workers_are_one_too_many(raw, tmp_path):
+    assert here("process", raw, "--out", tmp_path / "r.csv", "--cluster", "tcp://h:1", "--workers", 2).exit_code == 2

@@ -2,9 +2,10 @@
 
 import errno
 import os
+import re
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -14,6 +15,8 @@ from bayes_tyre.errors import BadInput
 # one place that all files pass.
 _begun: set[Path] = set()
 _turn = threading.Lock()
+# How `tempfile` names what `whole_file` asks it for.
+_BESIDE = re.compile(r"\.(?P<name>.+)\.[a-z0-9_]{8}(?:\.[^.]*)?")
 
 
 @contextmanager
@@ -58,6 +61,18 @@ def take_back_for_good() -> None:
     for beside in tuple(_begun):
         with suppress(OSError):
             beside.unlink(missing_ok=True)
+
+
+def remove_leftovers(paths: Iterable[Path]) -> None:
+    """Remove what writers of these files left half-written beside them when they were killed."""
+    names: dict[Path, set[str]] = {}
+    for path in paths:
+        names.setdefault(path.parent, set()).add(path.name)
+    for folder, whole in names.items():
+        for path in folder.iterdir() if folder.is_dir() else ():
+            left = _BESIDE.fullmatch(path.name)
+            if left is not None and left["name"] in whole:
+                path.unlink(missing_ok=True)
 
 
 def _named(error: OSError, path: Path) -> OSError:

@@ -4,6 +4,7 @@ import csv
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import pandas as pd
 
@@ -117,7 +118,11 @@ def write_table(table: pd.DataFrame, path: Path) -> Path:
 
 
 def _write_csv(table: pd.DataFrame, path: Path) -> None:
+    table.to_csv(path, index=False, lineterminator="\n", quoting=quoting_of(table), errors="backslashreplace")
+
+
+def quoting_of(table: pd.DataFrame) -> Literal[0, 2]:
+    """Return which cells of a table need quotes in a CSV, as `csv` counts it."""
     # Python 3.12 leaves a lone carriage return without quotes, and every reader takes it for the end of a row.
     returns = any("\r" in text for i in range(table.shape[1]) for text in texts_of(table.iloc[:, i]))
-    quoting = csv.QUOTE_NONNUMERIC if returns else csv.QUOTE_MINIMAL
-    table.to_csv(path, index=False, lineterminator="\n", quoting=quoting, errors="backslashreplace")
+    return csv.QUOTE_NONNUMERIC if returns else csv.QUOTE_MINIMAL

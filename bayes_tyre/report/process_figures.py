@@ -1,6 +1,7 @@
 """A picture of how a recording became a record: raw channels, the step found, the resulting path."""
 
-from pathlib import Path
+import io
+import threading
 
 import matplotlib.style
 import numpy as np
@@ -8,7 +9,6 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bayes_tyre.formats.files import whole_file
 from bayes_tyre.report import page
 from bayes_tyre.report.colours import INK, Setting
 from bayes_tyre.report.labels import plain
@@ -20,6 +20,7 @@ _RAW, _USED, _MARK = "#9a9a9a", INK, "#0072B2"
 # Long recordings are drawn as the extremes of so many stretches: nothing is lost to the eye.
 _STRETCHES = 1500
 _AROUND_S = 0.25
+_pen = threading.Lock()
 
 
 @matplotlib.style.context(STYLE)
@@ -59,11 +60,12 @@ def record_figure(processed: Processed, origin: str) -> Figure:
     return page.finish(figure, Setting(origin), _note(processed))
 
 
-def draw_record(processed: Processed, origin: str, path: Path) -> Path:
-    """Write the picture of one record as PNG, whole or not at all; return the path."""
-    with whole_file(path) as beside:
-        record_figure(processed, origin).savefig(beside, format="png")
-    return path
+def record_png(processed: Processed, origin: str) -> bytes:
+    """Return the picture of one record as PNG; one thread at a time draws, for matplotlib's style is the process's."""
+    png = io.BytesIO()
+    with _pen:
+        record_figure(processed, origin).savefig(png, format="png")
+    return png.getvalue()
 
 
 def _draw_long(ax: Axes, time_s: Samples, values: Samples, colour: str) -> None:

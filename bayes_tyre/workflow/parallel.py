@@ -1,21 +1,23 @@
-"""The same work on many files, side by side: results in the order of the tasks, and a lost process loses nothing."""
+"""The same work on many files, side by side on the cores here: a lost process loses nothing."""
 
 import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 
+from bayes_tyre.workflow.outcome import Fault
+
 # So many tasks a process wait in the pool: enough to keep it busy, few enough that few are in doubt when it breaks.
-_AHEAD = 2
+AHEAD = 2
 
 
 def in_parallel[T, R](
-    work: Callable[[T], R], tasks: Sequence[T], workers: int | None, on_progress: Callable[[int], None]
-) -> list[R | str]:
-    """Return the outcome of each task, in the order of the tasks.
+    work: Callable[[T], R], tasks: Sequence[T], workers: int | None
+) -> Generator[tuple[int, R | Fault]]:
+    """Yield each task's index and outcome as it is done; no more than a few outcomes are in memory.
 
     Parameters
     ----------
@@ -25,8 +27,6 @@ def in_parallel[T, R](
         Picklable.
     workers:
         Processes; None: one a core. With one, or one task, no process is started.
-    on_progress:
-        Called with 1 after each task.
 
     Notes
     -----
@@ -34,49 +34,44 @@ def in_parallel[T, R](
     its own; a task that kills that too has the reason as its outcome. The others go on.
     """
     workers = min(workers or os.cpu_count() or 1, len(tasks))
-    outcomes: dict[int, R | str] = {}
+    todo = iter(range(len(tasks)))
     if workers <= 1:
-        for i, task in enumerate(tasks):
-            outcomes[i] = work(task)
-            on_progress(1)
-        return [outcomes[i] for i in range(len(tasks))]
-    todo = list(range(len(tasks)))
-    while todo:
-        doubtful = _run(work, tasks, todo, workers, outcomes, on_progress)
+        yield from ((i, work(tasks[i])) for i in todo)
+        return
+    while doubtful := (yield from _run(work, tasks, todo, workers)):
         for i in doubtful:
-            if _run(work, tasks, [i], 1, outcomes, on_progress):
-                outcomes[i] = "the process that worked on it died twice, perhaps for want of memory; cut it in pieces"
-                on_progress(1)
-        todo = [i for i in todo if i not in outcomes]
-    return [outcomes[i] for i in range(len(tasks))]
+            if (yield from _run(work, tasks, iter([i]), 1)):
+                reason = "the process that worked on it died twice, perhaps for want of memory; cut it in pieces"
+                yield i, Fault(reason, lasting=False)
 
 
 def _run[T, R](
-    work: Callable[[T], R],
-    tasks: Sequence[T],
-    which: Sequence[int],
-    workers: int,
-    outcomes: dict[int, R | str],
-    on_progress: Callable[[int], None],
-) -> list[int]:
-    """Fill in outcomes until all are there or a process has died; return the tasks that may have been its last."""
-    todo, waiting = iter(which), dict[Future[R], int]()
+    work: Callable[[T], R], tasks: Sequence[T], todo: Iterator[int], workers: int
+) -> Generator[tuple[int, R], None, list[int]]:
+    """Yield outcomes until all are there or a process has died; return the tasks that may have been its last."""
     context = multiprocessing.get_context("spawn")  # JAX and its threads do not survive a fork
+    waiting = dict[Future[R], int]()
+    out = set[int]()
     with ProcessPoolExecutor(workers, context, _begin) as pool:
         try:
             while True:
-                while len(waiting) < _AHEAD * workers and (i := next(todo, None)) is not None:
+                while len(waiting) < AHEAD * workers and (i := next(todo, None)) is not None:
+                    out.add(i)
                     waiting[pool.submit(work, tasks[i])] = i
                 if not waiting:
                     return []
                 done, _ = wait(waiting, return_when=FIRST_COMPLETED)
                 # Those that came back whole first: a broken pool breaks the others of the same moment.
                 for future in sorted(done, key=lambda future: future.exception() is not None):
-                    outcomes[waiting[future]] = future.result()
-                    del waiting[future]
-                    on_progress(1)
+                    result, i = future.result(), waiting.pop(future)
+                    out.remove(i)
+                    yield i, result
+                del done, future, result  # or they are in memory beside those that come next
         except BrokenProcessPool:
-            return sorted(waiting.values())
+            return sorted(out)
+        finally:
+            for future in waiting:
+                future.cancel()
 
 
 def _begin() -> None:
