@@ -8,6 +8,8 @@ from jaxtyping import Array, Bool, Float, Int
 
 #: Pivots below this, in a matrix scaled to a diagonal of ones, are rounding: the unknown is one that others replace.
 SMALLEST_PIVOT = 1e-15
+#: What is left of a column below this part of it, once others are taken out, is rounding.
+LEAST_REST = 1e-13
 #: Three rounds an unknown are many; rounding may make the last ones turn in a circle, at a point that is as low.
 MAX_ROUNDS = 30
 
@@ -39,6 +41,76 @@ def solve_positive(matrix: Float[Array, "n n"], right: Float[Array, " n"]) -> Fl
             x[i] = x[i] - a[i][j] * x[j]
         x[i] = x[i] * inverse[i]
     return jnp.stack(x) * scale
+
+
+class Triangle(NamedTuple):
+    """The QR decomposition of a matrix given by its columns.
+
+    Attributes
+    ----------
+    rows:
+        R, row by row.
+    basis:
+        Columns of Q, of length 1.
+    rest:
+        What is left of each column once those before it are taken out.
+    """
+
+    rows: list[list[Float[Array, ""]]]
+    basis: list[Float[Array, " points"]]
+    rest: list[Float[Array, " points"]]
+
+
+def orthogonalised(columns: list[Float[Array, " points"]]) -> Triangle:
+    """Return the QR decomposition of a matrix given by its columns.
+
+    Modified Gram and Schmidt, unrolled: as good as Householder's reflections for R and, where the last column is a
+    right-hand side, for least squares (Bjorck 1967, Solving linear least squares problems by Gram-Schmidt
+    orthogonalization, BIT 7), and LAPACK is called for no record. A column that those before it replace, to rounding,
+    has a row and a column of zeros.
+    """
+    whole = [jnp.sum(column**2) for column in columns]
+    rest, rows, basis = list(columns), [], []
+    for i in range(len(rest)):
+        square = whole[i] if i == 0 else jnp.sum(rest[i] ** 2)
+        sound = square > LEAST_REST**2 * whole[i]
+        size = jnp.where(sound, jnp.sqrt(jnp.where(sound, square, 1.0)), 0.0)
+        basis.append(rest[i] * jnp.where(sound, 1.0 / jnp.where(sound, size, 1.0), 0.0))
+        row = [jnp.zeros(()) for _ in range(i)] + [size]
+        for j in range(i + 1, len(rest)):
+            row.append(jnp.sum(basis[i] * rest[j]))
+            rest[j] = rest[j] - row[j] * basis[i]
+        rows.append(row)
+    return Triangle(rows, basis, rest)
+
+
+def triangle(columns: list[Float[Array, " points"]]) -> Float[Array, "n n"]:
+    """Return R of the QR decomposition of a matrix given by its columns."""
+    return jnp.stack([jnp.stack(row) for row in orthogonalised(columns).rows])
+
+
+def solve_upper(rows: list[list[Float[Array, ""]]], right: list[Float[Array, ""]]) -> Float[Array, " n"]:
+    """Return x of R x = `right`, R upper triangular; an unknown whose pivot is 0 is 0."""
+    x = list(right)
+    for i in reversed(range(len(x))):
+        for j in range(i + 1, len(x)):
+            x[i] = x[i] - rows[i][j] * x[j]
+        x[i] = _over(x[i], rows[i][i])
+    return jnp.stack(x)
+
+
+def solve_forward(rows: list[list[Float[Array, ""]]], right: list[Float[Array, ""]]) -> list[Float[Array, ""]]:
+    """Return x of R' x = `right`, R upper triangular; an unknown whose pivot is 0 is 0."""
+    x = list(right)
+    for i in range(len(x)):
+        for j in range(i):
+            x[i] = x[i] - rows[j][i] * x[j]
+        x[i] = _over(x[i], rows[i][i])
+    return x
+
+
+def _over(number: Float[Array, ""], pivot: Float[Array, ""]) -> Float[Array, ""]:
+    return jnp.where(pivot != 0, number / jnp.where(pivot != 0, pivot, 1.0), 0.0)
 
 
 def times(matrix: Float[Array, "n n"], x: Float[Array, " n"]) -> Float[Array, " n"]:

@@ -5,12 +5,15 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
+from bayes_tyre.inference.box import triangle
 from bayes_tyre.inference.box_solver import BoxLevenbergMarquardt
 from bayes_tyre.inference.parameters import BETA, D_I, F_I, C, K
 from bayes_tyre.inference.problem import OwnProblem, Problem, in_own_units
+from bayes_tyre.inference.profile import ends, optimum, profile_of, scanned_betas, solve
 from bayes_tyre.inference.starts import solve_linear, starting_values
 
 __all__ = ["BETA", "D_I", "F_I", "C", "Estimate", "K", "Problem", "estimate_batch", "estimate_record"]
@@ -24,6 +27,10 @@ RANK_TOLERANCE = 1e-7
 CHI2_95 = 3.841458820694124
 #: A parameter this near to its bound, in own units, is on it; beta, relative to itself.
 AT_BOUND = 1e-11
+
+
+#: Records fitted side by side: few enough that what a step needs of them stays in a core's cache.
+BLOCK = 16
 
 
 class Estimate(NamedTuple):
@@ -134,14 +141,17 @@ def _best(fits: _Fit) -> _Fit:
 
 
 def _errors(
-    value: Float[Array, "5"], own: OwnProblem, fitted: Bool[Array, "5"], free: tuple[int, ...]
+    tangents: list[Float[Array, " points"]], own: OwnProblem, fitted: Bool[Array, "5"], free: tuple[int, ...]
 ) -> tuple[Float[Array, "5"], Bool[Array, "5"]]:
-    """Return standard errors over that of a point, and the parameters lost in the null space of the Jacobian."""
+    """Return standard errors over that of a point, and the parameters lost in the null space of the Jacobian.
+
+    `tangents`: derivative of the residuals with respect to each free parameter.
+    """
     index = jnp.array(free)
-    jacobian = jnp.where(fitted, jax.jacfwd(own.residual)(value), 0.0)[:, index]
-    size = jnp.linalg.norm(jacobian, axis=0)
+    columns = [jnp.where(fitted[i], tangent, 0.0) for i, tangent in zip(free, tangents, strict=True)]
+    size = jnp.stack([jnp.linalg.norm(column) for column in columns])
     scale = jnp.where(size > 0, size, 1.0)
-    _, singular, vectors = jnp.linalg.svd(jnp.linalg.qr(jacobian / scale, mode="r"))
+    _, singular, vectors = jnp.linalg.svd(triangle([column / s for column, s in zip(columns, scale, strict=True)]))
     kept = singular > RANK_TOLERANCE * singular[0]
     inverse = jnp.where(kept, 1.0 / jnp.where(kept, singular, 1.0), 0.0)
     root = jnp.zeros((5, len(free))).at[index].set(vectors.T * inverse / scale[:, None])
@@ -161,7 +171,47 @@ def _to_the_digit(
     return jnp.where(_mask(free), inside, problem.base)
 
 
-def estimate_record(problem: Problem, free: tuple[int, ...]) -> Estimate:
+class _Found(NamedTuple):
+    """A fit, the derivatives of its residuals by free parameter, and the RSS where beta is at either of its ends."""
+
+    fit: _Fit
+    tangents: list[Float[Array, " points"]]
+    rss_at_ends: list[Float[Array, ""]]
+
+
+def _found_on_the_profile(given: Float[Array, "starts 5"], own: OwnProblem, free: tuple[int, ...]) -> _Found:
+    """Return the best of the fits from several betas (mm; NaN: found from the data), all else being linear."""
+    profile = profile_of(own)
+    alone = jnp.log((given[:, BETA] - own.units.zero[BETA]) / own.units.unit[BETA])
+    starts = jnp.where(jnp.isnan(alone)[:, None], scanned_betas(profile, free), alone[:, None]).ravel()
+
+    def fit(start: Float[Array, ""]) -> _Fit:
+        solution = solve(profile, start, free, TOLERANCE, MAX_STEPS)
+        rss = 2.0 * solution.state.f
+        finite = jnp.isfinite(solution.value) & jnp.isfinite(rss)
+        value = own.base.at[BETA].set(jnp.exp(solution.value))
+        return _Fit(value, jnp.where(finite, rss, jnp.inf), finite & (solution.result == optx.RESULTS.successful))
+
+    best = _best(jax.lax.map(fit, starts))
+    there, *at_ends = (optimum(profile, beta, free) for beta in (best.value[BETA], *ends(profile)))
+    # Where the RSS is flat down to the least beta, rounding would choose among the betas: the least is taken.
+    flat = at_ends[0].rss <= there.rss + profile.rounding
+    there = jax.tree.map(lambda a, b: jnp.where(flat, a, b), at_ends[0], there)
+    finite = jnp.all(jnp.isfinite(there.value)) & jnp.isfinite(there.rss)
+    found = _Fit(there.value, jnp.where(finite, there.rss, jnp.inf), best.converged & finite)
+    return _Found(found, [there.tangents[i] for i in free], [end.rss for end in at_ends])
+
+
+def _found_in_full(given: Float[Array, "starts 5"], own: OwnProblem, free: tuple[int, ...]) -> _Found:
+    """Return the best of the fits from several starts (kN, mm; NaN: found from the data), within bounds."""
+    fit = _best_fit(starting_values(given, own, free), own, free)
+    units = jnp.eye(5)
+    tangents = [jax.jvp(own.residual, (fit.value,), (units[i],))[1] for i in free]
+    ends = [solve_linear(beta, fit.value, own, free)[1] for beta in own.beta_ends] if BETA in free else []
+    return _Found(fit, tangents, ends)
+
+
+def estimate_record(problem: Problem, free: tuple[int, ...], beta_alone: bool = False) -> Estimate:
     """Return the least-squares estimate of one record.
 
     Parameters
@@ -170,12 +220,16 @@ def estimate_record(problem: Problem, free: tuple[int, ...]) -> Estimate:
         The record, without a leading axis.
     free:
         Indices into `PARAMETERS` of those to fit; static.
+    beta_alone:
+        Whether beta is the one free parameter that is not linear, and none is bounded; static. The same optimum is
+        then found along the profile over log beta.
 
-    Source: Equation 2; Levenberg-Marquardt in log beta (optimistix); errors from RSS / (points - fitted), where a
-    parameter at its bound is not counted as fitted.
+    Source: Equation 2; in log beta, Newton on the profile or Levenberg-Marquardt on all (optimistix); errors from
+    RSS / (points - fitted), where a parameter at its bound is not counted as fitted.
     """
     own = in_own_units(problem, free)
-    value, rss, converged = _best_fit(starting_values(problem.start, own, free), own, free)
+    find = _found_on_the_profile if beta_alone else _found_in_full
+    (value, rss, converged), tangents, rss_at_ends = find(problem.start, own, free)
     near = AT_BOUND * jnp.where(_mask((BETA,)), value, 1.0 + jnp.abs(value))
     at_bound = _mask(free) & ((value <= own.low + near) | (value >= own.high - near))
     fitted = _mask(free) & ~at_bound
@@ -183,10 +237,10 @@ def estimate_record(problem: Problem, free: tuple[int, ...]) -> Estimate:
     # Exact data have no residual: rounding stands in for the noise, so that profiles compare against something.
     rounding = 1e-12 * jnp.max(jnp.where(problem.used, jnp.abs(problem.F), 0.0)) / own.units.span
     variance = jnp.maximum(rss / jnp.maximum(spare, 1), rounding**2)
-    errors, lost = _errors(value, own, fitted, free)
+    errors, lost = _errors(tangents, own, fitted, free)
     below = above = jnp.zeros((), bool)
-    if BETA in free:
-        ends = [solve_linear(beta, value, own, free)[1] - rss < CHI2_95 * variance for beta in own.beta_ends]
+    if rss_at_ends:
+        ends = [at_end - rss < CHI2_95 * variance for at_end in rss_at_ends]
         below, above = ends[0] & ~(own.low[BETA] > 0), ends[1] & ~jnp.isfinite(own.high[BETA])
     return Estimate(
         value=_to_the_digit(own.units.given(value), at_bound, problem, free),
@@ -200,7 +254,26 @@ def estimate_record(problem: Problem, free: tuple[int, ...]) -> Estimate:
     )
 
 
-@eqx.filter_jit
 def estimate_batch(problems: Problem, free: tuple[int, ...]) -> Estimate:
     """Return `estimate_record` of every record of a batch, compiled once a shape and set of free parameters."""
-    return jax.vmap(lambda problem: estimate_record(problem, free))(problems)
+    return _estimate_batch(problems, free, _beta_alone(problems, free))
+
+
+def _beta_alone(problems: Problem, free: tuple[int, ...]) -> bool:
+    """Return whether beta is free and not linear alone, something else is free, and nothing is bounded."""
+    if BETA not in free or D_I in free or len(free) < 2:
+        return False
+    return not any(side is not None and np.isfinite(side).any() for side in (problems.low, problems.high))
+
+
+@eqx.filter_jit
+def _estimate_batch(problems: Problem, free: tuple[int, ...], beta_alone: bool) -> Estimate:
+    if not beta_alone:
+        return jax.vmap(lambda problem: estimate_record(problem, free))(problems)
+    count = len(problems.d)
+    block = min(count, BLOCK)
+    # Filled up to whole blocks: a smaller last one would be compiled as well.
+    filled = jnp.minimum(jnp.arange(-(-count // block) * block), count - 1)
+    unbounded = Problem(*(jnp.asarray(field)[filled] for field in problems[:5]))
+    estimates = jax.lax.map(lambda problem: estimate_record(problem, free, True), unbounded, batch_size=block)
+    return jax.tree.map(lambda field: field[:count], estimates)

@@ -1,6 +1,9 @@
 """From a record table to a row a record: which points and parameters are used, and what the fit is worth in words."""
 
-from collections.abc import Callable
+import os
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +11,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float
 
-from bayes_tyre.batch import Batch, batches
+from bayes_tyre.batch import NARROWEST, Batch, batches
 from bayes_tyre.inference import least_squares as ls
 from bayes_tyre.inference.fit_settings import REGIONS, FitSettings
 from bayes_tyre.inference.parameters import PARAMETERS
@@ -31,7 +34,7 @@ def fit_records(
 ) -> pd.DataFrame:
     """Return the least-squares estimate of every record, a row each, in the order of the table.
 
-    Above the table, memory is that of one batch and of the rows returned.
+    Above the table, memory is that of one batch a core and of the rows returned.
 
     Parameters
     ----------
@@ -56,12 +59,10 @@ def fit_records(
         For further columns whose text varies within a record: they are left out.
     """
     settings = settings or FitSettings()
-    rows, most = [], {}
-    for batch in batches(table):
-        width = batch.present.shape[1]
-        # The last batch of a width is filled up to the shape of those before it: another shape is another compilation.
-        rows.append(_fit_batch(batch, settings, most.setdefault(width, len(batch.records))))
-        on_progress(len(batch.records))
+    rows = []
+    for fitted in _fit_batches(table, settings):
+        rows.append(fitted)
+        on_progress(len(fitted))
     fits = record_words(table).merge(pd.concat(rows), on="record", how="left", validate="1:1")
     for word in WORDS:
         if word not in fits:
@@ -71,8 +72,32 @@ def fit_records(
     return carry_extras(fits[ours], record_extras(table)).assign(origin=fits["origin"])
 
 
-def _fit_batch(batch: Batch, settings: FitSettings, rows: int) -> pd.DataFrame:
-    """Return the fits of a batch, which is filled up to `rows` records for the solver."""
+def _fit_batches(table: pd.DataFrame, settings: FitSettings) -> Iterator[pd.DataFrame]:
+    """Yield the fits of each batch, in order; as many batches as there are cores are under way at a time."""
+    lengths = np.bincount(pd.factorize(table["record"])[0])
+    if settings.region == "thesis":
+        lengths = np.ceil(THESIS_KEPT * lengths).astype(int)
+    shapes: dict[int, tuple[int, int]] = {}
+    under_way: deque[Future[pd.DataFrame]] = deque()
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for batch in batches(table):
+            width = batch.present.shape[1]
+            alone = width not in shapes
+            if alone:
+                # Only the columns that a record of this width uses. A smaller last batch is filled up to the shape of
+                # those before it: another shape is another compilation.
+                used = int(lengths[lengths <= width].max())
+                shapes[width] = len(batch.records), min(width, -(-used // NARROWEST) * NARROWEST)
+            under_way.append(pool.submit(_fit_batch, batch, settings, shapes[width]))
+            # The first of a shape compiles, which two at a time would do twice.
+            while under_way and (alone or len(under_way) >= (os.cpu_count() or 1)):
+                yield under_way.popleft().result()
+        while under_way:
+            yield under_way.popleft().result()
+
+
+def _fit_batch(batch: Batch, settings: FitSettings, shape: tuple[int, int]) -> pd.DataFrame:
+    """Return the fits of a batch, which the solver sees with as many records and points as `shape` says."""
     used = batch.present
     given = np.full((len(batch.records), len(PARAMETERS)), np.nan)
     if settings.region == "thesis":
@@ -88,8 +113,9 @@ def _fit_batch(batch: Batch, settings: FitSettings, rows: int) -> pd.DataFrame:
     fixed = np.broadcast_to([settings.fix.get(name, np.nan) for name in PARAMETERS], given.shape)
     bounds = np.array([settings.bounds.get(name, (-np.inf, np.inf)) for name in PARAMETERS]).T
     low, high = (np.broadcast_to(side, given.shape) for side in bounds)
-    filled = np.minimum(np.arange(rows), len(batch.records) - 1)
-    arrays = (batch.displacement_mm, batch.force_kN, used, fixed, start, low, high)
+    filled = np.minimum(np.arange(shape[0]), len(batch.records) - 1)
+    points = (array[:, : shape[1]] for array in (batch.displacement_mm, batch.force_kN, used))
+    arrays = (*points, fixed, start, *((low, high) if settings.bounds else ()))
     problems = ls.Problem(*(jnp.asarray(array[filled]) for array in arrays))
     estimates = jax.device_get(ls.estimate_batch(problems, settings.free_indices))
     estimate = ls.Estimate(*(field[: len(batch.records)] for field in estimates))

@@ -1,17 +1,24 @@
 """What a fit of a record is worth, in words: `ok`, or the reasons why it is not."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float
 
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.least_squares import Estimate
-from bayes_tyre.inference.parameters import PARAMETERS
+from bayes_tyre.inference.noise import SMOOTHED, lag_1
+from bayes_tyre.inference.parameters import BETA, D_I, F_I, PARAMETERS, C, K
+from bayes_tyre.laws.fancher import equation_2
 
 #: Displacements and forces above this are no measurements, and their sums of squares overflow; travels and changes
 #: of force below the inverse are none either, and vanish.
 LARGEST = 1e100
 #: Part of its travel by which displacement may run back, by noise or overshoot, and still be one step.
 TURNS_BACK = 0.25
+#: Residuals are asked whether they follow each other from this many points on, and where their root mean square is
+#: above this part of the change of force: below it they are rounding.
+FOLLOWED_FROM, FOLLOWED_ABOVE = 50, 1e-9
 
 
 def hopeless(batch: Batch, used: Bool[np.ndarray, "records points"], unknowns: int) -> np.ndarray:
@@ -52,7 +59,13 @@ def status(
         "did not converge: give a --start nearer to the data, or fix a parameter"
     )
     fitted = said == ""
-    for holds, reason in (*_of_the_points(batch, used), *_of_bounds(estimate, bounds), *_of_the_estimate(estimate)):
+    reasons = (
+        *_of_the_points(batch, used),
+        *_of_bounds(estimate, bounds),
+        *_of_the_estimate(estimate),
+        *_of_the_residuals(batch, used, estimate, fitted),
+    )
+    for holds, reason in reasons:
         rows = np.flatnonzero(fitted & holds)
         said[rows] = [f"{said[row]}; {reason}" if said[row] else reason for row in rows]
     said[said == ""] = "ok"
@@ -112,3 +125,40 @@ def _of_the_estimate(estimate: Estimate) -> Reasons:
             if which.any()
         ),
     ]
+
+
+def _of_the_residuals(
+    batch: Batch, used: Bool[np.ndarray, "records points"], estimate: Estimate, fitted: np.ndarray
+) -> Reasons:
+    """Return which of the records where k, C and beta were found have residuals that no noise leaves."""
+    points = used.sum(axis=1)
+    found = np.isfinite(np.asarray(estimate.standard_error)[:, [K, C, BETA]]).all(axis=1)
+    found &= fitted & ~np.asarray(estimate.beta_open_below) & ~np.asarray(estimate.beta_open_above)
+    found &= points >= FOLLOWED_FROM
+    if not found.any():
+        return []
+    _, F = _points(batch, used)
+    with np.errstate(over="ignore", invalid="ignore"):  # of records that are hopeless
+        found &= np.sqrt(np.asarray(estimate.rss) / points) > FOLLOWED_ABOVE * _largest(F - F[:, :1])
+    arrays = (batch.displacement_mm, batch.force_kN, used, estimate.value)
+    follows = np.asarray(_lag_1_of_residuals(*(jnp.asarray(array) for array in arrays)))
+    said = np.array(
+        [
+            f"residuals follow each other (lag-1 {rho:.3f}): signals look smoothed, or the curve is not Equation 2; "
+            "beta then reflects the filter, not the tyre"
+            for rho in follows
+        ]
+    )
+    found &= follows > SMOOTHED
+    return [(found & (said == which), str(which)) for which in np.unique(said[found])]
+
+
+@jax.jit
+def _lag_1_of_residuals(
+    d: Float[Array, "records points"],
+    F: Float[Array, "records points"],
+    used: Bool[Array, "records points"],
+    value: Float[Array, "records 5"],
+) -> Float[Array, " records"]:
+    k, c, beta, d_i, F_i = (value[:, i, None] for i in (K, C, BETA, D_I, F_I))
+    return jax.vmap(lag_1)(F - equation_2(d, k=k, C=c, beta=beta, d_i=d_i, F_i=F_i), used)

@@ -1,5 +1,7 @@
 """What the status says of a record, and that one bad record stops no other."""
 
+import re
+
 import jax.numpy as jnp
 import numpy as np
 import pandas as pd
@@ -130,6 +132,39 @@ def test_noise_and_overshoot_do_not_turn_a_record_back():
     overshoot.loc[27:, "displacement_mm"] -= 0.5
     found = fitted({"noisy": noisy, "overshoot": overshoot, "back": pd.concat([record(20), record(20).iloc[:8:-1]])})
     assert (found["status"] == TURNS_BACK).to_list() == [False, False, True]
+
+
+def smoothed(points: pd.DataFrame, window: int) -> pd.DataFrame:
+    """The record after a moving average of force and displacement, without the points that it would reach beyond."""
+    weights = np.full(window, 1 / window)
+    return points.apply(lambda signal: np.convolve(signal, weights, mode="valid")).reset_index(drop=True)
+
+
+def following(points: int, rho: float, seed: int) -> np.ndarray:
+    """Noise of variance 1 whose lag-1 autocorrelation is `rho`."""
+    noise = np.random.default_rng(seed).normal(size=points)
+    for i in range(1, points):
+        noise[i] = rho * noise[i - 1] + np.sqrt(1 - rho**2) * noise[i]
+    return noise
+
+
+def test_residuals_that_follow_each_other_as_those_of_smoothed_signals_do_are_said():
+    # Lag-1 of n residuals has standard error sqrt((1 - rho^2) / n): 0.95 is 30 of them above 0, and 7 above 0.8.
+    white, few = record(1000, beta=0.3), record(40, beta=0.3, noise_kN=0.0)
+    ar1 = record(1000, beta=0.3, noise_kN=0.0)
+    ar1["force_kN"] += 0.03 * following(1000, 0.8, seed=6) * (np.arange(1000) > 0)
+    few["force_kN"] += 0.03 * np.sin(np.linspace(0, 6, 40))
+    found = fitted(
+        {"white": white, "smoothed": smoothed(white, 81), "ar1": ar1, "few": few, "exact": record(60, noise_kN=0.0)}
+    )
+    assert found.drop("smoothed")["status"].eq("ok").all()
+    assert re.fullmatch(
+        r"residuals follow each other \(lag-1 0\.9[5-9]\d\): signals look smoothed, or the curve is not Equation 2; "
+        "beta then reflects the filter, not the tyre",
+        str(found.loc["smoothed", "status"]),
+    )
+    bounded = fitted({"smoothed": smoothed(white, 81)}, FitSettings(fix={"beta": 0.3}))
+    assert bounded.loc["smoothed", "status"] == "ok"
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e-3, 1e3, 1e6])
