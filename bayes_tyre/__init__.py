@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from bayes_tyre.analysis import (
         BadInput,
         FitSettings,
+        ModelSettings,
         SamplerSettings,
         cases,
         contrasts,
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 __all__ = [
     "BadInput",
     "FitSettings",
+    "ModelSettings",
     "SamplerSettings",
     "cases",
     "contrasts",

@@ -34,6 +34,7 @@ from bayes_tyre.workflow.predict import read_result
 __all__ = [
     "BadInput",
     "FitSettings",
+    "ModelSettings",
     "SamplerSettings",
     "cases",
     "contrasts",
@@ -110,10 +111,7 @@ def fit_least_squares(
 def fit(
     records: pd.DataFrame,
     settings: SamplerSettings | None = None,
-    *,
-    region: str = "all",
-    initial_load: str = "nominal",
-    displacement_scale_sd: float = 0.0,
+    model: ModelSettings | None = None,
 ) -> xr.DataTree:
     """Return the posterior of all records together, by NUTS, with its verdict.
 
@@ -123,8 +121,8 @@ def fit(
         A record table; it is checked.
     settings:
         How much to sample.
-    region, initial_load, displacement_scale_sd:
-        As `bayes_tyre.inference.fit.ModelSettings` explains them.
+    model:
+        What else the model is told: `ModelSettings(repeats="student")`.
 
     Returns
     -------
@@ -137,7 +135,7 @@ def fit(
     BadInput
         For a record table that cannot be right, and for a record that cannot be fitted: none is dropped.
     """
-    settings, model = settings or SamplerSettings(), ModelSettings(region, initial_load, displacement_scale_sd)
+    settings, model = settings or SamplerSettings(), model or ModelSettings()
     table = check_record_table(records)
     prepare_jax(max(settings.chains, _DEVICES))
     tree = fit_hierarchical(table, settings, model)

@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from bayes_tyre.inference.doubts import find_doubts
+from bayes_tyre.inference.noise import SMOOTHED
 
 R_HAT_MOST = 1.01
 ESS_LEAST_PER_CHAIN = 100
@@ -16,6 +17,10 @@ TAILS = (0.05, 0.95)
 #: Lag-1 autocorrelation of residuals above which independent noise is not credible. Over records of a hundred
 #: points its standard error is 0.1 for one record, far less for their median.
 AUTOCORRELATION_MOST = 0.3
+_REMEDY = "fit with --noise ar1, or with unsmoothed signals"
+_REMEDY_SMOOTHED = (
+    "the signals look smoothed, and beta then reflects the filter: no noise model helps, use the raw ones"
+)
 
 
 class Diagnostics(NamedTuple):
@@ -111,7 +116,7 @@ def diagnose(tree: xr.DataTree, residual_autocorrelation: float = np.nan) -> Dia
     if residual_autocorrelation > AUTOCORRELATION_MOST:
         reasons.append(
             f"sigma: residuals have lag-1 autocorrelation {residual_autocorrelation:.2f}: intervals are too narrow; "
-            "use unsmoothed signals, or thin each record until neighbouring residuals are independent"
+            f"{_REMEDY_SMOOTHED if residual_autocorrelation > SMOOTHED else _REMEDY}"
         )
     reasons += find_doubts(posterior)
     return Diagnostics(

@@ -8,10 +8,11 @@ import xarray as xr
 
 from bayes_tyre.batch import Batch, pad
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.hierarchical import published_model, records_model
-from bayes_tyre.inference.levels import find_levels
-from bayes_tyre.inference.likelihood import compress
-from bayes_tyre.inference.picture import RecordEstimates, draw_picture, record_data
+from bayes_tyre.inference.hierarchical import NOISE, REPEATS, published_model, records_model
+from bayes_tyre.inference.levels import Levels, find_levels
+from bayes_tyre.inference.likelihood import DirectLikelihood, Likelihood, compress
+from bayes_tyre.inference.noise import Whitening, smoothed_noise
+from bayes_tyre.inference.picture import RecordData, RecordEstimates, draw_picture, record_data
 from bayes_tyre.inference.posterior import scale_displacement, to_datatree
 from bayes_tyre.inference.priors import prior_medians
 from bayes_tyre.inference.record_fits import LARGEST, REGIONS, THESIS_KEPT
@@ -22,6 +23,7 @@ from bayes_tyre.record_table import origin_of, record_words
 #: F_i, J, k, beta and sigma of a record, and one point to spare.
 LEAST_POINTS = 6
 INITIAL_LOADS = ("nominal", "actual")
+LIKELIHOODS = ("compressed", "direct")
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,14 @@ class ModelSettings:
         over the mean force that a case's records really started from.
     displacement_scale_sd:
         Relative standard deviation of a common factor on displacement, carried into k and beta; 0: none.
+    likelihood:
+        ``compressed``: independent of the number of points; or ``direct``, point by point: the reference.
+    repeats:
+        How repeats scatter about their case: a ``mixture`` of usual and discordant ones, ``student`` or ``normal``.
+    noise:
+        ``iid``: independent from point to point; or ``ar1``: each point's follows the one before.
+    noise_window:
+        Samples of the moving average that went over the noise, such as 801; 1: none. Not with ``ar1``.
 
     Raises
     ------
@@ -47,14 +57,27 @@ class ModelSettings:
     region: str = "all"
     initial_load: str = "nominal"
     displacement_scale_sd: float = 0.0
+    likelihood: str = "compressed"
+    repeats: str = "mixture"
+    noise: str = "iid"
+    noise_window: int = 1
 
     def __post_init__(self) -> None:
-        for name, allowed in (("region", REGIONS), ("initial_load", INITIAL_LOADS)):
+        for name, allowed in (
+            *(("region", REGIONS), ("initial_load", INITIAL_LOADS), ("likelihood", LIKELIHOODS)),
+            *(("repeats", REPEATS), ("noise", NOISE)),
+        ):
             if getattr(self, name) not in allowed:
                 raise BadInput(f"{name} {getattr(self, name)!r} is unknown; use {' or '.join(allowed)}")
         if not 0 <= self.displacement_scale_sd < np.inf:
             raise BadInput(
                 f"displacement_scale_sd is {self.displacement_scale_sd}; give 0 or a relative sd such as 0.05"
+            )
+        if self.noise_window < 1:
+            raise BadInput(f"noise_window is {self.noise_window}; give the samples averaged, or 1 for none")
+        if self.noise_window > 1 and self.noise != "iid":
+            raise BadInput(
+                f"noise_window {self.noise_window} says all of the noise; give it without noise {self.noise}"
             )
 
 
@@ -120,18 +143,61 @@ def fit_hierarchical(
         For a record with too few points or no travel.
     """
     settings, model = settings or SamplerSettings(), model or ModelSettings()
-    batch = record_batch(used_points(table, model.region))
-    travel = np.abs(batch.displacement_mm - batch.displacement_mm[:, :1]).max(axis=1)
-    words = record_words(table).assign(travel_mm=travel)
-    levels = find_levels(words, batch.force_kN[:, 0] if model.initial_load == "actual" else None)
-    data, picture = record_data(batch), draw_picture(batch, levels)
-    arguments = {"likelihood": compress(data), "data": data, "picture": picture, "levels": levels}
-    draws = sample(records_model, arguments, settings, _starts(picture.records))
-    attributes = {"origin": origin_of(table), "model": "records"}
-    tree = to_datatree(draws.sites, draws.statistics, levels, words, attributes)
+    batch, words, levels = batch_and_levels(table, model)
+    tree = fit_batch(batch, words, levels, settings, model)
+    tree.attrs["origin"] = origin_of(table)
     if model.displacement_scale_sd > 0:
         tree = scale_displacement(tree, model.displacement_scale_sd, settings.seed)
     return tree
+
+
+def batch_and_levels(table: pd.DataFrame, model: ModelSettings) -> tuple[Batch, pd.DataFrame, Levels]:
+    """Return the records of a checked table as the model is told to take them, their words, and the levels in these.
+
+    Raises
+    ------
+    BadInput
+        For a record with too few points or no travel.
+    """
+    batch = record_batch(used_points(table, model.region))
+    travel = np.abs(batch.displacement_mm - batch.displacement_mm[:, :1]).max(axis=1)
+    words = record_words(table).assign(travel_mm=travel)
+    return batch, words, find_levels(words, batch.force_kN[:, 0] if model.initial_load == "actual" else None)
+
+
+def fit_batch(
+    batch: Batch, words: pd.DataFrame, levels: Levels, settings: SamplerSettings, model: ModelSettings
+) -> xr.DataTree:
+    """Return the posterior of a batch of records as `fit_hierarchical` does, for displacement as it was measured.
+
+    Parameters
+    ----------
+    batch, words, levels:
+        As `batch_and_levels` gives them; levels may hold cases without a record.
+    settings, model:
+        How much to sample, and of what.
+    """
+    whitening = whitening_for(batch, model)
+    data, picture = record_data(batch), draw_picture(batch, levels, model.noise, whitening)
+    arguments = {
+        **{"likelihood": likelihood_of(data, model, whitening), "data": data, "picture": picture, "levels": levels},
+        **{"repeats": model.repeats, "noise": model.noise},
+    }
+    draws = sample(records_model, arguments, settings, _starts(picture.records))
+    told = {name: str(getattr(model, name)) for name in ("repeats", "noise", "noise_window")}
+    return to_datatree(draws.sites, draws.statistics, levels, words, {"model": "records", **told})
+
+
+def whitening_for(batch: Batch, model: ModelSettings) -> Whitening | None:
+    """Return the whitening of noise that was smoothed, for records as long as the longest of a batch."""
+    return smoothed_noise(int(batch.points.max()), model.noise_window) if model.noise_window > 1 else None
+
+
+def likelihood_of(data: RecordData, model: ModelSettings, whitening: Whitening | None) -> Likelihood:
+    """Return the likelihood of the records that a model is told to use."""
+    if model.likelihood == "direct":
+        return DirectLikelihood(data, whitening)
+    return compress(data, neighbours=model.noise == "ar1", whitening=whitening)
 
 
 def _starts(records: RecordEstimates) -> dict[str, np.ndarray]:

@@ -10,8 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import numpyro
-import numpyro.distributions as dist
+from jax.scipy.special import gammaln
 from jaxtyping import Array, ArrayLike, Float
+from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
 from bayes_tyre.inference.coordinates import Gaussian, place, place_jointly, place_pair
 from bayes_tyre.inference.levels import Levels
@@ -21,6 +22,10 @@ from bayes_tyre.inference.priors import DISCORDANT_WIDENING, PRIORS
 
 #: Repeats that a case needs before one of them can be called discordant.
 JUDGEABLE_REPEATS = 3
+#: Repeats that a case without any counts as in its coordinates: an estimate without weight.
+_ALMOST_NONE = 1e-6
+#: How the records of a case scatter about it, and what the noise of a record is like.
+REPEATS, NOISE = ("mixture", "student", "normal"), ("iid", "ar1")
 
 
 def _sample(site: str, distribution: dist.Distribution) -> Array:
@@ -94,7 +99,8 @@ def _case_level(
 
     Where a remainder cannot be told from the scatter of repeats or from the words, there is none.
     """
-    variance = (scatter**2 + estimates.variance) / jnp.asarray(levels.repeats)
+    repeats = np.maximum(levels.repeats, _ALMOST_NONE)
+    variance = (scatter**2 + estimates.variance) / jnp.asarray(repeats)
     remainder = _prior(f"log_{parameter}_case_scale") if levels.has_remainder(parameter) else None
     about_words = variance if remainder is None else variance + remainder**2
     mean = case_structure(parameter, levels, Gaussian(estimates.median, 1.0 / about_words))
@@ -104,17 +110,25 @@ def _case_level(
     return mean
 
 
-def _repeats(deviation: Float[Array, "records 2"], scatter: Float[Array, "records 2"], mixture: bool) -> None:
-    """Add the density of the records' (log k, log beta) about their cases; discordant ones scatter more widely.
+def _repeats(deviation: Float[Array, "records 2"], scatter: Float[Array, "records 2"], kind: str) -> None:
+    """Add the density of the records' (log k, log beta) about their cases.
 
-    The indicator of each record is summed out; its posterior probability is `discordant_probability`.
+    Of a mixture the discordant records scatter more widely: the indicator of each is summed out, and its posterior
+    probability is `discordant_probability`. Of a Student-t both scatter more widely together, as one draw does.
     """
 
     def about_case(widening: float) -> Float[Array, " records"]:
         return dist.Normal(0.0, widening * scatter).log_prob(deviation).sum(axis=1)
 
-    if not mixture:
+    if kind == "normal":
         numpyro.factor("repeats", about_case(1.0))
+        return
+    if kind == "student":
+        nu = _prior("student_nu")
+        # A bivariate t on independent axes: a normal whose variance is nu over a chi-squared number of nu degrees.
+        squares = jnp.sum((deviation / scatter) ** 2, axis=1)
+        volume = gammaln(0.5 * nu + 1.0) - gammaln(0.5 * nu) - jnp.log(nu * jnp.pi) - jnp.sum(jnp.log(scatter), axis=1)
+        numpyro.factor("repeats", volume - (0.5 * nu + 1.0) * jnp.log1p(squares / nu))
         return
     weight = _prior("discordant_weight")
     usual = jnp.log1p(-weight) + about_case(1.0)
@@ -123,7 +137,7 @@ def _repeats(deviation: Float[Array, "records 2"], scatter: Float[Array, "record
     numpyro.deterministic("discordant_probability", jax.nn.sigmoid(discordant - usual))
 
 
-def _record_level(picture: Picture, levels: Levels) -> Float[Array, "records 4"]:
+def _record_level(picture: Picture, levels: Levels, repeats: str) -> Float[Array, "records 4"]:
     """Return each record's (F_i, J, log k, log beta), with the density of the last two about their case."""
     estimates, scatter, case = picture.records, [], []
     for parameter, of_cases in (("k", picture.k), ("beta", picture.beta)):
@@ -134,22 +148,44 @@ def _record_level(picture: Picture, levels: Levels) -> Float[Array, "records 4"]
     centre = estimates.centre
     pair = place_pair(_flat("shape_z", above.shape), centre[:, 2:], estimates.precision, above, scale)
     numpyro.factor("shape_volume", pair.log_volume)
-    _repeats(pair.deviation, scale, mixture=bool(levels.repeats.max() >= JUDGEABLE_REPEATS))
+    # Two repeats that differ cannot say which of them is odd, nor how heavy the tails are.
+    _repeats(pair.deviation, scale, repeats if levels.repeats.max() >= JUDGEABLE_REPEATS else "normal")
     deviation = jnp.einsum("rij,rj->ri", estimates.slope, pair.value - centre[:, 2:])
     level = centre[:, :2] + deviation + jnp.einsum("rij,rj->ri", estimates.factor, _flat("level_z", above.shape))
     return jnp.concatenate([level, pair.value], axis=1)
 
 
-def _noise(estimates: RecordEstimates) -> Float[Array, " records"]:
+def _autocorrelation(estimates: RecordEstimates) -> Float[Array, " records"]:
+    """Return rho of each record's noise, partially pooled; one record alone is the typical one."""
+    typical = _prior("atanh_rho_typical")
+    if len(estimates.rho) == 1:
+        return _keep("rho", jnp.tanh(jnp.reshape(typical, (1,))))
+    told = Gaussian(jnp.arctanh(estimates.rho), estimates.points * (1.0 - estimates.rho**2))
+    return _keep("rho", jnp.tanh(_placed("rho", told, typical, _prior("atanh_rho_spread"))))
+
+
+def _noise(estimates: RecordEstimates, rho: Float[Array, " records"] | None) -> Float[Array, " records"]:
     """Return sigma (kN) of each record, partially pooled; one record alone is the typical one."""
     if len(estimates.log_sigma) == 1:
         return _keep("sigma", jnp.reshape(_prior("sigma_typical"), (1,)))
-    told = Gaussian(estimates.log_sigma, estimates.log_sigma_precision)
+    value = estimates.log_sigma
+    if rho is not None:
+        # What is new in each point is known whatever rho is; sigma then follows rho.
+        value = value + 0.5 * (jnp.log1p(-(estimates.rho**2)) - jnp.log1p(-(rho**2)))
+    told = Gaussian(value, 2.0 * estimates.points)
     log_sigma = _placed("sigma", told, jnp.log(_prior("sigma_typical")), _prior("log_sigma_spread"))
     return _keep("sigma", jnp.exp(log_sigma))
 
 
-def records_model(likelihood: Likelihood, data: RecordData, picture: Picture, levels: Levels) -> None:
+def records_model(
+    likelihood: Likelihood,
+    data: RecordData,
+    picture: Picture,
+    levels: Levels,
+    *,
+    repeats: str = "mixture",
+    noise: str = "iid",
+) -> None:
     """Model the forces of all records (NumPyro model; sites in kN, mm; scales of k and beta are relative).
 
     Parameters
@@ -162,12 +198,17 @@ def records_model(likelihood: Likelihood, data: RecordData, picture: Picture, le
         Their Gaussian picture, which shapes the coordinates and leaves the posterior as it is.
     levels:
         Cases and how they group.
+    repeats:
+        One of `REPEATS`; with fewer than `JUDGEABLE_REPEATS` repeats a case, always ``normal``.
+    noise:
+        One of `NOISE`; ``ar1`` samples a lag-1 autocorrelation rho for each record.
     """
-    theta = _record_level(picture, levels)
+    theta = _record_level(picture, levels, repeats)
     F_i, J, log_k, log_beta = theta.T
     numpyro.factor("F_i_prior", dist.Normal(data.F_0, data.span).log_prob(F_i))
     numpyro.factor("J_prior", dist.Normal(0.0, _prior("J_scale")).log_prob(J))
-    numpyro.factor("force", likelihood(theta, _noise(picture.records)))
+    rho = _autocorrelation(picture.records) if noise == "ar1" else None
+    numpyro.factor("force", likelihood(theta, _noise(picture.records, rho), rho))
 
     k = _keep("k", jnp.exp(log_k))
     numpyro.deterministic("beta", jnp.exp(log_beta))

@@ -3,6 +3,7 @@
 It shapes the coordinates of `coordinates`, and never the posterior.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
@@ -15,12 +16,20 @@ from bayes_tyre.batch import Batch
 from bayes_tyre.inference import least_squares as ls
 from bayes_tyre.inference.coordinates import Gaussian
 from bayes_tyre.inference.levels import Levels
+from bayes_tyre.inference.noise import Whitening, innovations, lag_1
 from bayes_tyre.laws.fancher import equation_2_offset
 
 #: Widest standard deviations of log k and log beta that the picture of a record may have.
 _LOG_K_SD, _LOG_BETA_SD = 0.5, 1.0
 #: Scatter of repeats where no case has two of them; it counts with no weight.
 _UNKNOWN_SCATTER = 0.1
+#: A lag-1 autocorrelation that the picture may have: fits to a few points leave what no noise has.
+_LARGEST_RHO = 0.98
+#: Steps from the least-squares estimate to the one under correlated noise.
+_POLISHING_STEPS = 4
+#: A least-squares estimate with a beta beyond this part of the travel, or a k that is so many times the secant (or as
+#: much less), traded k against beta: the same points fit as well with a beta like the other records'.
+_TRADED_BETA, _TRADED_K = 0.5, 3.0
 #: Beta is held within these multiples of the travel where the record leaves it open.
 _BETA_WITHIN_TRAVEL = (1e-4, 3.0)
 
@@ -57,8 +66,8 @@ class RecordEstimates(NamedTuple):
         Shape (records, 2, 2): of log k and log beta, F_i and J integrated out.
     slope, factor:
         Shape (records, 2, 2): F_i and J follow `centre + slope (log k, log beta deviations) + factor z`.
-    log_sigma, log_sigma_precision:
-        Shape (records,); sigma in kN.
+    log_sigma, rho, points:
+        Shape (records,); sigma in kN, lag-1 autocorrelation of the residuals, and number of points.
     """
 
     centre: Float[Array, "records 4"]
@@ -66,7 +75,8 @@ class RecordEstimates(NamedTuple):
     slope: Float[Array, "records 2 2"]
     factor: Float[Array, "records 2 2"]
     log_sigma: Float[Array, " records"]
-    log_sigma_precision: Float[Array, " records"]
+    rho: Float[Array, " records"]
+    points: Float[Array, " records"]
 
     @property
     def log_k(self) -> Float[Array, " records"]:
@@ -92,33 +102,92 @@ def force_curve(u: Float[Array, " points"], theta: Float[Array, "4"]) -> Float[A
     return theta[0] + equation_2_offset(u, k=jnp.exp(theta[2]), J=theta[1], beta=jnp.exp(theta[3]))
 
 
-def estimate_records(batch: Batch) -> RecordEstimates:
-    """Return the Gaussian picture of each record, by least squares with F_i free over all of its points."""
+def estimate_records(
+    batch: Batch,
+    noise: str = "iid",
+    whitening: Whitening | None = None,
+    beta_mm: Float[np.ndarray, " records"] | None = None,
+) -> RecordEstimates:
+    """Return the Gaussian picture of each record, by least squares with F_i free over all of its points.
+
+    Parameters
+    ----------
+    batch:
+        The records.
+    noise:
+        ``iid``, or ``ar1``: autoregressive with the lag-1 autocorrelation that the residuals show.
+    whitening:
+        Of noise smoothed by a known moving average.
+    beta_mm:
+        Where to draw the picture in beta; None: at its estimate.
+    """
     data = record_data(batch)
     nan = jnp.full((len(batch.records), 5), jnp.nan)
-    problem = ls.Problem(jnp.asarray(batch.displacement_mm), data.F, data.present, nan, nan[:, None])
-    estimate = ls.estimate_batch(problem, (ls.K, ls.C, ls.BETA, ls.F_I))
-    return _estimate_records(data, estimate)
+    fixed = nan if beta_mm is None else nan.at[:, ls.BETA].set(beta_mm)
+    problem = ls.Problem(jnp.asarray(batch.displacement_mm), data.F, data.present, fixed, nan[:, None])
+    free = (ls.K, ls.C, ls.BETA, ls.F_I) if beta_mm is None else (ls.K, ls.C, ls.F_I)
+    estimate = ls.estimate_batch(problem, free)
+    return _estimate_records(data, estimate, noise == "ar1", whitening)
 
 
 @eqx.filter_jit
-def _estimate_records(data: RecordData, estimate: ls.Estimate) -> RecordEstimates:
-    return jax.vmap(_picture)(data, estimate)
+def _estimate_records(
+    data: RecordData, estimate: ls.Estimate, autoregressive: bool, whitening: Whitening | None
+) -> RecordEstimates:
+    def picture(record: RecordData, of_record: ls.Estimate) -> RecordEstimates:
+        return _picture(record, of_record, autoregressive, whitening)
+
+    return jax.vmap(picture)(data, estimate)
 
 
-def _picture(data: RecordData, estimate: ls.Estimate) -> RecordEstimates:
+def _picture(
+    data: RecordData, estimate: ls.Estimate, autoregressive: bool, whitening: Whitening | None
+) -> RecordEstimates:
     centre = _centre(data, estimate)
     points = jnp.sum(data.present)
+
+    def residual(theta: Float[Array, "4"]) -> Float[Array, " points"]:
+        return jnp.where(data.present, data.F - force_curve(data.u, theta), 0.0)
+
     # Noise-free records would make the coordinates infinitely narrow.
     sigma = jnp.maximum(jnp.sqrt(estimate.rss / jnp.maximum(points - 4, 1)), 1e-6 * data.span)
-    jacobian = jnp.where(data.present[:, None], jax.jacfwd(lambda theta: force_curve(data.u, theta))(centre), 0.0)
+    rho = jnp.clip(jnp.nan_to_num(lag_1(residual(centre), data.present)), -_LARGEST_RHO, _LARGEST_RHO)
+
+    def white(values: Float[Array, " points"]) -> Float[Array, " points"]:
+        if whitening is not None:
+            return whitening.whiten(values, data.present)
+        return innovations(values, data.present, rho) if autoregressive else values
+
     # A floor under the information gives a parameter that the record leaves open a finite scale.
-    floor = jnp.stack([data.span, data.span, jnp.asarray(_LOG_K_SD), jnp.asarray(_LOG_BETA_SD)])
-    information = jacobian.T @ jacobian / sigma**2 + jnp.diag(1.0 / floor**2)
-    level, both, shape = information[:2, :2], information[:2, 2:], information[2:, 2:]
+    floor = jnp.diag(1.0 / jnp.stack([data.span, data.span, jnp.asarray(_LOG_K_SD), jnp.asarray(_LOG_BETA_SD)]) ** 2)
+
+    def information(theta: Float[Array, "4"]) -> tuple[Float[Array, "4 points"], Float[Array, "4 4"]]:
+        jacobian = jax.vmap(white, in_axes=1)(-jax.jacfwd(residual)(theta)) / sigma
+        return jacobian, jacobian @ jacobian.T + floor
+
+    if autoregressive or whitening is not None:
+        centre = _polish(centre, lambda theta: white(residual(theta)) / sigma, information)
+    _, precision = information(centre)
+    level, both, shape = precision[:2, :2], precision[:2, 2:], precision[2:, 2:]
     slope = -jnp.linalg.solve(level, both)
     factor = jnp.linalg.inv(jnp.linalg.cholesky(level)).T
-    return RecordEstimates(centre, shape + both.T @ slope, slope, factor, jnp.log(sigma), 2.0 * points)
+    return RecordEstimates(centre, shape + both.T @ slope, slope, factor, jnp.log(sigma), rho, points.astype(rho.dtype))
+
+
+def _polish(
+    centre: Float[Array, "4"],
+    residual: Callable[[Float[Array, "4"]], Float[Array, " points"]],
+    information: Callable[[Float[Array, "4"]], tuple[Float[Array, "4 points"], Float[Array, "4 4"]]],
+) -> Float[Array, "4"]:
+    """Return the estimate under correlated noise, by Gauss-Newton steps that are taken where they gain."""
+
+    def step(_: Array, theta: Float[Array, "4"]) -> Float[Array, "4"]:
+        jacobian, precision = information(theta)
+        tried = theta + jnp.linalg.solve(precision, jacobian @ residual(theta))
+        better = jnp.sum(residual(tried) ** 2) < jnp.sum(residual(theta) ** 2)
+        return jnp.where(better, tried, theta)
+
+    return jax.lax.fori_loop(0, _POLISHING_STEPS, step, centre)
 
 
 def _centre(data: RecordData, estimate: ls.Estimate) -> Float[Array, "4"]:
@@ -156,6 +225,8 @@ def case_estimates(
 ) -> CaseEstimates:
     """Return what the records say of log k or log beta of their cases; a discordant repeat moves no median."""
     members = [levels.of_record == case for case in range(len(levels.cases))]
+    # A case without records has no estimate: any value will do, for it has no weight.
+    members = [member if member.any() else np.ones_like(member) for member in members]
     median = np.array([np.median(values[member]) for member in members])
     variance = np.array([np.mean(variances[member]) for member in members])
     return CaseEstimates(
@@ -191,10 +262,37 @@ class Picture(NamedTuple):
     beta: CaseEstimates
 
 
-def draw_picture(batch: Batch, levels: Levels) -> Picture:
-    """Return the Gaussian picture of the records of a batch and of the cases they repeat."""
-    records = estimate_records(batch)
+def draw_picture(batch: Batch, levels: Levels, noise: str = "iid", whitening: Whitening | None = None) -> Picture:
+    """Return the Gaussian picture of a batch's records, and of the cases they repeat; noise as `estimate_records`."""
+    records = _like_their_case(estimate_records(batch, noise, whitening), batch, levels, noise, whitening)
     # Of one with the other held: near enough for coordinates.
     variance = 1.0 / np.diagonal(np.asarray(records.precision), axis1=1, axis2=2)
     k = case_estimates(np.asarray(records.log_k), variance[:, 0], levels)
     return Picture(records, k, case_estimates(np.asarray(records.log_beta), variance[:, 1], levels))
+
+
+def _like_their_case(
+    records: RecordEstimates, batch: Batch, levels: Levels, noise: str, whitening: Whitening | None
+) -> RecordEstimates:
+    """Return the picture with records whose k and beta were traded drawn where the other records of their case lie.
+
+    What such a record's own optimum looks like says nothing of where the hierarchy will put it: coordinates that start
+    there made every trajectory a thousand steps long.
+    """
+    u = batch.displacement_mm - batch.displacement_mm[:, :1]
+    travel, span = np.abs(u).max(axis=1), np.abs(batch.force_kN - batch.force_kN[:, :1]).max(axis=1)
+    log_k, log_beta = np.asarray(records.log_k), np.asarray(records.log_beta)
+    traded = np.abs(log_k - np.log(span / travel)) > np.log(_TRADED_K)
+    traded |= log_beta > np.log(_TRADED_BETA * travel)
+    if traded.all() or not traded.any():
+        return records
+    beta = log_beta.copy()
+    for record in np.flatnonzero(traded):
+        alike = ~traded & (levels.of_record == levels.of_record[record])
+        beta[record] = np.median(log_beta[alike if alike.any() else ~traded])
+    drawn = estimate_records(batch, noise, whitening, np.exp(beta))
+
+    def choose(own: Array, other: Array) -> Array:
+        return jnp.where(jnp.asarray(traded).reshape(-1, *[1] * (own.ndim - 1)), other, own)
+
+    return RecordEstimates(*(choose(own, other) for own, other in zip(records, drawn, strict=True)))

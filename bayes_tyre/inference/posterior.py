@@ -19,7 +19,7 @@ CASE_PARAMETERS = ("k", "beta")
 def _quantities() -> dict[str, tuple[str | None, str]]:
     """Return dimension (None: a scalar) and unit (empty: a pure number) by name."""
     kept: dict[str, tuple[str | None, str]] = {name: ("record", unit) for name, unit in RECORD_UNITS.items()}
-    kept["discordant_probability"] = ("record", "")
+    kept |= {"discordant_probability": ("record", ""), "rho": ("record", "")}
     for name in CASE_PARAMETERS:
         kept[f"{name}_case"] = ("case", RECORD_UNITS[name])
         kept[f"{name}_cell"] = ("cell", RECORD_UNITS[name])
@@ -31,7 +31,8 @@ def _quantities() -> dict[str, tuple[str | None, str]]:
         kept[f"log_{name}_scatter_spread"] = (None, "")
         kept[f"log_{name}_repeat_scatter_by_speed"] = ("speed", "")
         kept[f"published_scatter_{name}"] = (None, "")
-    kept |= {"discordant_weight": (None, ""), "log_sigma_spread": (None, "")}
+    pure = ("discordant_weight", "student_nu", "log_sigma_spread", "atanh_rho_typical", "atanh_rho_spread")
+    kept |= dict.fromkeys(pure, (None, ""))
     kept |= {"J_scale": (None, "kN"), "sigma_typical": (None, "kN")}
     return kept
 

@@ -21,6 +21,7 @@ _IN_SCIPY: dict[type[dist.Distribution], Callable[..., Any]] = {
     dist.LogNormal: lambda location, scale: stats.lognorm(scale, scale=np.exp(location)),
     dist.HalfNormal: lambda scale: stats.halfnorm(scale=scale),
     dist.Beta: stats.beta,
+    dist.Normal: stats.norm,
 }
 
 
@@ -40,15 +41,19 @@ class Start(NamedTuple):
     displacement_mm: Float[np.ndarray, " points"]
 
 
-def prior_sites(levels: Levels) -> tuple[str, ...]:
-    """Return the sites of `PRIORS` that the model of records with these levels samples."""
-    sites = [*_OF_RECORDS, *["log_sigma_spread"] * bool(len(levels.of_record) > 1)]
+def prior_sites(levels: Levels, repeats: str = "mixture", noise: str = "iid") -> tuple[str, ...]:
+    """Return the sites of `PRIORS` that the model of records with these levels, repeats and noise samples."""
+    several = len(levels.of_record) > 1
+    of_repeats = {"mixture": ["discordant_weight"], "student": ["student_nu"], "normal": []}[repeats]
+    sites = [*_OF_RECORDS, *["log_sigma_spread"] * several]
+    if noise == "ar1":
+        sites += ["atanh_rho_typical", *["atanh_rho_spread"] * several]
     for parameter in PARAMETERS:
         sites += [f"{parameter}_cell", f"log_{parameter}_repeat_scatter"]
         sites += [f"log_{parameter}_{name}_scale" for name in levels.factors(parameter)]
         sites += [f"log_{parameter}_scatter_spread"] * levels.speed.varies
         sites += [f"log_{parameter}_case_scale"] * levels.has_remainder(parameter)
-    return (*sites, *["discordant_weight"] * bool(levels.repeats.max() >= JUDGEABLE_REPEATS))
+    return (*sites, *(of_repeats if levels.repeats.max() >= JUDGEABLE_REPEATS else ()))
 
 
 def prior_law(site: str) -> Any:
@@ -68,16 +73,20 @@ def prior_draws(sites: tuple[str, ...], draws: int, seed: int) -> dict[str, Floa
     return {site: prior_law(site).rvs(draws, random_state=rng) for site in sites}
 
 
-def prior_parameters(levels: Levels, case: int, draws: int, seed: int) -> dict[str, Float[np.ndarray, " draws"]]:
+def prior_parameters(
+    levels: Levels, case: int, draws: int, seed: int, repeats: str = "mixture"
+) -> dict[str, Float[np.ndarray, " draws"]]:
     """Return k (kN/mm), beta (mm), J and sigma (kN) of one record of a case, every draw from populations of its own.
 
     As `bayes_tyre.inference.hierarchical.records_model` has them: the cell, an effect of each word that varies, the
-    case's remainder, the scatter of repeats (wider where the record is discordant), J and sigma of a record. A common
-    factor on displacement is left out: it is far narrower than the priors.
+    case's remainder, the scatter of repeats (wider where the record is discordant, or in a Student-t's tails), J and
+    sigma of a record. A common factor on displacement is left out: it is far narrower than the priors.
     """
-    sites = prior_draws(prior_sites(levels), draws, seed)
+    sites = prior_draws(prior_sites(levels, repeats), draws, seed)
     rng = np.random.default_rng((seed, 0))
-    discordant = rng.random(draws) < sites.get("discordant_weight", 0.0)
+    widening = np.where(rng.random(draws) < sites.get("discordant_weight", 0.0), DISCORDANT_WIDENING, 1.0)
+    if "student_nu" in sites:
+        widening = np.sqrt(sites["student_nu"] / rng.chisquare(sites["student_nu"]))
     found = {}
     for parameter in PARAMETERS:
         log_value = np.log(sites[f"{parameter}_cell"])
@@ -86,8 +95,7 @@ def prior_parameters(levels: Levels, case: int, draws: int, seed: int) -> dict[s
             log_value = log_value + sites[f"log_{parameter}_{name}_scale"] * effects
         remainder = sites.get(f"log_{parameter}_case_scale", 0.0) * rng.standard_normal(draws)
         spread = sites.get(f"log_{parameter}_scatter_spread", 0.0) * rng.standard_normal(draws)
-        scatter = sites[f"log_{parameter}_repeat_scatter"] * np.exp(spread)
-        scatter = scatter * np.where(discordant, DISCORDANT_WIDENING, 1.0)
+        scatter = widening * sites[f"log_{parameter}_repeat_scatter"] * np.exp(spread)
         found[parameter] = np.exp(log_value + remainder + scatter * rng.standard_normal(draws))
     found["J"] = sites["J_scale"] * rng.standard_normal(draws)
     spread = sites.get("log_sigma_spread", 0.0)
@@ -96,7 +104,7 @@ def prior_parameters(levels: Levels, case: int, draws: int, seed: int) -> dict[s
 
 
 def prior_records(
-    levels: Levels, case: int, start: Start, draws: int = 1000, seed: int = 0
+    levels: Levels, case: int, start: Start, draws: int = 1000, seed: int = 0, repeats: str = "mixture"
 ) -> Float[np.ndarray, "draws points"]:
     """Return the forces (kN) of records of a case drawn from the priors alone, noise of each point included.
 
@@ -110,8 +118,11 @@ def prior_records(
         How many records.
     seed:
         The same seed gives the same records.
+    repeats:
+        How repeats scatter about their case.
     """
-    of_record = {name: values[:, None] for name, values in prior_parameters(levels, case, draws, seed).items()}
+    parameters = prior_parameters(levels, case, draws, seed, repeats)
+    of_record = {name: values[:, None] for name, values in parameters.items()}
     rng = np.random.default_rng((seed, 1))
     F_i = start.F_0 + start.span * rng.standard_normal((draws, 1))
     u = start.displacement_mm - start.displacement_mm[0]

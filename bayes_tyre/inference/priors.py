@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-import numpyro.distributions as dist
+from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
 
 class Prior(NamedTuple):
@@ -68,11 +68,16 @@ PRIORS: dict[str, Prior] = {
     "log_k_scatter_spread": Prior(dist.HalfNormal, (0.7,), "", "rolling may scatter several times as much as standing"),
     "log_beta_scatter_spread": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
     "discordant_weight": Prior(dist.Beta, (1.0, 19.0), "", "a mean of 5 %, below 15 % with 95 % probability"),
+    "student_nu": Prior(dist.LogNormal, (np.log(8.0), 0.5), "", "3 to 21: tails from heavy to nearly normal"),
     "J_scale": Prior(dist.HalfNormal, (2.0,), "kN", "friction at the start of a step: up to a few kN"),
     "sigma_typical": Prior(
         dist.LogNormal, (np.log(0.03), 1.5), "kN", "0.0016 to 0.57 kN: a good cell to a coarse converter"
     ),
     "log_sigma_spread": Prior(dist.HalfNormal, (0.7,), "", "noise differs by a factor of a few among records"),
+    "atanh_rho_typical": Prior(
+        dist.Normal, (0.5, 1.0), "", "lag-1 autocorrelation of the noise of -0.9 to 0.986: white to slowly drifting"
+    ),
+    "atanh_rho_spread": Prior(dist.HalfNormal, (0.5,), "", "one chain of instruments: records differ little"),
     "published_scatter_k": Prior(
         dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: repeats, processing and case together"
     ),

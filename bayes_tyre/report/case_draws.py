@@ -50,7 +50,8 @@ def of_repeat(posterior: xr.Dataset, case: int, rng: np.random.Generator) -> Cas
     """Return the draws of a repeat of a case that was not measured.
 
     k and beta scatter about the case's as repeats do at its speed, as a discordant repeat as often as the posterior
-    holds one possible; F_i, J and d_i are those of one of the case's records; sigma is that of a new record.
+    holds one possible (with the posterior's tails, where repeats are a Student-t); F_i, J and d_i are those of one of
+    the case's records; sigma is that of a new record.
 
     Raises
     ------
@@ -60,8 +61,7 @@ def of_repeat(posterior: xr.Dataset, case: int, rng: np.random.Generator) -> Cas
     F_i, J, d_i = _starts(posterior, case)
     draws, records = F_i.shape
     one = (np.arange(draws), rng.integers(records, size=draws))
-    weight = _scalar(posterior, "discordant_weight") if "discordant_weight" in posterior else 0.0
-    widening = np.where(rng.random(draws) < weight, DISCORDANT_WIDENING, 1.0)
+    widening = _widening(posterior, draws, rng)
     k, beta = (
         _flat(posterior[f"{name}_case"].isel(case=case))
         * np.exp(widening * _scatter(posterior, name, case) * rng.standard_normal(draws))
@@ -70,6 +70,15 @@ def of_repeat(posterior: xr.Dataset, case: int, rng: np.random.Generator) -> Cas
     spread = _scalar(posterior, "log_sigma_spread") if "log_sigma_spread" in posterior else 0.0  # one record: no spread
     sigma = _scalar(posterior, "sigma_typical") * np.exp(spread * rng.standard_normal(draws))
     return CaseDraws(F_i[one], J[one], k, beta, d_i[one], sigma)
+
+
+def _widening(posterior: xr.Dataset, draws: int, rng: np.random.Generator) -> Float[np.ndarray, " draws"]:
+    """Return how much more widely than usual a repeat scatters, in k and beta together."""
+    if "student_nu" in posterior:
+        nu = _scalar(posterior, "student_nu")
+        return np.sqrt(nu / rng.chisquare(nu))
+    weight = _scalar(posterior, "discordant_weight") if "discordant_weight" in posterior else 0.0
+    return np.where(rng.random(draws) < weight, DISCORDANT_WIDENING, 1.0)
 
 
 def travel_mm(posterior: xr.Dataset, case: int) -> float:

@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.fit import record_batch
+from bayes_tyre.inference.noise import whiten
 from bayes_tyre.record_table import record_words
 from bayes_tyre.report.prediction import force_kN
 from bayes_tyre.report.summary import outlier_probability
@@ -25,14 +26,16 @@ class Residuals(NamedTuple):
     ----------
     batch:
         The records.
-    residual_kN:
-        Shape (records, points), measured less curve; 0 on padding.
+    residual_kN, white_kN:
+        Shape (records, points), measured less curve; 0 on padding. White: less the correlation from point to point
+        that the model gives the noise; the same where it gives none.
     sigma_kN:
         Shape (records,): the posterior mean of the noise.
     """
 
     batch: Batch
     residual_kN: Float[np.ndarray, "records points"]
+    white_kN: Float[np.ndarray, "records points"]
     sigma_kN: Float[np.ndarray, " records"]
 
 
@@ -42,7 +45,7 @@ def _as_measured(posterior: xr.Dataset, records: list[str]) -> xr.Dataset:
     A posterior's k and beta are of the true displacement, `displacement_scale` times the measured one where it has
     such a factor: at a measured u, Eq. 2 is that of k times and beta over the factor.
     """
-    found = posterior[[*_OF_CURVE, "sigma"]].sel(record=records)
+    found = posterior[[name for name in (*_OF_CURVE, "sigma", "rho") if name in posterior]].sel(record=records)
     if "displacement_scale" not in posterior:
         return found
     factor = posterior["displacement_scale"]
@@ -55,12 +58,15 @@ def residuals(tree: xr.DataTree, table: pd.DataFrame) -> Residuals:
     mean = _as_measured(tree["posterior"].to_dataset(), list(batch.records)).mean(("chain", "draw"))
     u = batch.displacement_mm - batch.displacement_mm[:, :1]
     curve = force_kN(u, *(mean[name].to_numpy()[:, None] for name in _OF_CURVE))
-    return Residuals(batch, np.where(batch.present, batch.force_kN - curve, 0.0), mean["sigma"].to_numpy())
+    residual = np.where(batch.present, batch.force_kN - curve, 0.0)
+    rho = mean["rho"].to_numpy() if "rho" in mean else None
+    white = whiten(residual, batch.present, rho, int(tree.attrs.get("noise_window", 1)))
+    return Residuals(batch, residual, white, mean["sigma"].to_numpy())
 
 
 def autocorrelations(found: Residuals) -> Float[np.ndarray, " records"]:
-    """Return the lag-1 autocorrelation of each record's residuals, about their mean."""
-    batch, residual = found.batch, found.residual_kN
+    """Return the lag-1 autocorrelation of each record's residuals, about their mean: of what the model calls white."""
+    batch, residual = found.batch, found.white_kN
     centred = residual - np.where(batch.present, (residual.sum(axis=1) / batch.points)[:, None], 0.0)
     return np.sum(centred[:, 1:] * centred[:, :-1], axis=1) / np.sum(centred**2, axis=1)
 

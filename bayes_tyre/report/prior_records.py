@@ -61,7 +61,8 @@ def prior_panels(tree: xr.DataTree, table: pd.DataFrame, interval: float = 0.95,
     for cell in range(min(PANELS, len(levels.cell.labels))):
         of_cell = np.flatnonzero(cells == cell)
         like = int(of_cell[np.argsort(travel[of_cell], kind="stable")[(len(of_cell) - 1) // 2]])
-        panels.append(_panel(table, words, levels, like, interval, seed + cell))
+        repeats = str(tree.attrs.get("repeats", "mixture"))
+        panels.append(_panel(table, words, levels, like, interval, seed + cell, repeats))
     return panels
 
 
@@ -73,7 +74,7 @@ def _levels(tree: xr.DataTree, table: pd.DataFrame, words: pd.DataFrame) -> Leve
 
 
 def _panel(
-    table: pd.DataFrame, words: pd.DataFrame, levels: Levels, like: int, interval: float, seed: int
+    table: pd.DataFrame, words: pd.DataFrame, levels: Levels, like: int, interval: float, seed: int, repeats: str
 ) -> PriorPanel:
     case = int(levels.of_record[like])
     names = words["record"].tolist()
@@ -83,7 +84,7 @@ def _panel(
     mine = points[points["record"] == names[like]]
     d, F = mine["displacement_mm"].to_numpy(), mine["force_kN"].to_numpy()
     start = Start(float(F[0]), float(np.abs(F - F[0]).max()), _grid(d))
-    forces = prior_records(levels, case, start, _BAND_DRAWS, seed)
+    forces = prior_records(levels, case, start, _BAND_DRAWS, seed, repeats)
     lower, upper = np.quantile(forces, [(1.0 - interval) / 2.0, (1.0 + interval) / 2.0], axis=0)
     curves = pd.DataFrame(
         {

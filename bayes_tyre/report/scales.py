@@ -51,10 +51,11 @@ def _scale(population: Population) -> Scale:
     low, *quartiles, high = np.log(of_prior) if log else of_prior
     draws = np.log(population.draws.ravel()) if log else population.draws.ravel()
     least, most = float(draws.min()), float(draws.max())
+    ends_at_zero = not log and law.support()[0] == 0
     # A half-normal prior is highest at zero, and a posterior may be: the density is mirrored there, not cut off.
-    edge = {} if log else {"custom_lims": (0.0, most), "bound_correction": True}
+    edge = {"custom_lims": (0.0, most), "bound_correction": True} if ends_at_zero else {}
     x, height, _ = az.kde(draws, **edge)
-    whole = np.linspace(min(low if log else 0.0, least), max(high, most), POINTS)
+    whole = np.linspace(min(0.0 if ends_at_zero else low, least), max(high, most), POINTS)
     at = np.sort(np.concatenate([whole, np.linspace(least, most, POINTS)]))
     values = np.exp(at) if log else at
     prior = law.pdf(values) * (values if log else 1.0)
@@ -65,6 +66,6 @@ def _scale(population: Population) -> Scale:
         log,
         values,
         prior / prior.max(),
-        np.interp(at, x, height / height.max(), left=0.0 if log else None, right=0.0),
+        np.interp(at, x, height / height.max(), left=None if ends_at_zero else 0.0, right=0.0),
         1.0 - float((three_quarters - quarter) / (quartiles[1] - quartiles[0])) ** 2,
     )

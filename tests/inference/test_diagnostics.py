@@ -134,7 +134,12 @@ def test_residuals_that_follow_each_other_fail(rho, verdict):
     if verdict == "fail":
         reason = only_reason(found)
         assert reason.startswith("sigma: residuals have lag-1 autocorrelation 0.31")
-        assert "use unsmoothed signals, or thin each record" in reason
+        assert "fit with --noise ar1, or with unsmoothed signals" in reason
+
+
+def test_residuals_of_smoothed_signals_are_called_so():
+    reason = only_reason(diagnose(tree(), 0.998))
+    assert "the signals look smoothed, and beta then reflects the filter" in reason
 
 
 def test_one_chain_fails_and_asks_for_more():

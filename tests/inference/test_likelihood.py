@@ -10,6 +10,7 @@ from simulated_records import Plan, simulate
 
 from bayes_tyre.inference.fit import record_batch
 from bayes_tyre.inference.likelihood import CompressedLikelihood, DirectLikelihood, compress
+from bayes_tyre.inference.noise import smoothed_noise
 from bayes_tyre.inference.picture import RecordEstimates, estimate_records, record_data
 from bayes_tyre.inference.priors import PRIORS
 from bayes_tyre.record_table import check_record_table
@@ -27,6 +28,16 @@ def records() -> tuple[DirectLikelihood, CompressedLikelihood, RecordEstimates]:
     batch = record_batch(check_record_table(table))
     data = record_data(batch)
     return DirectLikelihood(data), compress(data), estimate_records(batch)
+
+
+@pytest.fixture(scope="module", params=["autoregressive", "smoothed"])
+def correlated(request, records) -> tuple[DirectLikelihood, CompressedLikelihood, RecordEstimates, float | None]:
+    """Return both likelihoods under noise that is not independent, the picture, and rho where there is one."""
+    direct, _, picture = records
+    if request.param == "autoregressive":
+        return direct, compress(direct.data, neighbours=True), picture, 0.7
+    whitening = smoothed_noise(direct.data.u.shape[1], 20)
+    return DirectLikelihood(direct.data, whitening), compress(direct.data, whitening=whitening), picture, None
 
 
 def prior_beta(quantile_sd: float) -> float:
@@ -79,3 +90,29 @@ def test_padding_does_not_count(records):
     _, compressed, _ = records
     assert compressed.points[-1] == 150
     assert compressed.points[0] == 240
+
+
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(
+    where=st.floats(-3.0, 3.0),
+    sigma_factor=st.sampled_from([0.1, 1.0, 10.0]),
+    rho_factor=st.floats(-1.4, 1.4),
+    off=st.lists(st.floats(-30.0, 30.0), min_size=3, max_size=3),
+)
+def test_correlated_noise_agrees_to_1e_5_likewise(correlated, where, sigma_factor, rho_factor, off):
+    direct, compressed, picture, rho = correlated
+    level = picture.centre[:, :2] + jnp.einsum("rij,j->ri", picture.factor, jnp.asarray(off[:2]))
+    log_k = picture.log_k + off[2] / jnp.sqrt(picture.precision[:, 0, 0])
+    theta = jnp.concatenate([level, log_k[:, None], jnp.full_like(log_k, prior_beta(where))[:, None]], axis=1)
+    sigma = jnp.exp(picture.log_sigma) * sigma_factor
+    of_records = None if rho is None else jnp.full_like(sigma, rho * rho_factor)
+    ours, theirs = compressed(theta, sigma, of_records), direct(theta, sigma, of_records)
+    # Whitening magnifies what the rounding of a table's entries leaves; its densities are larger too.
+    assert float(jnp.max(jnp.abs(ours - theirs) / jnp.maximum(1.0, 1e-9 * jnp.abs(theirs)))) < 1e-5
+
+
+def test_rho_needs_the_products_of_neighbours(records):
+    _, compressed, picture = records
+    sigma = jnp.exp(picture.log_sigma)
+    with pytest.raises(ValueError, match="neighbours=True"):
+        compressed(picture.centre, sigma, 0.5 * jnp.ones_like(sigma))

@@ -27,6 +27,11 @@ FIRST_70_PER_CENT = {1: 1, 2: 2, 10: 7, 11: 8, 1198: 839}
         {"displacement_scale_sd": -0.1},
         {"displacement_scale_sd": float("nan")},
         {"displacement_scale_sd": float("inf")},
+        {"likelihood": "guessed"},
+        {"repeats": "cauchy"},
+        {"noise": "pink"},
+        {"noise_window": 0},
+        {"noise": "ar1", "noise_window": 801},
     ],
 )
 def test_settings_that_cannot_be_are_refused(wrong):
