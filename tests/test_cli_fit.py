@@ -146,7 +146,8 @@ def test_a_run_tells_how_it_was_made(fits):
     assert run["command"] == f"bayes-tyre fit 'the records.csv' --out one {few}"
     sampler = {"chains": 2, "warmup": 60, "draws": 60}
     model = {"region": "all", "initial_load": "nominal", "displacement_scale_sd": 0.0}
-    assert run["options"] == {**sampler, **model, "interval": 0.95}
+    model |= {"likelihood": "compressed", "repeats": "mixture", "noise": "iid", "noise_window": 1}
+    assert run["options"] == {**sampler, **model, "interval": 0.95, "units_checked": False}
     assert run["seed"] == 7
     digest = hashlib.sha256((folder / "the records.csv").read_bytes()).hexdigest()
     assert run["inputs"] == {"the records.csv": digest}
@@ -161,7 +162,7 @@ def test_a_run_tells_how_it_was_made(fits):
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_tables_byte_for_byte(fits):
     folder, _ = fits
-    for name in (*TABLES, "diagnostics.json"):
+    for name in (*TABLES, "diagnostics.json", "posterior.nc"):
         assert (folder / "one" / name).read_bytes() == (folder / "two" / name).read_bytes()
 
 

@@ -16,8 +16,8 @@ INTERRUPTED = 130
 
 
 @contextmanager
-def heeding_interrupts() -> Iterator[None]:
-    """End the process at Ctrl-C, from a thread that hears the signal itself.
+def heeding_interrupts(advice: str = "run the command again") -> Iterator[None]:
+    """End the process at Ctrl-C, from a thread that hears the signal itself, with advice on how to go on.
 
     Python's own way, an exception in the main thread, does not serve: it waits for XLA, which samples for
     minutes, is lost in JAX's callbacks, and aborts the process where it meets a compiled module being imported.
@@ -28,7 +28,7 @@ def heeding_interrupts() -> Iterator[None]:
         return
     hear, tell = socket.socketpair()
     tell.setblocking(False)
-    thread = threading.Thread(target=_watch, args=(hear,), daemon=True)
+    thread = threading.Thread(target=_watch, args=(hear, advice), daemon=True)
     before = signal.set_wakeup_fd(tell.fileno(), warn_on_full_buffer=False)
     signal.signal(signal.SIGINT, lambda *_: None)
     thread.start()
@@ -42,11 +42,11 @@ def heeding_interrupts() -> Iterator[None]:
         hear.close()
 
 
-def _watch(hear: socket.socket) -> None:
+def _watch(hear: socket.socket, advice: str) -> None:
     while heard := hear.recv(1):
         if heard[0] == signal.SIGINT:
             take_back_for_good()
             if sys.stderr.isatty():
                 sys.stderr.write("\r\x1b[2K\x1b[?25h")  # where a bar was drawn: its line, and the cursor that it hid
-            fault("interrupted; nothing half-written is left, run the command again")
+            fault(f"interrupted; nothing half-written is left, {advice}")
             os._exit(INTERRUPTED)

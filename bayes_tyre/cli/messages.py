@@ -26,6 +26,12 @@ def say(text: str, quiet: bool) -> None:
         typer.echo(text)
 
 
+def note(text: object, quiet: bool) -> None:
+    """Print on stderr, one line, what a command does beside what was asked, unless quiet."""
+    if not quiet:
+        typer.echo(f"bayes-tyre: {one_line(text)}", err=True)
+
+
 def fault(text: object) -> None:
     """Print on stderr, one line, what ended a command or why its result is not to be trusted."""
     typer.echo(f"bayes-tyre: {one_line(text)}", err=True)
@@ -72,6 +78,8 @@ def one_line_each() -> Iterator[None]:
     try:
         with warnings.catch_warnings():
             warnings.showwarning = show
+            # JAX compiles what it could not read there, and goes on without what it could not write.
+            warnings.filterwarnings("ignore", message="Error (reading|writing) persistent compilation cache entry")
             yield
     finally:
         root.removeHandler(handler)

@@ -15,7 +15,7 @@ from bayes_tyre.cli.shell import (
     Quiet,
     Seed,
     Warmup,
-    on_terminal,
+    progress,
     report_verdict,
     say,
 )
@@ -52,8 +52,9 @@ def published(
         from bayes_tyre.inference.sampling import SamplerSettings
         from bayes_tyre.workflow.fit import fit_published_tables
 
-        settings = SamplerSettings(chains, warmup, draws, seed, on_terminal(quiet))
-        diagnostics = fit_published_tables(out / "posterior", settings, interval, sys.argv[1:])
+        with progress("fit", warmup + draws, quiet) as advance:
+            settings = SamplerSettings(chains, warmup, draws, seed, advance)
+            diagnostics = fit_published_tables(out / "posterior", settings, interval, sys.argv[1:])
         report_verdict(diagnostics, out / "posterior", quiet)
         trusted = trusted and diagnostics.verdict == "pass"
     if not trusted:

@@ -1,6 +1,8 @@
 """What all commands share: options, faults turned into exit codes, progress, and what goes to which stream."""
 
 import functools
+import inspect
+import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -8,10 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from bayes_tyre.cli.interrupt import heeding_interrupts
 from bayes_tyre.cli.messages import fault, one_line_each, say
-from bayes_tyre.cli.messages import warn as warn  # to commands it is one of the things shared
+from bayes_tyre.cli.messages import note as note  # to commands these are among the things shared
+from bayes_tyre.cli.messages import warn as warn
 from bayes_tyre.errors import BadInput
 
 if TYPE_CHECKING:
@@ -20,21 +24,30 @@ if TYPE_CHECKING:
     from bayes_tyre.inference.diagnostics import Diagnostics
 
 BAD_INPUT, NOT_TRUSTED = 3, 4
+RESUME = "--resume"
 
-Records = Annotated[
-    Path,
-    typer.Argument(
-        help="Record table (.csv or .parquet): record, displacement_mm, force_kN; optional time_s, configuration, "
-        "direction, speed_km_h, initial_load_kN, step_kN, repeat, origin."
-    ),
-]
+RECORD_TABLE = typer.Argument(
+    help="Record table (.csv or .parquet): record, displacement_mm, force_kN; optional time_s, configuration, "
+    "direction, speed_km_h, initial_load_kN, step_kN, repeat, origin."
+)
+Records = Annotated[Path, RECORD_TABLE]
 Out = Annotated[Path, typer.Option(help="Folder to write into; made if it is not there.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors and warnings.")]
+Resume = Annotated[
+    bool,
+    typer.Option(RESUME, help="Go on from the last checkpoint of the same run in --out; the bytes are the same."),
+]
 Chains = Annotated[int, typer.Option(min=1, help="Chains, run side by side.")]
 Warmup = Annotated[int, typer.Option(min=1, help="Iterations of each chain to adapt.")]
 Draws = Annotated[int, typer.Option(min=4, help="Iterations of each chain to keep.")]
 Seed = Annotated[int, typer.Option(min=0, max=2**32 - 1, help="The same seed, data and options give the same numbers.")]
 Interval = Annotated[float, typer.Option(min=0.01, max=0.999, help="Probability of every interval, equal-tailed.")]
+
+
+class Command(TyperCommand):
+    """A command whose context is what its annotation says: Typer's own class, and not the base class of that."""
+
+    context_class = typer.Context
 
 
 def guarded(command: Callable[..., None]) -> Callable[..., None]:
@@ -43,7 +56,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(command)
     def run(*args: Any, **kwargs: Any) -> None:
         try:
-            with one_line_each(), heeding_interrupts():
+            with one_line_each(), heeding_interrupts(*_going_on(command)):
                 command(*args, **kwargs)
         except BadInput as error:
             fault(error)
@@ -56,6 +69,14 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
             raise typer.Exit(BAD_INPUT) from None
 
     return run
+
+
+def _going_on(command: Callable[..., None]) -> tuple[str, ...]:
+    """Return how an interrupted command that can go on is gone on with; nothing for others."""
+    if "resume" not in inspect.signature(command).parameters:
+        return ()
+    call = ["bayes-tyre", *(option for option in sys.argv[1:] if option != RESUME), RESUME]
+    return (f"go on with: {shlex.join(call)}",)
 
 
 def on_terminal(quiet: bool) -> bool:

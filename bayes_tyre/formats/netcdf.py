@@ -11,12 +11,16 @@ ENGINE = "h5netcdf"
 
 
 def write_tree(tree: xr.DataTree, path: Path) -> Path:
-    """Write a DataTree as netCDF, whole or not at all; return the path.
+    """Write a DataTree as netCDF, whole or not at all, the same tree as the same bytes; return the path.
 
-    The bytes are made in memory first: where a disk refuses what HDF5 itself writes, HDF5 ends the process.
+    The bytes are made in memory first: where a disk refuses what HDF5 itself writes, HDF5 ends the process. The time
+    at which ArviZ made a group is left out.
     """
+    timeless = tree.copy()
+    for group in timeless.subtree:
+        group.attrs.pop("created_at", None)
     with whole_file(path) as beside, beside.open("wb") as file:
-        file.write(tree.to_netcdf(engine=ENGINE))
+        file.write(timeless.to_netcdf(engine=ENGINE))
     return path
 
 

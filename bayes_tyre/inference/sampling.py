@@ -1,27 +1,14 @@
-"""NUTS over the hierarchical models: starts, chains side by side, draws and statistics as plain arrays."""
+"""A run of NUTS over a hierarchical model: from settings to draws and statistics as plain arrays, saved on the way."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from numpyro.handlers import seed, substitute, trace
-from numpyro.infer import MCMC, NUTS
-from numpyro.infer.initialization import init_to_uniform
 
 from bayes_tyre.errors import BadInput
-
-#: Scales near zero make narrow necks; NumPyro's 0.8 left a few divergences in them.
-TARGET_ACCEPTANCE = 0.9
-#: Standard deviation of the starts' logarithm about the values given.
-START_SPREAD = 0.2
-#: Sites with at most this many unknowns share one dense block of the mass matrix.
-DENSE_UP_TO = 16
-
-_STATISTICS = {"diverging": "diverging", "energy": "energy", "num_steps": "n_steps", "accept_prob": "acceptance_rate"}
+from bayes_tyre.inference.chains import CHUNK, Chains
+from bayes_tyre.inference.checkpoint import Checkpoints
 
 
 @dataclass(frozen=True)
@@ -34,8 +21,10 @@ class SamplerSettings:
         Number of chains; iterations of each to adapt, and to keep.
     seed:
         The same seed, data and settings give the same draws.
-    progress:
-        Whether to draw a progress bar on stderr.
+    on_progress:
+        Called with the number of iterations of a chain just done, warmup included.
+    checkpoints:
+        Where the run is saved as it goes on, and continued from where it was saved; None: nowhere.
 
     Raises
     ------
@@ -47,7 +36,8 @@ class SamplerSettings:
     warmup: int = 600
     draws: int = 1500
     seed: int = 0
-    progress: bool = False
+    on_progress: Callable[[int], None] = field(default=lambda _: None, compare=False, repr=False)
+    checkpoints: Checkpoints | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         for name, least in (("chains", 1), ("warmup", 1), ("draws", 4)):
@@ -62,25 +52,6 @@ class Draws(NamedTuple):
     statistics: dict[str, np.ndarray]
 
 
-def _start_near(values: Mapping[str, Any], site: dict | None = None) -> Any:
-    """Start the named sites near their values and the others around zero, spread from chain to chain."""
-    if site is None:
-        return partial(_start_near, values)
-    if site["type"] == "sample" and not site["is_observed"] and site["name"] in values:
-        value = jnp.asarray(values[site["name"]])
-        spread = jax.random.normal(site["kwargs"]["rng_key"], site["fn"].shape())
-        return value * jnp.exp(START_SPREAD * spread)
-    return init_to_uniform(site, radius=0.5)  # pyright: ignore[reportArgumentType]  (says int, takes float)
-
-
-def _population_sites(model: Callable[..., None], arguments: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the sites of few unknowns: the populations, correlated and worth a dense mass matrix together."""
-    first = substitute(seed(model, 0), substitute_fn=init_to_uniform)
-    sites = trace(first).get_trace(**arguments).values()
-    latent = [site for site in sites if site["type"] == "sample" and not site["is_observed"]]
-    return tuple(str(site["name"]) for site in latent if jnp.size(site["value"]) <= DENSE_UP_TO)
-
-
 def sample(
     model: Callable[..., None],
     arguments: Mapping[str, Any],
@@ -89,34 +60,42 @@ def sample(
 ) -> Draws:
     """Return NUTS draws of a NumPyro model.
 
+    Chains run in parallel where the host has a device for each (`bayes_tyre.runtime.prepare_jax`). A run that goes on
+    from a checkpoint gives the draws, to the bit, of one left alone.
+
     Parameters
     ----------
     model, arguments:
-        The model, and its keyword arguments.
+        The model, and its keyword arguments; JAX arrays among them are traced, NumPy arrays are constants.
     settings:
         How much to sample.
     starts:
         Positive values by site near which to start.
-
-    Chains run in parallel where the host has a device for each (`bayes_tyre.runtime.prepare_jax`), otherwise
-    one after another: vectorised chains wait for the longest tree and were five times slower.
     """
-    mcmc = MCMC(
-        NUTS(
-            model,
-            init_strategy=_start_near(starts or {}),
-            target_accept_prob=TARGET_ACCEPTANCE,
-            dense_mass=[_population_sites(model, arguments)],  # pyright: ignore[reportArgumentType]
-        ),
-        num_warmup=settings.warmup,
-        num_samples=settings.draws,
-        num_chains=settings.chains,
-        chain_method="parallel" if jax.local_device_count() >= settings.chains else "sequential",
-        progress_bar=settings.progress,
-    )
-    mcmc.run(jax.random.key(settings.seed), extra_fields=tuple(_STATISTICS), **arguments)
-    extra = mcmc.get_extra_fields(group_by_chain=True)
-    return Draws(
-        sites={name: np.asarray(value) for name, value in mcmc.get_samples(group_by_chain=True).items()},
-        statistics={ours: np.asarray(extra[theirs]) for theirs, ours in _STATISTICS.items()},
-    )
+    chains = Chains(model, arguments, settings.chains, settings.warmup, starts or {})
+    warmup, draws = _lengths(settings.warmup), _lengths(settings.draws)
+    lengths, saved = warmup + draws, settings.checkpoints
+    done = saved.load(chains.shapes, lengths) if saved else []
+    settings.on_progress(sum(lengths[: len(done)]))
+    state = done[-1].state if done else chains.begin(settings.seed)
+    for number, length in enumerate(lengths[len(done) :], len(done)):
+        chunk = chains.advance(state, length)
+        state = chunk.state
+        if number < len(warmup):
+            chunk = chunk._replace(unconstrained={}, statistics={})
+        done.append(chunk)
+        if saved:
+            saved.save(number, chunk)
+        settings.on_progress(length)
+    kept = done[len(warmup) :]
+    sites = _joined([chains.constrain(chunk.unconstrained) for chunk in kept])
+    return Draws(sites, _joined([chunk.statistics for chunk in kept]))
+
+
+def _lengths(iterations: int) -> list[int]:
+    """Return the lengths of the chunks that iterations are cut into."""
+    return [min(CHUNK, iterations - start) for start in range(0, iterations, CHUNK)]
+
+
+def _joined(parts: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    return {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]}

@@ -1,48 +1,219 @@
 """A record table, or the published tables, in; a posterior's folder out."""
 
+import json
+import math
 import shlex
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder
+from bayes_tyre.inference.checkpoint import Checkpoints
 from bayes_tyre.inference.diagnostics import Diagnostics, diagnose
 from bayes_tyre.inference.fit import ModelSettings, fit_hierarchical, fit_published, used_points
 from bayes_tyre.inference.sampling import SamplerSettings
 from bayes_tyre.published import tables
 from bayes_tyre.record_table import origin_of
-from bayes_tyre.report.folder import begin_run, write_fit
+from bayes_tyre.report.folder import write_fit
 from bayes_tyre.report.predictive import residual_autocorrelation
+from bayes_tyre.report.run import RUN_JSON, Run, begin_run, difference, identity, read_run, sha256, versions
+
+CHECKPOINTS = ".checkpoint"
+_SAMPLER = ("chains", "warmup", "draws")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a fit of records is told.
+
+    Attributes
+    ----------
+    records:
+        The record table's file.
+    sampler, model:
+        How much to sample, and of what.
+    interval:
+        Probability of every interval, equal-tailed.
+    units_checked:
+        Whether somebody vouches for odd-looking units.
+    """
+
+    records: Path
+    sampler: SamplerSettings
+    model: ModelSettings
+    interval: float = 0.95
+    units_checked: bool = False
+
+    @property
+    def options(self) -> dict[str, object]:
+        """What `run.json` says of it, beside the seed and the input."""
+        return {
+            **_sampler_options(self.sampler),
+            **asdict(self.model),
+            **{"interval": self.interval, "units_checked": self.units_checked},
+        }
+
+
+@dataclass(frozen=True)
+class Watch:
+    """Who is told of a fit under way.
+
+    Attributes
+    ----------
+    note, warn:
+        Told what it does with an earlier run in its folder; and what went wrong without ending it: a line each.
+    on_progress:
+        Called with the number of iterations just done.
+    """
+
+    note: Callable[[str], None] = lambda _: None
+    warn: Callable[[str], None] = lambda _: None
+    on_progress: Callable[[int], None] = lambda _: None
+
+
+def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
+    """Return the plan of the fit that wrote a `run.json`, to be repeated.
+
+    Its input is looked for where the command named it, from here and from each folder above the `run.json`. Other
+    versions than today's are told: with them, bytes may differ.
+
+    Raises
+    ------
+    BadInput
+        If it is no fit's, names options that this version does not have, or its input is gone or another.
+    """
+    run = read_run(path)
+    options, known = run["options"], {field.name for field in fields(ModelSettings)}
+    if odd := sorted(set(options) - known - {*_SAMPLER, "interval", "units_checked"}):
+        raise BadInput(f"{path}: option {odd[0]} is unknown to this version; repeat the run with the version it names")
+    try:
+        (name, digest), *others = run["inputs"].items()
+        sampler = SamplerSettings(**{key: options[key] for key in _SAMPLER}, seed=run["seed"])
+        model = ModelSettings(**{key: value for key, value in options.items() if key in known})
+        plan = Plan(
+            _input(path, name, digest), sampler, model, float(options["interval"]), options["units_checked"] is True
+        )
+    except (KeyError, TypeError, ValueError):
+        raise BadInput(f"{path}: is not what fit writes; name the run.json in a folder that fit wrote") from None
+    if others:
+        raise BadInput(f"{path}: names more than one input; name the run.json in a folder that fit wrote")
+    now = versions()
+    changed = [f"{name} {was}, now {now[name]}" for name, was in run["versions"].items() if now.get(name, was) != was]
+    if changed:
+        warn(f"{path}: made with {'; '.join(changed)}: the bytes may differ")
+    return plan
+
+
+def _input(run_json: Path, name: str, digest: str) -> Path:
+    above = [folder / name for folder in run_json.absolute().parents]
+    there = [path for path in (Path(name), *above) if path.is_file()]
+    if not there:
+        raise BadInput(f"{run_json}: its input {name} is not there; run from the folder it was run from")
+    same = next((path for path in there if sha256(path) == digest), None)
+    if same is None:
+        raise BadInput(
+            f"{there[0]}: is not the input of {run_json}: SHA-256 was {digest[:12]}..., is {sha256(there[0])[:12]}...; "
+            "bring back the file, or fit this one without --from"
+        )
+    return same
 
 
 def fit_table(
     table: pd.DataFrame,
-    path: Path,
+    plan: Plan,
     out: Path,
-    settings: SamplerSettings,
-    model: ModelSettings,
-    interval: float,
     command: Sequence[str],
+    watch: Watch | None = None,
+    *,
+    resume: bool = False,
 ) -> Diagnostics:
-    """Fit a record table hierarchically and write the result's folder; return the verdict."""
+    """Fit a record table hierarchically and write the result's folder; return the verdict.
+
+    Parameters
+    ----------
+    table, plan:
+        The checked table of `plan.records`, and what else the fit is told.
+    out, command:
+        The folder; and the command line, for `run.json`.
+    watch:
+        Who is told of it.
+    resume:
+        Go on from the checkpoints of the same run in the folder, or take its finished result.
+
+    Raises
+    ------
+    BadInput
+        For a record that cannot be fitted; and, to resume, if what is in the folder is of another run.
+    """
     check_folder(out)
-    options = {**_sampler_options(settings), **asdict(model), "interval": interval}
-    run = begin_run(shlex.join(["bayes-tyre", *command]), options, settings.seed, [path], origin_of(table))
+    watch = watch or Watch()
+    call = shlex.join(["bayes-tyre", *command])
+    run = begin_run(call, plan.options, plan.sampler.seed, [plan.records], origin_of(table))
+    checkpoints = Checkpoints(out / CHECKPOINTS, run.identity, watch.warn)
+    if resume and (finished := _finished(out, run, checkpoints, watch.note)):
+        return finished
+    if not resume and checkpoints.exist():
+        watch.note(f"{checkpoints.folder}: an unfinished run is overwritten; --resume would have gone on from it")
+        checkpoints.clear()
+    settings = replace(plan.sampler, checkpoints=checkpoints, on_progress=watch.on_progress)
     try:
-        tree = fit_hierarchical(table, settings, model)
+        tree = fit_hierarchical(table, settings, plan.model)
     except BadInput as error:
-        raise BadInput(f"{path}: {error}") from None
+        raise BadInput(f"{plan.records}: {error}") from None
     prepare_folder(out)
-    table = used_points(table, model.region)
+    table = used_points(table, plan.model.region)
     diagnostics = diagnose(tree, residual_autocorrelation(tree, table))
     # Only records made from the printed tables have printed values to be held against.
     printed = tables.case_means() if origin_of(table) == "reconstructed" else None
-    write_fit(tree, diagnostics, run, out, table=table, printed=printed, interval=interval)
+    write_fit(tree, diagnostics, run, out, table=table, printed=printed, interval=plan.interval)
+    checkpoints.clear()
     return diagnostics
+
+
+def _finished(out: Path, run: Run, checkpoints: Checkpoints, note: Callable[[str], None]) -> Diagnostics | None:
+    """Return the verdict in a folder that holds this very run, finished; None where it is to be gone on with.
+
+    Raises
+    ------
+    BadInput
+        If the folder holds checkpoints, or without any a result, of another run.
+    """
+    result = out / RUN_JSON
+    found = checkpoints.identity_found()
+    if found is not None:
+        _refuse_other(checkpoints.folder, difference(found, run.identity))
+    if result.is_file():
+        said = read_run(result)
+        other = difference(identity(said["inputs"], said["options"], said["seed"], said["versions"]), run.identity)
+        if not other:
+            note(f"{out}: this run is finished; nothing is done again")
+            checkpoints.clear()
+            return _read_diagnostics(out)
+        if found is None:
+            _refuse_other(result, other)
+    if found is None:
+        note(f"{out}: no checkpoint to go on from; the run starts from the beginning")
+    return None
+
+
+def _refuse_other(where: Path, other: str) -> None:
+    if other:
+        raise BadInput(f"{where}: is of another run: {other}; give what it had, or leave out --resume to begin anew")
+
+
+def _read_diagnostics(out: Path) -> Diagnostics:
+    path = out / "diagnostics.json"
+    try:
+        said: Any = json.loads(path.read_text(encoding="utf-8"))
+        numbers = {name: math.nan if value is None else value for name, value in said.items()}
+        return Diagnostics(**{**numbers, "reasons": tuple(said["reasons"])})
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        raise BadInput(f"{path}: is not what fit writes; leave out --resume to fit anew") from None
 
 
 def fit_published_tables(out: Path, settings: SamplerSettings, interval: float, command: Sequence[str]) -> Diagnostics:
@@ -60,4 +231,4 @@ def fit_published_tables(out: Path, settings: SamplerSettings, interval: float, 
 
 
 def _sampler_options(settings: SamplerSettings) -> dict[str, object]:
-    return {"chains": settings.chains, "warmup": settings.warmup, "draws": settings.draws}
+    return {name: getattr(settings, name) for name in _SAMPLER}

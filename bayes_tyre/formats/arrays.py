@@ -1,0 +1,42 @@
+"""Named arrays on disk: NumPy's `.npz`, written whole, read without pickle and with one kind of error."""
+
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.files import whole_file
+
+
+def write_arrays(arrays: Mapping[str, np.ndarray], path: Path) -> Path:
+    """Write arrays by name, whole or not at all; return the path."""
+    for name, array in arrays.items():
+        if array.dtype.hasobject:
+            raise TypeError(f"{name}: an array of objects would need pickle")
+    with whole_file(path) as beside, zipfile.ZipFile(beside, "w") as archive:
+        for name, array in arrays.items():  # not savez, which takes names such as `file` for itself
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                np.lib.format.write_array(entry, np.asarray(array), allow_pickle=False)
+    return path
+
+
+def read_arrays(path: Path) -> dict[str, np.ndarray]:
+    """Return the arrays in a file by name; their check sums are compared.
+
+    Raises
+    ------
+    BadInput
+        If the file is missing, torn, changed or none of arrays.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            if (torn := archive.testzip()) is not None:
+                raise BadInput(f"{path}: {torn} is not as it was written; remove the file")
+        with np.load(path, allow_pickle=False) as stored:
+            return {name: stored[name] for name in stored.files}
+    except (OSError, EOFError, ValueError, KeyError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise BadInput(f"{path}: cannot be read as arrays: {reason}; remove the file") from error

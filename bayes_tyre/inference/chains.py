@@ -1,0 +1,186 @@
+"""NUTS chains side by side, moved on some iterations at a time by one compiled function.
+
+NumPyro's own loop compiles a whole run into one call, which can neither be looked into nor be continued. Here the call
+is a chunk of iterations, warmup and draws alike: the adaptation follows the iteration counted in the state. So it is
+compiled once, and a run cut anywhere and continued from its state gives the bits of a run left alone.
+"""
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from numpyro.handlers import seed, substitute, trace
+from numpyro.infer import NUTS
+from numpyro.infer.hmc import HMCState
+from numpyro.infer.initialization import init_to_uniform
+
+#: Iterations in a call, at most: between two calls a run can be watched, saved and continued.
+CHUNK = 100
+#: Scales near zero make narrow necks; NumPyro's 0.8 left a few divergences in them.
+TARGET_ACCEPTANCE = 0.9
+#: Standard deviation of the starts' logarithm about the values given.
+START_SPREAD = 0.2
+#: Sites with at most this many unknowns share one dense block of the mass matrix.
+DENSE_UP_TO = 1
+#: Deepest trees while adapting, and after. Before the mass matrix is known every tree grows to its limit: at 10, the
+#: first hundred iterations took nine tenths of all the time.
+DEEPEST = (6, 10)
+#: Fields of NumPyro's state by ArviZ's name.
+STATISTICS = {"diverging": "diverging", "energy": "energy", "n_steps": "num_steps", "acceptance_rate": "accept_prob"}
+
+_CHAINS = "chains"
+
+
+class Chunk(NamedTuple):
+    """What some iterations leave; every array has the chains first.
+
+    Attributes
+    ----------
+    state:
+        Of each chain after them.
+    unconstrained:
+        Draws by site as the sampler sees them, shape (chains, iterations, ...).
+    statistics:
+        By ArviZ's name, shape (chains, iterations).
+    """
+
+    state: HMCState
+    unconstrained: dict[str, np.ndarray]
+    statistics: dict[str, np.ndarray]
+
+
+def _start_near(values: Mapping[str, Any], site: dict | None = None) -> Any:
+    """Start the named sites near their values and the others around zero, spread from chain to chain."""
+    if site is None:
+        return partial(_start_near, values)
+    if site["type"] == "sample" and not site["is_observed"] and site["name"] in values:
+        value = jnp.asarray(values[site["name"]])
+        spread = jax.random.normal(site["kwargs"]["rng_key"], site["fn"].shape())
+        return value * jnp.exp(START_SPREAD * spread)
+    return init_to_uniform(site, radius=0.5)  # pyright: ignore[reportArgumentType]  (says int, takes float)
+
+
+def _population_sites(model: Callable[..., None], arguments: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the sites of few unknowns: the populations, correlated and worth a dense mass matrix together."""
+
+    def latent() -> dict[str, Any]:
+        sites = trace(substitute(seed(model, 0), substitute_fn=init_to_uniform)).get_trace(**arguments).values()
+        return {str(s["name"]): s["value"] for s in sites if s["type"] == "sample" and not s["is_observed"]}
+
+    return tuple(name for name, value in jax.eval_shape(latent).items() if value.size <= DENSE_UP_TO)
+
+
+class Chains:
+    """The chains of a NumPyro model, each on a device of its own where there are enough, otherwise in turns.
+
+    Vectorised chains would wait for the longest tree and were five times slower. JAX arrays among the arguments are
+    handed to the compiled functions, so that other data of the same shapes need no compilation; everything else, NumPy
+    arrays too, is part of them.
+
+    Parameters
+    ----------
+    model, arguments:
+        The model, and its keyword arguments.
+    chains, warmup:
+        Number of chains; iterations of each to adapt.
+    starts:
+        Positive values by site near which to start.
+    """
+
+    def __init__(
+        self,
+        model: Callable[..., None],
+        arguments: Mapping[str, Any],
+        chains: int,
+        warmup: int,
+        starts: Mapping[str, Any],
+    ) -> None:
+        self.chains, self._warmup = chains, warmup
+        self._data, self._fixed = eqx.partition(dict(arguments), lambda leaf: isinstance(leaf, jax.Array))
+        self._kernel = NUTS(
+            model,
+            init_strategy=_start_near(starts),
+            target_accept_prob=TARGET_ACCEPTANCE,
+            max_tree_depth=DEEPEST,  # pyright: ignore[reportArgumentType]
+            dense_mass=[_population_sites(model, arguments)],  # pyright: ignore[reportArgumentType]
+        )
+        devices = jax.local_devices()
+        self._together = max(n for n in range(1, min(chains, len(devices)) + 1) if chains % n == 0)
+        self._mesh = Mesh(np.asarray(devices[: self._together]), (_CHAINS,))
+        self._begin, self._advance, self._constrain = map(self._compiled, (self._init, self._sample, self._sites))
+        # The kernel's own closures are made as it is traced, which a continued run does nowhere else.
+        self.shapes: HMCState = jax.eval_shape(self._begin, self._keys(0), self._data)
+
+    def begin(self, seed: int) -> HMCState:
+        """Return the state before the first iteration."""
+        return self._in_turns(self._begin, self._keys(seed), self._data)
+
+    def advance(self, state: HMCState, iterations: int) -> Chunk:
+        """Return what so many iterations, at most `CHUNK`, leave."""
+        state, kept = self._in_turns(self._advance, state, (self._data, np.int64(iterations)))
+        draws, statistics = jax.tree.map(lambda values: np.asarray(values)[:, :iterations], kept)
+        return Chunk(state, draws, statistics)
+
+    def constrain(self, unconstrained: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return a chunk's draws of every site of the model, deterministic ones included."""
+        length = next(iter(unconstrained.values())).shape[1]
+
+        def filled(values: np.ndarray) -> np.ndarray:
+            room = [(0, 0), (0, CHUNK - length)] + [(0, 0)] * (values.ndim - 2)
+            return np.pad(values, room, mode="edge")
+
+        sites = self._in_turns(self._constrain, jax.tree.map(filled, dict(unconstrained)), self._data)
+        return {name: np.asarray(values)[:, :length] for name, values in sites.items()}
+
+    def _keys(self, seed: int) -> jax.Array:
+        # Raw keys: a state is then plain arrays, and so is a checkpoint.
+        return jax.random.split(jax.random.PRNGKey(seed), self.chains)
+
+    def _init(self, key: jax.Array, data: Any) -> HMCState:
+        return self._kernel.init(key, self._warmup, model_kwargs=self._arguments(data))
+
+    def _sample(self, state: HMCState, data_and_iterations: tuple[Any, jax.Array]) -> Any:
+        data, iterations = data_and_iterations
+        arguments = self._arguments(data)
+
+        def step(i: jax.Array, so_far: tuple[HMCState, Any]) -> tuple[HMCState, Any]:
+            state = self._kernel.sample(so_far[0], (), arguments)
+            return state, jax.tree.map(lambda kept, one: kept.at[i].set(one), so_far[1], _kept(state))
+
+        room = jax.tree.map(lambda one: jnp.zeros((CHUNK, *one.shape), one.dtype), _kept(state))
+        return jax.lax.fori_loop(0, iterations, step, (state, room))
+
+    def _sites(self, unconstrained: Any, data: Any) -> Any:
+        return jax.vmap(self._kernel.postprocess_fn((), self._arguments(data)))(unconstrained)
+
+    def _arguments(self, data: Any) -> Any:
+        return eqx.combine(data, self._fixed)
+
+    def _compiled(self, function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+        """Return a function of a chain and of what chains share, for as many chains as go together."""
+
+        def one(chain: Any, shared: Any) -> Any:
+            result = function(jax.tree.map(lambda block: block[0], chain), shared)
+            # Of no weak type: what a function returns is then what it takes, and it is compiled once.
+            return jax.tree.map(lambda array: jax.lax.convert_element_type(array, jnp.result_type(array))[None], result)
+
+        own, shared = PartitionSpec(_CHAINS), PartitionSpec()
+        mapped = jax.shard_map(one, mesh=self._mesh, in_specs=(own, shared), out_specs=own, check_vma=False)
+        placed = tuple(NamedSharding(self._mesh, spec) for spec in (own, shared))
+        return jax.jit(mapped, in_shardings=placed)
+
+    def _in_turns(self, run: Callable[[Any, Any], Any], chain: Any, shared: Any) -> Any:
+        if self._together == self.chains:
+            return run(chain, shared)
+        turns = range(0, self.chains, self._together)
+        ends = [run(jax.tree.map(lambda a, i=i: np.asarray(a)[i : i + self._together], chain), shared) for i in turns]
+        return jax.tree.map(lambda *arrays: np.concatenate([np.asarray(array) for array in arrays]), *ends)
+
+
+def _kept(state: HMCState) -> tuple[Any, dict[str, Any]]:
+    return state.z, {name: getattr(state, field) for name, field in STATISTICS.items()}

@@ -1,0 +1,125 @@
+"""How a result came about: `run.json` written, read, and held against another run."""
+
+import hashlib
+import json
+import math
+import platform
+import shlex
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.files import write_text
+
+LIBRARIES = ("bayes-tyre", "jax", "jaxlib", "numpyro", "optimistix", "equinox", "arviz", "numpy", "pandas", "xarray")
+RUN_JSON = "run.json"
+_TABLES = ("options", "versions", "inputs")
+
+
+@dataclass(frozen=True)
+class Run:
+    """How a result is made: the command, its options, the SHA-256 of each input by path, and when it began.
+
+    Make it with `begin_run` before the work: an input may change while a fit runs.
+    """
+
+    command: str
+    options: Mapping[str, object]
+    seed: int
+    inputs: Mapping[str, str]
+    origin: str
+    began: float
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What its numbers follow from: the content of the inputs, options, seed, versions."""
+        return identity(self.inputs, self.options, self.seed, versions())
+
+
+def begin_run(command: str, options: Mapping[str, object], seed: int, inputs: list[Path], origin: str) -> Run:
+    """Return the run that begins now, its inputs hashed as they are now."""
+    return Run(command, options, seed, {str(path): sha256(path) for path in inputs}, origin, time.monotonic())
+
+
+def sha256(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the libraries that numbers depend on."""
+    return {"python": platform.python_version(), **{name: version(name) for name in LIBRARIES}}
+
+
+def identity(
+    inputs: Mapping[str, str], options: Mapping[str, object], seed: int, used: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return what the numbers of a run follow from, such as JSON can hold."""
+    said = {"inputs": dict(inputs), "options": dict(options), "seed": seed, "versions": dict(used)}
+    return json.loads(json.dumps(said))
+
+
+def difference(found: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """Return the first thing in which another run differs from this one, in words; empty where nothing does.
+
+    Inputs are told by their content: the same file by another name is the same input.
+    """
+    theirs, ours = found.get("inputs", {}), now["inputs"]
+    if list(theirs.values()) != list(ours.values()):
+        name = next((name for name, other in zip(ours, theirs.values(), strict=False) if ours[name] != other), "")
+        was, now_is = (one[:12] or "none" for one in (next(iter(theirs.values()), ""), ours.get(name, "")))
+        return f"input {name or ', '.join(ours)}: SHA-256 was {was}..., is {now_is}..."
+    for kind in ("options", "versions"):
+        one, other = found.get(kind, {}), now[kind]
+        for name in sorted({*one, *other}):
+            if one.get(name) != other.get(name):
+                what = f"option {name}" if kind == "options" else f"version of {name}"
+                return f"{what} was {one.get(name)}, is {other.get(name)}"
+    return "" if found.get("seed") == now["seed"] else f"seed was {found.get('seed')}, is {now['seed']}"
+
+
+def read_run(path: Path) -> dict[str, Any]:
+    """Return what a `run.json` holds.
+
+    Raises
+    ------
+    BadInput
+        If it is missing, or no `run.json` of a fit.
+    """
+    if not path.is_file():
+        raise BadInput(f"{path}: no such file; name the run.json in a folder that fit wrote")
+    try:
+        run = json.loads(path.read_text(encoding="utf-8"))
+        command = shlex.split(run["command"])[1]
+        complete = all(isinstance(run[name], dict) for name in _TABLES) and isinstance(run["seed"], int)
+    except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError):
+        command, complete = "", False
+    if not complete:
+        raise BadInput(f"{path}: is not what fit writes; name the run.json in a folder that fit wrote")
+    if command != "fit":
+        raise BadInput(f"{path}: was written by {command!r}, not by fit; run that command again")
+    return run
+
+
+def write_json(content: Mapping[str, object], path: Path) -> None:
+    """Write a mapping as JSON; what is not a number becomes null, which every reader takes."""
+    clean = {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in content.items()}
+    write_text(json.dumps(clean, indent=2, ensure_ascii=False, allow_nan=False) + "\n", path)
+
+
+def write_run(run: Run, out: Path) -> None:
+    """Write `run.json`: command, options, seed, origin, versions, SHA-256 of each input, wall time."""
+    content = {
+        "command": run.command,
+        "options": dict(run.options),
+        "seed": run.seed,
+        "origin": run.origin,
+        "versions": versions(),
+        "inputs": dict(run.inputs),
+        "wall_time_s": time.monotonic() - run.began,
+    }
+    write_json(content, out / RUN_JSON)

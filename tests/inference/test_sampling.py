@@ -1,0 +1,92 @@
+"""Sampling chunk by chunk: NumPyro's own draws, whatever the chunks and the devices."""
+
+import jax
+import numpy as np
+import numpyro
+import pytest
+from numpyro import distributions as dist
+from numpyro.infer import MCMC, NUTS
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.inference import chains, sampling
+from bayes_tyre.inference.sampling import SamplerSettings, sample
+
+STARTS = {"tau": 1.0}
+SETTINGS = SamplerSettings(chains=2, warmup=130, draws=110, seed=3)
+
+
+def model(y: jax.Array) -> None:
+    mu = numpyro.sample("mu", dist.Normal(0.0, 5.0))
+    tau = numpyro.sample("tau", dist.HalfNormal(2.0))
+    x = numpyro.sample("x", dist.Normal(mu, tau).expand([20]).to_event(1))
+    numpyro.deterministic("twice", 2.0 * np.asarray(1.0) * x)
+    numpyro.sample("y", dist.Normal(x, 0.5).to_event(1), obs=y)
+
+
+DATA = {"y": jax.numpy.asarray(np.random.default_rng(0).normal(1.0, 1.5, 20))}
+
+
+@pytest.fixture(scope="module")
+def drawn() -> sampling.Draws:
+    return sample(model, DATA, SETTINGS, STARTS)
+
+
+def assert_same(one: sampling.Draws, other: sampling.Draws) -> None:
+    for left, right in zip(one, other, strict=True):
+        assert left.keys() == right.keys()
+        for name in left:
+            np.testing.assert_array_equal(left[name], right[name], err_msg=name)
+
+
+def test_draws_have_chains_and_draws_first_and_deterministic_sites_too(drawn):
+    assert drawn.sites["x"].shape == (2, 110, 20)
+    assert drawn.sites["mu"].shape == drawn.statistics["energy"].shape == (2, 110)
+    np.testing.assert_array_equal(drawn.sites["twice"], 2.0 * drawn.sites["x"])
+    assert (drawn.sites["tau"] > 0).all()
+    assert set(drawn.statistics) == {"diverging", "energy", "n_steps", "acceptance_rate"}
+    assert not np.array_equal(drawn.sites["mu"][0], drawn.sites["mu"][1])
+
+
+def test_draws_are_those_of_numpyros_own_loop(drawn):
+    # Two programs round differently, and chaos makes much of it: compared from where rounding has not grown yet.
+    kernel = NUTS(
+        model,
+        init_strategy=chains._start_near(STARTS),
+        target_accept_prob=chains.TARGET_ACCEPTANCE,
+        dense_mass=[("mu", "tau")],  # pyright: ignore[reportArgumentType]
+    )
+    few = SamplerSettings(chains=2, warmup=12, draws=8, seed=3)
+    mcmc = MCMC(kernel, num_warmup=12, num_samples=8, num_chains=2, progress_bar=False)
+    mcmc.run(jax.random.key(3), **DATA)
+    ours, theirs = sample(model, DATA, few, STARTS).sites, mcmc.get_samples(group_by_chain=True)
+    for name, values in theirs.items():
+        np.testing.assert_allclose(ours[name], values, rtol=1e-6, atol=1e-8, err_msg=name)
+
+
+def test_other_chunks_give_the_same_bits(drawn, monkeypatch):
+    monkeypatch.setattr(sampling, "CHUNK", 37)
+    assert_same(sample(model, DATA, SETTINGS, STARTS), drawn)
+
+
+def test_one_device_after_another_gives_the_same_bits(drawn, monkeypatch):
+    one = jax.local_devices()[:1]
+    monkeypatch.setattr(jax, "local_devices", lambda *_, **__: one)
+    assert_same(sample(model, DATA, SETTINGS, STARTS), drawn)
+
+
+def test_other_data_of_the_same_shape_need_no_compilation(monkeypatch):
+    one, other = (chains.Chains(model, data, 2, 130, STARTS) for data in (DATA, {"y": DATA["y"] + 1.0}))
+    said = [each._advance.lower(each.shapes, (each._data, np.int64(1))).as_text() for each in (one, other)]
+    assert said[0] == said[1]
+
+
+def test_progress_counts_every_iteration_of_a_chain():
+    done: list[int] = []
+    sample(model, DATA, SamplerSettings(chains=2, warmup=130, draws=110, seed=3, on_progress=done.append), STARTS)
+    assert done == [0, 100, 30, 100, 10]
+
+
+@pytest.mark.parametrize(("name", "least"), [("chains", 1), ("warmup", 1), ("draws", 4)])
+def test_counts_too_small_are_refused(name, least):
+    with pytest.raises(BadInput, match=f"{name} is {least - 1}; give at least {least}"):
+        SamplerSettings(**{name: least - 1})

@@ -1,0 +1,83 @@
+"""What JAX compiles is kept for the next run, and no state of the folder it is kept in disturbs a run."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from command_line import environment
+
+from bayes_tyre.runtime import cache_folder
+
+SCRIPT = """
+from bayes_tyre.cli.messages import one_line_each
+from bayes_tyre.runtime import prepare_jax
+with one_line_each():
+    prepare_jax(2)
+    import jax
+    import jax.numpy as jnp
+    print(jax.device_count(), jax.jit(lambda x: jnp.sin(x) + 1.0)(jnp.zeros(3)).sum())
+"""
+
+
+def run(cache: Path, **more: str) -> subprocess.CompletedProcess[str]:
+    env = {name: value for name, value in environment().items() if not name.startswith("JAX_")}
+    env |= {"XDG_CACHE_HOME": str(cache)} | more
+    return subprocess.run([sys.executable, "-c", SCRIPT], env=env, capture_output=True, text=True)
+
+
+def entries(cache: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in cache.rglob("*-cache")}
+
+
+def assert_undisturbed(done: subprocess.CompletedProcess[str]) -> None:
+    assert (done.returncode, done.stdout, done.stderr) == (0, "2 3.0\n", "")
+
+
+def test_compiled_code_is_kept_and_torn_entries_are_replaced(tmp_path):
+    assert_undisturbed(run(tmp_path))
+    kept = entries(tmp_path)
+    assert kept
+    for path, whole in kept.items():
+        path.write_bytes(whole[: len(whole) // 2])
+    assert_undisturbed(run(tmp_path))
+    assert entries(tmp_path).keys() == kept.keys()
+    assert all(len(entry) > len(kept[path]) // 2 for path, entry in entries(tmp_path).items())
+
+
+def test_an_entry_torn_while_a_run_is_under_way_is_passed_over(tmp_path):
+    assert_undisturbed(run(tmp_path))
+    kept = entries(tmp_path)
+    tear = "".join(f"open({str(path)!r}, 'wb').write(b'x'); " for path in kept)
+    script = SCRIPT.replace("    import jax\n", f"    import jax; {tear}\n", 1)
+    env = {name: value for name, value in environment().items() if not name.startswith("JAX_")}
+    command = [sys.executable, "-c", script]
+    assert_undisturbed(
+        subprocess.run(command, env=env | {"XDG_CACHE_HOME": str(tmp_path)}, capture_output=True, text=True)
+    )
+
+
+@pytest.mark.parametrize("off", ["off", "elsewhere", "no folder"])
+def test_jaxs_own_variables_and_a_folder_that_cannot_be_are_heeded(off, tmp_path):
+    cache, more = tmp_path / "cache", {}
+    if off == "off":
+        more = {"JAX_ENABLE_COMPILATION_CACHE": "0"}
+    elif off == "elsewhere":
+        more = {"JAX_COMPILATION_CACHE_DIR": str(tmp_path / "mine")}
+    else:
+        cache.write_text("a file")
+    assert_undisturbed(run(cache, **more))
+    assert not cache.is_dir()
+    assert (tmp_path / "mine").is_dir() == (off == "elsewhere")
+
+
+@pytest.mark.parametrize(
+    ("platform", "below"),
+    [("linux", ".cache/bayes-tyre"), ("darwin", "Library/Caches/bayes-tyre"), ("win32", "local/bayes-tyre/Cache")],
+)
+def test_the_folder_is_where_the_system_keeps_such_things(platform, below, monkeypatch, tmp_path):
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setenv("LOCALAPPDATA", str(tmp_path / "local"))
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    monkeypatch.setattr(sys, "platform", platform)
+    assert cache_folder() == tmp_path / below
