@@ -1,0 +1,110 @@
+"""Folders of fits to the same records in; `comparison.csv` out."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pandas as pd
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.files import check_folder, prepare_folder, whole_file
+from bayes_tyre.formats.tables import read_table, write_table
+from bayes_tyre.inference.leave_out import LeaveOneOut, leave_one_record_out
+from bayes_tyre.inference.sampling import SamplerSettings
+from bayes_tyre.record_table import check_record_table
+from bayes_tyre.report.comparison import by_record, compare, sentence
+from bayes_tyre.report.run import RUN_JSON
+from bayes_tyre.workflow.fit import Plan, planned_in
+from bayes_tyre.workflow.predict import Result, read_result
+
+NAME, BY_RECORD = "comparison.csv", "comparison_records.csv"
+#: A refit need not be good enough for a verdict: its draws are averaged over.
+REFIT = SamplerSettings(warmup=400, draws=250)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A comparison written: its table, what it means in words, and its files."""
+
+    table: pd.DataFrame
+    sentence: str
+    paths: tuple[Path, Path]
+
+
+def compare_folders(
+    folders: Sequence[Path],
+    out: Path,
+    *,
+    refit: bool = True,
+    tell: Callable[[str], None] = lambda _: None,
+    on_progress: Callable[[int], None] = lambda _: None,
+) -> Comparison:
+    """Compare the models of folders that `fit` wrote by leave-one-record-out, and write the tables.
+
+    Parameters
+    ----------
+    folders, out:
+        Of the fits; and where the tables go.
+    refit:
+        Whether to fit again where importance sampling fails.
+    tell:
+        Told what the user should know, a line each.
+    on_progress:
+        Called with 1 after each folder.
+
+    Raises
+    ------
+    BadInput
+        With fewer than two folders, or where they hold no fits of the same records.
+    """
+    if len(folders) < 2:
+        raise BadInput("one fit cannot be compared; name two folders or more that fit wrote from the same records")
+    check_folder(out)
+    found: dict[str, LeaveOneOut] = {}
+    verdicts: dict[str, str] = {}
+    read = [(name, *_read(folder, tell)) for name, folder in zip(_names(folders), folders, strict=True)]
+    _check_same(read)
+    for name, plan, result, table in read:
+
+        def say_refit(record: str, name: str = name) -> None:
+            tell(f"{name}: fitted again without {record}, which weighs too much for importance sampling")
+
+        settings = replace(REFIT, seed=plan.sampler.seed) if refit else None
+        found[name] = leave_one_record_out(result.tree, table, plan.model, settings, say_refit)
+        verdicts[name] = result.verdict
+        on_progress(1)
+    compared = compare(found, verdicts)
+    prepare_folder(out)
+    paths = (out / NAME, out / BY_RECORD)
+    with whole_file(paths[0]) as first, whole_file(paths[1]) as second:
+        write_table(compared, first)
+        write_table(by_record(found), second)
+    return Comparison(compared, sentence(compared), paths)
+
+
+def _read(folder: Path, tell: Callable[[str], None]) -> tuple[Plan, Result, pd.DataFrame]:
+    result, plan = read_result(folder), planned_in(folder / RUN_JSON, tell)
+    return plan, result, check_record_table(read_table(plan.records))
+
+
+def _names(folders: Sequence[Path]) -> list[str]:
+    """Return what to call the models: the folders' names, whole paths where these are not unique."""
+    names = [folder.resolve().name for folder in folders]
+    named = [str(folder) if names.count(name) > 1 else name for folder, name in zip(folders, names, strict=True)]
+    if len(set(named)) < len(named):
+        raise BadInput(f"{next(name for name in named if named.count(name) > 1)} is named twice; name each folder once")
+    return named
+
+
+def _check_same(read: Sequence[tuple[str, Plan, Result, pd.DataFrame]]) -> None:
+    (first, plan, _, table), *others = read
+    for name, other, _, records in others:
+        if plan.model.region != other.model.region or not _same_points(table, records):
+            raise BadInput(
+                f"{first} and {name} were not fitted to the same points; fit one table with one --region by both models"
+            )
+
+
+def _same_points(one: pd.DataFrame, other: pd.DataFrame) -> bool:
+    columns = ["record", "displacement_mm", "force_kN"]
+    return one[columns].equals(other[columns])
