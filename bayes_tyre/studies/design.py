@@ -1,0 +1,99 @@
+"""What is tested in a study: which cases, how often, and at which displacements."""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from bayes_tyre.batch import Batch
+from bayes_tyre.inference.levels import Levels, find_levels
+from bayes_tyre.inference.picture import RecordData
+from bayes_tyre.record import CASE_WORDS, Case
+
+#: Travel of every record, mm, and the displacement it starts from.
+TRAVEL_MM, START_MM = 5.0, 10.0
+
+
+@dataclass(frozen=True)
+class Design:
+    """The same records, whatever their forces will be.
+
+    Attributes
+    ----------
+    words:
+        A row a record: `record`, the words of its case, `repeat`.
+    levels:
+        How the cases group.
+    u:
+        Shape (records, points): displacement from the start, mm; points lie densest where beta shows.
+    """
+
+    words: pd.DataFrame
+    levels: Levels
+    u: Float[np.ndarray, "records points"]
+
+    @property
+    def start_kN(self) -> Float[np.ndarray, " records"]:
+        """The nominal force that each record starts from: what its prior of F_i is about."""
+        return self.words["initial_load_kN"].to_numpy(dtype=float)
+
+    @property
+    def span_kN(self) -> Float[np.ndarray, " records"]:
+        """The nominal change of force of each record: the standard deviation of that prior."""
+        return self.words["step_kN"].abs().to_numpy(dtype=float)
+
+    def batch(self, force_kN: Float[np.ndarray, "records points"]) -> Batch:
+        """Return the records with these forces (kN) as the fit takes them."""
+        everywhere = np.ones(self.u.shape, dtype=bool)
+        return Batch(tuple(self.words["record"]), START_MM + self.u, force_kN, everywhere)
+
+    def nominal(self, data: RecordData) -> RecordData:
+        """Return the records with the prior of F_i about the nominal start instead of the first, noisy force.
+
+        A prior that is told the data is no law that truths could be drawn from: it would count the first point twice.
+        """
+        return data._replace(F_0=jnp.asarray(self.start_kN), span=jnp.asarray(self.span_kN))
+
+
+def design(cases: list[Case], repeats: int, points: int) -> Design:
+    """Return the design in which each case is repeated, with so many points a record."""
+    rows = [(*case, repeat) for case in cases for repeat in range(1, repeats + 1)]
+    words = pd.DataFrame(rows, columns=[*CASE_WORDS, "repeat"])
+    words.insert(0, "record", [f"{case.label}({repeat})" for case in cases for repeat in range(1, repeats + 1)])
+    way = np.sign(words["step_kN"].to_numpy(dtype=float))
+    return Design(words, find_levels(words), way[:, None] * TRAVEL_MM * np.linspace(0.0, 1.0, points) ** 2)
+
+
+def calibration_design() -> Design:
+    """Return 6 cases x 3 repeats x 40 points: the fewest cases in which every kind of term of the model exists.
+
+    Cells, effects of speed, of step and of direction x step, a remainder of each case, scatter by speed, discordant
+    repeats. Initial load enters as speed does.
+    """
+    return design(_crossed(((0.0, 5.0), (0.0, 10.0), (25.0, 10.0))), repeats=3, points=40)
+
+
+def quick_design() -> Design:
+    """Return 4 cases x 3 repeats x 20 points: cells, speed, remainders, scatter by speed, discordant repeats."""
+    return design(_crossed(((0.0, 10.0), (25.0, 10.0))), repeats=3, points=20)
+
+
+def outlier_design() -> Design:
+    """Return 12 cases x 3 repeats x 40 points: two directions, two speeds, three initial loads."""
+    cases = [
+        Case("single", direction, speed, load, sign * 10.0)
+        for direction, sign in (("loading", 1), ("unloading", -1))
+        for speed in (0.0, 25.0)
+        for load in (10.0, 20.0, 30.0)
+    ]
+    return design(cases, repeats=3, points=40)
+
+
+def _crossed(speeds_and_steps: tuple[tuple[float, float], ...]) -> list[Case]:
+    return [
+        Case("single", direction, speed, 20.0, sign * step)
+        for direction, sign in (("loading", 1), ("unloading", -1))
+        for speed, step in speeds_and_steps
+    ]

@@ -1,0 +1,180 @@
+"""Discordant repeats: what the posterior makes of them, what the source's rule does, and what the plain mean does.
+
+The repeats are not made by the model's own mixture alone: in every other campaign a discordant one is shifted by 20 to
+40 %, as a record is whose pressure or fixture was wrong.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Bool, Float
+from scipy.stats import binomtest
+
+from bayes_tyre.studies.calibration import AT_ONCE, judge_sampling
+from bayes_tyre.studies.design import START_MM, Design, outlier_design
+from bayes_tyre.studies.repeat_means import RULES, Told, mean_of_repeats
+from bayes_tyre.studies.side_by_side import DataSet, Sampling, SideBySide, observe
+from bayes_tyre.studies.truths import Truths, simulate_forces
+
+#: Shares of discordant repeats.
+SHARES = (0.0, 0.05, 0.15)
+#: How a discordant repeat differs: by factors exp(N(0, 6 x scatter)), or one way by 20 to 40 %. They take turns.
+KINDS = ("scattered", "shifted")
+#: Of ordinary repeats about their case, and of cases about their cell: standard deviations of the logarithm.
+SCATTER, BETWEEN_CASES = {"k": 0.04, "beta": 0.10}, {"k": 0.08, "beta": 0.30}
+TYPICAL = {"k": 1.7, "beta": 0.1}
+POSTERIOR = "posterior"
+_WIDER, _SHIFT = 6.0, (0.2, 0.4)
+_J_KN, _NOISE_KN = 1.0, 0.02
+
+
+class Outliers(NamedTuple):
+    """What the study found.
+
+    Attributes
+    ----------
+    table:
+        A row a share, kind, group of cases, parameter and method: `rmse` (relative), `rmse_se`, `coverage` of 95 %
+        intervals with `coverage_lower` and `coverage_upper`, `half_width` (relative, median), `cases`.
+    datasets:
+        A row a campaign, as `judge_sampling` gives it, with its share and kind.
+    """
+
+    table: pd.DataFrame
+    datasets: pd.DataFrame
+
+
+def study_outliers(
+    campaigns: int = 200,
+    seed: int = 0,
+    on_progress: Callable[[int], None] = lambda _: None,
+    *,
+    engine: SideBySide | None = None,
+) -> Outliers:
+    """Return error and coverage of case k and beta by method, over campaigns with ever more discordant repeats.
+
+    Parameters
+    ----------
+    campaigns:
+        How many with each share of discordant repeats; the kinds take turns.
+    seed:
+        Of campaigns and sampler.
+    on_progress:
+        Called with the number of campaigns just fitted.
+    engine:
+        Compiled already.
+    """
+    engine = engine or SideBySide(outlier_design(), Sampling(), nominal_start=False)
+    told, judged = [], []
+    for s, share in enumerate(SHARES):
+        rng = np.random.default_rng((seed, s))
+        for first in range(0, campaigns, AT_ONCE):
+            kinds = np.array([KINDS[i % 2] for i in range(first, min(first + AT_ONCE, campaigns))])
+            truths = draw_campaigns(engine.design, share, kinds, rng)
+            sets = observe(engine.design, simulate_forces(engine.design, truths, rng))
+            sampled = engine.sample(sets, int(rng.integers(2**31)), on_progress)
+            judged.append(judge_sampling(sampled, first).assign(share=share, kind=kinds))
+            told.append(_estimates(engine.design, sets, sampled.draws, truths).assign(share=share))
+            told[-1]["campaign"] += first
+            told[-1]["kind"] = kinds[told[-1]["campaign"] - first]
+    return Outliers(compare(pd.concat(told, ignore_index=True)), pd.concat(judged, ignore_index=True))
+
+
+def draw_campaigns(design: Design, share: float, kinds: np.ndarray, rng: np.random.Generator) -> Truths:
+    """Return truths of campaigns, one for each of `kinds`, in which each repeat is discordant with this probability."""
+    sets, (record, records) = len(kinds), (design.levels.of_record, len(design.levels.of_record))
+    truths: Truths = {"discordant": rng.random((sets, records)) < share}
+    for name, typical in TYPICAL.items():
+        case = typical * np.exp(BETWEEN_CASES[name] * rng.standard_normal((sets, len(design.levels.cases))))
+        ordinary = np.exp(SCATTER[name] * rng.standard_normal((sets, records)))
+        scattered = np.exp(_WIDER * SCATTER[name] * rng.standard_normal((sets, records)))
+        shifted = 1.0 + rng.choice([-1.0, 1.0], (sets, records)) * rng.uniform(*_SHIFT, (sets, records))
+        odd = np.where(kinds[:, None] == "scattered", scattered, shifted * ordinary)
+        truths[f"{name}_case"] = case
+        truths[name] = case[:, record] * np.where(truths["discordant"], odd, ordinary)
+    way = np.sign(design.words["step_kN"].to_numpy(dtype=float))
+    truths["J"] = way * _J_KN * np.exp(0.1 * rng.standard_normal((sets, records)))
+    truths["F_i"] = design.start_kN + 0.1 * rng.standard_normal((sets, records))
+    truths["C"] = truths["F_i"] + truths["J"] - truths["k"] * START_MM
+    truths["sigma"] = np.full((sets, records), _NOISE_KN)
+    return truths
+
+
+def _estimates(design: Design, sets: DataSet, draws: dict[str, np.ndarray], truths: Truths) -> pd.DataFrame:
+    """Return what each method tells of each case: a row a campaign, case, parameter and method."""
+    three = truths["discordant"].shape[0], len(design.levels.cases), 3
+    odd = truths["discordant"].reshape(three).any(axis=2)
+    parts = []
+    for name, column in (("k", 2), ("beta", 3)):
+        repeats = np.exp(np.asarray(sets.picture.records.centre)[:, :, column]).reshape(three)
+        by_method = {rule: mean_of_repeats(repeats, name, rule) for rule in RULES}
+        by_method[POSTERIOR] = _posterior(draws[f"{name}_case"])
+        parts += [_rows(told, truths[f"{name}_case"], odd, name, method) for method, told in by_method.items()]
+    return pd.concat(parts, ignore_index=True)
+
+
+def _posterior(draws: Float[np.ndarray, "sets kept cases"]) -> Told:
+    # Between two draws, so that the interval holds exactly 95 % with 39, 79, 119, ... of them.
+    lower, median, upper = np.quantile(draws, [0.025, 0.5, 0.975], axis=1, method="weibull")
+    return Told(median, lower, upper)
+
+
+def _rows(
+    told: Told,
+    true: Float[np.ndarray, "sets cases"],
+    odd: Bool[np.ndarray, "sets cases"],
+    parameter: str,
+    method: str,
+) -> pd.DataFrame:
+    covered = (told.lower <= true) & (true <= told.upper)
+    columns = {
+        "campaign": np.repeat(np.arange(len(true)), true.shape[1]),
+        "has_discordant": odd.ravel(),
+        "error": (told.value / true - 1.0).ravel(),
+        "covered": covered.ravel(),
+        "half_width": (0.5 * (told.upper - told.lower) / true).ravel(),
+    }
+    return pd.DataFrame(columns).assign(parameter=parameter, method=method)
+
+
+def compare(told: pd.DataFrame) -> pd.DataFrame:
+    """Return error and coverage by share, kind, cases, parameter and method.
+
+    Cases of one campaign share populations, so the standard error of `rmse` is from campaign to campaign; the interval
+    of `coverage` counts cases as independent.
+    """
+    every = [told.assign(group="all cases"), told[told["has_discordant"]].assign(group="with a discordant repeat")]
+    keys = ["share", "kind", "group", "parameter", "method"]
+    rows = []
+    for key, cases in pd.concat(every, ignore_index=True).groupby(keys, sort=False):
+        squares = (cases["error"] ** 2).groupby(cases["campaign"]).agg(["sum", "size"])
+        rmse = float(np.sqrt(squares["sum"].sum() / squares["size"].sum()))
+        # Delta method on the mean of squares, a ratio of sums over campaigns.
+        spare = squares["sum"] - rmse**2 * squares["size"]
+        se = float(np.sqrt((spare**2).sum()) / squares["size"].sum() / (2.0 * rmse))
+        inside, size = int(cases["covered"].sum()), len(cases)
+        around = binomtest(inside, size).proportion_ci(0.95, method="exact")
+        row = dict(zip(keys, key, strict=True)) | {"cases": size, "rmse": rmse, "rmse_se": se}
+        row |= {"coverage": inside / size, "coverage_lower": around.low, "coverage_upper": around.high}
+        rows.append(row | {"half_width": float(cases["half_width"].median())})
+    return pd.DataFrame(rows)
+
+
+def in_words(table: pd.DataFrame) -> list[str]:
+    """Return what the table says of all cases, a sentence a parameter and share, both kinds taken together."""
+    lines = []
+    everywhere = table[table["group"] == "all cases"]
+    for key, rows in everywhere.groupby(["share", "parameter"], sort=False):
+        share, parameter = float(str(key[0])), key[1]
+        said = []
+        for method, of in rows.groupby("method", sort=False):
+            rmse = np.sqrt(np.average(of["rmse"] ** 2, weights=of["cases"]))
+            coverage = np.average(of["coverage"], weights=of["cases"])
+            said.append(f"{method} {100 * rmse:.1f} % ({100 * coverage:.0f} %)")
+        lines.append(
+            f"{100 * share:.0f} % discordant, {parameter} of a case: relative error (coverage of 95 % intervals): "
+            + "; ".join(said)
+        )
+    return lines

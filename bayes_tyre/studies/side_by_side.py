@@ -1,0 +1,248 @@
+"""NUTS on many small data sets of one shape with a single compilation, one after another on every device.
+
+Data sets run in turn (`lax.map`) and not vectorised: vectorised ones wait for the longest tree among them, and gained
+nothing over taking turns. Devices work side by side, a share of the data sets each.
+"""
+
+import os
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import numpyro
+from jax.sharding import Mesh, PartitionSpec
+from jaxtyping import Array, ArrayLike, Float
+from numpyro.handlers import seed, substitute, trace
+from numpyro.infer import NUTS
+from numpyro.infer.initialization import init_to_uniform
+
+from bayes_tyre.batch import Batch
+from bayes_tyre.inference.chains import TARGET_ACCEPTANCE
+from bayes_tyre.inference.chains import _start_near as start_near
+from bayes_tyre.inference.hierarchical import records_model
+from bayes_tyre.inference.likelihood import compress
+from bayes_tyre.inference.picture import (
+    Picture,
+    RecordData,
+    RecordEstimates,
+    case_estimates,
+    estimate_records,
+    record_data,
+)
+from bayes_tyre.inference.priors import PRIORS, Prior, prior_medians
+from bayes_tyre.studies.design import Design
+
+#: Data sets a device takes between two reports of progress; records that least squares takes at a time.
+TURNS, ESTIMATED = 4, 1000
+#: Deepest trees in warmup and after it. Deeper ones would let few data sets cost more than all others; where they are
+#: wanted the draws hang together, which R-hat shows.
+DEEPEST = (7, 8)
+_DEVICES = "devices"
+
+
+class Sampling(NamedTuple):
+    """How much to sample of each data set: iterations to adapt, draws to keep, iterations from one kept to the next."""
+
+    warmup: int = 300
+    kept: int = 79
+    thin: int = 5
+
+
+class DataSet(NamedTuple):
+    """One data set as its fit takes it; with a leading axis, many.
+
+    Attributes
+    ----------
+    data, picture:
+        The records, and their Gaussian picture.
+    starts:
+        Where the populations start, by site.
+    """
+
+    data: RecordData
+    picture: Picture
+    starts: Mapping[str, ArrayLike]
+
+
+class Sampled(NamedTuple):
+    """What was sampled of each data set.
+
+    Attributes
+    ----------
+    draws:
+        By site, shape (sets, kept, ...); `log_likelihood` of all forces (log density) among them.
+    diverging, steps:
+        Shape (sets, iterations after warmup): whether a transition diverged, and its gradients.
+    energy:
+        Shape (sets, iterations after warmup).
+    """
+
+    draws: dict[str, np.ndarray]
+    diverging: np.ndarray
+    steps: np.ndarray
+    energy: np.ndarray
+
+
+def observe(design: Design, force_kN: Float[np.ndarray, "sets records points"]) -> DataSet:
+    """Return the data sets of a design with these forces, with a leading axis of sets."""
+    sets, records, points = force_kN.shape
+    estimates = _estimates(np.tile(design.u, (sets, 1)), force_kN.reshape(sets * records, points))
+    estimates = jax.tree.map(lambda a: np.asarray(a).reshape(sets, records, *a.shape[1:]), estimates)
+    found = []
+    for i in range(sets):
+        own: RecordEstimates = jax.tree.map(lambda a, i=i: a[i], estimates)
+        variance = 1.0 / np.diagonal(own.precision, axis1=1, axis2=2)
+        of_cases = (case_estimates(np.asarray(own.centre[:, 2 + j]), variance[:, j], design.levels) for j in (0, 1))
+        found.append(DataSet(record_data(design.batch(force_kN[i])), Picture(own, *of_cases), _starts(own)))
+    return jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *found)
+
+
+def _estimates(u: Float[np.ndarray, "rows points"], force: Float[np.ndarray, "rows points"]) -> RecordEstimates:
+    """Return the picture of each record; in lots of one size, the last filled up, so that one compilation serves."""
+    rows = len(u)
+    size = min(ESTIMATED, rows)
+    lots = []
+    for start in range(0, rows, size):
+        of = np.minimum(np.arange(start, start + size), rows - 1)
+        names = tuple(map(str, of))
+        lots.append(estimate_records(Batch(names, u[of], force[of], np.ones((size, u.shape[1]), dtype=bool))))
+    return jax.tree.map(lambda *leaves: np.concatenate([np.asarray(leaf) for leaf in leaves])[:rows], *lots)
+
+
+def _starts(records: RecordEstimates) -> dict[str, np.ndarray]:
+    """Return where a fit of these records starts: prior medians, and where the records say more, their estimates."""
+    told = {"sigma_typical": np.exp(np.median(records.log_sigma))}
+    told["J_scale"] = np.sqrt(np.mean(np.asarray(records.centre[:, 1]) ** 2)) + 1e-3
+    return prior_medians() | {name: np.asarray(value) for name, value in told.items()}
+
+
+def with_priors(model: Callable[..., None], priors: Mapping[str, Prior]) -> Callable[..., None]:
+    """Return the model with other priors at some of its sites: its density times the ratio of the two priors.
+
+    Works for what the model samples and for what it computes alike, since both are named sites in their own units.
+    """
+    changed = {name: prior for name, prior in priors.items() if prior != PRIORS[name]}
+
+    def changed_model(**arguments: Any) -> None:
+        with trace() as sites:
+            model(**arguments)
+        for name, prior in changed.items():
+            value = jnp.asarray(sites[name]["value"])
+            new, own = (jnp.asarray(p.distribution().log_prob(value)) for p in (prior, PRIORS[name]))
+            numpyro.factor(f"{name}_prior_changed", jnp.sum(new - own))
+
+    return changed_model
+
+
+def _with_log_likelihood(**arguments: Any) -> None:
+    """Model the records, and keep the log density of all their forces among the posterior's quantities."""
+    with trace() as sites:
+        records_model(**arguments)
+    numpyro.deterministic("log_likelihood", jnp.sum(sites["force"]["fn"].log_factor))
+
+
+class SideBySide:
+    """The fit of a design's records, compiled once for as many data sets as will come.
+
+    Parameters
+    ----------
+    design:
+        What is tested.
+    sampling:
+        How much to sample of each data set.
+    priors:
+        Of every site; those that are not the model's own are put in their place.
+    nominal_start:
+        Whether the prior of F_i is about the nominal start of each record, as truths are drawn, or as in a fit of
+        measured records about the first force.
+    """
+
+    def __init__(
+        self, design: Design, sampling: Sampling, priors: Mapping[str, Prior] = PRIORS, nominal_start: bool = True
+    ) -> None:
+        self.design, self.sampling, self.priors, self._nominal = design, sampling, priors, nominal_start
+        self._model = with_priors(_with_log_likelihood, priors)
+        # More devices than cores would only take turns.
+        devices = jax.local_devices()[: os.cpu_count()]
+        mesh = Mesh(np.asarray(devices), (_DEVICES,))
+        spec = PartitionSpec(_DEVICES)
+        turns = jax.shard_map(self._turns, mesh=mesh, in_specs=(spec, spec), out_specs=spec, check_vma=False)
+        self._run, self._lot = jax.jit(turns), TURNS * mesh.size
+        self._dense: tuple[str, ...] = ()
+
+    def sample(self, sets: DataSet, key: int, on_progress: Callable[[int], None] = lambda _: None) -> Sampled:
+        """Return the draws of each data set; the same sets and key give the same draws.
+
+        Parameters
+        ----------
+        sets:
+            As `observe` gives them.
+        key:
+            Of the sampler.
+        on_progress:
+            Called with the number of data sets just done.
+        """
+        count = len(sets.data.d_0)
+        keys = jax.random.split(jax.random.key(key), count)
+        if not self._dense:
+            self._dense = self._scalars(jax.tree.map(lambda a: a[0], sets))
+        lots = []
+        for start in range(0, count, self._lot):
+            # The last lot is filled up with its last data set: one shape, one compilation.
+            of = np.minimum(np.arange(start, start + self._lot), count - 1)
+            lot = self._run(keys[of], jax.tree.map(lambda a, of=of: jnp.asarray(a[of]), sets))
+            kept = min(self._lot, count - start)
+            lots.append(jax.tree.map(lambda a, kept=kept: np.asarray(a)[:kept], lot))
+            on_progress(kept)
+        return jax.tree.map(lambda *parts: np.concatenate(parts), *lots)
+
+    def _arguments(self, one: DataSet) -> dict[str, Any]:
+        data = jax.tree.map(jnp.asarray, one.data)
+        told = self.design.nominal(data) if self._nominal else data
+        picture = jax.tree.map(jnp.asarray, one.picture)
+        return {"likelihood": compress(data), "data": told, "picture": picture, "levels": self.design.levels}
+
+    def _scalars(self, one: DataSet) -> tuple[str, ...]:
+        """Return the sites of one unknown, the scales, which share a dense block of the mass matrix.
+
+        In so small a design a block of all sites of few unknowns would hold most unknowns there are: more than a short
+        warmup can tell the covariance of, and trees then ran to their limit.
+        """
+
+        def latent() -> dict[str, Any]:
+            first = substitute(seed(self._model, 0), substitute_fn=init_to_uniform)
+            sites = trace(first).get_trace(**self._arguments(one)).values()
+            return {str(s["name"]): s["value"] for s in sites if s["type"] == "sample" and not s["is_observed"]}
+
+        return tuple(name for name, value in jax.eval_shape(latent).items() if value.size == 1)
+
+    def _turns(self, keys: Array, sets: DataSet) -> Sampled:
+        return jax.lax.map(lambda turn: self._one(*turn), (keys, sets))
+
+    def _one(self, key: Array, one: DataSet) -> Sampled:
+        arguments = self._arguments(one)
+        # A kernel of its own: it keeps what it was begun with, which here is being traced.
+        kernel = NUTS(
+            self._model,
+            init_strategy=start_near(one.starts),
+            target_accept_prob=TARGET_ACCEPTANCE,
+            dense_mass=[self._dense],  # pyright: ignore[reportArgumentType]
+            max_tree_depth=DEEPEST,  # pyright: ignore[reportArgumentType]
+        )
+
+        def advance(state: Any, _: None) -> tuple[Any, Any]:
+            state = kernel.sample(state, (), arguments)
+            return state, (state.diverging, state.num_steps, state.energy)
+
+        def to_next_kept(state: Any, _: None) -> tuple[Any, Any]:
+            state, statistics = jax.lax.scan(advance, state, None, self.sampling.thin)
+            return state, (state.z, statistics)
+
+        state = kernel.init(key, self.sampling.warmup, model_kwargs=arguments)
+        state = jax.lax.fori_loop(0, self.sampling.warmup, lambda _, state: advance(state, None)[0], state)
+        _, (z, statistics) = jax.lax.scan(to_next_kept, state, None, self.sampling.kept)
+        draws = jax.lax.map(kernel.postprocess_fn((), arguments), z)
+        named = {name: values for name, values in draws.items() if not name.endswith("_z")}
+        return Sampled(named, *(values.ravel() for values in statistics))

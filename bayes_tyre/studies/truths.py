@@ -1,0 +1,144 @@
+"""Truths drawn from the priors down the whole hierarchy, and records simulated from them: in numpy alone.
+
+The model's own code is not used, so that it is checked and not repeated.
+"""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
+
+from bayes_tyre.inference.hierarchical import JUDGEABLE_REPEATS
+from bayes_tyre.inference.prior_predictive import PARAMETERS, prior_sites
+from bayes_tyre.inference.priors import DISCORDANT_WIDENING, PRIORS, Prior
+from bayes_tyre.studies.design import START_MM, Design
+
+#: Priors of a calibration where they are not those of `PRIORS`: about truck tyres that a record can tell of. The wide
+#: ones make, in every third data set, a record from which no method could tell beta (J near zero under coarse noise,
+#: beta beyond the travel), and discordant repeats of wide scatter whose k is thousands of times off.
+NARROWED: dict[str, Prior] = {
+    "k_cell": Prior(dist.LogNormal, (np.log(1.8), 0.3), "kN/mm", "1.0 to 3.2 kN/mm: truck tyres"),
+    "beta_cell": Prior(dist.LogNormal, (np.log(0.1), 0.5), "mm", "0.04 to 0.27 mm: spacing below, travel above"),
+    "log_k_repeat_scatter": Prior(dist.LogNormal, (np.log(0.05), 0.3), "", "2.7 to 9 %"),
+    "log_beta_repeat_scatter": Prior(dist.LogNormal, (np.log(0.10), 0.3), "", "5.5 to 18 %"),
+    "log_k_scatter_spread": Prior(dist.HalfNormal, (0.3,), "", "rolling scatters up to twice as much as standing"),
+    "log_beta_scatter_spread": Prior(dist.HalfNormal, (0.3,), "", "as for k"),
+    "J_scale": Prior(dist.LogNormal, (np.log(3.0), 0.3), "kN", "1.7 to 5.4 kN: an offset that noise does not hide"),
+    "sigma_typical": Prior(dist.LogNormal, (np.log(0.006), 0.4), "kN", "0.003 to 0.013 kN: a good load cell"),
+    "log_sigma_spread": Prior(dist.HalfNormal, (0.4,), "", "noise differs by a factor of two among records"),
+}
+
+#: Truths by name of the site, shape (sets, ...).
+Truths = dict[str, np.ndarray]
+
+
+class Planted(NamedTuple):
+    """Factors by which truths are made to differ from what the model holds; 1: not at all.
+
+    Attributes
+    ----------
+    scatter:
+        On the scatter of repeats about their case.
+    scales:
+        On the half-normal scales of the effects of words.
+    noise:
+        On the noise of every point.
+    """
+
+    scatter: float = 1.0
+    scales: float = 1.0
+    noise: float = 1.0
+
+
+NOTHING = Planted()
+
+
+def draw_truths(
+    design: Design, sets: int, rng: np.random.Generator, priors: Mapping[str, Prior], planted: Planted
+) -> Truths:
+    """Return `sets` independent draws of everything the model of a design's records holds, by name of the site.
+
+    `discordant` says which repeats are. Parameters of `planted` other than 1 make them truths of another model.
+    """
+    levels = design.levels
+    record, records = levels.of_record, len(levels.of_record)
+    scalar = [site for site in prior_sites(levels) if not site.endswith("_cell")]
+    truths: Truths = {site: _draw(priors[site], (sets,), rng) for site in scalar}
+    for name in (site for site in scalar if _is_effect_scale(site)):
+        truths[name] = planted.scales * truths[name]
+    weight = truths["discordant_weight"][:, None] if levels.repeats.max() >= JUDGEABLE_REPEATS else 0.0
+    truths["discordant"] = rng.random((sets, records)) < weight
+    for parameter in PARAMETERS:
+        mean = _case_means(parameter, design, truths, rng, priors)
+        truths[f"{parameter}_case"] = np.exp(mean)
+        wide = np.where(truths["discordant"], DISCORDANT_WIDENING, 1.0) * planted.scatter
+        scatter = wide * _scatter(parameter, design, truths, rng)[:, record]
+        truths[parameter] = np.exp(mean[:, record] + scatter * rng.standard_normal((sets, records)))
+    truths["J"] = truths["J_scale"][:, None] * rng.standard_normal((sets, records))
+    truths["F_i"] = design.start_kN + design.span_kN * rng.standard_normal((sets, records))
+    truths["C"] = truths["F_i"] + truths["J"] - truths["k"] * START_MM
+    spread = truths["log_sigma_spread"][:, None] * rng.standard_normal((sets, records))
+    truths["sigma"] = truths["sigma_typical"][:, None] * np.exp(spread)
+    return truths
+
+
+def simulate_forces(
+    design: Design, truths: Truths, rng: np.random.Generator, planted: Planted = NOTHING
+) -> Float[np.ndarray, "sets records points"]:
+    """Return forces (kN) by Equation 2, with normal noise on every point."""
+    F_i, J, k, beta, sigma = (truths[name][:, :, None] for name in ("F_i", "J", "k", "beta", "sigma"))
+    rise = -np.expm1(-np.abs(design.u) / beta)
+    force = F_i + (J + k * design.u) * rise
+    return force + planted.noise * sigma * rng.standard_normal(force.shape)
+
+
+def study_priors() -> dict[str, Prior]:
+    """Return every prior of a calibration: those of the model, some of them narrowed."""
+    return PRIORS | NARROWED
+
+
+def _draw(prior: Prior, shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
+    if prior.family is dist.LogNormal:
+        return rng.lognormal(*prior.parameters, size=shape)
+    if prior.family is dist.HalfNormal:
+        return np.abs(rng.normal(0.0, *prior.parameters, size=shape))
+    if prior.family is dist.Beta:
+        return rng.beta(*prior.parameters, size=shape)
+    raise NotImplementedError(f"a truth of family {prior.family.__name__}")
+
+
+def _is_effect_scale(site: str) -> bool:
+    return site.startswith("log_") and site.endswith("_scale") and not site.endswith("_case_scale")
+
+
+def _case_means(
+    parameter: str, design: Design, truths: Truths, rng: np.random.Generator, priors: Mapping[str, Prior]
+) -> Float[np.ndarray, "sets cases"]:
+    """Return log k or log beta of each case, and put its cells and effects among the truths."""
+    levels, sets = design.levels, len(truths["J_scale"])
+    cell = _draw(priors[f"{parameter}_cell"], (sets, len(levels.cell.labels)), rng)
+    truths[f"{parameter}_cell"] = cell
+    mean = np.log(cell)[:, levels.cell.of_case]
+    for name, factor in levels.factors(parameter).items():
+        free = rng.standard_normal((sets, factor.basis.shape[1]))
+        effect = truths[f"log_{parameter}_{name}_scale"][:, None] * free @ factor.basis.T
+        truths[f"log_{parameter}_{name}"] = effect
+        mean = mean + effect[:, factor.of_case] * factor.weight
+    remainder = truths.get(f"log_{parameter}_case_scale", np.zeros(sets))
+    return mean + remainder[:, None] * rng.standard_normal(mean.shape)
+
+
+def _scatter(
+    parameter: str, design: Design, truths: Truths, rng: np.random.Generator
+) -> Float[np.ndarray, "sets cases"]:
+    """Return the scatter of each case's repeats, and put it by speed among the truths."""
+    levels = design.levels
+    typical = truths[f"log_{parameter}_repeat_scatter"][:, None]
+    if not levels.speed.varies:
+        return np.repeat(typical, len(levels.cases), axis=1)
+    spread = truths[f"log_{parameter}_scatter_spread"][:, None]
+    by_speed = typical * np.exp(spread * rng.standard_normal((len(typical), len(levels.speed.labels))))
+    truths[f"log_{parameter}_repeat_scatter_by_speed"] = by_speed
+    return by_speed[:, levels.speed.of_case]

@@ -1,0 +1,103 @@
+"""Truths are drawn from the priors that the model is run with."""
+
+import numpy as np
+import pytest
+from numpyro import distributions as dist
+from numpyro.handlers import seed, trace
+from scipy.stats import kstest
+
+from bayes_tyre.inference.levels import Levels
+from bayes_tyre.inference.priors import PRIORS, Prior
+from bayes_tyre.studies.design import Design, calibration_design, outlier_design, quick_design
+from bayes_tyre.studies.side_by_side import with_priors
+from bayes_tyre.studies.truths import NOTHING, Planted, Truths, draw_truths, simulate_forces, study_priors
+
+SETS = 2000
+
+
+def drawn(planted: Planted = NOTHING) -> Truths:
+    return draw_truths(calibration_design(), SETS, np.random.default_rng(1), study_priors(), planted)
+
+
+def levels_with_every_term(levels: Levels) -> bool:
+    factors = {"speed", "step", "direction_step"}
+    return factors <= set(levels.factors("beta")) and all(map(levels.has_remainder, ("k", "beta")))
+
+
+def test_the_design_has_every_kind_of_term_and_repeats_that_can_be_judged():
+    assert levels_with_every_term(calibration_design().levels)
+    for made in (calibration_design(), quick_design(), outlier_design()):
+        assert made.levels.repeats.min() == 3
+        assert made.u.shape[0] == len(made.words)
+        assert (np.sign(made.u[:, -1]) == np.sign(made.words["step_kN"])).all()
+
+
+@pytest.mark.parametrize(
+    ("site", "law"),
+    [
+        ("k_cell", dist.LogNormal(np.log(1.8), 0.3)),
+        ("sigma_typical", dist.LogNormal(np.log(0.006), 0.4)),
+        ("log_k_case_scale", dist.LogNormal(*PRIORS["log_k_case_scale"].parameters)),
+        ("discordant_weight", dist.Beta(1.0, 19.0)),
+    ],
+)
+def test_populations_have_the_law_of_their_prior(site, law):
+    # Kolmogorov-Smirnov on 2000 values: false alarm 0.1 % each.
+    assert kstest(np.asarray(law.cdf(drawn()[site].reshape(SETS, -1)[:, 0])), "uniform").pvalue > 1e-3
+
+
+def test_what_lies_below_a_population_scatters_as_it_says():
+    truths = drawn()
+    by_speed = truths["log_beta_repeat_scatter_by_speed"][:, calibration_design().levels.speed.of_case]
+    record = calibration_design().levels.of_record
+    usual = ~truths["discordant"]
+    z = (np.log(truths["beta"]) - np.log(truths["beta_case"])[:, record]) / by_speed[:, record]
+    # 36 000 standard normal numbers: their standard deviation is within 1.5 % of 1 but for a chance of 1e-4.
+    assert np.std(z[usual]) == pytest.approx(1.0, rel=0.015)
+    assert np.std(z[truths["discordant"]]) == pytest.approx(6.0, rel=0.1)
+    assert np.mean(truths["discordant"]) == pytest.approx(0.05, abs=0.01)
+    assert np.std(truths["J"] / truths["J_scale"][:, None]) == pytest.approx(1.0, rel=0.015)
+    np.testing.assert_allclose(truths["C"], truths["F_i"] + truths["J"] - 10.0 * truths["k"])
+
+
+def test_planted_errors_change_what_they_name_and_nothing_else():
+    right, wrong = drawn(), drawn(Planted(scales=1.5))
+    np.testing.assert_allclose(wrong["log_beta_step_scale"], 1.5 * right["log_beta_step_scale"])
+    np.testing.assert_array_equal(wrong["log_beta_case_scale"], right["log_beta_case_scale"])
+    np.testing.assert_array_equal(wrong["J"], right["J"])
+    wider = drawn(Planted(scatter=1.5))
+    record = calibration_design().levels.of_record
+    deviation = [np.log(t["k"]) - np.log(t["k_case"])[:, record] for t in (right, wider)]
+    np.testing.assert_allclose(deviation[1], 1.5 * deviation[0])
+
+
+def test_forces_follow_the_law_with_noise_on_every_point():
+    made: Design = quick_design()
+    truths = draw_truths(made, 50, np.random.default_rng(2), study_priors(), Planted())
+    noisy = simulate_forces(made, truths, np.random.default_rng(3))
+    exact = simulate_forces(made, truths, np.random.default_rng(3), Planted(noise=0.0))
+    np.testing.assert_allclose(exact[:, :, 0], truths["F_i"])
+    z = (noisy - exact) / truths["sigma"][:, :, None]
+    assert np.std(z) == pytest.approx(1.0, rel=0.03)
+    assert (z[:, :, 0] != 0).all()
+
+
+def test_a_changed_prior_takes_the_place_of_the_models_own():
+    """The density of a model with changed priors is that of the same model written with them."""
+
+    def model() -> None:
+        import numpyro
+
+        log_cell = numpyro.sample("log_cell", dist.Normal(*PRIORS["k_cell"].parameters))
+        numpyro.deterministic("k_cell", np.e**log_cell)
+        numpyro.sample("J_scale", PRIORS["J_scale"].distribution())
+
+    priors = PRIORS | {
+        "k_cell": Prior(dist.LogNormal, (0.3, 0.2), "kN/mm", ""),
+        "J_scale": Prior(dist.LogNormal, (0.5, 0.3), "kN", ""),
+    }
+    sites = trace(seed(with_priors(model, priors), 0)).get_trace()
+    density = sum(float(site["fn"].log_prob(site["value"])) for site in sites.values() if site["type"] == "sample")
+    expected = float(dist.Normal(0.3, 0.2).log_prob(sites["log_cell"]["value"]))
+    expected += float(dist.LogNormal(0.5, 0.3).log_prob(sites["J_scale"]["value"]))
+    assert density == pytest.approx(expected, rel=1e-6)
