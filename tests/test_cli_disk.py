@@ -5,10 +5,13 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 from command_line import (
     COMMAND,
     COMMANDS,
@@ -24,11 +27,14 @@ from command_line import (
     tree_of,
     written,
 )
+from left_out import made_up
 from quick_fits import put_draws_for_the_sampler, write_result
 
 from bayes_tyre.embedded import data_path
+from bayes_tyre.inference.leave_out import LeaveOneOut
+from bayes_tyre.report import figures
 from bayes_tyre.simulate.plan import PLANS
-from bayes_tyre.workflow import fit, least_squares, published
+from bayes_tyre.workflow import compare, fit, least_squares, published
 from bayes_tyre.workflow.simulate import write_simulated
 
 # Compilation and module fixtures: over 10 s for the file from cold.
@@ -45,8 +51,10 @@ WRITERS: dict[str, Callable[[Path, Path], list[object]]] = {
     "fit": of_a_table("fit"),
     "published": lambda given, out: ["published", "--out", out],
     "campaign": lambda given, out: ["campaign", "--out", out / "campaign.csv"],
+    "compare": lambda given, out: ["compare", given / "fit", given / "other", "--out", out],
     "predict": lambda given, out: ["predict", given / "fit", "--case", "direction=unloading", "--out", out],
     "inspect": lambda given, out: ["inspect", data_path("sample/appendix_b1.lvm"), "--out", out / "channels.csv"],
+    "calibrate": lambda given, out: ["calibrate", data_path("sample/appendix_b1.lvm"), "--out", out / "lines.toml"],
     "process": lambda given, out: ["process", given / "raw", "--out", out / "records.csv", "--workers", "1"],
     "simulate": lambda given, out: ["simulate", "--out", out, "--rate", "1000"],
 }
@@ -58,7 +66,8 @@ def given(tmp_path_factory) -> Path:
     """Return a folder with a record table, what `fit` wrote of one, and two raw files."""
     folder = tmp_path_factory.mktemp("given")
     written(small(), folder / "records.csv")
-    write_result(folder / "fit")
+    for name in ("fit", "other"):
+        write_result(folder / name)
     write_simulated(PLANS["quick"](2000.0)[:2], 0, folder / "raw", lambda _: None)
     (folder / "raw" / "truth.csv").unlink()
     return folder
@@ -69,11 +78,20 @@ def quick(monkeypatch) -> None:
     """Put quick stand-ins where commands compute for long; what they write passes the same code."""
     check = pd.DataFrame({"quantity": ["k"], "kind": ["recomputed"], "agrees": [True]})
     put_draws_for_the_sampler(monkeypatch)
+    monkeypatch.setattr(compare, "leave_one_record_out", left_out)
     monkeypatch.setattr(published, "fit_records", lambda *_: None)
     monkeypatch.setattr(published.campaign, "case_means", lambda _: None)
     monkeypatch.setattr(published.checks, "published_check", lambda _: check)
+    every_figure = figures.draw
+    monkeypatch.setattr(figures, "draw", lambda result: islice(every_figure(result), 2))
     whole_plan = PLANS["quick"]
     monkeypatch.setitem(PLANS, "quick", lambda rate: whole_plan(rate)[:2])
+
+
+def left_out(tree: xr.DataTree, *_: object) -> LeaveOneOut:
+    """Return a made-up leave-one-record-out of each record of a posterior."""
+    records = tree["posterior"]["record"].to_numpy()
+    return made_up(np.random.default_rng(0).normal(50.0, 1.0, len(records)), list(records))
 
 
 def fill_the_disk_after(files: int, monkeypatch: pytest.MonkeyPatch) -> list[str]:
@@ -140,6 +158,7 @@ sys.path.insert(0, sys.argv.pop(1))
 from quick_fits import drawn
 from bayes_tyre.cli import app
 from bayes_tyre.embedded import data_path
+from bayes_tyre.report import figures
 from bayes_tyre.simulate.plan import PLANS
 from bayes_tyre.workflow import fit
 fit.fit_hierarchical = drawn

@@ -5,15 +5,18 @@ from typing import Annotated
 
 import typer
 
+from bayes_tyre.cli.calibrate import calibrate
+from bayes_tyre.cli.compare import compare
 from bayes_tyre.cli.fit import fit
 from bayes_tyre.cli.inspect import inspect
 from bayes_tyre.cli.lsq import lsq
 from bayes_tyre.cli.predict import predict
 from bayes_tyre.cli.process import process
 from bayes_tyre.cli.published import campaign, published
-from bayes_tyre.cli.shell import guarded
+from bayes_tyre.cli.shell import Command, guarded
 from bayes_tyre.cli.show import show
 from bayes_tyre.cli.simulate import simulate
+from bayes_tyre.cli.study import study
 
 app = typer.Typer(
     name="bayes-tyre",
@@ -32,8 +35,9 @@ def main(show_version: Annotated[bool, typer.Option("--version", help="Print the
         raise typer.Exit
 
 
-for command in (published, campaign, inspect, process, lsq, fit, predict, show, simulate):
-    app.command()(guarded(command))
+for command in (published, campaign, inspect, calibrate, process, lsq, fit, compare, predict, show, simulate):
+    app.command(cls=Command)(guarded(command))
+app.add_typer(study)
 
 if __name__ == "__main__":
     app()

@@ -7,12 +7,23 @@ import typer
 
 
 def show(
-    results: Annotated[list[Path], typer.Argument(help="Folders that fit or published --posterior wrote.")],
+    results: Annotated[
+        list[Path], typer.Argument(help="Folders that fit or published --posterior wrote; with --truth fit or lsq.")
+    ],
+    truth: Annotated[
+        Path | None,
+        typer.Option(help="truth.csv of simulate: print k and beta of each record beside it, and the errors in %."),
+    ] = None,
 ) -> None:
     """Print k (kN/mm) and beta (mm) by configuration and direction, with intervals, from results on disk.
 
     Example: bayes-tyre show results/published/posterior results/fit
     """
+    if truth is not None:
+        from bayes_tyre.report.recovery_overview import print_recovery
+
+        print_recovery(results, truth)
+        return
     from bayes_tyre.report.overview import print_overview
 
     print_overview(results)

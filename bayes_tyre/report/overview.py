@@ -63,7 +63,7 @@ def print_overview(folders: list[Path], console: Console | None = None) -> None:
     console = console or Console()
     for folder, rows in tables:
         level, verdict = float(rows["interval"].iloc[0]), rows["verdict"].iloc[0]
-        about = _shown(f"{rows['data'].iloc[0]}; verdict: {verdict}", 200)
+        about = shown(f"{rows['data'].iloc[0]}; verdict: {verdict}", 200)
         console.print()
         console.print(Text(f"{about}\nmean over the cases, median and {100 * level:g} % interval"))
         beside = _beside(rows)
@@ -71,7 +71,7 @@ def print_overview(folders: list[Path], console: Console | None = None) -> None:
             console.print(beside)
         else:
             console.print(Text(f"\n{_below(rows)}\n"), soft_wrap=True)
-        console.print(Text(f"files: {_shown(folder, None)}"), soft_wrap=True)
+        console.print(Text(f"files: {shown(folder, None)}"), soft_wrap=True)
 
 
 def _beside(rows: pd.DataFrame) -> Table:
@@ -79,7 +79,7 @@ def _beside(rows: pd.DataFrame) -> Table:
     configurations = sorted(rows["configuration"].astype(str).unique(), reverse=True)
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
     for name in ("", *configurations):
-        table.add_column(Text(_shown(name)))
+        table.add_column(Text(shown(name)))
     for name, of in _blocks(rows):
         by_label = of.set_index(of["configuration"].astype(str))
         cells = [_figures(by_label.loc[label]) if label in by_label.index else "" for label in configurations]
@@ -92,10 +92,10 @@ def _below(rows: pd.DataFrame) -> str:
     lines = []
     for name, of in _blocks(rows):
         of = of.set_index(of["configuration"].astype(str)).sort_index(ascending=False)
-        widest = max(cell_len(_shown(label)) for label in of.index)
+        widest = max(cell_len(shown(label)) for label in of.index)
         lines.append(f"  {name}")
         for label, row in of.iterrows():
-            lines.append(f"    {_shown(label)}{' ' * (widest - cell_len(_shown(label)))}   {_figures(row)}")
+            lines.append(f"    {shown(label)}{' ' * (widest - cell_len(shown(label)))}   {_figures(row)}")
     return "\n".join(lines)
 
 
@@ -104,14 +104,14 @@ def _blocks(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
     for parameter in PARAMETERS:
         block = rows[rows["parameter"] == parameter]
         for direction, of in block.groupby(block["direction"].astype(str)):
-            yield _shown(f"{parameter.removesuffix('_mean')}, {of['unit'].iloc[0]} {direction}"), of
+            yield shown(f"{parameter.removesuffix('_mean')}, {of['unit'].iloc[0]} {direction}"), of
 
 
 def _figures(row: pd.Series) -> str:
     return f"{row['median']:.4g} [{row['lower']:.4g}, {row['upper']:.4g}]"
 
 
-def _shown(text: object, most: int | None = LONGEST) -> str:
+def shown(text: object, most: int | None = LONGEST) -> str:
     """Return a text from a file or a path in one line, what would steer a terminal replaced, not too long."""
     line = str(text) if most is None else " ".join(str(text).split())
     line = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in line)

@@ -1,0 +1,78 @@
+"""`calibrate`: lines from volts to engineering units, from a file that holds both."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from bayes_tyre.cli.messages import one_line
+from bayes_tyre.cli.shell import Quiet, say, warn
+
+if TYPE_CHECKING:
+    from bayes_tyre.workflow.calibrate import Fitted
+
+
+def calibrate(
+    raw: Annotated[
+        Path, typer.Argument(metavar="RAW", help="Raw file (.lvm, .tdms, .xlsx, .csv, .parquet) with volts and units.")
+    ],
+    rig: Annotated[
+        str | None,
+        typer.Option(help="Rig whose [channels] say which channel is which: single, dual, or a TOML file."),
+    ] = None,
+    mend_signs: Annotated[
+        bool,
+        typer.Option("--mend-signs", help="Put lost minus signs back where that brings readings to a line that rises."),
+    ] = False,
+    out: Annotated[Path | None, typer.Option(help="TOML file to write: the [calibration] section of a rig.")] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Fit the lines from volts to engineering units, m/s^2 and (mm, kN), by least squares over all rows of a file.
+
+    Prints for each sensor slope (unit/V), intercept (unit), what the line leaves (root mean square), the digitiser's
+    step, and rows used. A sensor whose pair of channels is missing, or still, is said on stderr; with none, exit 3.
+
+    Example: bayes-tyre calibrate data/sample/appendix_b1.lvm --mend-signs --out calibration.toml
+    """
+    from bayes_tyre.workflow.calibrate import calibrate as fit_lines
+
+    lines, remarks = fit_lines(raw, rig, mend_signs, out)
+    for remark in remarks:
+        warn(remark)
+    if not quiet:
+        _print(lines)
+    mended = sum(fitted.mended for fitted in lines)
+    if mended:
+        say(f"{mended} minus signs put back", quiet)
+    if out is not None:
+        say(f"wrote {out}", quiet)
+
+
+def _print(lines: Sequence["Fitted"]) -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    shown = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
+    shown.add_column("sensor")
+    for name in ("slope", "intercept", "residual rms", "step, V", "step", "rows"):
+        shown.add_column(name, justify="right", no_wrap=True)
+    shown.add_column("channels", overflow="fold")
+    for fitted in lines:
+        sensor, line, unit = fitted.sensor, fitted.line, fitted.sensor.unit
+        cells = [
+            sensor.quantity,
+            f"{line.slope:.7g} {unit}/V",
+            f"{line.intercept:.7g} {unit}",
+            f"{fitted.residual_rms:.2g} {unit}",
+            f"{fitted.volts_step:.4g}",
+            f"{fitted.unit_step:.4g} {unit}",
+            str(fitted.rows),
+            one_line(f"{sensor.voltage} -> {sensor.channel}"),
+        ]
+        shown.add_row(*map(Text, cells))
+    console = Console()
+    # Wide enough that nothing is cut where no terminal says how wide it is.
+    (console if console.is_terminal else Console(width=10_000)).print(shown)

@@ -1,0 +1,135 @@
+"""A raw file that holds volts beside engineering units in, calibration lines out."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import tomli_w
+from jaxtyping import Float
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.files import check_folder, write_text
+from bayes_tyre.formats.raw import read_raw
+from bayes_tyre.record import Channel
+from bayes_tyre.rig.axle import load_rig
+from bayes_tyre.rig.calibration import Line, fit_line, quantisation_step, residual_rms, with_best_signs
+from bayes_tyre.rig.sensors import Sensor, sensors_of
+from bayes_tyre.workflow.inspect import path_text
+
+Readings = Float[np.ndarray, " rows"]
+
+
+class Fitted(NamedTuple):
+    """One sensor's line.
+
+    Attributes
+    ----------
+    sensor:
+        Names and unit.
+    line:
+        unit / V and unit.
+    residual_rms:
+        What the line leaves, in the unit.
+    volts_step, unit_step:
+        Step of the digitiser, V and the unit; NaN where all readings are alike.
+    rows, mended:
+        Rows with both readings, and how many of them got a minus sign back.
+    """
+
+    sensor: Sensor
+    line: Line
+    residual_rms: float
+    volts_step: float
+    unit_step: float
+    rows: int
+    mended: int
+
+
+def calibrate(raw: Path, rig: str | None, mend_signs: bool, out: Path | None) -> tuple[list[Fitted], list[str]]:
+    """Return the lines of the sensors that a file allows, and why it allows no more; write `[calibration]` to `out`.
+
+    Parameters
+    ----------
+    raw:
+        A recording with a channel in volts and one in engineering units for each sensor.
+    rig:
+        Name or TOML file whose `[channels]` say which is which; None for their defaults.
+    mend_signs:
+        Whether minus signs that were lost in print may be put back, where that brings a sensor's readings to a line.
+    out:
+        A `.toml` file, or None.
+
+    Raises
+    ------
+    BadInput
+        If the file, the rig or `out` is of no use, or no sensor has a line; nothing is written then.
+    """
+    if out is not None:
+        if out.is_dir() or out.suffix.lower() != ".toml":
+            raise BadInput(f"--out {out}: is no .toml file; name one")
+        check_folder(out.parent)
+    # The channels that both embedded rigs name are the defaults.
+    sensors = sensors_of(load_rig(rig if rig is not None else "single"))
+    recording = read_raw(raw)
+    lines: list[Fitted] = []
+    remarks = [f"{path_text(raw)}: {remark}" for remark in recording.remarks]
+    for sensor in sensors:
+        try:
+            lines.append(_fit(recording.segments, sensor, mend_signs))
+        except BadInput as error:
+            remarks.append(f"{path_text(raw)}: no line of the {sensor.quantity}: {error}")
+    if not lines:
+        raise BadInput(f"{remarks[-len(sensors)]} (and no other sensor has a line)")
+    if out is not None:
+        write_text(_section(raw, lines), out)
+    return lines, remarks
+
+
+def _fit(segments: Sequence[Sequence[Channel]], sensor: Sensor, mend: bool) -> Fitted:
+    volts, values = _pair(segments, sensor)
+    there = np.isfinite(volts) & np.isfinite(values)
+    if there.sum() < 2:
+        raise BadInput(
+            f"{there.sum()} of {len(there)} rows have a reading of both {sensor.voltage!r} and {sensor.channel!r}; "
+            "record it again"
+        )
+    volts, values = volts[there], values[there]
+    try:
+        signed = with_best_signs(volts, values) if mend else values
+        line = fit_line(volts, signed)
+    except ValueError as error:
+        alike = f"all {len(volts)} readings of {sensor.voltage!r} lie within {np.ptp(volts):g} V: {error}"
+        raise BadInput(f"{alike}; record it while the sensor moves") from None
+    steps = [quantisation_step(each) if np.ptp(each) > 0 else np.nan for each in (volts, signed)]
+    rms = residual_rms(line, volts, signed)
+    return Fitted(sensor, line, rms, *steps, rows=len(volts), mended=int((signed != values).sum()))
+
+
+def _pair(segments: Sequence[Sequence[Channel]], sensor: Sensor) -> tuple[Readings, Readings]:
+    """Return the voltage and the value of the first segment that has both."""
+    names = (sensor.voltage, sensor.channel)
+    for segment in segments:
+        volts, values = ([channel for channel in segment if channel.name.strip() == name.strip()] for name in names)
+        for name, channels in zip(names, (volts, values), strict=True):
+            if len(channels) > 1:
+                raise BadInput(f"channel {name!r} stands {len(channels)} times; give each channel a name of its own")
+        if volts and values:
+            # Readers leave out what is blank at a channel's end: the rows that both have are paired.
+            rows = min(len(volts[0].values), len(values[0].values))
+            if not np.array_equal(volts[0].time_s[:rows], values[0].time_s[:rows], equal_nan=True):
+                raise BadInput(f"{names[0]!r} and {names[1]!r} have times of their own; record them together")
+            return volts[0].values[:rows], values[0].values[:rows]
+    there = {channel.name.strip() for segment in segments for channel in segment}
+    absent = " and ".join(repr(name) for name in names if name.strip() not in there)
+    what = f"no channel {absent}" if absent else f"{names[0]!r} and {names[1]!r} in no one segment"
+    raise BadInput(f"has {what}; mend [channels] of the rig file, or name another file")
+
+
+def _section(raw: Path, lines: Sequence[Fitted]) -> str:
+    """Return the `[calibration]` section of a rig file."""
+    keys: dict[str, float] = {}
+    for fitted in lines:
+        keys |= dict(zip(fitted.sensor.calibration_keys(), fitted.line, strict=True))
+    said = "".join(c if c.isprintable() else "?" for c in path_text(raw))
+    return f"# Least-squares lines from {said}: a section of a rig file.\n{tomli_w.dumps({'calibration': keys})}"
