@@ -14,7 +14,7 @@ FIND_PYTHON = for candidate in "$${PYTHON:-}" python3.13 python3.12 python3.14 p
 	    && { echo "$$candidate"; exit 0; }; \
 	done; echo "No Python >= 3.12 on PATH or in pyenv: install one, or call make PYTHON=/path/to/python" >&2; exit 1
 
-.PHONY: help fit figure test check lint clean install lock campaign wheel fuzz
+.PHONY: help fit figure demo test check lint clean install lock campaign wheel fuzz calibrate
 
 help:  ## Print this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -39,6 +39,22 @@ fit: install  ## Recompute the published numbers, fit them and the reconstructed
 
 figure: fit  ## Run fit, and copy the README's figure from its results
 	@cp $(RESULTS)/published/posterior/figures/posteriors_by_direction.png docs/
+
+# The thesis's method is given the thesis's own region, and the other the bound that a record without a bend needs.
+demo: install  ## Simulate a small campaign, process it by both methods, fit it, show it beside the truth
+	@trust=0; out=$(RESULTS)/demo; \
+	$(BIN)/bayes-tyre simulate --plan quick --out $$out/raw; \
+	$(BIN)/bayes-tyre inspect $$out/raw --out $$out/channels.csv; \
+	$(BIN)/bayes-tyre process $$out/raw --method inertia --out $$out/inertia/records.csv; \
+	$(BIN)/bayes-tyre process $$out/raw --method thesis --out $$out/thesis/records.csv; \
+	$(BIN)/bayes-tyre lsq $$out/inertia/records.csv --bounds beta=:1 --out $$out/inertia/lsq; \
+	$(BIN)/bayes-tyre lsq $$out/thesis/records.csv --region thesis --out $$out/thesis/lsq; \
+	$(BIN)/bayes-tyre fit $$out/inertia/records.csv --out $$out/inertia/fit || { trust=$$?; [ $$trust -eq 4 ]; }; \
+	$(BIN)/bayes-tyre show --truth $$out/raw/truth.csv $$out/thesis/lsq $$out/inertia/lsq $$out/inertia/fit; \
+	exit $$trust
+
+calibrate: install  ## Rank truths drawn from the priors among their posteriors' draws, into results/calibration
+	@$(BIN)/bayes-tyre study calibration --out $(RESULTS)/calibration
 
 test: install  ## Run ruff, pyright, import-linter and every test
 	@$(MAKE) --no-print-directory lint

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from unittest import mock
 
 import jax
 import pandas as pd
@@ -67,7 +68,10 @@ def installed(*arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]
 def here(*arguments: object) -> Result:
     """Run the command in this process; JAX has started, so its devices stay those of the tests."""
     jax.devices()
-    return CliRunner().invoke(app, [str(argument) for argument in arguments], catch_exceptions=False)
+    given = [str(argument) for argument in arguments]
+    # What a run.json calls its command; there is no other way to know it.
+    with mock.patch.object(sys, "argv", ["bayes-tyre", *given]):
+        return CliRunner().invoke(app, given, catch_exceptions=False)
 
 
 def tree_of(folder: Path) -> dict[str, bytes]:

@@ -236,7 +236,7 @@ def case_estimates(
     )
 
 
-def _log_scatter(by_case: list[Float[np.ndarray, " repeats"]], variance: np.ndarray, levels: Levels) -> Gaussian:
+def _log_scatter(by_case: list[np.ndarray], variance: np.ndarray, levels: Levels) -> Gaussian:
     """Return the scatter of repeats by speed, from the median over cases of their variance: robust to odd repeats."""
     spare = levels.repeats - 1
     estimates, precisions = [], []
