@@ -19,9 +19,10 @@ def compare(
 ) -> None:
     """Compare models by leave-one-record-out: which of them predicts a whole record, not seen, from the others.
 
-    A record's own parameters (k kN/mm, beta mm, J and sigma kN) are integrated out. Writes comparison.csv (a row a model,
-    the best first: elpd, its standard error, the difference to the best) and comparison_records.csv (a row a record), and
-    says in a sentence what they mean. Ends with code 4 where a posterior, or an estimate, is not to be trusted.
+    A record's own parameters (k kN/mm, beta mm, J and sigma kN) are integrated out. Writes comparison.csv (a row a
+    model, the best first: elpd, its standard error, the difference to the best) and comparison_records.csv (a row a
+    record), and says in a sentence what they mean. Ends with code 4 where a posterior, or an estimate, is not to be
+    trusted.
 
     Example: bayes-tyre compare results/fit results/fit_student results/fit_normal
     """
