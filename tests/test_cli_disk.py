@@ -33,6 +33,7 @@ from quick_fits import put_draws_for_the_sampler, write_result
 from bayes_tyre.embedded import data_path
 from bayes_tyre.inference.leave_out import LeaveOneOut
 from bayes_tyre.report import figures
+from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import PLANS
 from bayes_tyre.workflow import compare, fit, least_squares, published
 from bayes_tyre.workflow.simulate import write_simulated
@@ -58,6 +59,7 @@ WRITERS: dict[str, Callable[[Path, Path], list[object]]] = {
     "process": lambda given, out: ["process", given / "raw", "--out", out / "records.csv", "--workers", "1"],
     "simulate": lambda given, out: ["simulate", "--out", out, "--rate", "1000"],
 }
+RIGS = {name: load_rig(name) for name in ("single", "dual")}
 SILENT = ("show",)
 
 
@@ -68,7 +70,7 @@ def given(tmp_path_factory) -> Path:
     written(small(), folder / "records.csv")
     for name in ("fit", "other"):
         write_result(folder / name)
-    write_simulated(PLANS["quick"](2000.0)[:2], 0, folder / "raw", lambda _: None)
+    write_simulated(PLANS["quick"](2000.0)[:2], RIGS, 0, folder / "raw", lambda _: None)
     (folder / "raw" / "truth.csv").unlink()
     return folder
 

@@ -13,11 +13,13 @@ from command_line import assert_refused, environment, here, start, tree_of
 from dying_work import DEADLY, work
 
 from bayes_tyre.embedded import data_path
+from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import thesis_plan
 from bayes_tyre.workflow.parallel import in_parallel
 from bayes_tyre.workflow.simulate import write_simulated
 
 GOOD = ("DynamicS(0)30-20(1).lvm", "DynamicS(0)20-30(2).lvm", "DynamicD(0)30-40(3).lvm")
+RIGS = {name: load_rig(name) for name in ("single", "dual")}
 WORDS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN", "repeat"]
 
 
@@ -28,7 +30,7 @@ def record_into(folder, seed, *names) -> None:
         for record in thesis_plan(5000.0)
         if record.file in names
     ]
-    write_simulated(plan, seed, folder, lambda done: None)
+    write_simulated(plan, RIGS, seed, folder, lambda done: None)
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 from command_line import assert_refused, environment, here, tree_of
+from readme_rigs import readme_texts
 
 from bayes_tyre.formats.raw import read_raw
+from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import thesis_plan
 from bayes_tyre.workflow import simulate as workflow
 
+RIGS = {name: load_rig(name) for name in ("single", "dual")}
 NAMES = {
     f"Dynamic{letter}(0){loads}({repeat}).lvm"
     for letter in "SD"
@@ -79,8 +82,8 @@ def test_the_same_seed_gives_the_same_files_and_another_gives_others(quick, tmp_
 
 def test_a_file_does_not_depend_on_its_plan_or_its_place_in_it(tmp_path):
     plan = [record._replace(duration_s=1.0, step_between_s=(0.4, 0.5)) for record in thesis_plan(1000.0)[40:46]]
-    workflow.write_simulated(plan, 4, tmp_path / "six", lambda done: None)
-    workflow.write_simulated(plan[::-2], 4, tmp_path / "three", lambda done: None)
+    workflow.write_simulated(plan, RIGS, 4, tmp_path / "six", lambda done: None)
+    workflow.write_simulated(plan[::-2], RIGS, 4, tmp_path / "three", lambda done: None)
     six, three = tree_of(tmp_path / "six"), tree_of(tmp_path / "three")
     assert len(three) == 4
     assert all(six[name] == three[name] for name in three if name.endswith(".lvm"))
@@ -92,13 +95,26 @@ def test_a_file_does_not_depend_on_its_plan_or_its_place_in_it(tmp_path):
 
 def test_standing_and_rolling_records_share_the_columns_of_truth(tmp_path):
     plan = [record._replace(duration_s=1.0, step_between_s=(0.4, 0.5)) for record in thesis_plan(1000.0)]
-    workflow.write_simulated([plan[0], plan[40]], 0, tmp_path, lambda done: None)
+    workflow.write_simulated([plan[0], plan[40]], RIGS, 0, tmp_path, lambda done: None)
     truth = pd.read_csv(tmp_path / "truth.csv")
     harmonics = truth[[name for name in truth.columns if "_runout_" in str(name)]]
     assert len(harmonics.columns) == 10
     assert harmonics.iloc[0].isna().all()
     assert harmonics.iloc[1].notna().all()
     assert truth.columns[-1] == "origin"
+
+
+def test_a_rig_file_stands_for_both_configurations(tmp_path):
+    """The machine's channels, and its mass in the truth: drawn within two standard deviations of what the file says."""
+    (tmp_path / "mine.toml").write_text(readme_texts()["direct_acting"])
+    done = here("simulate", "--out", tmp_path / "raw", "--rate", 1000, "--rig", tmp_path / "mine.toml")
+    assert done.exit_code == 0, done.stderr
+    rig = load_rig(tmp_path / "mine.toml")
+    truth = pd.read_csv(tmp_path / "raw" / "truth.csv")
+    mass, relative = rig.axle.effective_mass_kg, rig.axle.effective_mass_relative_sd
+    assert truth["m_kg"].between(mass * (1 - 2.01 * relative), mass * (1 + 2.01 * relative)).all()
+    names = {channel.name for channel in read_raw(tmp_path / "raw" / truth["file"][0]).segments[0]}
+    assert {rig.channels.acceleration, rig.channels.displacement, rig.channels.load} <= names
 
 
 def test_the_folder_of_another_plan_is_refused_and_left_alone(tmp_path):
@@ -120,13 +136,13 @@ def test_a_disk_that_is_too_small_is_refused(tmp_path, monkeypatch):
 def test_truth_is_written_last(tmp_path, monkeypatch):
     """Cut short, a folder holds whole recordings and no truth, not the truth of an earlier seed."""
     plan = [record._replace(duration_s=1.0, step_between_s=(0.4, 0.5)) for record in thesis_plan(1000.0)[:3]]
-    workflow.write_simulated(plan, 0, tmp_path, lambda done: None)
+    workflow.write_simulated(plan, RIGS, 0, tmp_path, lambda done: None)
 
     def cut(done):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        workflow.write_simulated(plan, 1, tmp_path, cut)
+        workflow.write_simulated(plan, RIGS, 1, tmp_path, cut)
     assert set(tree_of(tmp_path)) == {record.file for record in plan}
 
 

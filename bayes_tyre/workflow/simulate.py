@@ -1,7 +1,7 @@
 """A plan in, a folder of raw files of known truth out."""
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -11,7 +11,7 @@ from bayes_tyre.formats.files import check_folder, prepare_folder
 from bayes_tyre.formats.lvm_write import write_lvm
 from bayes_tyre.formats.raw import TRUTH
 from bayes_tyre.formats.tables import write_table
-from bayes_tyre.rig.axle import load_rig
+from bayes_tyre.rig.axle import Rig
 from bayes_tyre.simulate.draw import draw_truth
 from bayes_tyre.simulate.plan import Planned
 from bayes_tyre.simulate.simulator import simulate_record
@@ -26,11 +26,13 @@ def size_of(plan: Sequence[Planned]) -> float:
     return _BYTES_A_ROW * sum(record.duration_s * record.rate_Hz for record in plan)
 
 
-def write_simulated(plan: Sequence[Planned], seed: int, out: Path, on_progress: Callable[[int], None]) -> Path:
+def write_simulated(
+    plan: Sequence[Planned], rigs: Mapping[str, Rig], seed: int, out: Path, on_progress: Callable[[int], None]
+) -> Path:
     """Write a raw file a record, each whole, and at last `truth.csv`; return its path.
 
-    One record at a time is in memory. A record depends on nothing but itself and the seed: not on the others, nor
-    on their order.
+    One record at a time is in memory. A record depends on nothing but itself, its rig and the seed: not on the others,
+    nor on their order. `rigs` holds a rig a configuration; `on_progress` is called with 1 after each record.
 
     Raises
     ------
@@ -40,7 +42,6 @@ def write_simulated(plan: Sequence[Planned], seed: int, out: Path, on_progress: 
     _check(plan, out)
     prepare_folder(out)
     (out / TRUTH).unlink(missing_ok=True)  # it is the last to be written: where it stands, all it speaks of is there
-    rigs = {name: load_rig(name) for name in {record.case.configuration for record in plan}}
     rows = []
     for record in plan:
         rig = rigs[record.case.configuration]
