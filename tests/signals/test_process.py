@@ -1,12 +1,15 @@
 """The two methods on recordings of known truth."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from steps_made import RIGS, simulated
 
+from bayes_tyre.errors import BadInput
 from bayes_tyre.laws.fancher import Fancher
+from bayes_tyre.record import RawSignals
 from bayes_tyre.signals.process import METHODS, process
 from bayes_tyre.signals.processed import Processed
 
@@ -87,3 +90,23 @@ def test_columns_are_a_record_table_with_extras(method):
 def test_a_rolling_record_gives_k():
     found, record = processed("DynamicS(15)30-20(1).lvm", rate_Hz=5000.0, duration_s=6.0, start_s=4.0)
     assert line_past(found.displacement_mm, found.force_kN) == pytest.approx(record.row["k_kN_per_mm"], rel=0.12)
+
+
+def test_a_record_that_asks_for_another_mass_is_rejected_with_both_masses():
+    """Friction that the runout swings before the step makes the motion follow the load as a lighter axle would."""
+    with pytest.raises(
+        BadInput, match=r"as a mass of [\d.]+ kg would, [\d.]+ standard deviations .* 285 kg: the runout of"
+    ):
+        processed("DynamicS(35)20-15(1).lvm", rate_Hz=5000.0, duration_s=6.0, start_s=4.0)
+
+
+@pytest.mark.parametrize("gain", [0.5, 1.6])
+def test_an_accelerometer_of_another_gain_is_told_by_the_mass(gain):
+    """Standing, the mass comes from the record to some per cent: what is left is the calibration, or the rig file."""
+    record, words = simulated("DynamicD(0)20-10(1).lvm")
+    spoilt = [
+        replace(channel, values=channel.values * gain) if channel.name.startswith("Acc m") else channel
+        for channel in record.raw.segments[0]
+    ]
+    with pytest.raises(BadInput, match="mend the calibration of accelerometer or load, or mend effective_mass_kg"):
+        process(RawSignals((tuple(spoilt),)), RIGS["dual"], words, "inertia")
