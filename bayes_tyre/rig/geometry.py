@@ -3,15 +3,21 @@
 A rig without rollers stands on flat ground already: factor and sine are 1 there, and Eq. 7 to 9 change nothing.
 
 Forces are in kN and displacements in mm, positive into the rollers. Functions take numpy or JAX arrays or plain
-numbers of any shape, and work element by element.
+numbers of any shape, and work element by element. From a JAX array comes a JAX array; from numpy and numbers numpy:
+what JAX does outside jit it compiles, and keeps, for every new length, and no two recordings are equally long.
 """
 
 import math
+from typing import Any
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.rig.axle import Rig, needed
+
+type Values = Float[Array, "..."] | Float[np.ndarray, "..."] | np.float64
 
 
 def tyre_radius_mm(rim_diameter_inch: float, section_width_mm: float, aspect_ratio: float) -> float:
@@ -39,7 +45,7 @@ def curvature_factor(rig: Rig) -> float:
     return 2 * math.cbrt(radius / (radius + needed(rig.tyre, rig, "tyre").unloaded_radius_mm))
 
 
-def wheel_centre_force(rig: Rig, cylinder_kN: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+def wheel_centre_force(rig: Rig, cylinder_kN: Float[ArrayLike, "..."]) -> Values:
     """Return the cylinder's share of the force at the wheel centre, kN; the axle's weight is not in it.
 
     Parameters
@@ -53,10 +59,11 @@ def wheel_centre_force(rig: Rig, cylinder_kN: Float[ArrayLike, "..."]) -> Float[
     -------
     Force, kN, of the same shape. Source: Eq. 3 and 4.
     """
-    return jnp.asarray(cylinder_kN) * (rig.axle.support_to_load_mm / rig.axle.support_to_wheel_centre_mm)
+    ratio = rig.axle.support_to_load_mm / rig.axle.support_to_wheel_centre_mm
+    return _array(cylinder_kN) * ratio
 
 
-def tyre_load(rig: Rig, cylinder_kN: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+def tyre_load(rig: Rig, cylinder_kN: Float[ArrayLike, "..."]) -> Values:
     """Return the force that the tyre carries at rest, kN: the cylinder's share and the axle's own load.
 
     Parameters
@@ -73,7 +80,7 @@ def tyre_load(rig: Rig, cylinder_kN: Float[ArrayLike, "..."]) -> Float[Array, ".
     return wheel_centre_force(rig, cylinder_kN) + rig.axle.axle_load_kN
 
 
-def wheel_centre_displacement(rig: Rig, measured_mm: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+def wheel_centre_displacement(rig: Rig, measured_mm: Float[ArrayLike, "..."]) -> Values:
     """Return the displacement at the wheel centre, mm, of a straight axle.
 
     Parameters
@@ -88,10 +95,10 @@ def wheel_centre_displacement(rig: Rig, measured_mm: Float[ArrayLike, "..."]) ->
     Displacement, mm, of the same shape. Source: Eq. 5 and 6.
     """
     ratio = rig.axle.support_to_wheel_centre_mm / rig.axle.support_to_measurement_mm
-    return jnp.asarray(measured_mm) * ratio
+    return _array(measured_mm) * ratio
 
 
-def sin_theta(rig: Rig, wheel_centre_mm: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+def sin_theta(rig: Rig, wheel_centre_mm: Float[ArrayLike, "..."]) -> Values:
     """Return the sine of the angle between the horizontal and the line from a roller's axis to the wheel centre.
 
     Parameters
@@ -106,12 +113,13 @@ def sin_theta(rig: Rig, wheel_centre_mm: Float[ArrayLike, "..."]) -> Float[Array
     Dimensionless, of the same shape; 1 on flat ground. Source: Eq. 10.
     """
     if rig.rollers is None:
-        return jnp.ones_like(jnp.asarray(wheel_centre_mm), float)
-    height = centre_height_mm(rig) - jnp.asarray(wheel_centre_mm)
-    return height / jnp.sqrt(height**2 + rig.rollers.half_spacing_mm**2)
+        return _array(wheel_centre_mm) ** 0
+    height = centre_height_mm(rig) - _array(wheel_centre_mm)
+    sqrt = jnp.sqrt if isinstance(height, jax.Array) else np.sqrt
+    return height / sqrt(height**2 + rig.rollers.half_spacing_mm**2)
 
 
-def flat_ground_displacement(rig: Rig, wheel_centre_mm: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
+def flat_ground_displacement(rig: Rig, wheel_centre_mm: Float[ArrayLike, "..."]) -> Values:
     """Return the displacement as on flat ground, mm.
 
     Parameters
@@ -125,12 +133,12 @@ def flat_ground_displacement(rig: Rig, wheel_centre_mm: Float[ArrayLike, "..."])
     -------
     Displacement, mm, of the same shape. Source: Eq. 7.
     """
-    return jnp.asarray(wheel_centre_mm) * sin_theta(rig, wheel_centre_mm)
+    return _array(wheel_centre_mm) * sin_theta(rig, wheel_centre_mm)
 
 
 def flat_ground_force(
     rig: Rig, wheel_centre_kN: Float[ArrayLike, "..."], wheel_centre_mm: Float[ArrayLike, "..."]
-) -> Float[Array, "..."]:
+) -> Values:
     """Return the force as on flat ground, kN.
 
     Together with `flat_ground_displacement` this does not preserve work (the curvature factor goes into the force
@@ -149,7 +157,7 @@ def flat_ground_force(
     -------
     Force, kN, of the broadcast shape. Source: Eq. 8 and 9.
     """
-    return jnp.asarray(wheel_centre_kN) / (curvature_factor(rig) * sin_theta(rig, wheel_centre_mm))
+    return _array(wheel_centre_kN) / (curvature_factor(rig) * sin_theta(rig, wheel_centre_mm))
 
 
 def wheel_centre_start(rig: Rig, cylinder_load_kN: float, stiffness_kN_per_mm: float) -> float:
@@ -199,6 +207,11 @@ def flat_ground_start(rig: Rig, cylinder_load_kN: float, stiffness_kN_per_mm: fl
         sine = u / math.hypot(u, rig.rollers.half_spacing_mm)
     load = cylinder_load_kN * rig.axle.support_to_load_mm / rig.axle.support_to_wheel_centre_mm + rig.axle.axle_load_kN
     return d * sine, load / (curvature_factor(rig) * sine)
+
+
+def _array(values: Float[ArrayLike, "..."]) -> Any:
+    """Return JAX arrays as they are, all else as a numpy array of float64; Any, for it is the caller's kind."""
+    return values if isinstance(values, jax.Array) else np.asarray(values, float)
 
 
 def _solve_displacement(target_mm: float, height_mm: float, half_spacing_mm: float) -> float:

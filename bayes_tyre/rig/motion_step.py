@@ -49,7 +49,7 @@ class Leg(NamedTuple):
 
 def wheel_centre_per_flat(rig: Rig, compression_mm: ScalarLike) -> Array:
     """Return the force at the wheel centre for 1 kN on flat ground: Eq. 8 turned round."""
-    return geometry.curvature_factor(rig) * geometry.sin_theta(rig, compression_mm)
+    return geometry.curvature_factor(rig) * jnp.asarray(geometry.sin_theta(rig, compression_mm))
 
 
 def tyre_force(rig: Rig, law: StatefulLaw, state: State, compression_mm: Array) -> tuple[State, Array]:
