@@ -1,5 +1,6 @@
 """`process`: records, rejected files with reasons, pictures, the same whatever the number of processes."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -14,7 +15,9 @@ from dying_work import DEADLY, work
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.rig.axle import load_rig
+from bayes_tyre.signals.process import process
 from bayes_tyre.simulate.plan import thesis_plan
+from bayes_tyre.workflow import process as workflow
 from bayes_tyre.workflow.parallel import in_parallel
 from bayes_tyre.workflow.simulate import write_simulated
 
@@ -127,10 +130,28 @@ def test_files_of_one_name_are_records_of_their_own(raw, tmp_path):
 
 def test_with_no_usable_file_there_are_reasons_alone(raw, tmp_path):
     out = tmp_path / "out"
+    out.mkdir()
+    (out / "records.csv").write_text("of an earlier run")
     done = here("process", raw / "DynamicS(0)30-20(3).lvm", "--out", out / "records.csv")
     assert_refused(done.exit_code, done.stderr, "rejected.csv", "none of 1 files")
     assert set(tree_of(out)) == {"rejected.csv"}
     assert len(pd.read_csv(out / "rejected.csv")) == 1
+
+
+def test_a_fault_of_ours_in_one_file_is_a_row(raw, tmp_path, monkeypatch):
+    def fail(read, rig, words, method):
+        if words.record == "S(0)30-20(1)":
+            raise ZeroDivisionError("by nothing")
+        return process(read, rig, words, method)
+
+    monkeypatch.setattr(workflow, "process", fail)
+    done = here("process", *(raw / name for name in GOOD[:2]), "--out", tmp_path / "r.csv", "--workers", 1)
+    assert done.exit_code == 0, done.stderr
+    assert set(pd.read_csv(tmp_path / "r.csv")["record"]) == {"S(0)20-30(2)"}
+    (reason,) = pd.read_csv(tmp_path / "rejected.csv")["reason"]
+    assert re.fullmatch(
+        r"bayes-tyre itself failed .* ZeroDivisionError in \S+\.py, line \d+: by nothing", reason
+    )
 
 
 @pytest.mark.parametrize(

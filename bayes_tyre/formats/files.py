@@ -94,8 +94,8 @@ def write_text(text: str, path: Path) -> Path:
     return path
 
 
-def check_folder(out: Path) -> None:
-    """Refuse a folder that cannot be made, before minutes of work and without making it.
+def check_folder(out: Path, option: str = "--out") -> None:
+    """Refuse a folder that an option names and that cannot be made, before minutes of work and without making it.
 
     Raises
     ------
@@ -103,13 +103,13 @@ def check_folder(out: Path) -> None:
         If it is a file, lies below one, or lies where one may not write.
     """
     if any(path.exists() and not path.is_dir() for path in (out, *out.parents)):
-        raise BadInput(f"--out {out}: is a file, or lies below one; name a folder")
+        raise BadInput(f"{option} {out}: is a file, or lies below one; name a folder")
     there = next(path for path in (out.absolute(), *out.absolute().parents) if path.exists())
     try:  # permissions do not tell of read-only disks and of places like /proc
         Path(tempfile.mkdtemp(dir=there, prefix=".bayes-tyre.")).rmdir()
     except OSError as error:
         raise BadInput(
-            f"--out {out}: {there} may not be written to ({error.strerror}); name a folder that you may write to"
+            f"{option} {out}: {there} may not be written to ({error.strerror}); name a folder that you may write to"
         ) from None
 
 

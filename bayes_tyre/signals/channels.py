@@ -14,8 +14,10 @@ from bayes_tyre.rig.sensors import Sensor, sensors_of
 Samples = Float[np.ndarray, " samples"]
 #: Two samples may lie so much closer or further apart than the others, as a share of their spacing.
 _JITTER = 0.1
-#: Fewer samples hold no step.
-LEAST_SAMPLES = 100
+#: Fewer samples hold no step, nor does a shorter recording, nor samples further apart, s.
+LEAST_SAMPLES, SHORTEST_S, COARSEST_S = 100, 0.5, 2e-3
+# An accelerometer that reads its largest or smallest value so often in a row has met its end, not its noise.
+_CLIPPED = 8
 
 
 class Signals(NamedTuple):
@@ -50,7 +52,7 @@ def find_channels(raw: RawSignals, rig: Rig) -> Signals:
     Parameters
     ----------
     raw:
-        What a file holds; channels are sought by name, as the rig file says, in the first segment that has all three.
+        What a file holds; channels are sought by name, as the rig file says, in the one segment that has all three.
         Where an engineering channel is missing, its voltage goes through the rig's calibration line.
     rig:
         Names, signs and calibration lines.
@@ -58,18 +60,21 @@ def find_channels(raw: RawSignals, rig: Rig) -> Signals:
     Raises
     ------
     BadInput
-        If a channel is missing or stands twice, has no reading somewhere, or its times are not those of the others,
-        have a gap or are uneven. The message names the channel and what the file has.
+        If a channel is missing or stands twice, has no reading somewhere, never changes or is clipped; if its times
+        are not those of the others, have a gap, are uneven or of another unit; and if there are several recordings.
+        The message names the channel and what the file has.
     """
-    faults = []
+    found, faults = [], []
     for segment in raw.segments:
         try:
-            found = [_find(segment, sensor) for sensor in sensors_of(rig)]
+            found.append([_find(segment, sensor) for sensor in sensors_of(rig)])
         except BadInput as error:
             faults.append(error)
-            continue
-        return _together(found)
-    raise faults[0] if faults else BadInput("holds no channel; record it again")
+    if len(found) > 1:
+        raise BadInput(f"holds {len(found)} recordings, one after the other; cut it into a file each")
+    if not found:
+        raise faults[0] if faults else BadInput("holds no channel; record it again")
+    return _together(found[0])
 
 
 def _find(segment: Sequence[Channel], sensor: Sensor) -> Channel:
@@ -110,7 +115,10 @@ def _together(channels: Sequence[Channel]) -> Signals:
                 f"channel {channel.name!r}: no reading in {len(missing)} of {len(channel.values)} samples, the first "
                 f"is sample {missing[0] + 1}; mend the file"
             )
+        if np.ptp(channel.values) == 0:
+            raise BadInput(f"channel {channel.name!r}: reads {channel.values[0]:g} in every sample; check the sensor")
     _check_times(channels)
+    _check_clipping(first)
     return Signals(first.time_s, *(channel.values for channel in channels))
 
 
@@ -120,6 +128,11 @@ def _check_times(channels: Sequence[Channel]) -> None:
     dt = float(np.median(steps))
     if not (np.isfinite(time).all() and dt > 0):
         raise BadInput(f"channel {name!r}: time does not run forward; mend the X column")
+    if dt > COARSEST_S or dt * len(time) < SHORTEST_S:
+        raise BadInput(
+            f"channel {name!r}: {len(time)} samples {dt:g} s apart are {dt * len(time):g} s; a step takes some 0.04 s, "
+            f"and needs samples {COARSEST_S:g} s apart or less, and rest about it: is there a time column, in seconds?"
+        )
     odd = np.flatnonzero(np.abs(steps - dt) > _JITTER * dt)
     if len(odd):
         raise BadInput(
@@ -131,4 +144,16 @@ def _check_times(channels: Sequence[Channel]) -> None:
         if not apart <= _JITTER * dt:
             raise BadInput(
                 f"channels {name!r} and {other.name!r} are up to {apart:g} s apart in time; record them together"
+            )
+
+
+def _check_clipping(acceleration: Channel) -> None:
+    values = acceleration.values
+    for end in (values.max(), values.min()):
+        at = np.flatnonzero(np.diff(np.concatenate([[0], values == end, [0]])))
+        longest = int((at[1::2] - at[::2]).max())
+        if longest >= _CLIPPED and end != np.median(values):
+            raise BadInput(
+                f"channel {acceleration.name!r}: clipped, it stays at {end:g} m/s^2 for {longest} samples; record it "
+                "again with a wider range"
             )

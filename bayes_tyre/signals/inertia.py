@@ -19,6 +19,8 @@ _MARGIN_S = 3e-3
 _RINGING_S = 0.25
 #: A branch with fewer points says nothing of three parameters.
 LEAST_POINTS = 10
+#: Laser and accelerometer may part by so many standard deviations of their difference, or by so much of the travel.
+SENSORS_APART, SENSORS_APART_SHARE = 6.0, 0.15
 #: The record's own mass and the rig file's may differ by so many standard deviations of both...
 MASS_APART = 3.0
 #: ...to which levers, calibration and the shape of the friction add so much of the rig file's.
@@ -39,13 +41,14 @@ def inertia(recording: Recording, rig: Rig) -> Processed:
     Raises
     ------
     BadInput
-        If the motion does not follow the load, or follows it as another mass would, or too few samples lie on the
-        branch.
+        If laser and accelerometer do not agree; if the motion does not follow the load, or follows it as another mass
+        would; or if too few samples lie on the branch.
     """
     step, signals = recording.step, recording.signals
     dt_s = signals.dt_s
     first = max(step.quiet, min(step.start, step.onset - round(_MARGIN_S / dt_s)))
     path = anchored_path(signals, step, first)
+    _check_sensors(path)
     motion = _at_wheel_centre(rig, path, signals.load_kN)
     used = round((step.ramp.end_s + _RINGING_S) / dt_s) - first
     mass = find_mass(rig, Motion(*(values[:used] for values in motion)), dt_s)
@@ -82,6 +85,16 @@ def _at_wheel_centre(rig: Rig, path: Path, load_kN: Samples) -> Motion:
     return Motion(
         path.displacement_mm * ratio, path.velocity_mm_per_s * ratio, path.acceleration_mm_per_s2 * ratio, applied
     )
+
+
+def _check_sensors(path: Path) -> None:
+    """Reject a record whose displacements differ by more than noise and calibration explain: one of them is wrong."""
+    apart, sd = path.laser_less_accelerometer_mm, float(np.hypot(path.accelerometer_sd_mm, path.laser_sd_mm))
+    if abs(apart) > max(SENSORS_APART * sd, SENSORS_APART_SHARE * abs(path.laser_mm)):
+        raise BadInput(
+            f"laser says {path.laser_mm:.3g} mm of travel, accelerometer {path.laser_mm - apart:.3g} +- {sd:.2g} mm: "
+            "check units, signs and calibration of both in the rig file"
+        )
 
 
 def _check_mass(mass: Mass, rig: Rig, runout_rms_m_per_s2: float) -> None:

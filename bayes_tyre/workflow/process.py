@@ -1,5 +1,6 @@
 """Raw files in, a record table and the rejected files out; a file that fails is a row and stops no other."""
 
+import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -50,8 +51,9 @@ def process_files(
     """
     if out.is_dir() or out.suffix.lower() not in (".csv", ".parquet"):
         raise BadInput(f"--out {out}: is no .csv or .parquet file; name one")
-    for folder in (out.parent, *([settings.figures] if settings.figures else [])):
-        check_folder(folder)
+    check_folder(out.parent)
+    if settings.figures:
+        check_folder(settings.figures, "--figures")
     tasks, parts = plan_tasks(files, settings), Parts(out)
     outcomes = each_file(process_file, tasks, parts, machines, on_progress)
     rows = [(path_text(file), end.reason) for file, end in zip(files, outcomes, strict=True) if isinstance(end, Fault)]
@@ -59,6 +61,7 @@ def process_files(
     remove_leftovers([out, out.parent / REJECTED])
     write_table(pd.DataFrame(rows, columns=["file", "reason"], dtype=object), out.parent / REJECTED)
     if not records:
+        out.unlink(missing_ok=True)  # an earlier run's records are not those of these files
         parts.remove()
         first = f": {rows[0][1]}" if rows else ""
         raise BadInput(f"{out.parent / REJECTED}: none of {len(tasks)} files can be used, the first{first}")
@@ -70,14 +73,22 @@ def process_file(task: Task) -> Done | Fault:
     """Return the rows of a file's record and its picture if one is wanted, or why there are none."""
     prepare_jax()
     try:
-        if isinstance(task.words, str) or task.rig is None:
-            raise BadInput(str(task.words))
-        raw = read_raw(task.file)
-        processed = process(raw, task.rig, task.words, task.method)
+        return _done(task)
     except BadInput as error:
         reason = path_text(Path(str(error).removeprefix(f"{task.file}: ")))
         # Another attempt may find the disk, or the memory, that this one did not.
         return Fault(reason, lasting=not isinstance(error.__context__, OSError | MemoryError))
+    except Exception as error:  # a fault of ours in one file must not lose the work on the others
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        said = f"{type(error).__name__} in {Path(where.filename).name}, line {where.lineno}: {error}"
+        return Fault(f"bayes-tyre itself failed on it; please report: {said}", lasting=False)
+
+
+def _done(task: Task) -> Done:
+    if isinstance(task.words, str) or task.rig is None:
+        raise BadInput(str(task.words))
+    raw = read_raw(task.file)
+    processed = process(raw, task.rig, task.words, task.method)
     said = any(_SIMULATED in text for text in raw.notes)
     origin = "simulated" if said or task.simulated else "measured"
     picture = None

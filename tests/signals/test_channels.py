@@ -42,9 +42,12 @@ def test_signs_of_the_rig_turn_the_readings():
     np.testing.assert_array_equal(found.load_kN, SIGNALS.load_kN)
 
 
-def with_gap() -> RawSignals:
-    time_s = SIGNALS.time_s + 0.5 * (SIGNALS.time_s > 1.5)
+def at_times(time_s: np.ndarray) -> RawSignals:
     return RawSignals((tuple(replace(channel, time_s=time_s) for channel in RAW.segments[0]),))
+
+
+def with_gap() -> RawSignals:
+    return at_times(SIGNALS.time_s + 0.5 * (SIGNALS.time_s > 1.5))
 
 
 @pytest.mark.parametrize(
@@ -60,6 +63,11 @@ def with_gap() -> RawSignals:
         (changed(1, values=np.ones(40), time_s=SIGNALS.time_s[:40]), "'Disp mm' has 40 samples"),
         (changed(2, time_s=SIGNALS.time_s + 0.1), "'Acc m/s\\^2' and 'Load kN' are up to 0.1 s apart"),
         (with_gap(), "0.5005 s at 1.5 s"),
+        (at_times(np.arange(5000.0)), "5000 samples 1 s apart are 5000 s.*is there a time column, in seconds"),
+        (at_times(SIGNALS.time_s * 1e-3), "are 0.0025 s"),
+        (changed(1, values=np.full(5000, 661.0)), "'Disp mm': reads 661 in every sample"),
+        (changed(0, values=np.clip(SIGNALS.acceleration_m_per_s2, -2.0, 3.0)), "clipped, it stays at 3 m/s^2 for"),
+        (RawSignals(RAW.segments * 2), "holds 2 recordings"),
         (RawSignals(()), "no channel"),
     ],
 )

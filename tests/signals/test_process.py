@@ -100,13 +100,25 @@ def test_a_record_that_asks_for_another_mass_is_rejected_with_both_masses():
         processed("DynamicS(35)20-15(1).lvm", rate_Hz=5000.0, duration_s=6.0, start_s=4.0)
 
 
-@pytest.mark.parametrize("gain", [0.5, 1.6])
-def test_an_accelerometer_of_another_gain_is_told_by_the_mass(gain):
-    """Standing, the mass comes from the record to some per cent: what is left is the calibration, or the rig file."""
+def spoilt(name: str, factor: float) -> tuple[RawSignals, Any]:
+    """Return a recording with one channel multiplied, and its words."""
     record, words = simulated("DynamicD(0)20-10(1).lvm")
-    spoilt = [
-        replace(channel, values=channel.values * gain) if channel.name.startswith("Acc m") else channel
+    channels = [
+        replace(channel, values=channel.values * factor) if channel.name == name else channel
         for channel in record.raw.segments[0]
     ]
+    return RawSignals((tuple(channels),)), words
+
+
+@pytest.mark.parametrize(("name", "factor"), [("Acc m/s^2", 1 / 9.81), ("Disp mm", -1.0), ("Disp mm", 1e-3)])
+def test_a_sensor_in_another_unit_or_with_another_sign_parts_from_the_other(name, factor):
+    raw, words = spoilt(name, factor)
+    with pytest.raises(BadInput, match=r"laser says .* mm of travel, accelerometer .* check units, signs"):
+        process(raw, RIGS["dual"], words, "inertia")
+
+
+def test_a_load_of_another_gain_is_told_by_the_mass():
+    """Standing, the mass comes from the record to some per cent: what is left is the calibration, or the rig file."""
+    raw, words = spoilt("Load kN", 0.62)
     with pytest.raises(BadInput, match="mend the calibration of accelerometer or load, or mend effective_mass_kg"):
-        process(RawSignals((tuple(spoilt),)), RIGS["dual"], words, "inertia")
+        process(raw, RIGS["dual"], words, "inertia")
