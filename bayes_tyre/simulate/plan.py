@@ -34,9 +34,14 @@ class Planned(NamedTuple):
     @property
     def file(self) -> str:
         """The file's name by the source's pattern, such as ``DynamicS(0)30-20(1).lvm``."""
+        return f"Dynamic{self.record}.lvm"
+
+    @property
+    def record(self) -> str:
+        """The record's name, as `process` takes it from the file's: ``S(0)30-20(1)``."""
         case, letter = self.case, _LETTERS[self.case.configuration]
         end = case.initial_load_kN + case.step_kN
-        return f"Dynamic{letter}({case.speed_km_h:g}){case.initial_load_kN:g}-{end:g}({self.repeat}).lvm"
+        return f"{letter}({case.speed_km_h:g}){case.initial_load_kN:g}-{end:g}({self.repeat})"
 
     @property
     def label(self) -> str:
