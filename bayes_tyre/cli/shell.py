@@ -13,7 +13,7 @@ import typer
 from typer.core import TyperCommand
 
 from bayes_tyre.cli.interrupt import heeding_interrupts
-from bayes_tyre.cli.messages import fault, one_line_each, say
+from bayes_tyre.cli.messages import fault, one_line, one_line_each, say
 from bayes_tyre.cli.messages import note as note  # to commands these are among the things shared
 from bayes_tyre.cli.messages import warn as warn
 from bayes_tyre.errors import BadInput
@@ -118,7 +118,9 @@ def assignments(options: list[str], flag: str) -> dict[str, float]:
 
 
 def report_verdict(diagnostics: "Diagnostics", out: Path, quiet: bool) -> None:
-    """Print where a fit was written and its verdict; each reason against it on stderr."""
+    """Print where a fit was written, its verdict and where the data did not speak; reasons against it on stderr."""
     say(f"wrote {out}: verdict {diagnostics.verdict}", quiet)
     for reason in diagnostics.reasons:
         fault(reason)
+    for remark in diagnostics.remarks:
+        say(f"note: {one_line(remark)}", quiet)

@@ -14,6 +14,8 @@ from bayes_tyre.record import WORDS
 RECORD_UNITS = {"k": "kN/mm", "beta": "mm", "J": "kN", "C": "kN", "F_i": "kN", "sigma": "kN"}
 #: Parameters that a case has.
 CASE_PARAMETERS = ("k", "beta")
+#: Powers with which k and beta follow a factor on displacement.
+_POWERS = {"k": -1.0, "beta": 1.0}
 
 
 def _quantities() -> dict[str, tuple[str | None, str]]:
@@ -98,7 +100,7 @@ def scale_displacement(tree: xr.DataTree, relative_sd: float, seed: int) -> xr.D
     shape = (posterior.sizes["chain"], posterior.sizes["draw"])
     drawn = np.exp(relative_sd * np.random.default_rng(seed).standard_normal(shape))
     factor = xr.DataArray(drawn, dims=("chain", "draw"), attrs={"units": "1"})
-    for parameter, power in (("k", -1.0), ("beta", 1.0)):
+    for parameter, power in _POWERS.items():
         for name in (parameter, f"{parameter}_case", f"{parameter}_cell"):
             if name in posterior:
                 scaled = posterior[name] * factor**power
@@ -106,6 +108,19 @@ def scale_displacement(tree: xr.DataTree, relative_sd: float, seed: int) -> xr.D
     scaled_tree = tree.copy()
     scaled_tree["posterior"] = xr.DataTree(posterior.assign(displacement_scale=factor))
     return scaled_tree
+
+
+def as_measured(posterior: xr.Dataset) -> xr.Dataset:
+    """Return a posterior's k and beta for displacement as it was measured, where it has a factor on displacement."""
+    if "displacement_scale" not in posterior:
+        return posterior
+    factor = posterior["displacement_scale"]
+    measured = {}
+    for parameter, power in _POWERS.items():
+        for name in (parameter, f"{parameter}_case", f"{parameter}_cell"):
+            if name in posterior:
+                measured[name] = (posterior[name] * factor**-power).transpose(*posterior[name].dims)
+    return posterior.assign(measured)
 
 
 def _with_words(posterior: xr.Dataset, levels: Levels, words: pd.DataFrame) -> xr.Dataset:

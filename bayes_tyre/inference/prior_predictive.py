@@ -41,6 +41,14 @@ class Start(NamedTuple):
     displacement_mm: Float[np.ndarray, " points"]
 
 
+class RecordStarts(NamedTuple):
+    """Where the records start: first force (kN), largest change of force (kN) and first displacement (mm) of each."""
+
+    F_0: Float[np.ndarray, " records"]
+    span: Float[np.ndarray, " records"]
+    d_0: Float[np.ndarray, " records"]
+
+
 def prior_sites(levels: Levels, repeats: str = "mixture", noise: str = "iid") -> tuple[str, ...]:
     """Return the sites of `PRIORS` that the model of records with these levels, repeats and noise samples."""
     several = len(levels.of_record) > 1
@@ -54,6 +62,15 @@ def prior_sites(levels: Levels, repeats: str = "mixture", noise: str = "iid") ->
         sites += [f"log_{parameter}_scatter_spread"] * levels.speed.varies
         sites += [f"log_{parameter}_case_scale"] * levels.has_remainder(parameter)
     return (*sites, *(of_repeats if levels.repeats.max() >= JUDGEABLE_REPEATS else ()))
+
+
+def published_sites(levels: Levels) -> tuple[str, ...]:
+    """Return the sites of `PRIORS` that the model of printed case means with these levels samples."""
+    sites = []
+    for parameter in PARAMETERS:
+        sites += [f"{parameter}_cell", f"published_scatter_{parameter}"]
+        sites += [f"log_{parameter}_{name}_scale" for name in levels.factors(parameter)]
+    return tuple(sites)
 
 
 def prior_law(site: str) -> Any:
@@ -101,6 +118,69 @@ def prior_parameters(
     spread = sites.get("log_sigma_spread", 0.0)
     found["sigma"] = sites["sigma_typical"] * np.exp(spread * rng.standard_normal(draws))
     return found
+
+
+def prior_quantities(
+    levels: Levels, sites: tuple[str, ...], draws: int, seed: int, start: RecordStarts | None = None
+) -> dict[str, Float[np.ndarray, "draws *elements"]]:
+    """Return what a fit keeps, by its name, drawn from the priors alone: jointly, so that cases share their effects.
+
+    Records' k and beta are those of usual repeats with the typical scatter, for discordant ones and the spread over
+    speeds have tails without a variance: what the prior allows is wider still.
+
+    Parameters
+    ----------
+    levels:
+        How the cases group.
+    sites:
+        What the model samples of `PRIORS`: `prior_sites` or `published_sites`.
+    draws, seed:
+        How many; the same seed gives the same ones.
+    start:
+        Where each record starts; None: there are no records.
+    """
+    found: dict[str, Any] = dict(prior_draws(sites, draws, seed))
+    rng = np.random.default_rng((seed, 2))
+    for parameter in PARAMETERS:
+        cells = prior_law(f"{parameter}_cell").rvs((draws, len(levels.cell.labels)), random_state=rng)
+        found[f"{parameter}_cell"] = cells
+        log_case = np.log(cells)[:, levels.cell.of_case]
+        for name, factor in levels.factors(parameter).items():
+            coordinates = rng.standard_normal((draws, factor.basis.shape[1]))
+            coordinates *= found[f"log_{parameter}_{name}_scale"][:, None]
+            found[f"log_{parameter}_{name}"] = coordinates @ factor.basis.T
+            log_case = log_case + coordinates @ factor.design.T
+        if f"published_scatter_{parameter}" in found:
+            # The mean of a log-normal number, as `published_model` has it.
+            found[f"{parameter}_case"] = np.exp(log_case + 0.5 * found[f"published_scatter_{parameter}"][:, None] ** 2)
+            continue
+        if (remainder := found.get(f"log_{parameter}_case_scale")) is not None:
+            log_case = log_case + remainder[:, None] * rng.standard_normal(log_case.shape)
+        found[f"{parameter}_case"] = np.exp(log_case)
+        scatter = f"log_{parameter}_repeat_scatter"
+        if (spread := found.get(f"log_{parameter}_scatter_spread")) is not None:
+            deviation = rng.standard_normal((draws, len(levels.speed.labels)))
+            found[f"{scatter}_by_speed"] = found[scatter][:, None] * np.exp(spread[:, None] * deviation)
+        usual = rng.standard_normal((draws, len(levels.of_record)))
+        found[parameter] = np.exp(log_case[:, levels.of_record] + found[scatter][:, None] * usual)
+    return found if start is None else found | _of_records(found, start, rng)
+
+
+def _of_records(found: dict[str, Any], start: RecordStarts, rng: np.random.Generator) -> dict[str, Any]:
+    """Return J, F_i, C, sigma (kN) and, where there is one, rho of each record, given the draws above them."""
+    shape = found["k"].shape
+
+    def about(middle: Any, scale: str) -> Any:
+        # A record by itself is the typical one.
+        return middle[:, None] + found.get(scale, np.zeros(shape[0]))[:, None] * rng.standard_normal(shape)
+
+    J = about(np.zeros(shape[0]), "J_scale")
+    F_i = start.F_0 + start.span * rng.standard_normal(shape)
+    of_records = {"J": J, "F_i": F_i, "C": F_i + J - found["k"] * start.d_0}
+    of_records["sigma"] = np.exp(about(np.log(found["sigma_typical"]), "log_sigma_spread"))
+    if "atanh_rho_typical" in found:
+        of_records["rho"] = np.tanh(about(found["atanh_rho_typical"], "atanh_rho_spread"))
+    return of_records
 
 
 def prior_records(

@@ -107,8 +107,16 @@ def read_run(path: Path) -> dict[str, Any]:
 
 def write_json(content: Mapping[str, object], path: Path) -> None:
     """Write a mapping as JSON; what is not a number becomes null, which every reader takes."""
-    clean = {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in content.items()}
-    write_text(json.dumps(clean, indent=2, ensure_ascii=False, allow_nan=False) + "\n", path)
+    write_text(json.dumps(_of_json(content), indent=2, ensure_ascii=False, allow_nan=False) + "\n", path)
+
+
+def _of_json(value: object) -> object:
+    """Return a value with None in place of floats that are no number, however deep."""
+    if isinstance(value, Mapping):
+        return {key: _of_json(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_of_json(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def write_run(run: Run, out: Path) -> None:

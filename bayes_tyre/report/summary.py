@@ -5,8 +5,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.diagnostics import TAILS
+from bayes_tyre.inference.convergence import TAILS
 from bayes_tyre.inference.hierarchical import JUDGEABLE_REPEATS
+from bayes_tyre.inference.identifiability import identified
 from bayes_tyre.inference.posterior import CASE_PARAMETERS, RECORD_UNITS
 from bayes_tyre.record import CASE_WORDS, WORDS
 from bayes_tyre.record_table import carry_extras
@@ -78,6 +79,11 @@ def cell_means(tree: xr.DataTree) -> xr.Dataset:
     return xr.Dataset(means).assign_coords(words)
 
 
+def means(tree: xr.DataTree) -> xr.Dataset:
+    """Return `cell_means` as `summary.csv` names them: `k_mean`, `beta_mean`, dims chain, draw, mean_of."""
+    return cell_means(tree).rename(k="k_mean", beta="beta_mean", cell="mean_of")
+
+
 def cases(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataFrame:
     """Return `cases.csv`: k (kN/mm) and beta (mm) of each case, a row a case and parameter."""
     posterior = tree["posterior"].to_dataset()
@@ -131,21 +137,26 @@ def summary(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataF
 
     A row carries the words that name it; an effect of a speed, load, step or cell has its level in the name,
     such as ``log_k_speed[25]``. `k_mean` and `beta_mean` are the means over the cases of `cell_means`.
+
+    `contraction`, `prior_sensitivity`, `likelihood_sensitivity` and `decided_by` say what the data said of each
+    (`bayes_tyre.inference.identifiability`); empty where that is not known.
     """
     posterior = tree["posterior"].to_dataset()
     blocks = []
-    for parameter, draws in cell_means(tree).data_vars.items():
+    for name, draws in means(tree).data_vars.items():
         words = pd.DataFrame({word: draws[word].to_numpy() for word in CASE_WORDS[:2]})
-        blocks.append(_block(words, f"{parameter}_mean", draws, RECORD_UNITS[str(parameter)], interval))
+        unit = RECORD_UNITS[str(name).removesuffix("_mean")]
+        blocks.append(_identified(_block(words, str(name), draws, unit, interval), tree))
     for name, draws in posterior.data_vars.items():
         unit = "" if draws.attrs["units"] == "1" else draws.attrs["units"]
         dims = [str(dim) for dim in draws.dims if dim not in ("chain", "draw")]
         if dims and dims[0] in ("case", "record"):
             words = _words_of(posterior, dims[0])
-            blocks.append(_block(words, str(name), draws, unit, interval))
+            blocks.append(_identified(_block(words, str(name), draws, unit, interval), tree))
             continue
         labels = [_level(label) for label in draws[dims[0]].to_numpy()] if dims else [""]
         block = _block(pd.DataFrame(index=range(len(labels))), str(name), draws, unit, interval)
+        block = _identified(block, tree)
         blocks.append(block.assign(parameter=[f"{name}[{label}]" if label else str(name) for label in labels]))
     return _finish(blocks, tree, verdict, ["record", *WORDS])
 
@@ -157,6 +168,13 @@ def _level(label: object) -> str:
 def _block(words: pd.DataFrame, parameter: str, draws: xr.DataArray, unit: str, interval: float) -> pd.DataFrame:
     figures = describe(draws, interval)
     return pd.concat([words.reset_index(drop=True).assign(parameter=parameter, unit=unit), figures], axis=1)
+
+
+def _identified(block: pd.DataFrame, tree: xr.DataTree) -> pd.DataFrame:
+    """Return the rows of one quantity with what the data said of each."""
+    said = identified(tree, str(block["parameter"].iloc[0]))
+    said = said if len(said) == len(block) else said.loc[[0] * len(block)].reset_index(drop=True)
+    return pd.concat([block, said], axis=1)
 
 
 def _finish(

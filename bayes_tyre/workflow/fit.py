@@ -16,9 +16,11 @@ from bayes_tyre.formats.files import check_folder, prepare_folder
 from bayes_tyre.inference.checkpoint import Checkpoints
 from bayes_tyre.inference.diagnostics import Diagnostics, diagnose
 from bayes_tyre.inference.fit import ModelSettings, fit_hierarchical, fit_published, used_points
+from bayes_tyre.inference.identifiability import identify_published, identify_records
 from bayes_tyre.inference.sampling import SamplerSettings
 from bayes_tyre.published import tables
 from bayes_tyre.record_table import origin_of
+from bayes_tyre.report import summary
 from bayes_tyre.report.folder import write_fit
 from bayes_tyre.report.predictive import residual_autocorrelation
 from bayes_tyre.report.run import RUN_JSON, Run, begin_run, difference, identity, read_run, sha256, versions
@@ -166,6 +168,7 @@ def fit_table(
     except BadInput as error:
         raise BadInput(f"{plan.records}: {error}") from None
     prepare_folder(out)
+    tree = identify_records(tree, table, plan.model, summary.means)
     table = used_points(table, plan.model.region)
     diagnostics = diagnose(tree, residual_autocorrelation(tree, table))
     # Only records made from the printed tables have printed values to be held against.
@@ -211,7 +214,8 @@ def _read_diagnostics(out: Path) -> Diagnostics:
     try:
         said: Any = json.loads(path.read_text(encoding="utf-8"))
         numbers = {name: math.nan if value is None else value for name, value in said.items()}
-        return Diagnostics(**{**numbers, "reasons": tuple(said["reasons"])})
+        sentences = {name: tuple(said[name]) for name in ("reasons", "remarks") if name in said}
+        return Diagnostics(**{**numbers, **sentences})
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         raise BadInput(f"{path}: is not what fit writes; leave out --resume to fit anew") from None
 
@@ -224,7 +228,7 @@ def fit_published_tables(out: Path, settings: SamplerSettings, interval: float, 
     paths = [data_path(name) for name in inputs]
     run = begin_run(shlex.join(["bayes-tyre", *command]), options, settings.seed, paths, "published")
     printed = tables.case_means()
-    tree = fit_published(printed, settings)
+    tree = identify_published(fit_published(printed, settings), printed, summary.means)
     diagnostics = diagnose(tree)
     write_fit(tree, diagnostics, run, out, printed=printed, interval=interval)
     return diagnostics

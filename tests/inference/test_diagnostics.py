@@ -174,6 +174,41 @@ def test_every_fault_gives_its_own_reason():
         assert sum(word in reason for reason in found.reasons) == 1
 
 
+def test_a_reason_names_the_chain_and_where_its_divergences_gather():
+    scale = np.exp(0.3 * np.random.default_rng(7).normal(size=(CHAINS, DRAWS)))
+    diverging = np.zeros((CHAINS, DRAWS), dtype=bool)
+    diverging[2] = scale[2] < np.sort(scale[2])[12]
+    diverging[1, 0] = True
+    reason = only_reason(diagnose(tree({"diverging": diverging}, log_k_case_scale=scale)))
+    assert reason.startswith("13 divergent transitions (1 in chain 1, 12 in chain 2; most at small log_k_case_scale)")
+
+
+def test_chains_that_disagree_and_stiff_energy_name_the_chain():
+    k, energy = draws_of_k(), quiet(CHAINS, DRAWS)["energy"]
+    k[1] += 0.2
+    energy[2] = np.cumsum(energy[2])
+    reasons = diagnose(tree({"energy": energy}, k_case=k)).reasons
+    assert any("R-hat" in reason and "chain 1 most" in reason for reason in reasons)
+    assert any(reason.startswith("energy: BFMI 0.") and "of chain 2" in reason for reason in reasons)
+
+
+def test_figures_stand_by_parameter_and_by_chain():
+    k, steps = draws_of_k(), np.full((CHAINS, DRAWS), 7)
+    k[3, :, 2] += 0.03
+    steps[0, :5] = 1023
+    found = diagnose(tree({"n_steps": steps, "acceptance_rate": np.full((CHAINS, DRAWS), 0.9)}, k_case=k))
+    assert found.by_parameter["k_case"]["r_hat_max"] == found.r_hat_max
+    assert found.by_parameter["k_case"]["r_hat_max_at"] == "k_case[single (25)20-30]"
+    assert found.by_parameter["sigma_typical"]["r_hat_max"] < 1.01
+    assert min(each["ess_tail_min"] for each in found.by_parameter.values()) == found.ess_tail_min
+    first, second = found.by_chain[:2]
+    assert (first["trees_at_limit"], first["tree_depth_max"], first["chain"]) == (5, 10, 0)
+    assert (second["trees_at_limit"], second["tree_depth_max"]) == (0, 3)
+    assert second["acceptance_mean"] == pytest.approx(0.9)
+    assert min(chain["bfmi"] for chain in found.by_chain) == found.bfmi_min
+    assert [remark.split(":")[0] for remark in found.remarks] == ["chain 0"]
+
+
 @pytest.mark.parametrize("chains", [1, CHAINS])
 def test_diagnostics_can_be_written_as_json(chains, tmp_path):
     found = diagnose(tree(chains=chains))
@@ -186,3 +221,7 @@ def test_diagnostics_can_be_written_as_json(chains, tmp_path):
     assert read["residual_autocorrelation"] is None
     assert isinstance(read["divergences"], int)
     assert read["ess_bulk_min"] == found.ess_bulk_min
+    assert read["by_parameter"]["k_case"]["r_hat_max"] == (
+        None if chains == 1 else found.by_parameter["k_case"]["r_hat_max"]
+    )
+    assert [chain["chain"] for chain in read["by_chain"]] == list(range(chains))

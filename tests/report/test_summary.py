@@ -41,7 +41,8 @@ def test_columns_are_those_of_the_contract(tree):
     assert list(summary.cases(tree, "pass").columns) == [*WORDS, *FIGURES, "origin", "verdict"]
     outliers = ["outlier_probability", "origin", "verdict"]
     assert list(summary.repeats(tree, "pass").columns) == ["record", *WORDS, "repeat", *FIGURES, *outliers]
-    assert list(summary.summary(tree, "pass").columns) == ["record", *WORDS, "repeat", *FIGURES, "origin", "verdict"]
+    said = ["contraction", "prior_sensitivity", "likelihood_sensitivity", "decided_by", "origin", "verdict"]
+    assert list(summary.summary(tree, "pass").columns) == ["record", *WORDS, "repeat", *FIGURES, *said]
 
 
 def test_a_posterior_of_printed_tables_has_the_same_columns_and_no_repeats(tree):
