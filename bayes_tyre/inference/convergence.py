@@ -4,10 +4,15 @@ from typing import Any, NamedTuple
 
 import arviz as az
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from bayes_tyre.inference.chains import DEEPEST
 
+#: The group of a posterior's tree that keeps these figures, and what stands along its dimension `figure`: each takes
+#: seconds, and verdict and tables all want them.
+GROUP = "convergence"
+_FIGURES = ("r_hat", "ess_bulk", "ess_tail")
 #: Quantiles that tail ESS is taken at, as in Vehtari et al.; ArviZ's default follows each user's settings.
 TAILS = (0.05, 0.95)
 #: Divergent transitions from which on where they gather can be told from chance.
@@ -38,6 +43,33 @@ def monitor(posterior: xr.Dataset) -> Figures:
             az.ess(posterior, method="bulk"),
             az.ess(posterior, method="tail", prob=TAILS),
         )
+
+
+def with_figures(tree: xr.DataTree) -> xr.DataTree:
+    """Return the posterior with the group `GROUP`: the convergence figures of each element, dims figure, ..."""
+    figures = monitor(tree["posterior"].to_dataset())
+    none = xr.full_like(figures.ess_bulk, np.nan, dtype=float)
+    each = [none if figure is None else figure for figure in figures]
+    with_all = tree.copy()
+    with_all[GROUP] = xr.DataTree(xr.concat(each, pd.Index(_FIGURES, name="figure")))
+    return with_all
+
+
+def figures_of(tree: xr.DataTree) -> Figures:
+    """Return the convergence figures that a posterior's tree keeps, or take them now."""
+    return (
+        monitor(tree["posterior"].to_dataset()) if GROUP not in tree.children else _kept(tree, tree[GROUP].to_dataset())
+    )
+
+
+def figures_kept(tree: xr.DataTree, name: str) -> Figures | None:
+    """Return the convergence figures of one quantity, where a posterior's tree keeps them."""
+    return _kept(tree, tree[GROUP].to_dataset()[[name]]) if GROUP in tree.children and name in tree[GROUP] else None
+
+
+def _kept(tree: xr.DataTree, kept: xr.Dataset) -> Figures:
+    r_hat, bulk, tail = (kept.sel(figure=figure, drop=True) for figure in _FIGURES)
+    return Figures(r_hat if tree["posterior"].sizes["chain"] > 1 else None, bulk, tail)
 
 
 def worst(figures: xr.Dataset | None, largest: bool) -> Worst:

@@ -12,7 +12,7 @@ from bayes_tyre.inference.convergence import (
     Worst,
     by_chain,
     by_parameter,
-    monitor,
+    figures_of,
     odd_chain,
     where_divergent,
     worst,
@@ -88,7 +88,7 @@ def diagnose(tree: xr.DataTree, residual_autocorrelation: float = np.nan) -> Dia
     """
     posterior = tree["posterior"].to_dataset()
     chains, draws = posterior.sizes["chain"], posterior.sizes["draw"]
-    figures, sampler = monitor(posterior), by_chain(tree)
+    figures, sampler = figures_of(tree), by_chain(tree)
     r_hat, bulk = worst(figures.r_hat, largest=True), worst(figures.ess_bulk, largest=False)
     tail = worst(figures.ess_tail, largest=False)
     reasons = [f"{name}: draws are not finite; check the scales of the records" for name in _not_finite(posterior)]

@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.convergence import TAILS
+from bayes_tyre.inference.convergence import Figures, figures_kept, monitor
 from bayes_tyre.inference.hierarchical import JUDGEABLE_REPEATS
 from bayes_tyre.inference.identifiability import identified
 from bayes_tyre.inference.posterior import CASE_PARAMETERS, RECORD_UNITS
@@ -21,7 +21,7 @@ STATISTICS = (
 REPEAT_PARAMETERS = ("k", "beta", "J", "C", "sigma")
 
 
-def describe(draws: xr.DataArray, interval: float = 0.95) -> pd.DataFrame:
+def describe(draws: xr.DataArray, interval: float = 0.95, figures: Figures | None = None) -> pd.DataFrame:
     """Return the statistics of each element, a row each in C order, columns `STATISTICS`.
 
     Parameters
@@ -30,19 +30,22 @@ def describe(draws: xr.DataArray, interval: float = 0.95) -> pd.DataFrame:
         With dims chain and draw.
     interval:
         Probability inside `lower` and `upper`, equal-tailed.
+    figures:
+        Its convergence figures, where they are known already.
     """
     sample = draws.transpose("chain", "draw", ...)
     flat = sample.to_numpy().reshape(-1, int(np.prod(sample.shape[2:])))
     tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
     lower, median, upper = np.quantile(flat, tails, axis=0)
-    chains = sample.sizes["chain"]
     with np.errstate(divide="ignore", invalid="ignore"):  # what does not vary has no R-hat
-        monitored = {
-            "mcse_mean": az.mcse(sample, method="mean"),
-            "ess_bulk": az.ess(sample, method="bulk"),
-            "ess_tail": az.ess(sample, method="tail", prob=TAILS),
-            "r_hat": az.rhat(sample) if chains > 1 else xr.full_like(sample[0, 0], np.nan),
-        }
+        error = az.mcse(sample, method="mean")
+    figures = figures or monitor(sample.to_dataset(name="quantity"))
+    monitored = {
+        "mcse_mean": error,
+        "ess_bulk": figures.ess_bulk.to_dataarray(),
+        "ess_tail": figures.ess_tail.to_dataarray(),
+        "r_hat": xr.full_like(error, np.nan) if figures.r_hat is None else figures.r_hat.to_dataarray(),
+    }
     return pd.DataFrame(
         {
             **{"mean": flat.mean(axis=0), "sd": flat.std(axis=0, ddof=1), "median": median},
@@ -89,7 +92,7 @@ def cases(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataFra
     posterior = tree["posterior"].to_dataset()
     words = _words_of(posterior, "case")[list(CASE_WORDS)]
     blocks = [
-        _block(words, parameter, posterior[f"{parameter}_case"], RECORD_UNITS[parameter], interval)
+        _block(tree, words, parameter, posterior[f"{parameter}_case"], RECORD_UNITS[parameter], interval)
         for parameter in CASE_PARAMETERS
     ]
     return _finish(blocks, tree, verdict)
@@ -113,7 +116,7 @@ def repeats(
     words = _words_of(posterior, "record")
     odd = outlier_probability(tree).to_numpy()
     blocks = [
-        _block(words, name, posterior[name], RECORD_UNITS[name], interval).assign(outlier_probability=odd)
+        _block(tree, words, name, posterior[name], RECORD_UNITS[name], interval).assign(outlier_probability=odd)
         for name in REPEAT_PARAMETERS
     ]
     if extras is not None:
@@ -146,16 +149,16 @@ def summary(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataF
     for name, draws in means(tree).data_vars.items():
         words = pd.DataFrame({word: draws[word].to_numpy() for word in CASE_WORDS[:2]})
         unit = RECORD_UNITS[str(name).removesuffix("_mean")]
-        blocks.append(_identified(_block(words, str(name), draws, unit, interval), tree))
+        blocks.append(_identified(_block(tree, words, str(name), draws, unit, interval), tree))
     for name, draws in posterior.data_vars.items():
         unit = "" if draws.attrs["units"] == "1" else draws.attrs["units"]
         dims = [str(dim) for dim in draws.dims if dim not in ("chain", "draw")]
         if dims and dims[0] in ("case", "record"):
             words = _words_of(posterior, dims[0])
-            blocks.append(_identified(_block(words, str(name), draws, unit, interval), tree))
+            blocks.append(_identified(_block(tree, words, str(name), draws, unit, interval), tree))
             continue
         labels = [_level(label) for label in draws[dims[0]].to_numpy()] if dims else [""]
-        block = _block(pd.DataFrame(index=range(len(labels))), str(name), draws, unit, interval)
+        block = _block(tree, pd.DataFrame(index=range(len(labels))), str(name), draws, unit, interval)
         block = _identified(block, tree)
         blocks.append(block.assign(parameter=[f"{name}[{label}]" if label else str(name) for label in labels]))
     return _finish(blocks, tree, verdict, ["record", *WORDS])
@@ -165,9 +168,11 @@ def _level(label: object) -> str:
     return f"{label:g}" if isinstance(label, float) else str(label)
 
 
-def _block(words: pd.DataFrame, parameter: str, draws: xr.DataArray, unit: str, interval: float) -> pd.DataFrame:
-    figures = describe(draws, interval)
-    return pd.concat([words.reset_index(drop=True).assign(parameter=parameter, unit=unit), figures], axis=1)
+def _block(
+    tree: xr.DataTree, words: pd.DataFrame, parameter: str, draws: xr.DataArray, unit: str, interval: float
+) -> pd.DataFrame:
+    described = describe(draws, interval, figures_kept(tree, str(draws.name)))
+    return pd.concat([words.reset_index(drop=True).assign(parameter=parameter, unit=unit), described], axis=1)
 
 
 def _identified(block: pd.DataFrame, tree: xr.DataTree) -> pd.DataFrame:

@@ -14,6 +14,7 @@ from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder
 from bayes_tyre.inference.checkpoint import Checkpoints
+from bayes_tyre.inference.convergence import with_figures
 from bayes_tyre.inference.diagnostics import Diagnostics, diagnose
 from bayes_tyre.inference.fit import ModelSettings, fit_hierarchical, fit_published, used_points
 from bayes_tyre.inference.identifiability import identify_published, identify_records
@@ -168,7 +169,7 @@ def fit_table(
     except BadInput as error:
         raise BadInput(f"{plan.records}: {error}") from None
     prepare_folder(out)
-    tree = identify_records(tree, table, plan.model, summary.means)
+    tree = with_figures(identify_records(tree, table, plan.model, summary.means))
     table = used_points(table, plan.model.region)
     diagnostics = diagnose(tree, residual_autocorrelation(tree, table))
     # Only records made from the printed tables have printed values to be held against.
@@ -228,7 +229,7 @@ def fit_published_tables(out: Path, settings: SamplerSettings, interval: float, 
     paths = [data_path(name) for name in inputs]
     run = begin_run(shlex.join(["bayes-tyre", *command]), options, settings.seed, paths, "published")
     printed = tables.case_means()
-    tree = identify_published(fit_published(printed, settings), printed, summary.means)
+    tree = with_figures(identify_published(fit_published(printed, settings), printed, summary.means))
     diagnostics = diagnose(tree)
     write_fit(tree, diagnostics, run, out, printed=printed, interval=interval)
     return diagnostics
