@@ -48,6 +48,8 @@ print(json.dumps([said, [name for name in ("jax", "numpyro", "pandas", "matplotl
     for command, text in zip(COMMANDS, said[1:], strict=True):
         assert f"Example: bayes-tyre {command} " in text
         assert any(unit in " ".join(text.split()) for unit in ("kN/mm", "(mm, kN)", "(kN, mm)"))
+        assert "--seed" in text
+        assert "--quiet" in text
 
 
 def test_the_installed_command_helps(tmp_path):

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from bayes_tyre.cli.shell import Out, Quiet, Records, assignments, progress, read_records, say, warn
+from bayes_tyre.cli.shell import NoSeed, Out, Quiet, Records, assignments, progress, read_records, say, warn
 from bayes_tyre.errors import BadInput
 
 
@@ -48,7 +48,7 @@ def lsq(
     bounds: Annotated[
         list[str] | None, typer.Option(help="NAME=LOW:HIGH (kN/mm, kN, mm); either side may be empty, such as beta=:1.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Taken as by every command; least squares draws nothing.")] = 0,
+    seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Fit Equation 2 to each record by least squares: k (kN/mm), C (kN), beta (mm), with standard errors.
@@ -61,7 +61,7 @@ def lsq(
     from bayes_tyre.record_table import origin_of, suspicious_units
     from bayes_tyre.runtime import prepare_jax
 
-    del seed  # least squares draws nothing
+    del seed
     fixed, starts = assignments(fix or [], "--fix"), assignments(start or [], "--start")
     try:
         settings = FitSettings(region.value, fixed, tuple(free or ()), starts, _bounds(bounds or []))

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from bayes_tyre.cli.shell import Quiet, progress, say, warn
+from bayes_tyre.cli.shell import NoSeed, Quiet, progress, say, warn
 
 
 class Method(StrEnum):
@@ -54,6 +54,7 @@ def process(
         bool,
         typer.Option("--resume", help="Do only what is missing or has changed since the last run with the same --out."),
     ] = False,
+    seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Turn raw files into records: displacement and force on flat ground (mm, kN), from the step to the first reversal.
@@ -64,6 +65,7 @@ def process(
 
     Example: bayes-tyre process data/raw --method inertia --out results/records.csv --figures results/pictures
     """
+    del seed
     from bayes_tyre.formats.raw import raw_files
     from bayes_tyre.workflow.process import REJECTED, Machines, Settings, process_files
 

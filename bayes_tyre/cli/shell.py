@@ -41,6 +41,8 @@ Chains = Annotated[int, typer.Option(min=1, help="Chains, run side by side.")]
 Warmup = Annotated[int, typer.Option(min=1, help="Iterations of each chain to adapt.")]
 Draws = Annotated[int, typer.Option(min=4, help="Iterations of each chain to keep.")]
 Seed = Annotated[int, typer.Option(min=0, max=2**32 - 1, help="The same seed, data and options give the same numbers.")]
+#: Of the commands that draw nothing, so that a script may give every command the same options.
+NoSeed = Annotated[int, typer.Option("--seed", min=0, help="Taken as by every command; nothing here is drawn.")]
 Interval = Annotated[float, typer.Option(min=0.01, max=0.999, help="Probability of every interval, equal-tailed.")]
 
 
