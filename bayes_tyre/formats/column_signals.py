@@ -1,6 +1,7 @@
 """Named columns of numbers, from a CSV or Parquet file or a sheet, as raw signals: one of them is X."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pandas as pd
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.lvm import COMMENT, read_lvm
-from bayes_tyre.formats.lvm_channels import Roles, Said, build_channels
+from bayes_tyre.formats.lvm_channels import Roles, Said, build_channels, named_twice
 from bayes_tyre.formats.lvm_source import shown
 from bayes_tyre.formats.tables import read_table
 from bayes_tyre.formats.x_column import grows, is_time, seconds_per_unit, unit_in
@@ -18,31 +19,76 @@ _NO_READING = ("", "nan")
 _HEAD = 4096
 
 
-def signals_of(columns: Sequence[tuple[str, np.ndarray]], remarks: Sequence[str]) -> RawSignals:
+def signals_of(
+    columns: Sequence[tuple[str, np.ndarray]], remarks: Sequence[str], units: Sequence[str] = ()
+) -> RawSignals:
     """Return columns of equal length as one segment.
 
     X is the first column with a name such as `time`, else the first column if it grows; a unit of time in its name is
-    turned into seconds. Units of channels stand in brackets at the end of their names.
+    turned into seconds. Units of channels stand in brackets at the end of their names, unless `units` gives them, one
+    a column, empty where there is none.
     """
     names, values, said = [name for name, _ in columns], [column for _, column in columns], list(remarks)
+    given = units or [""] * len(columns)
     x = next((i for i, name in enumerate(names) if is_time(name)), None)
     if x is None and len(columns) > 1 and grows(values[0]):
         x = 0
     channels = tuple(i for i in range(len(columns)) if i != x)
-    if x is not None and (factor := seconds_per_unit(names[x])) != 1:
-        values[x] = values[x] * factor
-        said.append(f"X {shown(names[x])} turned into seconds")
+    if x is not None:
+        factor = next((f for f in map(seconds_per_unit, (names[x], f"time ({given[x]})")) if f != 1), 1.0)
+        if factor != 1:
+            values[x] = values[x] * factor
+            said.append(f"X {shown(names[x])} turned into seconds")
     roles = Roles(channels, (x,) * len(channels))
-    units = [Said(unit_in(names[i]), None, np.nan, np.nan) for i in channels]
-    segment, odd = build_channels(names, roles, values, units, "")
-    return RawSignals((segment,), (*said, *odd))
+    of_channels = [Said(given[i] or unit_in(names[i]), None, np.nan, np.nan) for i in channels]
+    segment, odd = build_channels(names, roles, values, of_channels, "")
+    return RawSignals((segment,), (*said, *odd, *named_twice(segment)))
 
 
-def read_columns(path: Path) -> RawSignals:
+def named_by_number(columns: Mapping[str, int], names: Mapping[int, str]) -> list[tuple[int, str]]:
+    """Return the columns, counted from 0, that a mapping counts from 1, and what to call each.
+
+    That is what the mapping calls it; X keeps its name in the file, if it is one of X, for the unit in it.
+    """
+    wanted = [(at - 1, name, names.get(at - 1, "")) for name, at in columns.items()]
+    return [(i, own if is_time(name) and is_time(own) else name) for i, name, own in wanted]
+
+
+def numbered(raw: RawSignals, columns: Mapping[str, int] | None, path: Path) -> RawSignals:
+    """Return the channels that a reader called `column 2` and so on by the names that a mapping gives them.
+
+    Raises
+    ------
+    BadInput
+        If the file gives its channels names, or the column that the mapping calls X is a channel.
+    """
+    if columns is None:
+        return raw
+    names = {f"column {at}": name for name, at in columns.items()}
+    found = {names[one.name] for segment in raw.segments for one in segment if one.name in names}
+    if not found:
+        raise BadInput(
+            f"{path}: its channels have names, and no numbers: those are for sheets and tables; take the names that "
+            "`bayes-tyre inspect` lists"
+        )
+    if x := next((name for name in found if is_time(name)), None):
+        raise BadInput(f"{path}: column {columns[x]} does not hold its time; put the time in the first column, in s")
+    segments = [[replace(one, name=names.get(one.name, one.name)) for one in segment] for segment in raw.segments]
+    return replace(raw, segments=tuple(map(tuple, segments)))
+
+
+def read_columns(path: Path, columns: Mapping[str, int] | None = None) -> RawSignals:
     """Return the raw signals in a `.csv` or `.parquet` file: a column a channel, X among them, names above.
 
     A `.csv` file that is a LabVIEW file, or has no line of names, is read as such. A column of text is left out and
     said; blank and NaN cells are missing.
+
+    Parameters
+    ----------
+    path:
+        The file.
+    columns:
+        Channel name -> column, counted from 1, for those alone; None for all.
 
     Raises
     ------
@@ -50,18 +96,21 @@ def read_columns(path: Path) -> RawSignals:
         If the file cannot be read, holds no numbers, or a cell among numbers is none.
     """
     if path.suffix.lower() == ".csv" and _is_lvm_or_plain(path):
-        return read_lvm(path)
+        return numbered(read_lvm(path), columns, path)
     table = read_table(path)
-    columns, remarks = [], []
-    for i, name in enumerate(map(str, table.columns)):
+    own = dict(enumerate(map(str, table.columns)))
+    if columns is not None and (most := max(columns.values())) > len(own):
+        raise BadInput(f"{path}: has {len(own)} columns, no column {most}; mend the number")
+    found, remarks = [], []
+    for i, name in own.items() if columns is None else named_by_number(columns, own):
         numbers = _numbers(table.iloc[:, i], name, path)
         if numbers is None and name.strip().lower() != COMMENT:
             remarks.append(f"column {shown(name)} is text: left out")
         elif numbers is not None:
-            columns.append((name, numbers))
-    if not len(table) or not any(not np.isnan(numbers).all() for _, numbers in columns):
+            found.append((name, numbers))
+    if not len(table) or not any(not np.isnan(numbers).all() for _, numbers in found):
         raise BadInput(f"{path}: holds no numbers; give a column a channel, and the time in the first")
-    return signals_of(columns, remarks)
+    return signals_of(found, remarks)
 
 
 def _is_lvm_or_plain(path: Path) -> bool:

@@ -1,21 +1,16 @@
 """Excel workbooks (`.xlsx`) as raw signals: values as they were saved, no formula computed, archives checked first."""
 
-import itertools
 import warnings
 import zipfile
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import numpy as np
 import openpyxl
-from openpyxl.utils import get_column_letter
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.column_signals import signals_of
-from bayes_tyre.formats.lvm import COMMENT
-from bayes_tyre.formats.lvm_channels import is_x
 from bayes_tyre.formats.lvm_source import reason, shown
+from bayes_tyre.formats.sheet import Row, read_sheet
 from bayes_tyre.record import RawSignals
 
 #: Bytes that an archive may hold unpacked, and times its own size; a sheet of 150,000 x 13 numbers is some 80 MB, and
@@ -25,8 +20,6 @@ _MOST_PARTS, _SMALL = 10_000, 10_000_000
 MOST_ROWS, _MOST_COLUMNS, _MOST_CELLS = 1 << 20, 1000, 50_000_000
 _PROLOG = 4096
 _NO_ARCHIVE = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, OSError, EOFError, ValueError)
-
-type _Row = tuple[object, ...]
 
 
 def read_excel(path: Path, columns: Mapping[str, int] | None = None) -> RawSignals:
@@ -38,7 +31,7 @@ def read_excel(path: Path, columns: Mapping[str, int] | None = None) -> RawSigna
         An `.xlsx` file.
     columns:
         Channel name -> column, counted from 1, such as ``{"time": 1, "Acc m/s^2": 3, "Disp mm": 12, "Load kN": 13}``;
-        rows count from the first that holds numbers in them. Without it, all columns under the row of names.
+        rows count from the first that holds numbers in them. Without it, all columns that are no text.
 
     Returns
     -------
@@ -94,11 +87,11 @@ def _read_book(book: openpyxl.Workbook, path: Path, columns: Mapping[str, int] |
         if first is not None:
             others = [other.title for other in book.worksheets if other is not sheet]
             remarks = [f"sheet {shown(sheet.title)} read, {len(others)} others left out"] if others else []
-            return _read_sheet(itertools.chain([first], rows), f"{path}: sheet {shown(sheet.title)}", columns, remarks)
+            return read_sheet([first, *rows], f"{path}: sheet {shown(sheet.title)}", columns, remarks)
     raise BadInput(f"{path}: holds nothing; give a column a channel")
 
 
-def _checked(rows: Iterator[_Row], path: Path) -> Iterator[tuple[int, _Row]]:
+def _checked(rows: Iterator[Row], path: Path) -> Iterator[tuple[int, Row]]:
     """Yield the rows with their numbers, counted from 1; refuse a sheet that goes on and on."""
     cells = 0
     for number, row in enumerate(rows, start=1):
@@ -109,61 +102,3 @@ def _checked(rows: Iterator[_Row], path: Path) -> Iterator[tuple[int, _Row]]:
                 f"{_MOST_CELLS} cells; save the recording as .lvm or .csv"
             )
         yield number, row
-
-
-def _read_sheet(
-    rows: Iterator[tuple[int, _Row]], where: str, columns: Mapping[str, int] | None, remarks: Sequence[str]
-) -> RawSignals:
-    above: _Row = ()
-    for number, row in rows:
-        chosen = range(len(row)) if columns is None else [at - 1 for at in columns.values()]
-        if any(not 0 <= i < len(row) for i in chosen):
-            above = row
-            continue
-        cells = [row[i] for i in chosen if row[i] is not None]
-        if cells and all(_is_number(cell) for cell in cells):
-            break
-        above = row
-        if columns is None and row and isinstance(row[0], str) and is_x(row[0]):  # a comment may stand in the first row
-            number, row = next(rows, (number, ()))
-            break
-    else:
-        wanted = "" if columns is None else f" in all of columns {', '.join(map(str, columns.values()))}"
-        raise BadInput(f"{where}: holds no row of numbers{wanted}; give a column a channel")
-    names = dict(enumerate(above)) if columns is None else {at - 1: name for name, at in columns.items()}
-    return signals_of(_columns(itertools.chain([(number, row)], rows), names, columns is None, where), remarks)
-
-
-def _columns(
-    rows: Iterator[tuple[int, _Row]], names: Mapping[int, object], all_columns: bool, where: str
-) -> list[tuple[str, np.ndarray]]:
-    kept: list[tuple[int, _Row]] = list(rows)
-    width = max(len(row) for _, row in kept)
-    columns = []
-    for i in range(width) if all_columns else names:
-        given = names.get(i)
-        name = str(given).strip() if given is not None else f"column {i + 1}"
-        if all_columns and name.lower() == COMMENT:
-            continue
-        cells = [_reading(row[i] if i < len(row) else None, where, number, i, name) for number, row in kept]
-        numbers = np.array(cells, dtype=float)
-        if not all_columns or given is not None or not np.isnan(numbers).all():
-            columns.append((name, numbers))
-    return columns
-
-
-def _is_number(cell: object) -> bool:
-    return isinstance(cell, int | float) and not isinstance(cell, bool)
-
-
-def _reading(cell: object, where: str, row: int, column: int, name: str) -> float:
-    """Return a cell as a number; NaN for a blank one, an error of the spreadsheet, and text that says so."""
-    if cell is None or (isinstance(cell, str) and (cell.startswith("#") or cell.strip().lower() in ("", "nan"))):
-        return np.nan
-    if isinstance(cell, int | float | str) and not isinstance(cell, bool):
-        try:
-            return float(cell)
-        except (ValueError, OverflowError):
-            pass
-    at = f"row {row}, column {get_column_letter(column + 1)} ({name})"
-    raise BadInput(f"{where}, {at}: {shown(str(cell))} is no number; mend the cell, or format it as a number")

@@ -5,13 +5,21 @@ names the line. Generous about dialect: separators, decimal signs, X columns, re
 Source of the format: NI, "Specification for the LabVIEW Measurement File (.lvm)", and files that do not keep to it.
 """
 
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.lvm_channels import Roles, build_channels, find_roles, is_x, said_once, what_is_said
+from bayes_tyre.formats.lvm_channels import (
+    Roles,
+    build_channels,
+    find_roles,
+    is_x,
+    named_twice,
+    said_once,
+    what_is_said,
+)
+from bayes_tyre.formats.lvm_commas import check_declared, check_rows
 from bayes_tyre.formats.lvm_header import (
     Section,
     cut_header,
@@ -94,18 +102,20 @@ def _read(source: Source, section: Section, is_last: bool) -> tuple[tuple[Channe
         names = _numbered(source, section.start, stop, section.separator)
     names = names or []
     text_from = next((i for i in range(len(names) - 1, 0, -1) if names[i].lower() == COMMENT), None)
-    if is_last and not remarks:
+    if not remarks:
         stop, half = end_of_whole_rows(source, section.start, stop, section.separator, text_from)
         remarks += ["the last row is half written: left out"] if half else []
     last = len(names) if text_from is None else text_from
     if not last or is_blank(source.data, section.start, stop):
         return (), ["a header and no rows below it: left out"]
+    check_declared(source, section.separator, _declared_sign(section))
+    check_rows(source, _first_rows(source, section.start, stop), section.separator, text_from)
     signs = _signs(source, section, stop)
     numbers = read_numbers(
         Rows(source, section.start, stop, section.separator, len(names), [*range(last)], names, text_from, signs)
     )
     numbers = _without_blank_end(numbers)
-    said = (section.header.get("Decimal_Separator") or [""])[0]
+    said = _declared_sign(section)
     if said in set(_SIGNS) and said != numbers.decimal:
         remarks.append(f"the header says decimals have a {said!r}, the rows have a {numbers.decimal!r}")
     channels, odd = _channels(source, section, names[:last], numbers)
@@ -114,20 +124,30 @@ def _read(source: Source, section: Section, is_last: bool) -> tuple[tuple[Channe
 
 def _numbered(source: Source, start: int, stop: int, separator: str) -> list[str]:
     """Return names for the columns of rows that have none above."""
-    at, most = start, 0
-    for _ in range(_FIRST_ROWS):
-        if at >= stop:
-            break
-        line, at = source.line(at)
-        most = max(most, len(line.split()) if separator == " " else line.count(separator.encode()) + 1)
+    lines = [line for _, line in _first_rows(source, start, stop)]
+    counts = [len(line.split()) if separator == " " else line.count(separator.encode()) + 1 for line in lines]
+    most = max(counts, default=0)
     return [f"column {i}" for i in range(1, most + 1)]
+
+
+def _first_rows(source: Source, start: int, stop: int) -> list[tuple[int, bytes]]:
+    """Return the first lines between two bytes, each with the byte at which it begins."""
+    lines, at = [], start
+    while at < stop and len(lines) < _FIRST_ROWS:
+        begin, (line, at) = at, source.line(at)
+        lines.append((begin, line))
+    return lines
+
+
+def _declared_sign(section: Section) -> str:
+    return (section.header.get("Decimal_Separator") or [""])[0]
 
 
 def _signs(source: Source, section: Section, stop: int) -> str:
     """Return the decimal signs to try: what the header says first, else what the first rows have."""
     if section.separator == ",":
         return "."
-    said = (section.header.get("Decimal_Separator") or [""])[0]
+    said = _declared_sign(section)
     if said not in set(_SIGNS):
         start = source.data[section.start : min(stop, section.start + 1000)]
         said = "," if b"," in start and b"." not in start else "."
@@ -180,5 +200,6 @@ def _against_header(header: dict[str, list[str]], channels: tuple[Channel, ...])
     remarks += said_once([(one.name, f"{len(one.values)} samples, the header promises {said}") for one, said in differ])
     other = sorted({cell for cell in header.get("X_Dimension", []) if cell.lower() not in ("", "time")})
     remarks += [f"X is {', '.join(map(shown, other[:3]))}, not time"] if other else []
-    twice = sorted(name for name, count in Counter(one.name for one in channels).items() if count > 1)
-    return remarks + ([f"several channels have the name {', '.join(map(shown, twice[:3]))}"] if twice else [])
+    infinite = [(one.name, int(np.isinf(one.values).sum())) for one in channels]
+    remarks += said_once([(name, f"infinite readings: {count}" if count else "") for name, count in infinite])
+    return remarks + named_twice(channels)

@@ -1,6 +1,7 @@
 """Columns of numbers and what a header says of them, put together as channels with a time for every sample."""
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -127,8 +128,8 @@ def _rows_of(values: np.ndarray, own_x: np.ndarray | None, declared: int | None,
 
     Rows of `written` samples each were written at a time. A channel with fewer fills the first of them each time.
     """
-    if own_x is not None:
-        return slice(0, _last(~(np.isnan(values) & np.isnan(own_x))))
+    if own_x is not None:  # a row blank in both is a longer channel's: it ends this one's write, or stands between two
+        return np.flatnonzero(~(np.isnan(values) & np.isnan(own_x)))
     if declared is None or written is None:
         return slice(0, _last(~np.isnan(values)))
     if declared >= written:
@@ -195,6 +196,12 @@ def said_once(odd: Sequence[tuple[str, str]]) -> list[str]:
         if text:
             by_text.setdefault(text, []).append(name)
     return [f"{_listed(names)}: {text}" for text, names in by_text.items()]
+
+
+def named_twice(channels: Sequence[Channel]) -> list[str]:
+    """Say which names several channels have."""
+    twice = sorted(name for name, count in Counter(one.name for one in channels).items() if count > 1)
+    return [f"several channels have the name {', '.join(map(shown, twice[:3]))}"] if twice else []
 
 
 def _listed(names: list[str]) -> str:

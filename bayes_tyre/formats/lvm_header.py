@@ -188,12 +188,18 @@ def cut_header(source: Source, low: int, high: int) -> tuple[int, bool]:
 
 
 def _tags(block: str) -> dict[str, list[str]]:
-    """Return tag -> cells of the lines of a header; what is no tag continues the notes, and is left out."""
+    """Return tag -> cells of the lines of a header; a line below the notes that is no tag is one more cell of them."""
     header: dict[str, list[str]] = {}
+    above = ""
     for line in block.split("\n"):
         tag = re.split(r"[\t,;]", line[:_LONGEST_TAG_LINE], maxsplit=1)[0]
         name = tag.strip().strip('"\ufeff')
         if name in TAGS:
             separator = line[len(tag) : len(tag) + 1] or "\t"
             header[name] = [cell.strip().strip('"') for cell in line.split(separator, MOST_COLUMNS + 1)[1:]]
+            if name == "Decimal_Separator" and separator == "," and len(header[name]) > 1 and not any(header[name]):
+                header[name] = [","]  # the comma itself, split off as if it separated cells
+            above = name
+        elif above == "Notes" and (text := line.strip("\t,; \r")):
+            header["Notes"].append(text)
     return header

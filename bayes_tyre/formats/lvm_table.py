@@ -11,6 +11,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.lvm_commas import spill_over, spilt
 from bayes_tyre.formats.lvm_source import Source, as_text, shown
 
 _BLOCK = 1 << 20
@@ -19,6 +20,7 @@ _LEAST_PIECE, _MOST_PIECES, _LONGEST_ROW = 2 << 20, 8, 1 << 16
 _BLANKS = ["", "NaN", "nan", "NAN"]
 #: How LabVIEW and the C library of old Windows spell what is no number.
 _NO_NUMBER = re.compile(r"[+-]?(?:n/?a|nan|1[.,]#(?:qnan|snan|ind|nan)\d*)", re.IGNORECASE)
+_INFINITE = re.compile(r"([+-]?)1[.,]#inf\d*", re.IGNORECASE)
 _NUMBER = {
     sign: re.compile(
         rf"[+-]?(?:(?:[0-9]+[{sign}]?[0-9]*|[{sign}][0-9]+)(?:[eE][+-]?[0-9]+)?|inf(?:inity)?)", re.IGNORECASE
@@ -222,6 +224,8 @@ def _shortened(text: bytes, long: np.ndarray, mark: bytes, first_line: int, rows
     for i in long:
         cells = lines[i].split(mark, rows.columns)
         beyond = cells.pop()
+        if runs_on and spill_over(lines[i].split(mark), rows.columns - 1):
+            raise spilt(rows.source, first_line + int(i))
         if beyond.strip(mark + b" ") and not runs_on:
             found = lines[i].count(mark) + 1
             raise rows.source.fault_in_line(
@@ -262,6 +266,8 @@ def _numbers(column: pa.ChunkedArray, decimal: str, name: str, lines: np.ndarray
         cell = text.strip()
         if len(cell) <= _LONGEST_CELL and number.fullmatch(cell):
             numbers[i] = float(cell.replace(decimal, "."))
+        elif len(cell) <= _LONGEST_CELL and (infinite := _INFINITE.fullmatch(cell)):
+            numbers[i] = float(f"{infinite[1]}inf")
         elif cell and not (len(cell) <= _LONGEST_CELL and _NO_NUMBER.fullmatch(cell)):
             wrong = f"{shown(cell)} is no number; mend the cell"
             raise source.fault_in_line(int(lines[i]), wrong, name or "without a name")

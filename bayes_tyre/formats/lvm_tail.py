@@ -5,7 +5,7 @@ import re
 from bayes_tyre.formats.lvm_source import MOST_COLUMNS, Source
 
 _NUMBER = re.compile(rb"[+-]?\d*[.,]?(\d*)([eE][+-]?\d+)?")
-_WORDS = (b"nan", b"inf", b"infinity")
+_WORD = re.compile(rb"[+-]?(?:nan|inf(?:inity)?|1[.,]#(?:[qs]?nan|ind|inf)\d*)", re.IGNORECASE)
 #: How many rows above show what a whole row looks like.
 _ROWS_ABOVE = 20
 _LONGEST_LINE = 1 << 20
@@ -46,7 +46,7 @@ def _is_cut(cell: bytes, above: list[bytes]) -> bool:
     """Return whether a number lacks decimals, or an exponent, that all those above have; or is no number."""
     whole = [match for other in above if (match := _NUMBER.fullmatch(other))]
     match = _NUMBER.fullmatch(cell)
-    if not whole or cell.lower().lstrip(b"+-") in _WORDS:
+    if not whole or _WORD.fullmatch(cell):
         return False
     if match is None or not any(character in b"0123456789" for character in cell):
         return True

@@ -5,16 +5,18 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.column_signals import read_columns
+from bayes_tyre.formats.column_signals import numbered, read_columns
 from bayes_tyre.formats.excel import read_excel
 from bayes_tyre.formats.lvm import read_lvm
 from bayes_tyre.formats.tdms import read_tdms
 from bayes_tyre.record import RawSignals
 
-READERS: dict[str, Callable[[Path], RawSignals]] = {
-    ".lvm": read_lvm,
-    ".txt": read_lvm,
-    ".tdms": read_tdms,
+type _Columns = Mapping[str, int] | None
+
+READERS: dict[str, Callable[[Path, _Columns], RawSignals]] = {
+    ".lvm": lambda path, columns: numbered(read_lvm(path), columns, path),
+    ".txt": lambda path, columns: numbered(read_lvm(path), columns, path),
+    ".tdms": lambda path, columns: numbered(read_tdms(path), columns, path),
     ".xlsx": read_excel,
     ".csv": read_columns,
     ".parquet": read_columns,
@@ -33,7 +35,7 @@ def read_raw(path: Path, columns: Mapping[str, int] | None = None) -> RawSignals
     path:
         A `.lvm`, `.txt`, `.tdms`, `.xlsx`, `.csv` or `.parquet` file.
     columns:
-        For a sheet: channel name -> column, counted from 1.
+        Channel name -> column, counted from 1, with `time` among them, for files whose channels have no names of use.
 
     Raises
     ------
@@ -42,10 +44,12 @@ def read_raw(path: Path, columns: Mapping[str, int] | None = None) -> RawSignals
     """
     suffix = path.suffix.lower()
     reader = READERS.get(suffix)
+    if reader is None and path.is_dir():
+        raise BadInput(f"{path}: is a folder; name a file in it")
     if reader is None:
         raise BadInput(f"{path}: {suffix or 'no suffix'} is no kind of recording; use {', '.join(READERS)}")
     try:
-        return read_excel(path, columns) if suffix == ".xlsx" else reader(path)
+        return reader(path, columns)
     except OSError as error:
         raise BadInput(f"{path}: {error.strerror or error}; check the path and the disk") from None
     except MemoryError:

@@ -54,6 +54,37 @@ def test_columns_by_the_names_above(path):
     assert raw.remarks == ("X 'Time (ms)' turned into seconds",)
 
 
+def test_a_column_of_text_is_left_out_and_said(path):
+    for text in (["warm", None, "left"], ["warm", "cold", "left"]):
+        rows = [[row[0], cell, *row[2:]] for row, cell in zip(ROWS, text, strict=True)]
+        raw = read_excel(written(path, [NAMES, *rows]))
+        assert [one.name for one in raw.segments[0]] == ["Acc m/s^2", "Load [kN]"]
+        assert raw.segments[0][1].values.tolist() == [30, 29.5, 29]
+        assert raw.remarks[0] == "column 'note' is text: left out"
+
+
+@pytest.mark.parametrize("title", [[], [["a title"]], [["day", "Monday"]], [["rate", 1000]]])
+def test_units_below_the_names_are_units_and_said(path, title):
+    rows = [["time", "note", "acc", "acc"], ["[ms]", None, "m/s^2", "g"], [0, "a", 1.5, 1], [10, "b", 2.5, 2]]
+    raw = read_excel(written(path, [*title, *rows]))
+    assert [(one.name, one.unit, one.time_s.tolist()) for one in raw.segments[0]] == [
+        ("acc", "m/s^2", [0.0, 0.01]),
+        ("acc", "g", [0.0, 0.01]),
+    ]
+    assert raw.remarks == (
+        f"row {2 + len(title)} is taken for the units of the names above it",
+        "column 'note' is text: left out",
+        "X 'time' turned into seconds",
+        "several channels have the name 'acc'",
+    )
+
+
+@pytest.mark.parametrize("above", [["who", "Smith"], ["a title"], ["rate", 1000]])
+def test_a_line_of_text_right_above_the_names_makes_them_no_units(path, above):
+    (acc,) = read_excel(written(path, [above, ["time", "acc"], [0, 1.5], [1, 2.5]])).segments[0]
+    assert (acc.name, acc.unit, acc.values.tolist()) == ("acc", "", [1.5, 2.5])
+
+
 def test_the_source_s_own_columns(path):
     # Columns 1, 3, 12 and 13 of a sheet below a LabVIEW header, text in others.
     header = [["Reader_Version", 2], ["Samples", *[3] * 12], ["X_Value", *[f"channel {i}" for i in range(1, 14)]]]

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fuzz_lvm import outcome
-from lvm_dialects import BAD, DATA, END, FILES, SAME, file_header, segment
+from lvm_dialects import BAD, DATA, END, FILES, ROWS, SAME, TWO, file_header, segment
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
@@ -233,6 +233,50 @@ def test_what_differs_from_the_header_is_said(path):
     raw = read(path, file_header(Multi_Headings="Yes") + empty + DATA)
     assert raw.remarks == ("segment 1: a header and no rows below it: left out",)
     assert len(raw.segments) == 1
+
+
+def test_decimal_commas_between_commas_are_refused(path):
+    rows = segment(TWO, ROWS.replace(".", ","), ["3", "3"], ",", delta=["0,1"] * 2)
+    text = file_header(",", Separator="") + rows
+    line = 1 + text[: text.index("0,000000,1")].count("\n")
+    said = f": line {line}: has numbers in its Comment: decimals with a comma, it seems; save it with tabs"
+    assert said in refusal(path, text)
+    one = file_header(",", X_Columns="No", Separator="") + segment(("acc",), "\t1,5\n\t2,5\n", ["2"], ",")
+    assert said[-40:] in refusal(path, one)
+    assert "its header says decimals have a comma" in refusal(path, file_header(",", Decimal_Separator=",") + rows)
+    assert "its header says decimals have a comma" in refusal(path, file_header(",", Decimal_Separator=",,") + rows)
+    # Cells with points, or a comment in words, are what they seem.
+    commented = SAME["comma"].replace("-2.500000\n", "-2.500000,4,5\n").replace("-2.250000\n", "-2.250000,7\n")
+    assert table(read(path, commented)) == table(read(path, SAME["tab"]))
+
+
+def test_channels_with_x_of_their_own_written_twice(path):
+    later = "0.3\t2.0\t0.0\t5.0\n0.4\t2.1\t0.5\t6.0\n0.5\t2.2\t\t\n"
+    acc, load = read(path, FILES["multi"] + later.encode()).segments[0]
+    assert (len(acc.values), load.values.tolist()) == (6, [-2.5, -2.25, 5.0, 6.0])
+    assert load.time_s.tolist() == [-1.0, -0.5, 0.0, 0.5]
+
+
+def test_a_half_row_at_the_end_of_an_earlier_segment_is_left_out_and_said(path):
+    raw = read(path, FILES["segments"].replace(b"0.200000\t1.250000\t-2.000000\n", b"0.200000\t1.\n", 1))
+    assert [[len(one.values) for one in channels] for channels in raw.segments] == [[2, 2], [3, 3]]
+    assert raw.remarks[0] == "segment 1: the last row is half written: left out"
+
+
+def test_all_lines_of_the_notes_are_kept(path):
+    assert read(path, SAME["notes"]).notes == ("rig warm", "left door open, 3 times", "Speed 15 km/h, load 20 kN")
+
+
+def test_what_windows_calls_infinite_is_read_and_said(path):
+    rows = {"1.125000": "1.#INF", "-2.250000": "-1.#INF00", "-2.000000\n": "1.#QNAN"}
+    text = SAME["tab"]
+    for before, after in rows.items():
+        text = text.replace(before, after)
+    raw = read(path, text)
+    acc, load = (one.values.tolist() for one in raw.segments[0])
+    assert acc == [1.0, np.inf, 1.25]
+    assert load == pytest.approx([-2.5, -np.inf, NAN], nan_ok=True)
+    assert raw.remarks == ("'acc', 'load': infinite readings: 1",)
 
 
 def test_a_table_large_enough_to_be_read_in_pieces(path):

@@ -60,7 +60,7 @@ def test_two_rates_segments_gaps_and_names_that_would_break_a_line(tmp_path):
     path = write_lvm(raw, tmp_path / "a.lvm")
     again = read_lvm(path)
     assert again.segments[0][0].name == "acc m/s\u00b2"
-    assert again.remarks == ()
+    assert again.remarks == ("segment 1: 'acc m/s\u00b2': infinite readings: 1",)
     np.testing.assert_array_equal(again.segments[0][0].values, gaps)
     np.testing.assert_allclose(again.segments[0][1].time_s, [-1.0, -0.75])
     np.testing.assert_allclose(np.diff(again.segments[1][0].time_s), 1 / 51200, rtol=1e-6)

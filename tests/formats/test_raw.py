@@ -71,6 +71,30 @@ def test_csv_with_gaps_text_and_faults(tmp_path):
             read_raw(put(path, content))
 
 
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("named.csv", "time_ms,note,acc,load\n0,a,1,-2.5\n100,b,1.125,-2.25\n200,c,1.25,-2\n"),
+        ("plain.csv", "0;7;1;-2,5\n0,1;7;1,125;-2,25\n0,2;7;1,25;-2\n"),
+        ("plain.txt", "0\t7\t1\t-2.5\n0.1\t7\t1.125\t-2.25\n0.2\t7\t1.25\t-2\n"),
+    ],
+)
+def test_columns_by_number(tmp_path, name, content):
+    path = put(tmp_path / name, content)
+    listing = listed(read_raw(path, {"time": 1, "column 3": 3, "load": 4}))
+    assert [each for each in listing if each[0] != "column 2"] == [
+        ("column 3", "", TIMES, ACC),
+        ("load", "", TIMES, LOAD),
+    ]
+    with pytest.raises(BadInput, match=r"column 2 does not hold its time|has 4 columns, no column 5"):
+        read_raw(path, {"time": 2, "column 5": 5})
+
+
+def test_columns_by_number_where_channels_have_names(tmp_path):
+    with pytest.raises(BadInput, match="its channels have names, and no numbers"):
+        read_raw(put(tmp_path / "step.lvm", SAME["tab"]), {"time": 1, "column 3": 3})
+
+
 def test_parquet(tmp_path):
     path = tmp_path / "step.parquet"
     stamps = pd.to_datetime(["2019-03-01 06:04:45", "2019-03-01 06:04:47"])
@@ -98,6 +122,8 @@ def test_missing_files_folders_and_other_kinds(tmp_path, suffix):
         read_raw(tmp_path / f"folder{suffix}")
     with pytest.raises(BadInput, match=r"\.mat is no kind of recording; use \.lvm"):
         read_raw(put(tmp_path / "step.mat", b""))
+    with pytest.raises(BadInput, match="is a folder; name a file in it"):
+        read_raw(tmp_path)
 
 
 def test_recordings_below_folders(tmp_path):
