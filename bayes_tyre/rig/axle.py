@@ -1,31 +1,41 @@
 """The machine as read from a TOML file, and the section and beam formulas of appendices B2 and B3."""
 
 import math
-import re
 import tomllib
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    Field,
+    FiniteFloat,
+    ValidationError,
+    model_validator,
+)
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
+from bayes_tyre.rig.channels import Channels, Section
+from bayes_tyre.rig.faults import EXPLAINED, first_fault
 
 #: Acceleration of free fall as the source takes it, m/s^2.
 GRAVITY_M_PER_S2 = 9.81
 EMBEDDED_RIGS = ("single", "dual")
 _CHOICES = f"{' or '.join(EMBEDDED_RIGS)}, or the path of a TOML file"
-_EXPLAINED = "the keys are explained in data/rigs/README.md"
 
 Positive = Annotated[FiniteFloat, Field(gt=0)]
 NotNegative = Annotated[FiniteFloat, Field(ge=0)]
 Name = Annotated[str, Field(min_length=1)]
 
 
-class _Section(BaseModel):
-    # Strict, so that a quoted number or a true where a length belongs is found rather than converted.
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+def _share(value: float) -> float:
+    if value > 1:
+        raise PydanticCustomError("share", "Should be a share, not per cent (0.2 for 20 %)")
+    return value
+
+
+Share = Annotated[NotNegative, AfterValidator(_share)]
 
 
 def _missing(*keys: str) -> ValidationError:
@@ -35,7 +45,7 @@ def _missing(*keys: str) -> ValidationError:
     )
 
 
-class Axle(_Section):
+class Axle(Section):
     """Lever arms (mm), masses (kg) and the axle's own load on the tyre (kN).
 
     Of the lever arms only ratios enter. A machine whose actuator and sensors act at the wheel centre has none: all
@@ -48,7 +58,7 @@ class Axle(_Section):
     mass_kg: Positive | None = None
     axle_load_kN: NotNegative
     effective_mass_kg: Positive
-    effective_mass_relative_sd: NotNegative = 0.1
+    effective_mass_relative_sd: Share = 0.1
 
     @property
     def has_lever(self) -> bool:
@@ -64,20 +74,20 @@ class Axle(_Section):
         return self
 
 
-class Tyre(_Section):
+class Tyre(Section):
     """The tyre: its unloaded radius (mm)."""
 
     unloaded_radius_mm: Positive
 
 
-class Rollers(_Section):
+class Rollers(Section):
     """The pair of rollers: their radius and half the distance between their axes (mm)."""
 
     radius_mm: Positive
     half_spacing_mm: Positive
 
 
-class Beam(_Section):
+class Beam(Section):
     """The beam's section (mm), density (kg/m^3) and Young's modulus (GPa)."""
 
     outer_width_mm: Positive
@@ -90,7 +100,7 @@ class Beam(_Section):
     youngs_modulus_GPa: Positive
 
 
-class Calibration(_Section):
+class Calibration(Section):
     """Lines from volts to engineering units, value = slope * volts + intercept; a sensor may have none."""
 
     acceleration_slope_m_per_s2_per_V: FiniteFloat | None = None
@@ -110,18 +120,7 @@ class Calibration(_Section):
         return self
 
 
-class Channels(_Section):
-    """Which column of a raw file is which; the voltages serve where the engineering channels are missing."""
-
-    acceleration: Name = "Acc m/s^2"
-    displacement: Name = "Disp mm"
-    load: Name = "Load kN"
-    acceleration_voltage: Name = "Raw Acc Voltage"
-    displacement_voltage: Name = "Raw Disp Voltage"
-    load_voltage: Name = "Raw Load Voltage"
-
-
-class Signs(_Section):
+class Signs(Section):
     """Whether each reading has the sign its key says (True) or the opposite (False)."""
 
     acceleration_positive_upward: bool = True
@@ -129,7 +128,7 @@ class Signs(_Section):
     load_positive_into_rollers: bool = True
 
 
-class Rig(_Section):
+class Rig(Section):
     """One axle and the ground under its tyre; `data/rigs/README.md` explains every key.
 
     Without `rollers` the tyre stands on flat ground; the tyre's radius then serves only the runout of a rolling one.
@@ -196,18 +195,7 @@ def load_rig(name_or_path: str | Path) -> Rig:
     try:
         return Rig.model_validate(content)
     except ValidationError as error:
-        raise BadInput(f"{path}: {_first_fault(error)}") from None
-
-
-def _first_fault(error: ValidationError) -> str:
-    """Return what is wrong with the first key, as the file spells it, and what to do."""
-    first, *others = error.errors()
-    key = ".".join(part if re.fullmatch(r"[\w-]+", part, re.ASCII) else repr(part) for part in map(str, first["loc"]))
-    more = f" (and {len(others)} more)" if others else ""
-    said = {"missing": ("is missing", "add it"), "extra_forbidden": ("is unknown", "mend its spelling or remove it")}
-    wrong = f"{first['msg'][0].lower()}{first['msg'][1:]}, not {repr(first['input'])[:40]}", "mend the value"
-    what, remedy = said.get(first["type"], wrong)
-    return f"key {key}: {what}{more}; {remedy}, {_EXPLAINED}"
+        raise BadInput(f"{path}: {first_fault(error, Rig, content)}") from None
 
 
 def second_moment_m4(beam: Beam) -> float:
@@ -233,7 +221,7 @@ def needed[T](value: T | None, rig: Rig, key: str) -> T:
         If this one has left it out.
     """
     if value is None:
-        raise BadInput(f"rig {rig.name!r}, key {key}: is missing; add it, {_EXPLAINED}")
+        raise BadInput(f"rig {rig.name!r}, key {key}: is missing; add it, {EXPLAINED}")
     return value
 
 

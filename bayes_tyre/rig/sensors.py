@@ -16,7 +16,7 @@ class Sensor(NamedTuple):
     unit:
         Of its channel: m/s^2, mm or kN.
     channel, voltage:
-        Names of the channel in engineering units and of the one in volts.
+        Names of the channel in engineering units and of the one in volts; `column 12` of one given by its number.
     line:
         From volts to the unit; None where the rig file has none.
     positive:
@@ -43,28 +43,47 @@ def sensors_of(rig: Rig) -> tuple[Sensor, Sensor, Sensor]:
         Sensor(
             "acceleration",
             "m/s^2",
-            names.acceleration,
-            names.acceleration_voltage,
+            _name(names.acceleration),
+            _name(names.acceleration_voltage),
             _line(lines.acceleration_slope_m_per_s2_per_V, lines.acceleration_intercept_m_per_s2),
             signs.acceleration_positive_upward,
         ),
         Sensor(
             "displacement",
             "mm",
-            names.displacement,
-            names.displacement_voltage,
+            _name(names.displacement),
+            _name(names.displacement_voltage),
             _line(lines.displacement_slope_mm_per_V, lines.displacement_intercept_mm),
             signs.displacement_grows_downward,
         ),
         Sensor(
             "load",
             "kN",
-            names.load,
-            names.load_voltage,
+            _name(names.load),
+            _name(names.load_voltage),
             _line(lines.load_slope_kN_per_V, lines.load_intercept_kN),
             signs.load_positive_into_rollers,
         ),
     )
+
+
+def columns_of(rig: Rig) -> dict[str, int] | None:
+    """Return the columns that a rig gives by number, as `bayes_tyre.formats.raw.read_raw` takes them.
+
+    Returns
+    -------
+    Channel name, as in `sensors_of`, -> column, counted from 1, the time among them; None where all have names.
+    """
+    if not rig.channels.by_number:
+        return None
+    return {
+        "time" if key == "time" else _name(column): column for key, column in rig.channels if isinstance(column, int)
+    }
+
+
+def _name(column: str | int) -> str:
+    # What readers call a column of a table without names.
+    return column if isinstance(column, str) else f"column {column}"
 
 
 def _line(slope: float | None, intercept: float | None) -> Line | None:

@@ -11,6 +11,7 @@ from bayes_tyre.formats.files import check_folder, remove_leftovers
 from bayes_tyre.formats.joined import write_joined
 from bayes_tyre.formats.raw import read_raw
 from bayes_tyre.formats.tables import write_table
+from bayes_tyre.rig.sensors import columns_of
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.signals.process import process
 from bayes_tyre.workflow.each_file import Machines, each_file
@@ -87,7 +88,7 @@ def process_file(task: Task) -> Done | Fault:
 def _done(task: Task) -> Done:
     if isinstance(task.words, str) or task.rig is None:
         raise BadInput(str(task.words))
-    raw = read_raw(task.file)
+    raw = read_raw(task.file, columns_of(task.rig))
     processed = process(raw, task.rig, task.words, task.method)
     said = any(_SIMULATED in text for text in raw.notes)
     origin = "simulated" if said or task.simulated else "measured"

@@ -7,6 +7,7 @@ from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
 from bayes_tyre.rig import axle
 from bayes_tyre.rig.axle import Rollers, Tyre, load_rig
+from bayes_tyre.rig.sensors import columns_of, sensors_of
 
 
 @pytest.fixture
@@ -31,6 +32,19 @@ def test_a_rig_of_ones_own_and_its_defaults(tmp_path, single_text):
     assert rig.channels == load_rig("single").channels
     assert rig.signs.load_positive_into_rollers
     assert load_rig(str(own)) == rig
+
+
+def test_channels_by_number(tmp_path, single_text):
+    own = tmp_path / "own.toml"
+    start = single_text[: single_text.index("[channels]")]
+    own.write_text(f"{start}[channels]\nacceleration = 3\ndisplacement = 12\nload = 13\n")
+    rig = load_rig(own)
+    assert [sensor.channel for sensor in sensors_of(rig)] == ["column 3", "column 12", "column 13"]
+    assert columns_of(rig) == {"time": 1, "column 3": 3, "column 12": 12, "column 13": 13}
+    assert rig.model_dump(mode="json")["channels"]["load"] == 13
+    own.write_text(f"{start}[channels]\nload = 1\ntime = 2\n")
+    assert columns_of(load_rig(own)) == {"time": 2, "column 1": 1}
+    assert columns_of(load_rig("single")) is None
 
 
 def test_whole_numbers_are_numbers(tmp_path, single_text):
@@ -63,6 +77,34 @@ ADD, MEND, SPELL = "; add it", "; mend the value", "; mend its spelling or remov
             MEND,
         ),
         ('load = "Load kN"', 'load = ""', "channels.load: ", MEND),
+        (
+            'load = "Load kN"',
+            "load = 0",
+            "channels.load: should be a name, or a column's number from 1 on, not 0",
+            MEND,
+        ),
+        ('load = "Load kN"', "load = true", "channels.load: should be a name, ", MEND),
+        ('load = "Load kN"', 'load = "Disp mm "', "channels.load: should be another than that of ", MEND),
+        ('load = "Load kN"', "load = 1", "channels.time: should be another than that of channels.load, ", MEND),
+        (
+            'load = "Load kN"',
+            'load = "Load kN"\ntime = 2',
+            "channels.time: should stand beside channels given by ",
+            MEND,
+        ),
+        (
+            "support_to_load_mm = 875.0",
+            "suport_to_load_mm = 875.0",
+            "axle.suport_to_load_mm: is unknown; ",
+            f"{SPELL} (did you mean axle.support_to_load_mm?)",
+        ),
+        ("[tyre]", "[tire]", "tire: is unknown; ", f"{SPELL} (did you mean tyre?)"),
+        (
+            "effective_mass_relative_sd = 0.1",
+            "effective_mass_relative_sd = 20",
+            "axle.effective_mass_relative_sd: should be a share, not per cent ",
+            MEND,
+        ),
     ],
 )
 def test_bad_keys_are_named_as_the_file_spells_them_with_what_to_do(tmp_path, single_text, before, after, said, remedy):
