@@ -67,6 +67,9 @@ def test_signs_that_are_not_mended_show_in_the_residual(tmp_path):
     done = here("calibrate", SAMPLE, "--out", tmp_path / "lines.toml")
     assert done.exit_code == 0
     assert "0.011 m/s^2" in done.stdout
+    (said,) = (line for line in done.stderr.splitlines() if "leaves" in line)
+    assert "the line of the acceleration leaves 0.011 m/s^2, 18 steps of its converter; " in said
+    assert "minus signs seem lost, with --mend-signs it leaves 2.5e-06 m/s^2" in said
     assert "put back" not in done.stdout
     slope = tomllib.loads((tmp_path / "lines.toml").read_text())["calibration"]["acceleration_slope_m_per_s2_per_V"]
     assert slope < 9
@@ -139,9 +142,30 @@ def test_a_file_without_any_line_is_refused_and_nothing_is_written(tmp_path):
     assert tree_of(tmp_path) == before
 
 
+def test_a_pair_that_does_not_belong_together_is_said(tmp_path):
+    noise = np.random.default_rng(4).normal(size=200)
+    table(**{"Load kN": 30 + noise}).to_csv(tmp_path / "raw.csv", index=False)
+    done = here("calibrate", tmp_path / "raw.csv")
+    assert done.exit_code == 0
+    assert "look whether 'Load kN' belongs to 'Raw Load Voltage'" in done.stderr
+    assert "line of the acceleration" not in done.stderr
+
+
+def test_channels_by_number_in_a_workbook(tmp_path):
+    table().to_excel(tmp_path / "raw.xlsx", index=False)
+    rig = data_path("rigs/dual.toml").read_text()
+    rig = rig.replace('load = "Load kN"', "load = 5").replace('load_voltage = "Raw Load Voltage"', "load_voltage = 4")
+    (tmp_path / "own.toml").write_text(rig)
+    done = here("calibrate", tmp_path / "raw.xlsx", "--rig", tmp_path / "own.toml")
+    assert done.exit_code == 0, done.stderr
+    assert "-2000 kN/V" in done.stdout
+    assert "column 4 -> column 5" in done.stdout
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
+        ([SAMPLE.parent], "is a folder; name a file in it"),
         (["none.lvm"], "no such file"),
         ([SAMPLE, "--rig", "none.toml"], "no such rig file"),
         ([SAMPLE, "--out", "lines.csv"], "is no .toml file"),

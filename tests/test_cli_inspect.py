@@ -65,12 +65,22 @@ def test_a_channel_without_a_reading_and_one_without_a_sample(tmp_path):
     assert last[COLUMNS[6:10]].isna().all()
 
 
-def test_the_first_bad_file_ends_it_and_nothing_is_written(lab, tmp_path):
-    (lab / "c.lvm").write_text(TABLE.replace("-1.5", "broken"))
+def test_bad_files_are_said_the_others_listed_and_nothing_is_written(lab, tmp_path):
+    for name in ("c.lvm", "d.lvm"):
+        (lab / name).write_text(TABLE.replace("-1.5", "broken"))
     before = tree_of(tmp_path)
-    for arguments in ([lab], [lab / "c.lvm"], [lab / "a.lvm", lab / "c.lvm"]):
-        done = here("inspect", *arguments, "--out", tmp_path / "out.csv")
-        assert_refused(done.exit_code, done.stderr.splitlines(keepends=True)[-1], "c.lvm", "line 4", "acc", "'broken'")
+    for out in ([], ["--out", tmp_path / "out.csv"]):
+        done = here("inspect", lab, *out)
+        *warnings, last = done.stderr.splitlines(keepends=True)
+        assert_refused(
+            done.exit_code, last, "2 of 4 files cannot be read", *(["out.csv is not written"] if out else [])
+        )
+        for name in ("c.lvm", "d.lvm"):
+            assert f"{lab / name}: line 4, column acc: 'broken'" in "".join(warnings)
+        assert len(warnings) == 3  # and the remark on the sample
+        assert [done.stdout.count(str(lab / name)) for name in ("a.lvm", "b.lvm", "c.lvm")] == [2, 7, 0]
+    done = here("inspect", lab / "c.lvm", "--out", tmp_path / "out.csv")
+    assert_refused(done.exit_code, done.stderr, "c.lvm", "line 4", "acc", "'broken'")
     assert tree_of(tmp_path) == before
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayes_tyre.cli.messages import one_line
-from bayes_tyre.cli.shell import Quiet, say, warn
+from bayes_tyre.cli.shell import NoSeed, Quiet, say, warn
 
 if TYPE_CHECKING:
     from bayes_tyre.workflow.calibrate import Fitted
@@ -26,15 +26,18 @@ def calibrate(
         typer.Option("--mend-signs", help="Put lost minus signs back where that brings readings to a line that rises."),
     ] = False,
     out: Annotated[Path | None, typer.Option(help="TOML file to write: the [calibration] section of a rig.")] = None,
+    seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Fit the lines from volts to engineering units, m/s^2 and (mm, kN), by least squares over all rows of a file.
 
     Prints for each sensor slope (unit/V), intercept (unit), what the line leaves (root mean square), the digitiser's
-    step, and rows used. A sensor whose pair of channels is missing, or still, is said on stderr; with none, exit 3.
+    step, and rows used. A sensor whose pair of channels is missing, or still, is said on stderr; with none, exit 3. So
+    is a line that leaves more than three steps, and whether lost minus signs are why.
 
     Example: bayes-tyre calibrate data/sample/appendix_b1.lvm --mend-signs --out calibration.toml
     """
+    del seed
     from bayes_tyre.workflow.calibrate import calibrate as fit_lines
 
     lines, remarks = fit_lines(raw, rig, mend_signs, out)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bayes_tyre.cli.shell import Quiet, progress, say, warn
+from bayes_tyre.cli.shell import NoSeed, Quiet, progress, say, warn
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -22,27 +22,35 @@ def inspect(
     out: Annotated[
         Path | None, typer.Option(help="File to write (.csv or .parquet); default: to the terminal.")
     ] = None,
+    seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Say what raw files hold: a row a channel and segment, in the units of the file, such as (mm, kN); X in s.
 
     Columns: file, segment, channel, unit, samples, dt_s, first, last, min, max, missing. X is no channel. What is odd
-    about a file, such as fewer samples than its header promises, goes to stderr, a line each.
+    about a file, such as fewer samples than its header promises, goes to stderr, a line each. So does a file that
+    cannot be read: the others are listed all the same, but nothing is written to --out, and the exit code is 3.
 
     Example: bayes-tyre inspect data/sample/appendix_b1.lvm --out results/channels.csv
     """
+    del seed
+    from bayes_tyre.errors import BadInput
     from bayes_tyre.formats.raw import raw_files
     from bayes_tyre.workflow.inspect import inspect_raw
 
     files, passed_over = raw_files(raw)
     with progress("inspect", len(files), quiet) as advance:
-        table, remarks = inspect_raw(files, out, advance)
-    for remark in [*passed_over, *remarks]:
+        table, remarks, faults = inspect_raw(files, out, advance)
+    if len(files) == len(faults) == 1:
+        raise BadInput(faults[0])
+    for remark in [*passed_over, *remarks, *faults]:
         warn(remark)
-    if out is None:
-        if not quiet:
-            _print(table)
-    else:
+    if (out is None or faults) and len(table) and not quiet:
+        _print(table)
+    if faults:
+        unwritten = "" if out is None else f", so that {out} is not written"
+        raise BadInput(f"{len(faults)} of {len(files)} files cannot be read{unwritten}; mend them, or name the others")
+    if out is not None:
         say(f"wrote {out}", quiet)
 
 

@@ -14,10 +14,14 @@ from bayes_tyre.formats.raw import read_raw
 from bayes_tyre.record import Channel
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.rig.calibration import Line, fit_line, quantisation_step, residual_rms, with_best_signs
-from bayes_tyre.rig.sensors import Sensor, sensors_of
+from bayes_tyre.rig.sensors import Sensor, columns_of, sensors_of
 from bayes_tyre.workflow.inspect import path_text
 
 Readings = Float[np.ndarray, " rows"]
+#: Steps of the digitiser that a line may leave (root mean square): of two rounded readings it leaves less than one.
+_FEW_STEPS = 3.0
+#: A line through mended signs fits far better if it leaves at most this share.
+_FAR_BETTER = 0.2
 
 
 class Fitted(NamedTuple):
@@ -35,6 +39,8 @@ class Fitted(NamedTuple):
         Step of the digitiser, V and the unit; NaN where all readings are alike.
     rows, mended:
         Rows with both readings, and how many of them got a minus sign back.
+    mended_rms:
+        What a line leaves with the best signs.
     """
 
     sensor: Sensor
@@ -44,10 +50,26 @@ class Fitted(NamedTuple):
     unit_step: float
     rows: int
     mended: int
+    mended_rms: float
+
+    def doubt(self) -> str:
+        """Return what speaks against the line; empty where nothing does."""
+        # The coarser of the two: readings and volts may be printed with unlike digits.
+        step = np.nanmax([self.unit_step, abs(self.line.slope) * self.volts_step, 0.0])
+        if not self.residual_rms > _FEW_STEPS * step:
+            return ""
+        unit = self.sensor.unit
+        steps = f", {self.residual_rms / step:.2g} steps of its converter" if step else ""
+        said = f"the line of the {self.sensor.quantity} leaves {self.residual_rms:.2g} {unit}{steps}"
+        if self.mended_rms <= _FAR_BETTER * self.residual_rms:
+            return f"{said}; minus signs seem lost, with --mend-signs it leaves {self.mended_rms:.2g} {unit}"
+        return f"{said}; look whether {self.sensor.channel!r} belongs to {self.sensor.voltage!r}"
 
 
 def calibrate(raw: Path, rig: str | None, mend_signs: bool, out: Path | None) -> tuple[list[Fitted], list[str]]:
-    """Return the lines of the sensors that a file allows, and why it allows no more; write `[calibration]` to `out`.
+    """Return the lines of the sensors that a file allows, and remarks; write `[calibration]` to `out`.
+
+    Remarks say what is odd about the file, why a sensor has no line, and what speaks against one.
 
     Parameters
     ----------
@@ -70,8 +92,9 @@ def calibrate(raw: Path, rig: str | None, mend_signs: bool, out: Path | None) ->
             raise BadInput(f"--out {out}: is no .toml file; name one")
         check_folder(out.parent)
     # The channels that both embedded rigs name are the defaults.
-    sensors = sensors_of(load_rig(rig if rig is not None else "single"))
-    recording = read_raw(raw)
+    machine = load_rig(rig if rig is not None else "single")
+    sensors = sensors_of(machine)
+    recording = read_raw(raw, columns_of(machine))
     lines: list[Fitted] = []
     remarks = [f"{path_text(raw)}: {remark}" for remark in recording.remarks]
     for sensor in sensors:
@@ -81,6 +104,7 @@ def calibrate(raw: Path, rig: str | None, mend_signs: bool, out: Path | None) ->
             remarks.append(f"{path_text(raw)}: no line of the {sensor.quantity}: {error}")
     if not lines:
         raise BadInput(f"{remarks[-len(sensors)]} (and no other sensor has a line)")
+    remarks += [f"{path_text(raw)}: {doubt}" for fitted in lines if (doubt := fitted.doubt())]
     if out is not None:
         write_text(_section(raw, lines), out)
     return lines, remarks
@@ -98,12 +122,14 @@ def _fit(segments: Sequence[Sequence[Channel]], sensor: Sensor, mend: bool) -> F
     try:
         signed = with_best_signs(volts, values) if mend else values
         line = fit_line(volts, signed)
+        best = with_best_signs(volts, values) if len(np.unique(volts)) > 2 else signed
     except ValueError as error:
         alike = f"all {len(volts)} readings of {sensor.voltage!r} lie within {np.ptp(volts):g} V: {error}"
         raise BadInput(f"{alike}; record it while the sensor moves") from None
     steps = [quantisation_step(each) if np.ptp(each) > 0 else np.nan for each in (volts, signed)]
-    rms = residual_rms(line, volts, signed)
-    return Fitted(sensor, line, rms, *steps, rows=len(volts), mended=int((signed != values).sum()))
+    rms, mended_rms = (residual_rms(fit_line(volts, each), volts, each) for each in (signed, best))
+    mended = int((signed != values).sum())
+    return Fitted(sensor, line, rms, *steps, rows=len(volts), mended=mended, mended_rms=mended_rms)
 
 
 def _pair(segments: Sequence[Sequence[Channel]], sensor: Sensor) -> tuple[Readings, Readings]:

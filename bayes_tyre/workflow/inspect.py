@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -15,10 +16,26 @@ from bayes_tyre.record import Channel, RawSignals
 COLUMNS = ("file", "segment", "channel", "unit", "samples", "dt_s", "first", "last", "min", "max", "missing")
 
 
-def inspect_raw(
-    files: Sequence[Path], out: Path | None, on_progress: Callable[[int], None]
-) -> tuple[pd.DataFrame, list[str]]:
-    """Return what raw files hold, and remarks on them, each with its file; write the table to `out` if given.
+class Inspected(NamedTuple):
+    """What raw files hold.
+
+    Attributes
+    ----------
+    table:
+        A row a channel and segment of the files that can be read.
+    remarks:
+        What is odd about these, each with its file.
+    faults:
+        Why the others cannot be read, a line each.
+    """
+
+    table: pd.DataFrame
+    remarks: list[str]
+    faults: list[str]
+
+
+def inspect_raw(files: Sequence[Path], out: Path | None, on_progress: Callable[[int], None]) -> Inspected:
+    """Return what raw files hold; write the table to `out`, if given, where all can be read.
 
     Parameters
     ----------
@@ -31,13 +48,14 @@ def inspect_raw(
 
     Returns
     -------
-    A row a channel and segment: `samples` counts its rows, `missing` those without a reading; `first`, `last`,
-    `min`, `max` are readings in the unit of the file, `dt_s` the median step of X (s); NaN where there are none.
+    The table, remarks and faults. In the table `samples` counts a channel's rows, `missing` those without a reading;
+    `first`, `last`, `min`, `max` are readings in the unit of the file, `dt_s` the median step of X (s); NaN where there
+    are none.
 
     Raises
     ------
     BadInput
-        At the first file that cannot be read; nothing is written then.
+        If `out` is of no use.
     """
     if out is not None:
         if out.is_dir() or out.suffix.lower() not in (".csv", ".parquet"):
@@ -45,16 +63,21 @@ def inspect_raw(
         check_folder(out.parent)
     rows: list[tuple[object, ...]] = []
     remarks: list[str] = []
+    faults: list[str] = []
     for file in files:
-        raw = read_raw(file)
         name = path_text(file)
-        rows += ((name, *row) for row in _rows_of(raw))
-        remarks += [f"{name}: {remark}" for remark in raw.remarks]
+        try:
+            raw = read_raw(file)
+        except BadInput as error:
+            faults.append(str(error))
+        else:
+            rows += ((name, *row) for row in _rows_of(raw))
+            remarks += [f"{name}: {remark}" for remark in raw.remarks]
         on_progress(1)
     table = pd.DataFrame(rows, columns=list(COLUMNS))
-    if out is not None:
+    if out is not None and not faults:
         write_table(table, out)
-    return table, remarks
+    return Inspected(table, remarks, faults)
 
 
 def path_text(path: Path) -> str:
