@@ -19,9 +19,7 @@ def show(
         typer.Option(help="truth.csv of simulate: print k and beta of each record beside it, and the errors in %."),
     ] = None,
     seed: NoSeed = 0,
-    quiet: Annotated[
-        bool, typer.Option("--quiet", help="Print nothing: only see whether all is there.")
-    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing: only see whether all is there.")] = False,
 ) -> None:
     """Print k (kN/mm) and beta (mm) by configuration and direction, with intervals, from results on disk.
 
