@@ -5,6 +5,7 @@ SHELL := /bin/bash
 
 VENV := .venv
 BIN := $(VENV)/bin
+BENCH := .venv-bench
 RESULTS := results
 
 # The first interpreter >= 3.12 that PATH or pyenv offers; a pyenv shim may exist and still refuse.
@@ -14,7 +15,7 @@ FIND_PYTHON = for candidate in "$${PYTHON:-}" python3.13 python3.12 python3.14 p
 	    && { echo "$$candidate"; exit 0; }; \
 	done; echo "No Python >= 3.12 on PATH or in pyenv: install one, or call make PYTHON=/path/to/python" >&2; exit 1
 
-.PHONY: help fit figure demo test check lint clean install lock campaign wheel fuzz calibrate
+.PHONY: help fit figure demo test check lint clean install lock campaign wheel fuzz calibrate bench
 
 help:  ## Print this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -52,6 +53,16 @@ demo: install  ## Simulate a small campaign, process it by both methods, fit it,
 	$(BIN)/bayes-tyre fit $$out/inertia/records.csv --out $$out/inertia/fit || { trust=$$?; [ $$trust -eq 4 ]; }; \
 	$(BIN)/bayes-tyre show --truth $$out/raw/truth.csv $$out/thesis/lsq $$out/inertia/lsq $$out/inertia/fit; \
 	exit $$trust
+
+$(BENCH)/installed: benchmarks/requirements-bench.lock requirements-uv.lock pyproject.toml
+	@python=$$($(FIND_PYTHON)); echo "Building $(BENCH) with $$("$$python" --version)"; "$$python" -m venv --clear $(BENCH)
+	@$(BENCH)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-uv.lock
+	@VIRTUAL_ENV=$(BENCH) $(BENCH)/bin/uv pip install --quiet --require-hashes -r benchmarks/requirements-bench.lock
+	@VIRTUAL_ENV=$(BENCH) $(BENCH)/bin/uv pip install --quiet --no-deps --no-build-isolation --editable .
+	@touch $@
+
+bench: $(BENCH)/installed  ## Measure against scipy, lmfit, NumPyro, PyMC, nutpie, lvm_read (QUICK=1: less of it)
+	@$(BENCH)/bin/python benchmarks/run.py $(if $(QUICK),--quick)
 
 calibrate: install  ## Rank truths drawn from the priors among their posteriors' draws, into results/calibration
 	@$(BIN)/bayes-tyre study calibration --out $(RESULTS)/calibration
@@ -104,7 +115,9 @@ wheel: install  ## Build the wheel into dist/ and run it in an empty folder, und
 lock: install  ## Resolve the dependencies anew into requirements.lock
 	$(BIN)/uv pip compile pyproject.toml --group dev --generate-hashes --no-emit-index-url --universal \
 	  --python-version 3.12 --no-header --quiet --output-file requirements.lock
+	$(BIN)/uv pip compile pyproject.toml --group bench --generate-hashes --no-emit-index-url --universal \
+	  --python-version 3.12 --no-header --quiet --output-file benchmarks/requirements-bench.lock
 
 clean:  ## Remove results, caches and .venv
-	rm -rf $(RESULTS) $(VENV) .pytest_cache .ruff_cache .hypothesis .import_linter_cache build dist
+	rm -rf $(RESULTS) $(VENV) $(BENCH) .pytest_cache .ruff_cache .hypothesis .import_linter_cache build dist
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -21,7 +21,7 @@ def main() -> None:
             ours = reading.timed(sys.executable, reading._OURS, small, path, runs)
             theirs = reading.timed(sys.executable, reading._PEER, small, path, max(runs // 3, 1))
             if ours is None or theirs is None:
-                raise SystemExit("bayes_tyre or lvm_read is not installed here: pip install lvm_read")
+                raise SystemExit("bayes_tyre or lvm_read is not installed here: make bench builds .venv-bench")
             print(
                 f"| {name} | {size / 1e6:.1f} | {1e3 * ours.wall:.0f} | {ours.peak / size:.1f} | "
                 f"{1e3 * theirs.wall:.0f} | {theirs.peak / size:.1f} | {theirs.wall / ours.wall:.1f} | "
