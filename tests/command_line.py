@@ -21,7 +21,7 @@ ON_RESULTS: dict[str, tuple[str, ...]] = {"show": (), "predict": ("--case", "dir
 WORDS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN", "repeat"]
 FIT_FILES = {
     *("posterior.nc", "summary.csv", "cases.csv", "contrasts.csv", "repeats.csv", "diagnostics.json", "run.json"),
-    *("figures/posteriors_by_direction.png", "figures/forest_of_cases.png"),
+    *("figures/posteriors_by_direction.png", "figures/forest_of_cases.png", "figures/contrasts.png"),
     *("figures/records_with_bands.png", "figures/outlier_probabilities.png"),
     *("figures/prior_predictive_curves.png", "figures/residuals_against_displacement.png"),
     *("figures/prior_and_posterior_of_scales.png", "figures/rank_plot.png", "figures/pair_plot.png"),

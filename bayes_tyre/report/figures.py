@@ -13,7 +13,8 @@ from bayes_tyre.inference.posterior import RECORD_UNITS
 from bayes_tyre.report import predictive, summary
 from bayes_tyre.report.case_figures import forest_of_cases, outlier_probabilities
 from bayes_tyre.report.colours import Setting
-from bayes_tyre.report.contrasts import tree_cases
+from bayes_tyre.report.contrast_figures import contrasts_by_case
+from bayes_tyre.report.contrasts import contrasts, tree_cases
 from bayes_tyre.report.density_figures import posteriors_by_direction, prior_and_posterior_of_scales
 from bayes_tyre.report.populations import Population, divergences, paired, populations
 from bayes_tyre.report.prior_records import prior_panels
@@ -103,6 +104,10 @@ def _forest(result: Result) -> Figure:
     return forest_of_cases(result.cases, result.printed, result.setting, about)
 
 
+def _contrasts(result: Result) -> Figure:
+    return contrasts_by_case(contrasts(result.tree, result.verdict, result.interval), result.setting)
+
+
 def _scales(result: Result) -> Figure:
     return prior_and_posterior_of_scales(scales(result.populations), result.setting)
 
@@ -139,6 +144,7 @@ def _outliers(result: Result, _: pd.DataFrame) -> Figure:
 ALWAYS: Mapping[str, Callable[[Result], Figure]] = {
     "posteriors_by_direction": _posteriors,
     "forest_of_cases": _forest,
+    "contrasts": _contrasts,
     "prior_and_posterior_of_scales": _scales,
     "rank_plot": _ranks,
     "pair_plot": _pairs,

@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from bayes_tyre.report import case_figures, density_figures, record_figures, sampler_figures
+from bayes_tyre.report import case_figures, contrast_figures, density_figures, record_figures, sampler_figures
 from bayes_tyre.report.colours import Setting
 from bayes_tyre.report.populations import Population
 from bayes_tyre.report.prior_records import PriorPanel
@@ -25,7 +25,7 @@ OF_CONFIGURATIONS = (
     *("posteriors_by_direction", "forest_of_cases", "records_with_bands", "outlier_probabilities"),
     *("residuals_against_displacement", "prior_predictive_curves", "pair_plot"),
 )
-ALL = (*OF_CONFIGURATIONS, "rank_plot", "prior_and_posterior_of_scales")
+ALL = (*OF_CONFIGURATIONS, "contrasts", "rank_plot", "prior_and_posterior_of_scales")
 
 
 def words_of_cases(configurations=("single", "dual"), speeds=(0.0, 25.0)) -> pd.DataFrame:
@@ -47,6 +47,21 @@ def cases(**words) -> pd.DataFrame:
     ]
     table = pd.concat(blocks, ignore_index=True)
     return table.assign(lower=table["median"] * 0.9, upper=table["median"] * 1.1, interval=0.95)
+
+
+def contrasts(configurations=("single", "dual")) -> pd.DataFrame:
+    """Return ratios of the first two configurations, and of the directions of each."""
+    both, blank = " / ".join(configurations[:2]), dict.fromkeys(WORDS, np.nan)
+    of_cases = words_of_cases(configurations[:1]).assign(configuration=np.nan, contrast=both, matching="same case")
+    average = pd.DataFrame([{**blank, "contrast": both, "matching": "same case"}])
+    words = {"contrast": "loading / unloading", "matching": "same span"}
+    directions = pd.DataFrame([{**blank, **words, "configuration": name} for name in configurations])
+    table = pd.concat([average, of_cases, directions], ignore_index=True)
+    ratios = np.linspace(0.9, 1.4, len(table))
+    blocks = [table.assign(parameter=name, median=ratios**power) for name, power in (("k", 1.0), ("beta", 4.0))]
+    both_parameters = pd.concat(blocks, ignore_index=True)
+    spread = {"lower": both_parameters["median"] * 0.9, "upper": both_parameters["median"] * 1.1, "interval": 0.95}
+    return both_parameters.assign(**spread, p_greater_than_1=np.clip(both_parameters["median"] - 0.5, 0, 1))
 
 
 def cells(configurations=("single", "dual"), spread=0.05, draws=200) -> pd.DataFrame:
@@ -119,6 +134,7 @@ def scales(contractions=(0.9, 0.1, 0.5, 0.0, 1.0)) -> list[Scale]:
 _FIGURES = {
     "posteriors_by_direction": density_figures.posteriors_by_direction,
     "forest_of_cases": case_figures.forest_of_cases,
+    "contrasts": contrast_figures.contrasts_by_case,
     "outlier_probabilities": case_figures.outlier_probabilities,
     "records_with_bands": record_figures.records_with_bands,
     "residuals_against_displacement": partial(record_figures.residuals_against_displacement, threshold=0.3),
@@ -135,6 +151,7 @@ def made(name: str, configurations: tuple[str, ...]) -> list[Any]:
     return {
         "posteriors_by_direction": lambda: [cells(configurations)],
         "forest_of_cases": lambda: [cases(**words), printed_values(**words)],
+        "contrasts": lambda: [contrasts(**words)],
         "outlier_probabilities": lambda: [repeats(**words)],
         "records_with_bands": lambda: [*records(configurations)],
         "residuals_against_displacement": lambda: [*residuals(configurations)],

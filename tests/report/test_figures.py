@@ -41,9 +41,9 @@ def every(request) -> dict[str, Figure]:
     return dict(figures.draw(of_records(PLANS[request.param])))
 
 
-def test_a_result_of_records_has_nine_figures_that_say_origin_and_verdict_and_keep_within_the_page(every):
+def test_a_result_of_records_has_ten_figures_that_say_origin_and_verdict_and_keep_within_the_page(every):
     assert list(every) == [*ALWAYS, *OF_RECORDS]
-    assert len(set(every)) == 9
+    assert len(set(every)) == 10
     for name, figure in every.items():
         texts = said(figure)
         assert "data: simulated, not measured" in texts, name
