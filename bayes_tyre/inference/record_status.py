@@ -115,10 +115,12 @@ def _of_bounds(estimate: Estimate, bounds: Float[np.ndarray, "2 5"]) -> Reasons:
 def _of_the_estimate(estimate: Estimate) -> Reasons:
     below, above = np.asarray(estimate.beta_open_below), np.asarray(estimate.beta_open_above)
     lost = np.asarray(estimate.undetermined) & ~(below | above)[:, None]
+    beta, error = (np.asarray(figure)[:, BETA] for figure in (estimate.value, estimate.standard_error))
     return [
         (below & above, "beta not determined: this record bounds it neither below nor above"),
         (below & ~above, "beta not determined: only an upper bound, it lies below the spacing of the first points"),
         (above & ~below, "beta not determined: only a lower bound, beyond the travel it trades against k"),
+        (~(below | above) & (error >= beta), "beta hardly determined: its standard error is as large as itself"),
         *(
             ((lost == which).all(axis=1), f"{', '.join(np.array(PARAMETERS)[which])} not determined by this record")
             for which in np.unique(lost, axis=0)

@@ -99,12 +99,14 @@ def test_a_bad_record_leaves_its_neighbours_as_they_are(fits):
 
 
 def test_a_fit_that_did_not_converge_is_said_and_a_lost_parameter_is_named():
-    (batch,) = batches(table_of({name: record(seed=seed) for seed, name in enumerate(["lost", "not there", "fine"])}))
-    none, ones = jnp.zeros(3, bool), jnp.ones((3, 5))
-    lost = jnp.zeros((3, 5), bool).at[0, :2].set(True)
-    estimate = Estimate(ones, ones, ones[:, 0], lost & False, lost, none, none, jnp.array([True, False, True]))
+    names = ["lost", "not there", "fine", "wide"]
+    (batch,) = batches(table_of({name: record(seed=seed) for seed, name in enumerate(names)}))
+    none, ones = jnp.zeros(4, bool), jnp.ones((4, 5))
+    lost, errors = jnp.zeros((4, 5), bool).at[0, :2].set(True), (0.5 * ones).at[3].set(1.0)
+    estimate = Estimate(ones, errors, ones[:, 0], lost & False, lost, none, none, jnp.array([True, False, True, True]))
     said = status(batch, batch.present, estimate, np.full((2, 5), np.inf), hopeless(batch, batch.present, 3))
-    assert said.tolist() == ["k, C not determined by this record", NOT_CONVERGED, "ok"]
+    hardly = "beta hardly determined: its standard error is as large as itself"
+    assert said.tolist() == ["k, C not determined by this record", NOT_CONVERGED, "ok", hardly]
 
 
 def test_a_parameter_on_its_bound_is_said_and_has_no_standard_error(fits):
