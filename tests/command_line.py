@@ -14,7 +14,9 @@ from typer.testing import CliRunner, Result
 from bayes_tyre.cli import app
 
 COMMAND = Path(sys.executable).parent / "bayes-tyre"
-COMMANDS = tuple(str(command.callback.__name__) for command in app.registered_commands if command.callback)
+COMMANDS = tuple(
+    str(command.callback.__name__).replace("_", "-") for command in app.registered_commands if command.callback
+)
 #: Commands by what they read, each with the options it cannot do without; a further command is one more row.
 ON_TABLES: dict[str, tuple[str, ...]] = {"lsq": (), "fit": ()}
 ON_RESULTS: dict[str, tuple[str, ...]] = {"show": (), "predict": ("--case", "direction=unloading")}

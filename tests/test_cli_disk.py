@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import slow_tests
 import xarray as xr
 from command_line import (
     COMMAND,
@@ -49,6 +50,7 @@ def of_a_table(command: str) -> Callable[[Path, Path], list[object]]:
 #: How each command is told to write into a folder, from what `given` holds; a further command is one more row.
 WRITERS: dict[str, Callable[[Path, Path], list[object]]] = {
     "lsq": of_a_table("lsq"),
+    "load-deflection": lambda given, out: ["load-deflection", given / "slow.csv", "--out", out],
     "fit": of_a_table("fit"),
     "published": lambda given, out: ["published", "--out", out],
     "campaign": lambda given, out: ["campaign", "--out", out / "campaign.csv"],
@@ -65,9 +67,10 @@ SILENT = ("show",)
 
 @pytest.fixture(scope="module")
 def given(tmp_path_factory) -> Path:
-    """Return a folder with a record table, what `fit` wrote of one, and two raw files."""
+    """Return a folder with a record table, one of slow tests, what `fit` wrote of one, and two raw files."""
     folder = tmp_path_factory.mktemp("given")
     written(small(), folder / "records.csv")
+    written(slow_tests.campaign(repeats=2), folder / "slow.csv")
     for name in ("fit", "other"):
         write_result(folder / name)
     write_simulated(PLANS["quick"](2000.0)[:2], RIGS, 0, folder / "raw", lambda _: None)

@@ -9,6 +9,7 @@ from bayes_tyre.cli.calibrate import calibrate
 from bayes_tyre.cli.compare import compare
 from bayes_tyre.cli.fit import fit
 from bayes_tyre.cli.inspect import inspect
+from bayes_tyre.cli.load_deflection import load_deflection
 from bayes_tyre.cli.lsq import lsq
 from bayes_tyre.cli.predict import predict
 from bayes_tyre.cli.process import process
@@ -35,7 +36,8 @@ def main(show_version: Annotated[bool, typer.Option("--version", help="Print the
         raise typer.Exit
 
 
-for command in (published, campaign, inspect, calibrate, process, lsq, fit, compare, predict, show, simulate):
+_FITS = (lsq, load_deflection, fit)
+for command in (published, campaign, inspect, calibrate, process, *_FITS, compare, predict, show, simulate):
     app.command(cls=Command)(guarded(command))
 app.add_typer(study)
 

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from bayes_tyre.published import tables
+from bayes_tyre.published.load_deflection import returned_slopes
 from bayes_tyre.published.recompute import GROUP, SPEED_GROUP, corrected_values, group_means, numbers_outside_tables
 from bayes_tyre.published.tables import CHARACTERISTIC_DEFLECTION, HALF_DIGIT, STIFFNESS, printed_digits
 from bayes_tyre.record import CASE_WORDS, Case
@@ -50,7 +51,7 @@ def recomputed_rows() -> pd.DataFrame:
 
 
 def round_trip_rows(case_means: pd.DataFrame) -> pd.DataFrame:
-    """Return the checks of kind `round trip`: what comes back from records reconstructed from Tables 9 and 11.
+    """Return the checks of kind `round trip`: what comes back from what was reconstructed from printed numbers.
 
     Parameters
     ----------
@@ -60,7 +61,9 @@ def round_trip_rows(case_means: pd.DataFrame) -> pd.DataFrame:
 
     Returns
     -------
-    114 rows, columns as `COLUMNS`: the 96 cells of Tables 9 and 11, their 8 means, the 10 model cells of Table 10.
+    124 rows, columns as `COLUMNS`. From records: the 96 cells of Tables 9 and 11, their 8 means, the 10 model cells of
+    Table 10. From load-deflection tests, through rig geometry and line fit alone: the 10 tests cells of Table 10, with
+    which the source compares nothing by a number.
 
     Raises
     ------
@@ -76,7 +79,9 @@ def round_trip_rows(case_means: pd.DataFrame) -> pd.DataFrame:
         (tables.characteristic_deflection(), CHARACTERISTIC_DEFLECTION),
     ):
         rows += _compare(printed, returned, CASE_WORDS, parameter, "", "round trip")
-    return _frame([*rows, *_mean_rows(returned, "round trip")])
+    tests = tables.model_and_tests().query("kind == 'tests'").drop(columns="kind")
+    slopes = _compare(tests, returned_slopes(), SPEED_GROUP, STIFFNESS, "tests ", "round trip")
+    return _frame([*rows, *_mean_rows(returned, "round trip"), *slopes])
 
 
 def erratum_rows() -> pd.DataFrame:

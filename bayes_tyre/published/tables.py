@@ -114,6 +114,13 @@ def model_and_tests() -> pd.DataFrame:
     return _typed("table_10_model_and_tests", STIFFNESS)
 
 
+def load_deflection_plan() -> pd.DataFrame:
+    """Return Table 6, 8 rows: `speed_km_h`, `direction`, `first_load_kN`, `last_load_kN`, `increment_kN` (signed)."""
+    table = as_printed("table_06_load_deflection_tests").drop(columns="source")
+    numbers = [column for column in table if column != "direction"]
+    return table.astype(dict.fromkeys(numbers, float))
+
+
 def tests_stiffness(configuration: str, direction: str, speed_km_h: float) -> float:
     """Return k (kN/mm) of the slow load-deflection tests, as Table 10 prints it.
 

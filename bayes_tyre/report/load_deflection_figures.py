@@ -90,7 +90,7 @@ def _entries(panels: Sequence[LoopPanel]) -> list[tuple[Any, str]]:
         entries.append((Line2D([], [], color=INK, **_READINGS[name]), f"{name} readings"))
         entries.append((Line2D([], [], color=INK, **_LINES[name]), f"{name} line"))
     if any(panel.loop is not None for panel in panels):
-        entries += [(Line2D([], [], **_LAW), "law"), (Line2D([], [], **_SETTLED), "± (x − k beta)")]
+        entries += [(Line2D([], [], **_LAW), "law"), (Line2D([], [], **_SETTLED), "± (x - k beta)")]
     if any(np.isfinite(panel.fit["x_kN"]) for panel in panels):
         entries.append((Line2D([], [], **_ENVELOPE), "envelopes, ± x"))
     if any(_between(panel.fit) for panel in panels):
@@ -148,7 +148,7 @@ def _loop(ax: Axes, panel: LoopPanel, colour: str) -> None:
     ax.set_ylim(values.min() - room, values.max() + room)
     error = f" ± {fit['x_less_k_beta_kN_se']:.2g}" if np.isfinite(fit["x_less_k_beta_kN_se"]) else ""
     energy = f"{fit['energy_per_cycle_J']:.3g} J a cycle over {fit['stroke_mm']:.3g} mm"
-    ax.set_title(f"x − k beta {settled:.2g}{error} kN\n{energy} at the wheel centre", fontsize=8)
+    ax.set_title(f"x - k beta {settled:.2g}{error} kN\n{energy} at the wheel centre", fontsize=8)
 
 
 def _of(readings: pd.DataFrame, direction: str) -> tuple[np.ndarray, np.ndarray]:

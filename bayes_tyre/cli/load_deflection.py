@@ -1,0 +1,79 @@
+"""`load-deflection`: slow tests, load up and down in steps: two lines, friction, and the energy of the loop."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bayes_tyre.cli.shell import NoSeed, Out, Quiet, say, warn
+
+
+def load_deflection(
+    table: Annotated[
+        Path,
+        typer.Argument(
+            help="Table of readings (.csv or .parquet), a row a reading, in measured order: test (a name), load_kN of "
+            "the cylinder, displacement_mm at the measurement point since first touch; optional configuration, "
+            "speed_km_h, repeat, direction (loading or unloading), origin."
+        ),
+    ],
+    out: Out,
+    rig: Annotated[
+        str | None,
+        typer.Option(
+            help="Rig: single, dual, a TOML file, or none where load and displacement are the tyre's own, on flat "
+            "ground; default: the one the configuration names."
+        ),
+    ] = None,
+    beta: Annotated[
+        float | None, typer.Option(help="beta (mm) where step records say it: slow readings lie too far apart for it.")
+    ] = None,
+    steps: Annotated[
+        Path | None,
+        typer.Option(
+            help="least_squares.csv of the same tyres: writes the k (kN/mm) that both share, and the tension."
+        ),
+    ] = None,
+    seed: NoSeed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Fit slow load-deflection tests: stiffness k (kN/mm) loading and unloading, friction x (kN), energy a cycle (J).
+
+    A test is one cycle, load up in steps and down again. Straight lines as in the source, the greatest load on both
+    lines unless the table gives directions; then Fancher's law through both branches, x > k beta built in. k, C, x and
+    beta are as on flat ground, energies at the wheel centre (columns that begin with flat_ground are no work done).
+
+    Writes load_deflection.csv, a row a test; load_deflection_cases.csv, where repeats could be averaged, as the source
+    does, a row a case; shared_stiffness.csv with --steps; figures/. status says what a test does not determine: beta
+    and x, but for readings closer together than beta.
+
+    Example: bayes-tyre load-deflection slow_tests.csv --out results/slow --steps results/lsq/least_squares.csv
+    """
+    del seed
+    if beta is not None and not 0 < beta < float("inf"):
+        raise typer.BadParameter(f"{beta:g} is no length; beta is in mm, above 0", param_hint="--beta")
+    from bayes_tyre.record_table import origin_of
+    from bayes_tyre.runtime import prepare_jax
+    from bayes_tyre.signals.load_deflection import suspicious_units
+
+    prepare_jax()
+    from bayes_tyre.workflow.load_deflection import fit_load_deflection, read_load_deflection
+
+    readings = read_load_deflection(table)
+    for warning in suspicious_units(readings):
+        warn(f"{table}: {warning}")
+    written = fit_load_deflection(readings, out, rig=rig, beta_mm=beta, steps=steps)
+    for remark in written.remarks:
+        warn(f"{table}: {remark}")
+    for path in written.paths:
+        say(f"wrote {path} (data: {origin_of(readings)})", quiet)
+    if written.shared is not None:
+        _say_shared(len(written.shared), int((written.shared["status"] != "ok").sum()), quiet)
+    odd = int((written.tests["status"] != "ok").sum())
+    say(f"{len(written.tests)} tests, {odd} not ok", quiet)
+
+
+def _say_shared(cases: int, apart: int, quiet: bool) -> None:
+    if not cases:
+        warn("--steps: no configuration and speed has both a slow test and a step record with a standard error")
+    say(f"{cases} stiffnesses shared with step records, {apart} in tension", quiet)

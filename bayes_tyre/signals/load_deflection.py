@@ -1,0 +1,241 @@
+"""The table of slow load-deflection tests: checked, its readings on a loading or an unloading branch, and averaged.
+
+A test is one cycle: load up in steps, then down, a reading after each. Rows of a test are in measured order.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.record import DIRECTIONS, ORIGINS
+from bayes_tyre.record_table import METRE_LIKE_MM, NEWTON_LIKE_KN
+from bayes_tyre.rig.axle import Rig
+from bayes_tyre.rig.load_deflection import Deflection, deflection_of
+
+REQUIRED = ("test", "load_kN", "displacement_mm")
+#: What names a test but its repeat, and all words of a test.
+CASE_OF_TEST = ("configuration", "speed_km_h")
+WORDS_OF_TEST = (*CASE_OF_TEST, "repeat")
+#: Whether a reading is one of those that the loading (unloading) line is fitted to.
+ON_LINE = {"loading": "on_loading_line", "unloading": "on_unloading_line"}
+_NUMBERS = ("load_kN", "displacement_mm", "speed_km_h", "repeat")
+_TEXTS = ("test", "configuration", "direction", "origin")
+_ALLOWED = {"direction": DIRECTIONS, "origin": ORIGINS}
+#: Part of the range of a test's loads by which load may run back, by noise, within a branch.
+RUNS_BACK = 0.1
+
+
+def check_load_deflection(table: pd.DataFrame, name: str = "load-deflection table") -> pd.DataFrame:
+    """Return the table with its columns typed and `direction` filled in, or say what is wrong with it.
+
+    Parameters
+    ----------
+    table:
+        Long form, a row a reading: `test`, `load_kN` (kN), `displacement_mm` (mm); optional `configuration`,
+        `speed_km_h` (km/h), `repeat`, `direction` (`loading` or `unloading`), `origin`, and further columns, which are
+        kept.
+    name:
+        What to call the table in messages: its file.
+
+    Returns
+    -------
+    The table, with `direction`, `on_loading_line` and `on_unloading_line`. Where it gives no directions, load grows up
+    to the first reading of a test's greatest load and falls from there: this reading ends the loading and begins the
+    unloading, and is on both lines, as the source has its readings at 40 kN. Directions given are followed to the
+    letter.
+
+    Raises
+    ------
+    BadInput
+        For missing columns, no rows, cells that are not finite numbers, words that are empty, unknown or contradict
+        each other within a test, and load that does not go up once and down once.
+    """
+    missing = [column for column in REQUIRED if column not in table.columns]
+    if missing:
+        raise BadInput(
+            f"{name}: missing column {', '.join(missing)}; found {_one_line(', '.join(map(str, table.columns)))}; "
+            f"a load-deflection table needs {', '.join(REQUIRED)}"
+        )
+    repeated = table.columns[table.columns.duplicated()]
+    if len(repeated):
+        raise BadInput(f"{name}: column {_one_line(repeated[0])} stands twice; keep one")
+    if table.empty:
+        raise BadInput(f"{name}: no rows below the header; give at least one test")
+    typed = table.reset_index(drop=True)
+    for column in (column for column in _TEXTS if column in typed):
+        typed[column] = _texts(typed, column, name)
+    for column in (column for column in _NUMBERS if column in typed):
+        typed[column] = _finite(typed, column, name)
+    _check_words(typed, name)
+    return _with_directions(typed, name)
+
+
+def suspicious_units(table: pd.DataFrame) -> list[str]:
+    """Return what suggests that a checked table is in N or m: a sentence each, with the factor."""
+    found = []
+    load = float(table["load_kN"].abs().median())
+    if load > NEWTON_LIKE_KN:
+        found.append(f"column load_kN: median |load| is {load:g}, which looks like N; divide by 1000")
+    displacement = table.groupby("test", sort=False)["displacement_mm"]
+    travel = float((displacement.max() - displacement.min()).median())
+    if 0 < travel < METRE_LIKE_MM:
+        found.append(f"column displacement_mm: median travel is {travel:g}, which looks like m; multiply by 1000")
+    return found
+
+
+def with_deflection(table: pd.DataFrame, rigs: Mapping[str, Rig | None]) -> pd.DataFrame:
+    """Return the checked table with the columns of `Deflection` (mm, kN).
+
+    Parameters
+    ----------
+    table:
+        As `check_load_deflection` returns it.
+    rigs:
+        The rig of each configuration (``""``: of a table without); None where the readings are the tyre's already, on
+        flat ground.
+    """
+    placed = table.copy()
+    configuration = table["configuration"] if "configuration" in table else pd.Series("", index=table.index)
+    for column in Deflection._fields:
+        placed[column] = np.nan
+    for label, rows in table.groupby(configuration, sort=False).groups.items():
+        load, mm = (table.loc[rows, column].to_numpy(float) for column in ("load_kN", "displacement_mm"))
+        rig = rigs[str(label)]
+        found = Deflection(mm, load, mm, load) if rig is None else deflection_of(rig, load, mm)
+        placed.loc[rows, list(Deflection._fields)] = np.stack(found, axis=1)
+    return placed
+
+
+def averaged(table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """Return the tests of each case averaged reading by reading, as the source does, and why others are not.
+
+    Parameters
+    ----------
+    table:
+        As `with_deflection` returns it.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A test a case: `test` (a name), the words but `repeat`, `repeats` (how many were averaged), `direction`, the
+        lines its readings are on, and the means of load, displacement and the columns of `Deflection`. Empty without
+        words to tell a case by.
+    remarks : list of str
+        A sentence for each case whose tests were not read at the same loads.
+    """
+    words = [word for word in CASE_OF_TEST if word in table]
+    means: list[pd.DataFrame] = []
+    remarks: list[str] = []
+    for case, tests in table.groupby(words, sort=False) if words else ():
+        label = ", ".join(f"{word:g} km/h" if isinstance(word, float) else str(word) for word in case)
+        each = [test.reset_index(drop=True) for _, test in tests.groupby("test", sort=False)]
+        if any(not test["direction"].equals(each[0]["direction"]) for test in each) or _loads_part(each):
+            remarks.append(f"{label}: its {len(each)} tests were not read at the same loads, so no average of them")
+            continue
+        numbers = ["load_kN", "displacement_mm", *Deflection._fields]
+        mean = each[0][[*words, "direction", *ON_LINE.values()]].copy()
+        mean[numbers] = np.mean([test[numbers].to_numpy(float) for test in each], axis=0)
+        mean.insert(0, "test", f"{label}, mean of {len(each)}")
+        mean.insert(1 + len(words), "repeats", len(each))
+        if "origin" in tests:
+            mean["origin"] = " + ".join(sorted(tests["origin"].unique()))
+        means.append(mean)
+    return (pd.concat(means, ignore_index=True) if means else table.iloc[:0].assign(repeats=0)), remarks
+
+
+def _loads_part(tests: list[pd.DataFrame]) -> bool:
+    """Return whether loads that should be alike lie further apart than neighbouring loads of a test do."""
+    loads = np.array([test["load_kN"].to_numpy(float) for test in tests])
+    steps = np.abs(np.diff(loads[0]))
+    return bool(len(steps) and np.ptp(loads, axis=0).max() > np.median(steps))
+
+
+def _texts(table: pd.DataFrame, column: str, name: str) -> pd.Series:
+    cells = table[column]
+    texts = cells.astype(object).where(cells.notna(), "").astype(str).str.strip()
+    allowed = _ALLOWED.get(column)
+    wrong = (texts == "") | (~texts.isin(allowed) if allowed else False)
+    if wrong.any():
+        row = int(np.flatnonzero(wrong)[0])
+        what = "is empty" if texts[row] == "" else f"{texts[row][:40]!r} is none of {', '.join(allowed or ())}"
+        raise BadInput(f"{_where(name, table, row, column)} {what}; mend the cell or remove the row")
+    return texts
+
+
+def _finite(table: pd.DataFrame, column: str, name: str) -> pd.Series:
+    numbers = pd.to_numeric(table[column], errors="coerce").astype(float)
+    fine = np.isfinite(numbers.to_numpy())
+    if column == "repeat":
+        fine &= (numbers == numbers.round()).to_numpy()
+    if not fine.all():
+        row = int(np.flatnonzero(~fine)[0])
+        cell = table[column].iloc[row]
+        what = "is empty" if pd.isna(cell) or str(cell).strip() == "" else f"holds {str(cell)[:40]!r}"
+        kind = "whole" if column == "repeat" else "finite"
+        raise BadInput(
+            f"{_where(name, table, row, column)} {what}: not a {kind} number; mend the cell or remove the row"
+        )
+    return numbers
+
+
+def _check_words(table: pd.DataFrame, name: str) -> None:
+    by_test = table.groupby("test", sort=False)
+    for word in (word for word in (*WORDS_OF_TEST, "origin") if word in table):
+        unlike = by_test[word].nunique()
+        if unlike.gt(1).any():
+            test = str(unlike.idxmax())
+            one, other = map(_one_line, table.loc[table["test"] == test, word].unique()[:2])
+            raise BadInput(
+                f"{name}: test {_one_line(test)!r}, column {word}: contradicts itself ({one} and {other}); give every "
+                "test one value or a name of its own"
+            )
+
+
+def _with_directions(table: pd.DataFrame, name: str) -> pd.DataFrame:
+    given = table["direction"].to_numpy() == "unloading" if "direction" in table else None
+    unloading, turning = (np.zeros(len(table), bool) for _ in range(2))
+    places = table.groupby("test", sort=False).ngroup().to_numpy()
+    for test in range(places.max() + 1):
+        rows = np.flatnonzero(places == test)
+        load = table["load_kN"].to_numpy(float)[rows]
+        if given is None:
+            top = int(load.argmax())
+            turning[rows[top]] = top + 1 < len(rows)
+        else:
+            top = int(given[rows].argmax()) - 1 if given[rows].any() else len(rows) - 1
+            back = np.flatnonzero(~given[rows[top + 1 :]])
+            if len(back):
+                where = _where(name, table, int(rows[top + 1 + back[0]]), "direction")
+                raise BadInput(f"{where} is loading after unloading; {_ONE_CYCLE}")
+        unloading[rows[top + 1 :]] = True
+        for branch, sign in ((rows[: top + 1], 1.0), (rows[max(top, 0) :], -1.0)):
+            _check_branch(table, branch, sign, float(np.ptp(load)), name)
+    lines = {ON_LINE["loading"]: ~unloading, ON_LINE["unloading"]: unloading | turning}
+    return table.assign(direction=np.where(unloading, "unloading", "loading"), **lines)
+
+
+_ONE_CYCLE = "a test is one cycle, up and then down, rows in measured order: give each cycle a name of its own"
+
+
+def _check_branch(table: pd.DataFrame, rows: np.ndarray, sign: float, span: float, name: str) -> None:
+    """Refuse load that runs back on its branch by more than noise would take it."""
+    load = sign * table["load_kN"].to_numpy(float)[rows]
+    if not len(load):
+        return
+    back = np.maximum.accumulate(load) - load
+    wrong = np.flatnonzero(back > RUNS_BACK * span)
+    if len(wrong):
+        moves = "falls while loading" if sign > 0 else "rises while unloading"
+        where = _where(name, table, int(rows[wrong[0]]), "load_kN")
+        raise BadInput(f"{where} {moves} (to {sign * load[wrong[0]]:g} kN); {_ONE_CYCLE}")
+
+
+def _where(name: str, table: pd.DataFrame, row: int, column: str) -> str:
+    test = _one_line(table["test"].iloc[row])[:60]
+    return f"{name}: row {row + 1} (line {row + 2}), test {test!r}, column {column}"
+
+
+def _one_line(text: object) -> str:
+    return " ".join(str(text).split())[:200]

@@ -1,0 +1,158 @@
+"""A table of slow tests in; their lines, law and energies, a figure, and a stiffness shared with steps out."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.files import prepare_folder
+from bayes_tyre.formats.tables import read_table, write_table
+from bayes_tyre.inference.load_deflection_fits import fit_tests, law_loop
+from bayes_tyre.inference.load_deflection_joint import K_SE, K, shared_stiffness
+from bayes_tyre.record_table import carry_extras, origin_of, record_extras
+from bayes_tyre.report.colours import Setting
+from bayes_tyre.report.load_deflection_figures import LoopPanel, load_deflection_loops
+from bayes_tyre.report.page import save
+from bayes_tyre.rig.axle import EMBEDDED_RIGS, Rig, load_rig
+from bayes_tyre.signals.load_deflection import (
+    CASE_OF_TEST,
+    ON_LINE,
+    WORDS_OF_TEST,
+    averaged,
+    check_load_deflection,
+    with_deflection,
+)
+
+TESTS, CASES, SHARED = "load_deflection.csv", "load_deflection_cases.csv", "shared_stiffness.csv"
+FIGURE = "figures/load_deflection_loops.png"
+NO_RIG = "none"
+
+
+@dataclass(frozen=True)
+class Written:
+    """What was fitted and written: a row a test, a row a case (its tests averaged), k shared with steps where asked."""
+
+    tests: pd.DataFrame
+    cases: pd.DataFrame
+    shared: pd.DataFrame | None
+    remarks: list[str]
+    paths: list[Path]
+
+
+def read_load_deflection(path: Path) -> pd.DataFrame:
+    """Return a table of slow tests from disk, checked."""
+    return check_load_deflection(read_table(path), str(path))
+
+
+def fit_load_deflection(
+    table: pd.DataFrame, out: Path, *, rig: str | None = None, beta_mm: float | None = None, steps: Path | None = None
+) -> Written:
+    """Fit every test of a checked table and write the tables and the figure into `out`.
+
+    Parameters
+    ----------
+    table:
+        As `read_load_deflection` returns it.
+    rig:
+        Name or TOML file; ``none`` where the readings are the tyre's already, on flat ground; None for the rig that
+        the configuration names.
+    beta_mm:
+        beta where it is known from elsewhere, mm.
+    steps:
+        A `least_squares.csv` of the same tyres.
+
+    Raises
+    ------
+    BadInput
+        If rig, steps or `out` are of no use; nothing is written then.
+    """
+    placed = with_deflection(table, _rigs(table, rig))
+    estimates = _read_steps(steps) if steps is not None else None
+    prepare_folder(out)
+    means, remarks = averaged(placed)
+    tests, cases = _tests(placed, beta_mm), _cases(means, beta_mm)
+    shared = shared_stiffness(tests, estimates) if estimates is not None else None
+    for name in (CASES, SHARED):
+        (out / name).unlink(missing_ok=True)  # an older run's
+    paths = [write_table(tests, out / TESTS)]
+    paths += [write_table(cases, out / CASES)] if len(cases) else []
+    paths += [write_table(shared, out / SHARED)] if shared is not None else []
+    place = "as given" if rig == NO_RIG else "as on flat ground"
+    setting = Setting(origin_of(table), configurations=tuple(_configurations(table)))
+    figure = load_deflection_loops(_panels(placed, tests, cases), setting, place)
+    paths.append(save(figure, out / FIGURE))
+    return Written(tests, cases, shared, remarks, paths)
+
+
+def _configurations(table: pd.DataFrame) -> list[str]:
+    return list(table["configuration"].unique()) if "configuration" in table else [""]
+
+
+def _rigs(table: pd.DataFrame, name: str | None) -> dict[str, Rig | None]:
+    labels = _configurations(table)
+    if name is not None:
+        return dict.fromkeys(labels, None if name == NO_RIG else load_rig(name))
+    unknown = next((label for label in labels if label not in EMBEDDED_RIGS), None)
+    if unknown is not None:
+        what = f"configuration {unknown[:60]!r} has no rig of its own" if unknown else "no column configuration"
+        raise BadInput(
+            f"{what} ({', '.join(EMBEDDED_RIGS)} have); give --rig: a TOML file, or {NO_RIG} where the readings are "
+            "the tyre's own, on flat ground"
+        )
+    return {label: load_rig(label) for label in labels}
+
+
+def _read_steps(path: Path) -> pd.DataFrame:
+    steps = read_table(path)
+    missing = [column for column in (K, K_SE) if column not in steps]
+    if missing:
+        raise BadInput(f"--steps {path}: missing column {', '.join(missing)}; name a least_squares.csv that lsq wrote")
+    return steps
+
+
+def _tests(placed: pd.DataFrame, beta_mm: float | None) -> pd.DataFrame:
+    """Return the rows of `load_deflection.csv`: name, words, fits, further columns, origin."""
+    first = placed.drop_duplicates("test").reset_index(drop=True)
+    words = pd.DataFrame({"test": first["test"], **{word: first.get(word, "") for word in WORDS_OF_TEST}})
+    if "repeat" in first:
+        words["repeat"] = words["repeat"].astype(int)
+    rows = words.merge(fit_tests(placed, beta_mm), on="test", validate="1:1").rename(columns={"test": "record"})
+    ours = [*ON_LINE.values(), "load_kN", "flat_ground_mm", "flat_ground_kN", "wheel_centre_mm", "wheel_centre_kN"]
+    as_records = placed.drop(columns=ours).rename(columns={"record": "given_record", "test": "record"})
+    rows = carry_extras(rows, record_extras(as_records)).rename(columns={"record": "test"})
+    return rows.assign(origin=first["origin"] if "origin" in first else origin_of(placed))
+
+
+def _cases(means: pd.DataFrame, beta_mm: float | None) -> pd.DataFrame:
+    """Return the rows of `load_deflection_cases.csv`: name, words, how many tests, fits, origin."""
+    if means.empty:
+        return means
+    words = [word for word in (*CASE_OF_TEST, "repeats", "origin") if word in means]
+    first = means.drop_duplicates("test")[["test", *words]]
+    rows = first.merge(fit_tests(means, beta_mm), on="test", validate="1:1")
+    origin = rows.pop("origin") if "origin" in rows else origin_of(means)
+    return rows.assign(origin=origin)
+
+
+def _panels(placed: pd.DataFrame, tests: pd.DataFrame, cases: pd.DataFrame) -> Sequence[LoopPanel]:
+    """Return what is drawn: every case that was averaged, and every test of the others."""
+    words = [word for word in CASE_OF_TEST if word in placed]
+    panels, drawn = [], set()
+    for _, fit in cases.iterrows():
+        mine = placed[(placed[words] == fit[words]).all(axis=1)]
+        drawn |= set(mine["test"])
+        panels.append(_panel(mine, fit))
+    for _, fit in tests[~tests["test"].isin(drawn)].iterrows():
+        panels.append(_panel(placed[placed["test"] == fit["test"]], fit))
+    return panels
+
+
+def _panel(readings: pd.DataFrame, fit: pd.Series) -> LoopPanel:
+    d = readings["flat_ground_mm"]
+    there = pd.notna(fit["k_kN_per_mm"]) and d.max() > d.min()
+    row: dict[str, Any] = {str(column): value for column, value in fit.items()}
+    loop = law_loop(row, float(d.min()), float(d.max())) if there else None
+    return LoopPanel(str(fit["test"]), str(fit.get("configuration", "")), readings, row, loop)
