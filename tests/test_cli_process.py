@@ -149,9 +149,7 @@ def test_a_fault_of_ours_in_one_file_is_a_row(raw, tmp_path, monkeypatch):
     assert done.exit_code == 0, done.stderr
     assert set(pd.read_csv(tmp_path / "r.csv")["record"]) == {"S(0)20-30(2)"}
     (reason,) = pd.read_csv(tmp_path / "rejected.csv")["reason"]
-    assert re.fullmatch(
-        r"bayes-tyre itself failed .* ZeroDivisionError in \S+\.py, line \d+: by nothing", reason
-    )
+    assert re.fullmatch(r"bayes-tyre itself failed .* ZeroDivisionError in \S+\.py, line \d+: by nothing", reason)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,170 @@
+"""The motion of a record fitted: tyre, mass, damping and the load's step, from all three channels at once."""
+
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
+
+from bayes_tyre.inference.motion_model import residuals
+from bayes_tyre.inference.motion_unknowns import NAMES
+from bayes_tyre.inference.motion_window import Window
+from bayes_tyre.laws.base import ScalarLike
+from bayes_tyre.rig import geometry
+from bayes_tyre.rig.axle import Rig
+
+#: Weights are eased to these shares, one after the other. Thousands of readings to a part in a thousand leave a valley
+#: so steep and bent that a start beside it does not get in; with larger errors allowed the priors hold what the
+#: readings do not need, and each stage begins near its end.
+EASED = (0.003, 0.03, 0.3, 1.0)
+#: Most steps of a stage, and of the first from each start, of which only the best goes on.
+MAX_STEPS, TRIED_STEPS = 50, 15
+#: Of a step in prior standard deviations; those of posteriors are a thousandth and more. Of the stages before the last.
+TOLERANCE, ROUGH = 1e-6, 1e-3
+#: Betas (mm) and settled friction x - k beta (kN) that a fit starts from, each with each.
+START_BETAS_MM, START_SETTLED_KN = (0.05, 0.2), (0.1, 0.3)
+
+
+class Found(NamedTuple):
+    """The most probable unknowns of a record and their Laplace covariance; a leading axis batches it.
+
+    Attributes
+    ----------
+    standard:
+        Shape (unknowns,), in standard deviations from their prior's locations.
+    covariance:
+        Of `standard`, by the Gauss-Newton Hessian: the prior is in it.
+    chi_squared:
+        Mean square of the residuals of acceleration, laser and load, in their variances, shape (3,).
+    correlation:
+        Lag-1 autocorrelation of the residuals of each, shape (3,).
+    steps:
+        That the fit took after the starts were tried.
+    converged:
+        False where the solver ran out of steps or met numbers that are not finite.
+    """
+
+    standard: Float[Array, "*records unknowns"]
+    covariance: Float[Array, "*records unknowns unknowns"]
+    chi_squared: Float[Array, "*records 3"]
+    correlation: Float[Array, "*records 3"]
+    steps: Int[Array, "*records"]
+    converged: Bool[Array, "*records"]
+
+
+def starts_of(rig: Rig, window: Window) -> Float[np.ndarray, "starts unknowns"]:
+    """Return the unknowns that a fit starts from: k from the travel and the change of load, the rest before known."""
+    location, scale = np.asarray(window.prior)
+    start = np.zeros((len(START_BETAS_MM) * len(START_SETTLED_KN), len(NAMES)))
+    present = np.asarray(window.weight)[1] > 0
+    laser = np.asarray(window.readings)[1, present]
+    travel = float(geometry.wheel_centre_displacement(rig, laser[-len(laser) // 4 :].mean()))
+    travel -= float(geometry.wheel_centre_displacement(rig, location[NAMES.index("laser_at_rest_mm")]))
+    before, after = location[NAMES.index("load_before_kN")], location[NAMES.index("load_after_kN")]
+    force = float(geometry.wheel_centre_force(rig, after - before))
+    slope = force / travel if travel != 0 else 0.0
+    # Geometry at some 10 mm: what rollers make of the tyre's stiffness differs little about it.
+    k = slope / (geometry.curvature_factor(rig) * float(geometry.sin_theta(rig, 10.0)) ** 2)
+    start[:, 0] = (np.log(k) - location[0]) / scale[0] if 0.1 < k < 10 else 0.0
+    pairs = [(settled, beta) for settled in START_SETTLED_KN for beta in START_BETAS_MM]
+    start[:, 1:3] = (np.log(pairs) - location[1:3]) / scale[1:3]
+    return start
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def find(rig: Rig, window: Window, starts: Float[ArrayLike, "starts unknowns"]) -> Found:
+    """Return the fit of one record, compiled once a rig and length of window.
+
+    optimistix's Levenberg-Marquardt by forward derivatives: some steps from each start with eased weights, then on
+    from the lowest with weights that tighten.
+
+    Parameters
+    ----------
+    rig:
+        Geometry; static.
+    window:
+        Of the record.
+    starts:
+        In standard deviations, such as `starts_of`.
+    """
+    tried = jax.vmap(lambda start: _solve(rig, _eased(window, EASED[0]), start, TRIED_STEPS, ROUGH))(
+        jnp.asarray(starts)
+    )
+
+    def tighten(standard: Array, stage: tuple[Array, Array]) -> tuple[Array, _Solved]:
+        solved = _solve(rig, _eased(window, stage[0]), standard, MAX_STEPS, stage[1])
+        return solved.standard, solved
+
+    stages = jnp.array(EASED[1:]), jnp.array([*[ROUGH] * (len(EASED) - 2), TOLERANCE])
+    _, each = jax.lax.scan(tighten, tried.standard[jnp.argmin(tried.height)], stages)
+    standard = each.standard[-1]
+    off, jacobian = value_and_jacobian(rig, standard, window)
+    finite = jnp.all(jnp.isfinite(off)) & jnp.all(jnp.isfinite(jacobian))
+    weight = jnp.asarray(window.weight)
+    off = off[: weight.size].reshape(weight.shape)
+    squares = jnp.sum(off**2, axis=1)
+    return Found(
+        standard=standard,
+        # The prior stands in its last rows: all directions have some information.
+        covariance=jnp.linalg.inv(jacobian.T @ jacobian),
+        chi_squared=squares / jnp.sum(weight > 0, axis=1),
+        correlation=jnp.sum(off[:, 1:] * off[:, :-1], axis=1) / squares,
+        steps=jnp.sum(each.steps),
+        converged=each.done[-1] & finite,
+    )
+
+
+class _Solved(NamedTuple):
+    standard: Float[Array, " unknowns"]
+    height: Float[Array, ""]
+    steps: Int[Array, ""]
+    done: Bool[Array, ""]
+
+
+def _eased(window: Window, share: ScalarLike) -> Window:
+    return window._replace(weight=jnp.asarray(window.weight) * share)
+
+
+def _solve(rig: Rig, window: Window, start: Float[Array, " unknowns"], steps: int, tolerance: Any) -> _Solved:
+    function = _with_jacobian(rig, window)
+    solver = optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance)
+    solution = optx.least_squares(lambda y, _: function(y), solver, start, max_steps=steps, throw=False)
+    height = jnp.sum(residuals(rig, solution.value, window) ** 2) / 2
+    done = solution.result == optx.RESULTS.successful
+    return _Solved(solution.value, jnp.where(jnp.isfinite(height), height, jnp.inf), solution.stats["num_steps"], done)
+
+
+def value_and_jacobian(
+    rig: Rig, standard: Float[Array, " unknowns"], window: Window
+) -> tuple[Float[Array, " residuals"], Float[Array, "residuals unknowns"]]:
+    """Return `residuals` and their derivative, all directions side by side through one run of the motion."""
+
+    def twice(standard: Array) -> tuple[Array, Array]:
+        off = residuals(rig, standard, window)
+        return off, off
+
+    jacobian, off = jax.jacfwd(twice, has_aux=True)(standard)
+    return off, jacobian
+
+
+def _with_jacobian(rig: Rig, window: Window) -> Callable[[Array], Array]:
+    """Return the residuals as a function that brings its whole Jacobian along.
+
+    A solver that linearises it then finds a matrix, and the scan of the motion is not taken apart into what is linear
+    and what is not.
+    """
+
+    @jax.custom_jvp
+    def function(standard: Array) -> Array:
+        return residuals(rig, standard, window)
+
+    @function.defjvp
+    def _(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+        off, jacobian = value_and_jacobian(rig, primals[0], window)
+        return off, jacobian @ tangents[0]
+
+    return function
