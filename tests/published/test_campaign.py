@@ -157,7 +157,7 @@ def test_every_fit_returns_the_truth(truth, fits, region):
 
 def test_case_means_give_the_printed_numbers(fits):
     rows = round_trip_rows(case_means(fits["thesis"]))
-    assert len(rows) == 114
+    assert len(rows) == 124
     assert rows.loc[~rows["agrees"], "quantity"].to_list() == []
 
 
