@@ -115,7 +115,8 @@ wheel: install  ## Build the wheel into dist/ and run it in an empty folder, und
 lock: install  ## Resolve the dependencies anew into requirements.lock
 	$(BIN)/uv pip compile pyproject.toml --group dev --generate-hashes --no-emit-index-url --universal \
 	  --python-version 3.12 --no-header --quiet --output-file requirements.lock
-	$(BIN)/uv pip compile pyproject.toml --group bench --generate-hashes --no-emit-index-url --universal \
+	$(BIN)/uv pip compile pyproject.toml --group bench --constraints requirements.lock --generate-hashes \
+	  --no-emit-index-url --universal \
 	  --python-version 3.12 --no-header --quiet --output-file benchmarks/requirements-bench.lock
 
 clean:  ## Remove results, caches and .venv
