@@ -1,6 +1,7 @@
 """The record table: checked on the way in, and what it says of each record."""
 
 import warnings
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
@@ -67,17 +68,7 @@ def check_record_table(table: pd.DataFrame, name: str = "record table") -> pd.Da
         For missing columns, no rows, cells that are not finite numbers, words that are empty or unknown,
         words that contradict each other within a record, and time that runs backwards.
     """
-    missing = [column for column in REQUIRED if column not in table.columns]
-    if missing:
-        raise BadInput(
-            f"{name}: missing column {', '.join(missing)}; found {_one_line(', '.join(map(str, table.columns)))}; "
-            f"a record table needs {', '.join(REQUIRED)}"
-        )
-    repeated = table.columns[table.columns.duplicated()]
-    if len(repeated):
-        raise BadInput(f"{name}: column {_one_line(repeated[0])} stands twice; keep one")
-    if table.empty:
-        raise BadInput(f"{name}: no rows below the header; give at least one record")
+    check_columns(table, name, "record", REQUIRED)
     typed = _typed(table, name)
     try:
         _schema().validate(typed, lazy=True, inplace=True)
@@ -86,6 +77,56 @@ def check_record_table(table: pd.DataFrame, name: str = "record table") -> pd.Da
     _check_words(typed, name)
     _check_time(typed, name)
     return typed
+
+
+def check_columns(table: pd.DataFrame, name: str, of: str, required: Sequence[str]) -> None:
+    """Refuse a long table that lacks a column, has one twice, or has no rows.
+
+    Parameters
+    ----------
+    table, name:
+        The table, and what to call it in messages.
+    of:
+        What its rows belong to: `record`, `test`.
+    required:
+        The columns it cannot do without.
+
+    Raises
+    ------
+    BadInput
+        With the columns that are missing and those that were found.
+    """
+    missing = [column for column in required if column not in table.columns]
+    if missing:
+        raise BadInput(
+            f"{name}: missing column {', '.join(missing)}; found {one_line(', '.join(map(str, table.columns)))}; "
+            f"a {of} table needs {', '.join(required)}"
+        )
+    repeated = table.columns[table.columns.duplicated()]
+    if len(repeated):
+        raise BadInput(f"{name}: column {one_line(repeated[0])} stands twice; keep one")
+    if table.empty:
+        raise BadInput(f"{name}: no rows below the header; give at least one {of}")
+
+
+def check_agreement(table: pd.DataFrame, name: str, of: str, words: Sequence[str]) -> None:
+    """Refuse words that contradict each other within a `record` or a `test`, whichever the rows are `of`.
+
+    Raises
+    ------
+    BadInput
+        With the first that contradicts itself, the word and two of its values.
+    """
+    groups = table.groupby(of, sort=False)
+    for word in words:
+        unlike = groups[word].nunique()
+        if unlike.gt(1).any():
+            label = str(unlike.idxmax())
+            one, other = map(one_line, table.loc[table[of] == label, word].unique()[:2])
+            raise BadInput(
+                f"{name}: {of} {one_line(label)!r}, column {word}: contradicts itself ({one} and {other}); "
+                f"give every {of} one value or a name of its own"
+            )
 
 
 def _typed(table: pd.DataFrame, name: str) -> pd.DataFrame:
@@ -116,7 +157,8 @@ def _text_of(column: pd.Series) -> pd.Series:
     return column.astype(object).where(column.notna(), "").astype(str)
 
 
-def _one_line(text: object) -> str:
+def one_line(text: object) -> str:
+    """Return a text from a table as a message can hold it: on one line, not too long."""
     return " ".join(str(text).split())[:200]
 
 
@@ -138,16 +180,7 @@ def _check_words(table: pd.DataFrame, name: str) -> None:
     present = [word for word in (*WORDS, "origin") if word in table]
     if not present:
         return
-    by_record = table.groupby("record", sort=False)
-    for word in present:
-        unlike = by_record[word].nunique()
-        if unlike.gt(1).any():
-            record = str(unlike.idxmax())
-            one, other = map(_one_line, table.loc[table["record"] == record, word].unique()[:2])
-            raise BadInput(
-                f"{name}: record {record!r}, column {word}: contradicts itself ({one} and {other}); "
-                "give every record one value or a name of its own"
-            )
+    check_agreement(table, name, "record", present)
     if {"direction", "step_kN"} <= set(present):
         first = table.drop_duplicates("record")
         wrong = (first["direction"] == "loading") != (first["step_kN"] > 0)

@@ -16,8 +16,9 @@ Samples = Float[np.ndarray, " samples"]
 _JITTER = 0.1
 #: Fewer samples hold no step, nor does a shorter recording, nor samples further apart, s.
 LEAST_SAMPLES, SHORTEST_S, COARSEST_S = 100, 0.5, 2e-3
-# An accelerometer that reads its largest or smallest value so often in a row has met its end, not its noise.
-_CLIPPED = 8
+# An accelerometer that reads its largest or smallest value so often in a row, and so long (s), has met its end: the
+# crest of a response is rounder than that even in steps of a converter.
+_CLIPPED, _CLIPPED_S = 8, 1e-3
 
 
 class Signals(NamedTuple):
@@ -148,11 +149,11 @@ def _check_times(channels: Sequence[Channel]) -> None:
 
 
 def _check_clipping(acceleration: Channel) -> None:
-    values = acceleration.values
+    values, dt_s = acceleration.values, float(np.median(np.diff(acceleration.time_s)))
     for end in (values.max(), values.min()):
         at = np.flatnonzero(np.diff(np.concatenate([[0], values == end, [0]])))
         longest = int((at[1::2] - at[::2]).max())
-        if longest >= _CLIPPED and end != np.median(values):
+        if longest >= max(_CLIPPED, _CLIPPED_S / dt_s) and end != np.median(values):
             raise BadInput(
                 f"channel {acceleration.name!r}: clipped, it stays at {end:g} m/s^2 for {longest} samples; record it "
                 "again with a wider range"

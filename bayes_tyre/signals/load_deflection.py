@@ -10,7 +10,7 @@ import pandas as pd
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.record import DIRECTIONS, ORIGINS
-from bayes_tyre.record_table import METRE_LIKE_MM, NEWTON_LIKE_KN
+from bayes_tyre.record_table import METRE_LIKE_MM, NEWTON_LIKE_KN, check_agreement, check_columns, one_line
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.load_deflection import Deflection, deflection_of
 
@@ -52,23 +52,13 @@ def check_load_deflection(table: pd.DataFrame, name: str = "load-deflection tabl
         For missing columns, no rows, cells that are not finite numbers, words that are empty, unknown or contradict
         each other within a test, and load that does not go up once and down once.
     """
-    missing = [column for column in REQUIRED if column not in table.columns]
-    if missing:
-        raise BadInput(
-            f"{name}: missing column {', '.join(missing)}; found {_one_line(', '.join(map(str, table.columns)))}; "
-            f"a load-deflection table needs {', '.join(REQUIRED)}"
-        )
-    repeated = table.columns[table.columns.duplicated()]
-    if len(repeated):
-        raise BadInput(f"{name}: column {_one_line(repeated[0])} stands twice; keep one")
-    if table.empty:
-        raise BadInput(f"{name}: no rows below the header; give at least one test")
+    check_columns(table, name, "test", REQUIRED)
     typed = table.reset_index(drop=True)
     for column in (column for column in _TEXTS if column in typed):
         typed[column] = _texts(typed, column, name)
     for column in (column for column in _NUMBERS if column in typed):
         typed[column] = _finite(typed, column, name)
-    _check_words(typed, name)
+    check_agreement(typed, name, "test", [word for word in (*WORDS_OF_TEST, "origin") if word in typed])
     return _with_directions(typed, name)
 
 
@@ -180,19 +170,6 @@ def _finite(table: pd.DataFrame, column: str, name: str) -> pd.Series:
     return numbers
 
 
-def _check_words(table: pd.DataFrame, name: str) -> None:
-    by_test = table.groupby("test", sort=False)
-    for word in (word for word in (*WORDS_OF_TEST, "origin") if word in table):
-        unlike = by_test[word].nunique()
-        if unlike.gt(1).any():
-            test = str(unlike.idxmax())
-            one, other = map(_one_line, table.loc[table["test"] == test, word].unique()[:2])
-            raise BadInput(
-                f"{name}: test {_one_line(test)!r}, column {word}: contradicts itself ({one} and {other}); give every "
-                "test one value or a name of its own"
-            )
-
-
 def _with_directions(table: pd.DataFrame, name: str) -> pd.DataFrame:
     given = table["direction"].to_numpy() == "unloading" if "direction" in table else None
     unloading, turning = (np.zeros(len(table), bool) for _ in range(2))
@@ -233,9 +210,5 @@ def _check_branch(table: pd.DataFrame, rows: np.ndarray, sign: float, span: floa
 
 
 def _where(name: str, table: pd.DataFrame, row: int, column: str) -> str:
-    test = _one_line(table["test"].iloc[row])[:60]
+    test = one_line(table["test"].iloc[row])[:60]
     return f"{name}: row {row + 1} (line {row + 2}), test {test!r}, column {column}"
-
-
-def _one_line(text: object) -> str:
-    return " ".join(str(text).split())[:200]
