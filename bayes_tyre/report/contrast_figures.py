@@ -23,7 +23,7 @@ _LOG_FROM, _ROOM = 3.0, 0.25
 
 
 @matplotlib.style.context(STYLE)
-def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting) -> Figure:
+def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting, about: str = "") -> Figure:
     """Return the ratios of k and of beta, a line a ratio: median, interval, and the probability that it is above 1.
 
     Averages are drawn bold, above the matched cases that they average. Of contrasts between directions only the
@@ -36,6 +36,8 @@ def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting) -> Figure:
         `upper`, `interval`, `p_greater_than_1`; no unit.
     setting:
         What all figures of the result share.
+    about:
+        A sentence on what the ratios are of, where it is not plain; it joins the note.
     """
     rows = case_lines.case_words(contrasts)
     for column in ("contrast", "matching", "parameter"):
@@ -60,8 +62,11 @@ def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting) -> Figure:
     contents = " or ".join(interval_name(one) for one in sorted(set(rows["interval"].dropna()))) or "interval"
     if rows.empty:
         return page.finish(figure, setting, "No two configurations or directions have cases that match.")
-    note = f"Marker: median. Line: {contents}. At the right: probability that the ratio is above 1."
-    return page.finish(figure, setting, f"{note} Dashed: 1, no difference. Bold: averages over the matched cases.")
+    note = (
+        f"Marker: median. Line: {contents}. At the right: probability that the ratio is above 1. Dashed: 1, no "
+        f"difference. Bold: averages over the matched cases. {about}"
+    )
+    return page.finish(figure, setting, note.rstrip())
 
 
 def _label(row: Mapping[Hashable, Any]) -> str:

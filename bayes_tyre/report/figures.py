@@ -27,8 +27,9 @@ from bayes_tyre.report.record_figures import (
 from bayes_tyre.report.sampler_figures import pair_plot, rank_plot
 from bayes_tyre.report.scales import scales
 
-#: What the cases' intervals are of, where a reader of the figure could take them for something else, by model.
+#: What the intervals of cases and contrasts are of, where a reader could take them for something else, by model.
 ABOUT_CASES = {"published": "They are of the value to expect; single printed values scatter about it."}
+ABOUT_CONTRASTS = {"published": "One value a case was printed: the model has one ratio for all cases of a direction."}
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,8 @@ def _forest(result: Result) -> Figure:
 
 
 def _contrasts(result: Result) -> Figure:
-    return contrasts_by_case(contrasts(result.tree, result.verdict, result.interval), result.setting)
+    about = ABOUT_CONTRASTS.get(result.tree.attrs["model"], "")
+    return contrasts_by_case(contrasts(result.tree, result.verdict, result.interval), result.setting, about)
 
 
 def _scales(result: Result) -> Figure:

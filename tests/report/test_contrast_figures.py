@@ -39,6 +39,11 @@ def test_a_probability_that_only_rounds_to_one_does_not_claim_it(p, shown):
     assert "1.00" not in texts
 
 
+def test_what_the_ratios_are_of_joins_the_note():
+    figure = contrasts_by_case(contrasts(), MEASURED, "They are of something else.")
+    assert any("They are of something else." in text for text in said(figure))
+
+
 def test_nothing_that_matches_is_said():
     figure = contrasts_by_case(contrasts().iloc[:0], MEASURED)
     assert any("No two configurations or directions" in text for text in said(figure))
