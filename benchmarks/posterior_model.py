@@ -45,7 +45,8 @@ class Data:
         """Return where every peer starts: the least-squares estimates."""
         centre, log_sigma = np.asarray(self.picture.records.centre), np.asarray(self.picture.records.log_sigma)
         F_i, J, log_k, log_beta = centre.T
-        cases = {"log_k_case": np.asarray(self.picture.k.median), "log_beta_case": np.asarray(self.picture.beta.median)}
+        log_k_case, log_beta_case = np.asarray(self.picture.cases.median)
+        cases = {"log_k_case": log_k_case, "log_beta_case": log_beta_case}
         return {"F_i": F_i, "J": J, "log_k": log_k, "log_beta": log_beta, "log_sigma": log_sigma, **cases}
 
 

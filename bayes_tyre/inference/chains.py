@@ -14,7 +14,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
-from numpyro.handlers import seed, substitute, trace
 from numpyro.infer import NUTS
 from numpyro.infer.hmc import HMCState
 from numpyro.infer.initialization import init_to_uniform
@@ -25,8 +24,6 @@ CHUNK = 100
 TARGET_ACCEPTANCE = 0.9
 #: Standard deviation of the starts' logarithm about the values given.
 START_SPREAD = 0.2
-#: Sites with at most this many unknowns share one dense block of the mass matrix.
-DENSE_UP_TO = 1
 #: Deepest trees while adapting, and after. Before the mass matrix is known every tree grows to its limit: at 10, the
 #: first hundred iterations took nine tenths of all the time.
 DEEPEST = (6, 10)
@@ -54,25 +51,15 @@ class Chunk(NamedTuple):
     statistics: dict[str, np.ndarray]
 
 
-def _start_near(values: Mapping[str, Any], site: dict | None = None) -> Any:
+def start_near(values: Mapping[str, Any], site: dict | None = None) -> Any:
     """Start the named sites near their values and the others around zero, spread from chain to chain."""
     if site is None:
-        return partial(_start_near, values)
+        return partial(start_near, values)
     if site["type"] == "sample" and not site["is_observed"] and site["name"] in values:
         value = jnp.asarray(values[site["name"]])
         spread = jax.random.normal(site["kwargs"]["rng_key"], site["fn"].shape())
         return value * jnp.exp(START_SPREAD * spread)
     return init_to_uniform(site, radius=0.5)  # pyright: ignore[reportArgumentType]  (says int, takes float)
-
-
-def _population_sites(model: Callable[..., None], arguments: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the sites of few unknowns: the populations, correlated and worth a dense mass matrix together."""
-
-    def latent() -> dict[str, Any]:
-        sites = trace(substitute(seed(model, 0), substitute_fn=init_to_uniform)).get_trace(**arguments).values()
-        return {str(s["name"]): s["value"] for s in sites if s["type"] == "sample" and not s["is_observed"]}
-
-    return tuple(name for name, value in jax.eval_shape(latent).items() if value.size <= DENSE_UP_TO)
 
 
 class Chains:
@@ -89,7 +76,8 @@ class Chains:
     chains, warmup:
         Number of chains; iterations of each to adapt.
     starts:
-        Positive values by site near which to start.
+        Positive values near which the sites of the populations start. These, correlated, share one dense block of the
+        mass matrix.
     """
 
     def __init__(
@@ -104,10 +92,10 @@ class Chains:
         self._data, self._fixed = eqx.partition(dict(arguments), lambda leaf: isinstance(leaf, jax.Array))
         self._kernel = NUTS(
             model,
-            init_strategy=_start_near(starts),
+            init_strategy=start_near(starts),
             target_accept_prob=TARGET_ACCEPTANCE,
             max_tree_depth=DEEPEST,  # pyright: ignore[reportArgumentType]
-            dense_mass=[_population_sites(model, arguments)],  # pyright: ignore[reportArgumentType]
+            dense_mass=[tuple(starts)] if starts else False,  # pyright: ignore[reportArgumentType]
         )
         devices = jax.local_devices()
         self._together = max(n for n in range(1, min(chains, len(devices)) + 1) if chains % n == 0)

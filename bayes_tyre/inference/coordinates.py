@@ -13,15 +13,15 @@ hierarchical models", Statistical Science 22, taken from one partial centring to
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jax.scipy.linalg import cho_solve, solve_triangular
-from jaxtyping import Array, Float
+from jax.scipy.linalg import solve_triangular
+from jaxtyping import Array, ArrayLike, Float
 
 
 class Gaussian(NamedTuple):
-    """What the data below say of some unknowns, as independent normal estimates, shape (units,)."""
+    """What the data below say of some unknowns, as independent normal estimates; leading axes batch them."""
 
-    value: Float[Array, " units"]
-    precision: Float[Array, " units"]
+    value: Float[Array, "*batch units"]
+    precision: Float[Array, "*batch units"]
 
 
 class Placed(NamedTuple):
@@ -43,9 +43,9 @@ class Placed(NamedTuple):
 
 
 def place(
-    z: Float[Array, " units"], estimate: Gaussian, above: Float[Array, "*#units"], scale: Float[Array, "*#units"]
+    z: Float[Array, "*units"], estimate: Gaussian, above: Float[Array, "*#units"], scale: Float[Array, "*#units"]
 ) -> Placed:
-    """Return scalar unknowns at z, given a Gaussian estimate below and a normal level above, shape (units,).
+    """Return scalar unknowns at z, given a Gaussian estimate below and a normal level above.
 
     If the data were as Gaussian as `estimate` says and the level above is Normal(above, scale), the posterior of z
     is exactly standard normal, whatever the scale.
@@ -83,22 +83,25 @@ def place_pair(
 
 
 def place_jointly(
-    z: Float[Array, " terms"],
-    design: Float[Array, "units terms"],
+    z: Float[Array, "*batch terms"],
+    design: Float[ArrayLike, "*batch units terms"],
     estimate: Gaussian,
-    above: Float[Array, " terms"],
-    scale: Float[Array, " terms"],
+    above: Float[ArrayLike, "*batch terms"],
+    scale: Float[Array, "*batch terms"],
 ) -> Placed:
     """Return the terms of a regression at z: `estimate` is of design @ terms, and each term is Normal(above, scale).
 
     If the data were as Gaussian as `estimate` says, the posterior of z is exactly standard normal, whatever the scales
-    and however the columns of the design overlap.
+    and however the columns of the design overlap. A term without weight in the design stays at its level above.
     """
-    weighted = design * scale
-    pull = weighted.T @ (estimate.precision * (estimate.value - design @ above))
+    design, above = jnp.asarray(design), jnp.asarray(above)
+    weighted = design * scale[..., None, :]
+    off = estimate.value - jnp.einsum("...ut,...t->...u", design, above)
+    pull = jnp.einsum("...ut,...u->...t", weighted, estimate.precision * off)
     # Precision of the terms in units of their scales: what the data add to 1.
-    gain = jnp.eye(len(scale)) + weighted.T @ (weighted * estimate.precision[:, None])
-    factor = jnp.linalg.cholesky(gain)
-    deviation = scale * (cho_solve((factor, True), pull) + solve_triangular(factor.T, z))
-    log_volume = jnp.sum(jnp.log(scale)) - jnp.sum(jnp.log(jnp.diagonal(factor)))
+    gain = jnp.eye(z.shape[-1]) + weighted.mT @ (weighted * estimate.precision[..., None])
+    root = jnp.linalg.cholesky(gain)
+    half = solve_triangular(root, pull[..., None], lower=True)
+    deviation = scale * solve_triangular(root, half + z[..., None], lower=True, trans=1)[..., 0]
+    log_volume = jnp.sum(jnp.log(scale), axis=-1) - jnp.sum(jnp.log(jnp.diagonal(root, axis1=-2, axis2=-1)), axis=-1)
     return Placed(above + deviation, deviation, log_volume)

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.hierarchical import JUDGEABLE_REPEATS
 from bayes_tyre.inference.identifiability import CONTRACTION_LEAST, GROUP, SENSITIVE, identified
 from bayes_tyre.inference.levels import find_levels
+from bayes_tyre.inference.populations import JUDGEABLE_REPEATS
 from bayes_tyre.inference.priors import PRIORS
 from bayes_tyre.record import CASE_WORDS
 

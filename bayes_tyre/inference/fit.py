@@ -13,6 +13,7 @@ from bayes_tyre.inference.levels import Levels, find_levels
 from bayes_tyre.inference.likelihood import DirectLikelihood, Likelihood, compress
 from bayes_tyre.inference.noise import Whitening, smoothed_noise
 from bayes_tyre.inference.picture import RecordData, RecordEstimates, draw_picture, record_data
+from bayes_tyre.inference.populations import population_starts, prior_sites, published_sites
 from bayes_tyre.inference.posterior import scale_displacement, to_datatree
 from bayes_tyre.inference.priors import prior_medians
 from bayes_tyre.inference.record_fits import LARGEST, REGIONS, THESIS_KEPT
@@ -183,7 +184,8 @@ def fit_batch(
         **{"likelihood": likelihood_of(data, model, whitening), "data": data, "picture": picture, "levels": levels},
         **{"repeats": model.repeats, "noise": model.noise},
     }
-    draws = sample(records_model, arguments, settings, _starts(picture.records))
+    starts = population_starts(prior_sites(levels, model.repeats, model.noise), _starts(picture.records))
+    draws = sample(records_model, arguments, settings, starts)
     told = {name: str(getattr(model, name)) for name in ("repeats", "noise", "noise_window")}
     return to_datatree(draws.sites, draws.statistics, levels, words, {"model": "records", **told})
 
@@ -201,7 +203,7 @@ def likelihood_of(data: RecordData, model: ModelSettings, whitening: Whitening |
 
 
 def _starts(records: RecordEstimates) -> dict[str, np.ndarray]:
-    """Return where the populations start: prior medians, and where the records' own estimates say more, these."""
+    """Return where each population starts: its median, and where the records' own estimates say more, these."""
     starts = prior_medians()
     starts["sigma_typical"] = np.asarray(np.exp(np.median(np.asarray(records.log_sigma))))
     starts["J_scale"] = np.asarray(np.sqrt(np.mean(np.asarray(records.centre[:, 1]) ** 2)) + 1e-3)
@@ -222,6 +224,7 @@ def fit_published(table: pd.DataFrame, settings: SamplerSettings | None = None) 
     columns = {"k": "k_kN_per_mm", "beta": "beta_mm"}
     values = {name: table[column].to_numpy(dtype=float) for name, column in columns.items()}
     arguments = {"values": values, "levels": levels}
-    draws = sample(published_model, arguments, settings or SamplerSettings(), prior_medians())
+    starts = population_starts(published_sites(levels), prior_medians())
+    draws = sample(published_model, arguments, settings or SamplerSettings(), starts)
     attributes = {"origin": "published", "model": "published"}
     return to_datatree(draws.sites, draws.statistics, levels, pd.DataFrame({"record": []}), attributes)

@@ -12,14 +12,9 @@ from bayes_tyre.inference.densities import log_likelihood_of_print, log_likeliho
 from bayes_tyre.inference.fit import ModelSettings, batch_and_levels, likelihood_of, whitening_for
 from bayes_tyre.inference.levels import Levels, find_levels
 from bayes_tyre.inference.picture import record_data
+from bayes_tyre.inference.populations import prior_sites, published_sites
 from bayes_tyre.inference.posterior import to_datatree
-from bayes_tyre.inference.prior_predictive import (
-    RecordStarts,
-    is_of_logarithm,
-    prior_quantities,
-    prior_sites,
-    published_sites,
-)
+from bayes_tyre.inference.prior_predictive import RecordStarts, is_of_logarithm, prior_quantities
 from bayes_tyre.inference.priors import PRIORS
 from bayes_tyre.record import CASE_WORDS
 

@@ -205,39 +205,39 @@ def _centre(data: RecordData, estimate: ls.Estimate) -> Float[Array, "4"]:
 
 
 class CaseEstimates(NamedTuple):
-    """What the records of each case say of one of its parameters.
+    """What the records of each case say of its parameters, in the order of `populations.PARAMETERS`.
 
     Attributes
     ----------
     median, variance:
-        Shape (cases,): median of the logarithms, and the mean variance of one of them.
+        Shape (parameters, cases): median of the logarithms, and the mean variance of one of them.
     log_scatter:
-        What the repeats say of the logarithm of their scatter, by speed.
+        What the repeats say of the logarithm of their scatter, by speed; shape (parameters, speeds).
     """
 
-    median: Float[Array, " cases"]
-    variance: Float[Array, " cases"]
+    median: Float[Array, "parameters cases"]
+    variance: Float[Array, "parameters cases"]
     log_scatter: Gaussian
 
 
 def case_estimates(
-    values: Float[np.ndarray, " records"], variances: Float[np.ndarray, " records"], levels: Levels
+    values: Float[np.ndarray, "records parameters"], variances: Float[np.ndarray, "records parameters"], levels: Levels
 ) -> CaseEstimates:
-    """Return what the records say of log k or log beta of their cases; a discordant repeat moves no median."""
+    """Return what the records say of the logarithms of their cases; a discordant repeat moves no median."""
     members = [levels.of_record == case for case in range(len(levels.cases))]
     # A case without records has no estimate: any value will do, for it has no weight.
     members = [member if member.any() else np.ones_like(member) for member in members]
-    median = np.array([np.median(values[member]) for member in members])
-    variance = np.array([np.mean(variances[member]) for member in members])
-    return CaseEstimates(
-        jnp.asarray(median),
-        jnp.asarray(variance),
-        _log_scatter([values[member] for member in members], variance, levels),
-    )
+    median = np.array([np.median(values[member], axis=0) for member in members]).T
+    variance = np.array([np.mean(variances[member], axis=0) for member in members]).T
+    scatter = [_log_scatter([own[member] for member in members], of, levels) for own, of in zip(values.T, variance)]
+    log_scatter = Gaussian(*(jnp.asarray(np.stack(of_each)) for of_each in zip(*scatter, strict=True)))
+    return CaseEstimates(jnp.asarray(median), jnp.asarray(variance), log_scatter)
 
 
-def _log_scatter(by_case: list[np.ndarray], variance: np.ndarray, levels: Levels) -> Gaussian:
-    """Return the scatter of repeats by speed, from the median over cases of their variance: robust to odd repeats."""
+def _log_scatter(
+    by_case: list[np.ndarray], variance: np.ndarray, levels: Levels
+) -> tuple[Float[np.ndarray, " speeds"], Float[np.ndarray, " speeds"]]:
+    """Return estimates and precisions of the scatter of repeats by speed, from the median over cases of their variance: robust to odd repeats."""
     spare = levels.repeats - 1
     estimates, precisions = [], []
     for speed in range(len(levels.speed.labels)):
@@ -251,24 +251,27 @@ def _log_scatter(by_case: list[np.ndarray], variance: np.ndarray, levels: Levels
         own = max(total - float(np.mean(variance[cases])), 0.1 * total)
         estimates.append(0.5 * np.log(own))
         precisions.append(2.0 * spare[cases].sum() * (own / total) ** 2)
-    return Gaussian(jnp.asarray(estimates), jnp.asarray(precisions))
+    return np.array(estimates), np.array(precisions)
 
 
 class Picture(NamedTuple):
     """The whole picture: of the records, and of the cases' k and beta."""
 
     records: RecordEstimates
-    k: CaseEstimates
-    beta: CaseEstimates
+    cases: CaseEstimates
 
 
 def draw_picture(batch: Batch, levels: Levels, noise: str = "iid", whitening: Whitening | None = None) -> Picture:
     """Return the Gaussian picture of a batch's records, and of the cases they repeat; noise as `estimate_records`."""
     records = _like_their_case(estimate_records(batch, noise, whitening), batch, levels, noise, whitening)
-    # Of one with the other held: near enough for coordinates.
+    return Picture(records, cases_of(records, levels))
+
+
+def cases_of(records: RecordEstimates, levels: Levels) -> CaseEstimates:
+    """Return what a picture of records says of their cases."""
+    # Of one parameter with the other held: near enough for coordinates.
     variance = 1.0 / np.diagonal(np.asarray(records.precision), axis1=1, axis2=2)
-    k = case_estimates(np.asarray(records.log_k), variance[:, 0], levels)
-    return Picture(records, k, case_estimates(np.asarray(records.log_beta), variance[:, 1], levels))
+    return case_estimates(np.asarray(records.centre[:, 2:]), variance, levels)
 
 
 def _like_their_case(

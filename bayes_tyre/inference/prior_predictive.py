@@ -8,14 +8,10 @@ from jaxtyping import Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 from scipy import stats
 
-from bayes_tyre.inference.hierarchical import JUDGEABLE_REPEATS
 from bayes_tyre.inference.levels import Levels
+from bayes_tyre.inference.populations import PARAMETERS, prior_sites
 from bayes_tyre.inference.priors import DISCORDANT_WIDENING, PRIORS
 from bayes_tyre.laws.fancher import equation_2_offset
-
-PARAMETERS = ("k", "beta")
-#: Sites that every record's prior goes through, whatever its words.
-_OF_RECORDS = ("J_scale", "sigma_typical")
 
 _IN_SCIPY: dict[type[dist.Distribution], Callable[..., Any]] = {
     dist.LogNormal: lambda location, scale: stats.lognorm(scale, scale=np.exp(location)),
@@ -47,30 +43,6 @@ class RecordStarts(NamedTuple):
     F_0: Float[np.ndarray, " records"]
     span: Float[np.ndarray, " records"]
     d_0: Float[np.ndarray, " records"]
-
-
-def prior_sites(levels: Levels, repeats: str = "mixture", noise: str = "iid") -> tuple[str, ...]:
-    """Return the sites of `PRIORS` that the model of records with these levels, repeats and noise samples."""
-    several = len(levels.of_record) > 1
-    of_repeats = {"mixture": ["discordant_weight"], "student": ["student_nu"], "normal": []}[repeats]
-    sites = [*_OF_RECORDS, *["log_sigma_spread"] * several]
-    if noise == "ar1":
-        sites += ["atanh_rho_typical", *["atanh_rho_spread"] * several]
-    for parameter in PARAMETERS:
-        sites += [f"{parameter}_cell", f"log_{parameter}_repeat_scatter"]
-        sites += [f"log_{parameter}_{name}_scale" for name in levels.factors(parameter)]
-        sites += [f"log_{parameter}_scatter_spread"] * levels.speed.varies
-        sites += [f"log_{parameter}_case_scale"] * levels.has_remainder(parameter)
-    return (*sites, *(of_repeats if levels.repeats.max() >= JUDGEABLE_REPEATS else ()))
-
-
-def published_sites(levels: Levels) -> tuple[str, ...]:
-    """Return the sites of `PRIORS` that the model of printed case means with these levels samples."""
-    sites = []
-    for parameter in PARAMETERS:
-        sites += [f"{parameter}_cell", f"published_scatter_{parameter}"]
-        sites += [f"log_{parameter}_{name}_scale" for name in levels.factors(parameter)]
-    return tuple(sites)
 
 
 def prior_law(site: str) -> Any:

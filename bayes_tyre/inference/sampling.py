@@ -70,7 +70,7 @@ def sample(
     settings:
         How much to sample.
     starts:
-        Positive values by site near which to start.
+        Positive values near which the sites of the populations start; they share a dense block of the mass matrix.
     """
     chains = Chains(model, arguments, settings.chains, settings.warmup, starts or {})
     warmup, draws = _lengths(settings.warmup), _lengths(settings.draws)

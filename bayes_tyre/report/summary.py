@@ -6,8 +6,8 @@ import pandas as pd
 import xarray as xr
 
 from bayes_tyre.inference.convergence import Figures, figures_kept, monitor
-from bayes_tyre.inference.hierarchical import JUDGEABLE_REPEATS
 from bayes_tyre.inference.identifiability import identified
+from bayes_tyre.inference.populations import JUDGEABLE_REPEATS
 from bayes_tyre.inference.posterior import CASE_PARAMETERS, RECORD_UNITS
 from bayes_tyre.record import CASE_WORDS, WORDS
 from bayes_tyre.record_table import carry_extras

@@ -14,23 +14,23 @@ import numpy as np
 import numpyro
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import Array, ArrayLike, Float
-from numpyro.handlers import seed, substitute, trace
+from numpyro.handlers import trace
 from numpyro.infer import NUTS
-from numpyro.infer.initialization import init_to_uniform
 
 from bayes_tyre.batch import Batch
-from bayes_tyre.inference.chains import TARGET_ACCEPTANCE
-from bayes_tyre.inference.chains import _start_near as start_near
+from bayes_tyre.inference.chains import TARGET_ACCEPTANCE, start_near
 from bayes_tyre.inference.hierarchical import records_model
+from bayes_tyre.inference.levels import Levels
 from bayes_tyre.inference.likelihood import compress
 from bayes_tyre.inference.picture import (
     Picture,
     RecordData,
     RecordEstimates,
-    case_estimates,
+    cases_of,
     estimate_records,
     record_data,
 )
+from bayes_tyre.inference.populations import population_starts, prior_sites
 from bayes_tyre.inference.priors import PRIORS, Prior, prior_medians
 from bayes_tyre.studies.design import Design
 
@@ -93,9 +93,8 @@ def observe(design: Design, force_kN: Float[np.ndarray, "sets records points"]) 
     found = []
     for i in range(sets):
         own: RecordEstimates = jax.tree.map(lambda a, i=i: a[i], estimates)
-        variance = 1.0 / np.diagonal(own.precision, axis1=1, axis2=2)
-        of_cases = (case_estimates(np.asarray(own.centre[:, 2 + j]), variance[:, j], design.levels) for j in (0, 1))
-        found.append(DataSet(record_data(design.batch(force_kN[i])), Picture(own, *of_cases), _starts(own)))
+        picture = Picture(own, cases_of(own, design.levels))
+        found.append(DataSet(record_data(design.batch(force_kN[i])), picture, _starts(own, design.levels)))
     return jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *found)
 
 
@@ -111,11 +110,12 @@ def _estimates(u: Float[np.ndarray, "rows points"], force: Float[np.ndarray, "ro
     return jax.tree.map(lambda *leaves: np.concatenate([np.asarray(leaf) for leaf in leaves])[:rows], *lots)
 
 
-def _starts(records: RecordEstimates) -> dict[str, np.ndarray]:
+def _starts(records: RecordEstimates, levels: Levels) -> dict[str, np.ndarray]:
     """Return where a fit of these records starts: prior medians, and where the records say more, their estimates."""
     told = {"sigma_typical": np.exp(np.median(records.log_sigma))}
     told["J_scale"] = np.sqrt(np.mean(np.asarray(records.centre[:, 1]) ** 2)) + 1e-3
-    return prior_medians() | {name: np.asarray(value) for name, value in told.items()}
+    values = prior_medians() | {name: np.asarray(value) for name, value in told.items()}
+    return population_starts(prior_sites(levels), values)
 
 
 def with_priors(model: Callable[..., None], priors: Mapping[str, Prior]) -> Callable[..., None]:
@@ -170,7 +170,6 @@ class SideBySide:
         spec = PartitionSpec(_DEVICES)
         turns = jax.shard_map(self._turns, mesh=mesh, in_specs=(spec, spec), out_specs=spec, check_vma=False)
         self._run, self._lot = jax.jit(turns), TURNS * mesh.size
-        self._dense: tuple[str, ...] = ()
 
     def sample(self, sets: DataSet, key: int, on_progress: Callable[[int], None] = lambda _: None) -> Sampled:
         """Return the draws of each data set; the same sets and key give the same draws.
@@ -186,8 +185,6 @@ class SideBySide:
         """
         count = len(sets.data.d_0)
         keys = jax.random.split(jax.random.key(key), count)
-        if not self._dense:
-            self._dense = self._scalars(jax.tree.map(lambda a: a[0], sets))
         lots = []
         for start in range(0, count, self._lot):
             # The last lot is filled up with its last data set: one shape, one compilation.
@@ -204,20 +201,6 @@ class SideBySide:
         picture = jax.tree.map(jnp.asarray, one.picture)
         return {"likelihood": compress(data), "data": told, "picture": picture, "levels": self.design.levels}
 
-    def _scalars(self, one: DataSet) -> tuple[str, ...]:
-        """Return the sites of one unknown, the scales, which share a dense block of the mass matrix.
-
-        In so small a design a block of all sites of few unknowns would hold most unknowns there are: more than a short
-        warmup can tell the covariance of, and trees then ran to their limit.
-        """
-
-        def latent() -> dict[str, Any]:
-            first = substitute(seed(self._model, 0), substitute_fn=init_to_uniform)
-            sites = trace(first).get_trace(**self._arguments(one)).values()
-            return {str(s["name"]): s["value"] for s in sites if s["type"] == "sample" and not s["is_observed"]}
-
-        return tuple(name for name, value in jax.eval_shape(latent).items() if value.size == 1)
-
     def _turns(self, keys: Array, sets: DataSet) -> Sampled:
         return jax.lax.map(lambda turn: self._one(*turn), (keys, sets))
 
@@ -228,7 +211,7 @@ class SideBySide:
             self._model,
             init_strategy=start_near(one.starts),
             target_accept_prob=TARGET_ACCEPTANCE,
-            dense_mass=[self._dense],  # pyright: ignore[reportArgumentType]
+            dense_mass=[tuple(one.starts)],  # pyright: ignore[reportArgumentType]
             max_tree_depth=DEEPEST,  # pyright: ignore[reportArgumentType]
         )
 

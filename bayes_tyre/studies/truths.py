@@ -10,8 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
-from bayes_tyre.inference.hierarchical import JUDGEABLE_REPEATS
-from bayes_tyre.inference.prior_predictive import PARAMETERS, prior_sites
+from bayes_tyre.inference.populations import JUDGEABLE_REPEATS, PARAMETERS, prior_sites
 from bayes_tyre.inference.priors import DISCORDANT_WIDENING, PRIORS, Prior
 from bayes_tyre.studies.design import START_MM, Design
 

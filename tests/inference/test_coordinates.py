@@ -94,3 +94,18 @@ def test_terms_whose_scale_vanishes_stay_where_they_belong():
     assert float(placed.deviation[0]) == pytest.approx(1e-200)
     assert float(placed.value[0]) == 0.5
     assert bool(jnp.isfinite(placed.log_volume))
+
+
+def test_terms_without_weight_in_the_design_are_idle_and_move_no_other():
+    rng = np.random.default_rng(3)
+    design, estimate = rng.normal(size=(2, 6, 3)), Gaussian(jnp.zeros((2, 6)), jnp.ones((2, 6)))
+    design[1, :, 2] = 0.0
+    z, scale, above = jnp.asarray(rng.normal(size=(2, 3))), jnp.full((2, 3), 0.7).at[1, 2].set(1.0), jnp.zeros((2, 3))
+    placed = place_jointly(z.at[1, 2].set(0.0), jnp.asarray(design), estimate, above, scale)
+    for of_one, terms in ((0, 3), (1, 2)):
+        own = Gaussian(estimate.value[of_one], estimate.precision[of_one])
+        without = jnp.asarray(design[of_one, :, :terms])
+        alone = place_jointly(z[of_one, :terms], without, own, above[of_one, :terms], scale[of_one, :terms])
+        np.testing.assert_allclose(placed.value[of_one, :terms], alone.value, rtol=1e-12)
+        assert float(placed.log_volume[of_one]) == pytest.approx(float(alone.log_volume), abs=1e-12)
+    assert float(placed.value[1, 2]) == 0.0

@@ -12,8 +12,8 @@ from bayes_tyre.inference.fit import record_batch
 from bayes_tyre.inference.levels import find_levels
 from bayes_tyre.inference.likelihood import DirectLikelihood, compress
 from bayes_tyre.inference.picture import record_data
+from bayes_tyre.inference.populations import prior_sites
 from bayes_tyre.inference.posterior import as_measured, scale_displacement
-from bayes_tyre.inference.prior_predictive import prior_sites
 from bayes_tyre.record_table import record_words
 
 PLAN = Plan(configurations=("single",), speeds=(0.0,), loads=(20.0,), steps=(10.0,), points=30)

@@ -19,8 +19,9 @@ from bayes_tyre.inference.identifiability import (
     sensitivity,
 )
 from bayes_tyre.inference.levels import find_levels
+from bayes_tyre.inference.populations import prior_sites, published_sites
 from bayes_tyre.inference.posterior import to_datatree
-from bayes_tyre.inference.prior_predictive import prior_quantities, prior_sites, published_sites
+from bayes_tyre.inference.prior_predictive import prior_quantities
 from bayes_tyre.published import tables
 from bayes_tyre.record_table import record_words
 from bayes_tyre.report import summary

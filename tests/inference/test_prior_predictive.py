@@ -1,18 +1,12 @@
 """Draws of the priors alone: the same laws and the same hierarchy as the model that is sampled."""
 
-import jax
 import numpy as np
 import pandas as pd
 import pytest
-from numpyro.handlers import seed, substitute, trace
-from numpyro.infer.initialization import init_to_uniform
 from simulated_records import Plan, simulate
 
-from bayes_tyre.inference import hierarchical
-from bayes_tyre.inference.fit import record_batch
 from bayes_tyre.inference.levels import Levels, find_levels
-from bayes_tyre.inference.likelihood import compress
-from bayes_tyre.inference.picture import draw_picture, record_data
+from bayes_tyre.inference.populations import prior_sites
 from bayes_tyre.inference.prior_predictive import (
     Start,
     is_of_logarithm,
@@ -20,7 +14,6 @@ from bayes_tyre.inference.prior_predictive import (
     prior_law,
     prior_parameters,
     prior_records,
-    prior_sites,
 )
 from bayes_tyre.inference.priors import DISCORDANT_WIDENING, PRIORS
 from bayes_tyre.record_table import record_words
@@ -37,21 +30,6 @@ PLANS = {
 def levels_of(plan: str) -> tuple[pd.DataFrame, Levels]:
     table, _ = simulate(PLANS[plan], 1)
     return table, find_levels(record_words(table))
-
-
-@pytest.mark.slow  # compiles least squares, for the picture that the model's coordinates follow
-@pytest.mark.parametrize("plan", ["all that varies", "one record"])
-def test_the_sites_are_those_that_the_model_samples(plan):
-    table, levels = levels_of(plan)
-    batch = record_batch(table)
-    data, picture = record_data(batch), draw_picture(batch, levels)
-    model = substitute(seed(hierarchical.records_model, 0), substitute_fn=init_to_uniform)
-    likelihood, sites = compress(data), {}
-    jax.eval_shape(lambda: sites.update(trace(model).get_trace(likelihood, data, picture, levels)))
-    sampled = {name for name, site in sites.items() if site["type"] == "sample" and name in PRIORS}
-    cells = {"k_cell", "beta_cell"}  # sampled themselves, or placed by their prior's parameters
-    assert sampled | cells == set(prior_sites(levels))
-    assert len(prior_sites(levels)) == len(set(prior_sites(levels)))
 
 
 @pytest.mark.parametrize("site", PRIORS)

@@ -11,7 +11,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference import chains, sampling
 from bayes_tyre.inference.sampling import SamplerSettings, sample
 
-STARTS = {"tau": 1.0}
+STARTS = {"mu": 1.0, "tau": 1.0}
 SETTINGS = SamplerSettings(chains=2, warmup=130, draws=110, seed=3)
 
 
@@ -51,7 +51,7 @@ def test_draws_are_those_of_numpyros_own_loop(drawn):
     # Two programs round differently, and chaos makes much of it: compared from where rounding has not grown yet.
     kernel = NUTS(
         model,
-        init_strategy=chains._start_near(STARTS),
+        init_strategy=chains.start_near(STARTS),
         target_accept_prob=chains.TARGET_ACCEPTANCE,
         dense_mass=[("mu", "tau")],  # pyright: ignore[reportArgumentType]
     )

@@ -1,0 +1,93 @@
+"""The top of the hierarchy: each prior has its own density though families are sampled together, and all are used."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpyro.handlers import seed, substitute, trace
+from numpyro.infer.initialization import init_to_uniform
+from simulated_records import Plan, simulate
+
+from bayes_tyre.inference import hierarchical
+from bayes_tyre.inference.fit import record_batch
+from bayes_tyre.inference.levels import Levels, find_levels
+from bayes_tyre.inference.likelihood import compress
+from bayes_tyre.inference.picture import draw_picture, record_data
+from bayes_tyre.inference.populations import population_starts, prior_sites, published_sites, sample_populations
+from bayes_tyre.inference.priors import PRIORS, prior_medians
+from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.record_table import record_words
+
+PLANS = {
+    "all that varies": Plan(configurations=("single",), steps=(-10.0, -5.0, 5.0, 10.0), points=20),
+    "one record": Plan(configurations=("a",), speeds=(0.0,), loads=(20.0,), steps=(10.0,), repeats=1, points=30),
+}
+
+
+class Used(dict):
+    """Remembers what was asked of it."""
+
+    def __init__(self, values):
+        super().__init__(values)
+        self.names = set()
+
+    def __getitem__(self, name):
+        self.names.add(name)
+        return super().__getitem__(name)
+
+
+def bare(model):
+    return substitute(seed(model, 0), substitute_fn=init_to_uniform)
+
+
+def without_cells(sites: tuple[str, ...]) -> set[str]:
+    return {site for site in sites if not site.endswith("_cell")}
+
+
+def levels_of(plan: str) -> Levels:
+    return find_levels(record_words(simulate(PLANS[plan], 1)[0]))
+
+
+@pytest.fixture
+def used(monkeypatch) -> list[Used]:
+    made = []
+
+    def watched(sites):
+        made.append(Used(sample_populations(sites)))
+        return made[-1]
+
+    monkeypatch.setattr(hierarchical, "sample_populations", watched)
+    return made
+
+
+@pytest.mark.slow  # compiles least squares, for the picture that the model's coordinates follow
+@pytest.mark.parametrize("plan", PLANS)
+def test_the_model_of_records_uses_every_prior_that_it_samples(plan, used):
+    table, _ = simulate(PLANS[plan], 1)
+    batch, levels = record_batch(table), levels_of(plan)
+    data, picture = record_data(batch), draw_picture(batch, levels)
+    model, likelihood = bare(hierarchical.records_model), compress(data)
+    jax.eval_shape(lambda: model(likelihood, data, picture, levels) or 0)
+    assert used[-1].names == set(used[-1]) == without_cells(prior_sites(levels))
+    assert len(prior_sites(levels)) == len(set(prior_sites(levels)))
+
+
+def test_the_model_of_printed_means_uses_every_prior_that_it_samples(used):
+    table, _ = simulate(PLANS["all that varies"], 1)
+    levels = find_levels(table[list(CASE_WORDS)].drop_duplicates())
+    printed = {"k": np.full(len(levels.cases), 1.8), "beta": np.full(len(levels.cases), 0.03)}
+    model = bare(hierarchical.published_model)
+    jax.eval_shape(lambda: model(printed, levels) or 0)
+    assert used[-1].names == set(used[-1]) == without_cells(published_sites(levels))
+
+
+def test_priors_of_a_family_are_sampled_together_each_with_its_own_density():
+    sites = prior_sites(levels_of("all that varies"), noise="ar1")
+    starts = population_starts(sites, prior_medians())
+    model = substitute(seed(lambda: sample_populations(sites), 0), data=jax.tree.map(jnp.asarray, starts))
+    found = trace(model).get_trace()
+    together = sum(np.sum(site["fn"].log_prob(site["value"])) for name, site in found.items() if name in starts)
+    own = [PRIORS[name].distribution().log_prob(prior_medians()[name]) for name in without_cells(sites)]
+    assert float(together) == pytest.approx(float(np.sum(own)), abs=1e-9)
+    for name in without_cells(sites):
+        assert float(found[name]["value"]) == pytest.approx(float(prior_medians()[name]))
