@@ -19,7 +19,7 @@ COMMANDS = tuple(
 )
 #: Commands by what they read, each with the options it cannot do without; a further command is one more row.
 ON_TABLES: dict[str, tuple[str, ...]] = {"lsq": (), "fit": ()}
-ON_RESULTS: dict[str, tuple[str, ...]] = {"show": (), "predict": ("--case", "direction=unloading")}
+ON_RESULTS: dict[str, tuple[str, ...]] = {"show": (), "predict": ("--case", "direction=unloading"), "report": ()}
 WORDS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN", "repeat"]
 FIT_FILES = {
     *("posterior.nc", "summary.csv", "cases.csv", "contrasts.csv", "repeats.csv", "diagnostics.json", "run.json"),

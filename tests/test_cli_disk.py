@@ -56,6 +56,7 @@ WRITERS: dict[str, Callable[[Path, Path], list[object]]] = {
     "campaign": lambda given, out: ["campaign", "--out", out / "campaign.csv"],
     "compare": lambda given, out: ["compare", given / "fit", given / "other", "--out", out],
     "predict": lambda given, out: ["predict", given / "fit", "--case", "direction=unloading", "--out", out],
+    "report": lambda given, out: ["report", given / "fit", "--out", out / "report.html"],
     "inspect": lambda given, out: ["inspect", data_path("sample/appendix_b1.lvm"), "--out", out / "channels.csv"],
     "calibrate": lambda given, out: ["calibrate", data_path("sample/appendix_b1.lvm"), "--out", out / "lines.toml"],
     "process": lambda given, out: ["process", given / "raw", "--out", out / "records.csv", "--workers", "1"],

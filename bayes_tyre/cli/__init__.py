@@ -14,6 +14,7 @@ from bayes_tyre.cli.lsq import lsq
 from bayes_tyre.cli.predict import predict
 from bayes_tyre.cli.process import process
 from bayes_tyre.cli.published import campaign, published
+from bayes_tyre.cli.report import report
 from bayes_tyre.cli.shell import Command, guarded
 from bayes_tyre.cli.show import show
 from bayes_tyre.cli.simulate import simulate
@@ -37,7 +38,7 @@ def main(show_version: Annotated[bool, typer.Option("--version", help="Print the
 
 
 _FITS = (lsq, load_deflection, fit)
-for command in (published, campaign, inspect, calibrate, process, *_FITS, compare, predict, show, simulate):
+for command in (published, campaign, inspect, calibrate, process, *_FITS, compare, predict, report, show, simulate):
     app.command(cls=Command)(guarded(command))
 app.add_typer(study)
 

@@ -1,0 +1,40 @@
+"""`report`: one page to hand on, from results on disk."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bayes_tyre.cli.shell import NOT_TRUSTED, NoSeed, Quiet, note, progress, say, warn
+
+
+def report(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Folders that fit or published --posterior wrote.")
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="HTML file, or a folder for report.html; default: the first DIR.")
+    ] = None,
+    seed: NoSeed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Write report.html: the verdict, which tyre is stiffer (k, kN/mm) and how sure that is, tables and figures.
+
+    One file that opens from disk and asks nothing of a network. Several DIRs stand side by side, each against the
+    first: single against dual, or this year's campaign against last year's. Ends with code 4 where a verdict is fail.
+
+    Example: bayes-tyre report results/fit --out report.html
+    """
+    del seed
+    from bayes_tyre.runtime import prepare_jax
+
+    prepare_jax()
+    from bayes_tyre.workflow.report import write_report
+
+    with progress("report", len(folders), quiet) as advance:
+        written = write_report(folders, out, lambda said: note(said, quiet), advance)
+    say(f"wrote {written.path}", quiet)
+    for name in written.failed:
+        warn(f"{name}: the posterior is not to be trusted; its report says why")
+    if written.failed:
+        raise typer.Exit(NOT_TRUSTED)

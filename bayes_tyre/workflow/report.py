@@ -1,0 +1,129 @@
+"""Folders of results in; one `report.html` out."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+import xarray as xr
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.files import check_folder, write_text
+from bayes_tyre.formats.netcdf import read_tree
+from bayes_tyre.formats.tables import read_table
+from bayes_tyre.inference.fit import used_points
+from bayes_tyre.published import tables
+from bayes_tyre.record_table import check_record_table
+from bayes_tyre.report.document import Part, document
+from bayes_tyre.report.document_across import Side, across, has_cases
+from bayes_tyre.report.document_figures import kept_pictures, pictures
+from bayes_tyre.report.document_result import Reported, read_reported
+from bayes_tyre.report.figures import Result
+from bayes_tyre.report.run import RUN_JSON
+from bayes_tyre.workflow.fit import planned_in
+
+NAME, SUFFIXES = "report.html", (".html", ".htm")
+#: Said of figures that the fit drew, where they cannot be drawn anew.
+KEPT = "Figures of records are as the fit drew them, for its input was not found, or is another by now."
+
+
+class Written(NamedTuple):
+    """A report written: its path, and the names of results that are not to be trusted."""
+
+    path: Path
+    failed: list[str]
+
+
+def target(folder: Path, out: Path | None) -> Path:
+    """Return the page to write: `out`, or `report.html` in it where it is a folder, or in the first result's folder.
+
+    Raises
+    ------
+    BadInput
+        If it lies where nothing can be written, or has the name of another kind of file.
+    """
+    out = out or folder
+    path = out if out.suffix.lower() in SUFFIXES and not out.is_dir() else out / NAME
+    if path.parent == out and out.suffix and not out.exists():
+        raise BadInput(f"--out {out}: a report is written as HTML; name an .html file or a folder")
+    check_folder(path.parent)
+    if path.is_dir():
+        raise BadInput(f"--out {path}: a folder is in the place of a file; name another")
+    return path
+
+
+def write_report(
+    folders: Sequence[Path],
+    out: Path | None,
+    tell: Callable[[str], None] = lambda _: None,
+    on_progress: Callable[[int], None] = lambda _: None,
+) -> Written:
+    """Write the report of results, side by side where there are several.
+
+    Parameters
+    ----------
+    folders, out:
+        What `fit`, or a command that writes the same, wrote; and where the page goes (`target`).
+    tell:
+        Told what the user should know, a line each.
+    on_progress:
+        Called with 1 after each folder.
+
+    Raises
+    ------
+    BadInput
+        If a folder holds no finished result, is named twice, or the page cannot be written.
+    """
+    results = [read_reported(folder, name) for folder, name in zip(folders, names(folders), strict=True)]
+    path = target(folders[0], out)
+    parts, sides = [], []
+    for folder, result in zip(folders, results, strict=True):
+        tree = read_tree(folder / "posterior.nc")
+        parts.append(_part(folder, result, tree, tell))
+        inputs = frozenset(result.run["inputs"].values())
+        sides.append(Side(result.name, tree if has_cases(tree) else None, inputs, result.run["origin"]))
+        on_progress(1)
+    compared = [across(sides[0], other, results[0].interval) for other in sides[1:]]
+    write_text(document(parts, compared), path)
+    return Written(path, [result.name for result in results if result.verdict == "fail"])
+
+
+def names(folders: Sequence[Path]) -> list[str]:
+    """Return what to call results: the ends of their paths, as short as tells them apart.
+
+    Raises
+    ------
+    BadInput
+        If a folder is named twice.
+    """
+    whole = [folder.resolve() for folder in folders]
+    twice = next((folder for folder, path in zip(folders, whole, strict=True) if whole.count(path) > 1), None)
+    if twice is not None:
+        raise BadInput(f"{twice}: is named twice; name each folder once")
+    most = max(len(path.parts) for path in whole)
+    ends = (["/".join(path.parts[-length:]) for path in whole] for length in range(1, most + 1))
+    return next(found for found in ends if len(set(found)) == len(found))
+
+
+def _part(folder: Path, result: Reported, tree: xr.DataTree, tell: Callable[[str], None]) -> Part:
+    if not has_cases(tree):  # of another model than these figures are of
+        return Part(result, list(kept_pictures(folder / "figures", set())))
+    table = _records(folder, result, tell)
+    # As when the fit drew them: only records made from the printed tables, and these, are held against print.
+    printed = tables.case_means() if result.run["origin"] in ("reconstructed", "published") else None
+    drawn = Result(tree, result.verdict, result.cases, result.repeats, table, printed, result.interval)
+    missing = table is None and not result.repeats.empty
+    return Part(result, list(pictures(drawn, folder / "figures")), KEPT if missing else "")
+
+
+def _records(folder: Path, result: Reported, tell: Callable[[str], None]) -> pd.DataFrame | None:
+    """Return the records that were fitted; None for a posterior without records, or where they are gone."""
+    if result.repeats.empty:
+        return None
+    try:
+        plan = planned_in(folder / RUN_JSON, lambda _: None)
+        table = used_points(check_record_table(read_table(plan.records), str(plan.records)), plan.model.region)
+    except BadInput as error:
+        tell(f"figures of records are as the fit drew them: {error}")
+        return None
+    return table
