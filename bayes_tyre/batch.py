@@ -35,6 +35,11 @@ class Batch:
         """Number of measured points a record, shape (records,)."""
         return self.present.sum(axis=1)
 
+    def narrowed(self, width: int) -> "Batch":
+        """Return the first points of every record; those behind must all be padding, or not wanted."""
+        fields = (self.displacement_mm, self.force_kN, self.present)
+        return Batch(self.records, *(np.ascontiguousarray(field[:, :width]) for field in fields))
+
 
 def batches(table: pd.DataFrame, cells: int = 131_072) -> Iterator[Batch]:
     """Yield the records of a checked table in batches of like length, so that memory stays bounded.

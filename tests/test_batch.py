@@ -69,3 +69,12 @@ def test_pad_is_as_wide_as_the_longest():
     assert batch.force_kN.tolist() == [[-1.0, -2.0, -1.0], [-3.0, -4.0, -5.0]]
     assert batch.present.tolist() == [[True, True, False], [True, True, True]]
     assert batch.points.tolist() == [2, 3]
+
+
+def test_a_narrowed_batch_keeps_its_first_points():
+    batch = pad(("a", "b"), [np.arange(3.0), np.arange(2.0)], [np.ones(3), np.zeros(2)], width=8)
+    narrow = batch.narrowed(3)
+    assert narrow.records == batch.records
+    np.testing.assert_array_equal(narrow.displacement_mm, batch.displacement_mm[:, :3])
+    np.testing.assert_array_equal(narrow.force_kN, batch.force_kN[:, :3])
+    np.testing.assert_array_equal(narrow.points, batch.points)

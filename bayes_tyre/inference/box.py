@@ -50,15 +50,20 @@ class Triangle(NamedTuple):
     ----------
     rows:
         R, row by row.
-    basis:
-        Columns of Q, of length 1.
     rest:
-        What is left of each column once those before it are taken out.
+        What is left of each column once those before it are taken out: a column of Q, but for its length.
+    scales:
+        1 over that length; 0 where nothing is left. Q itself would be one more pass over the points.
     """
 
     rows: list[list[Float[Array, ""]]]
-    basis: list[Float[Array, " points"]]
     rest: list[Float[Array, " points"]]
+    scales: list[Float[Array, ""]]
+
+    def split(self, i: int, column: Float[Array, " points"]) -> tuple[Float[Array, ""], Float[Array, " points"]]:
+        """Return the part of a column along column i of Q, and what is left of it once that is taken out."""
+        along = self.scales[i] * jnp.sum(self.rest[i] * column)
+        return along, column - (along * self.scales[i]) * self.rest[i]
 
 
 def orthogonalised(columns: list[Float[Array, " points"]]) -> Triangle:
@@ -70,18 +75,18 @@ def orthogonalised(columns: list[Float[Array, " points"]]) -> Triangle:
     has a row and a column of zeros.
     """
     whole = [jnp.sum(column**2) for column in columns]
-    rest, rows, basis = list(columns), [], []
-    for i in range(len(rest)):
-        square = whole[i] if i == 0 else jnp.sum(rest[i] ** 2)
+    found = Triangle([], list(columns), [])
+    for i in range(len(columns)):
+        square = whole[i] if i == 0 else jnp.sum(found.rest[i] ** 2)
         sound = square > LEAST_REST**2 * whole[i]
         size = jnp.where(sound, jnp.sqrt(jnp.where(sound, square, 1.0)), 0.0)
-        basis.append(rest[i] * jnp.where(sound, 1.0 / jnp.where(sound, size, 1.0), 0.0))
+        found.scales.append(jnp.where(sound, 1.0 / jnp.where(sound, size, 1.0), 0.0))
         row = [jnp.zeros(()) for _ in range(i)] + [size]
-        for j in range(i + 1, len(rest)):
-            row.append(jnp.sum(basis[i] * rest[j]))
-            rest[j] = rest[j] - row[j] * basis[i]
-        rows.append(row)
-    return Triangle(rows, basis, rest)
+        for j in range(i + 1, len(columns)):
+            along, found.rest[j] = found.split(i, found.rest[j])
+            row.append(along)
+        found.rows.append(row)
+    return found
 
 
 def triangle(columns: list[Float[Array, " points"]]) -> Float[Array, "n n"]:
@@ -111,6 +116,22 @@ def solve_forward(rows: list[list[Float[Array, ""]]], right: list[Float[Array, "
 
 def _over(number: Float[Array, ""], pivot: Float[Array, ""]) -> Float[Array, ""]:
     return jnp.where(pivot != 0, number / jnp.where(pivot != 0, pivot, 1.0), 0.0)
+
+
+def rest_of_last(products: list[list[Float[Array, "*batch"]]]) -> Float[Array, "*batch"]:
+    """Return the square of what is left of the last of some columns once the others are taken out.
+
+    `products`: the inner products of each column with those up to itself. A column that those before it replace, to
+    rounding, takes nothing out.
+    """
+    rest = [list(row) for row in products]
+    for i in range(len(rest) - 1):
+        sound = rest[i][i] > SMALLEST_PIVOT * products[i][i]
+        inverse = jnp.where(sound, 1.0 / jnp.where(sound, rest[i][i], 1.0), 0.0)
+        for j in range(i + 1, len(rest)):
+            for m in range(i + 1, j + 1):
+                rest[j][m] = rest[j][m] - rest[j][i] * inverse * rest[m][i]
+    return jnp.maximum(rest[-1][-1], 0.0)
 
 
 def times(matrix: Float[Array, "n n"], x: Float[Array, " n"]) -> Float[Array, " n"]:

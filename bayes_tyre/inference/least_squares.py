@@ -13,7 +13,8 @@ from bayes_tyre.inference.box import triangle
 from bayes_tyre.inference.box_solver import BoxLevenbergMarquardt
 from bayes_tyre.inference.parameters import BETA, D_I, F_I, C, K
 from bayes_tyre.inference.problem import OwnProblem, Problem, in_own_units
-from bayes_tyre.inference.profile import ends, optimum, profile_of, scanned_betas, solve
+from bayes_tyre.inference.profile import ends, optimum, profile_of, solve
+from bayes_tyre.inference.profile_scan import scanned
 from bayes_tyre.inference.starts import solve_linear, starting_values
 
 __all__ = ["BETA", "D_I", "F_I", "C", "Estimate", "K", "Problem", "estimate_batch", "estimate_record"]
@@ -31,6 +32,7 @@ AT_BOUND = 1e-11
 
 #: Records fitted side by side: few enough that what a step needs of them stays in a core's cache.
 BLOCK = 16
+_RECORDS = "records"
 
 
 class Estimate(NamedTuple):
@@ -179,21 +181,27 @@ class _Found(NamedTuple):
     rss_at_ends: list[Float[Array, ""]]
 
 
-def _found_on_the_profile(given: Float[Array, "starts 5"], own: OwnProblem, free: tuple[int, ...]) -> _Found:
+def _found_on_the_profile(
+    given: Float[Array, "starts 5"], own: OwnProblem, free: tuple[int, ...], beside: str | None
+) -> _Found:
     """Return the best of the fits from several betas (mm; NaN: found from the data), all else being linear."""
     profile = profile_of(own)
+    at_ends = [optimum(profile, beta, free) for beta in ends(profile)]
+    low, second_counts = scanned(profile, at_ends[0], free, beside)
     alone = jnp.log((given[:, BETA] - own.units.zero[BETA]) / own.units.unit[BETA])
-    starts = jnp.where(jnp.isnan(alone)[:, None], scanned_betas(profile, free), alone[:, None]).ravel()
+    found = jnp.isnan(alone)[:, None]
+    starts = jnp.where(found, low, alone[:, None]).ravel()
+    wanted = jnp.where(found, jnp.stack([jnp.array(True), second_counts]), jnp.array([True, False])).ravel()
 
-    def fit(start: Float[Array, ""]) -> _Fit:
-        solution = solve(profile, start, free, TOLERANCE, MAX_STEPS)
+    def fit(start: tuple[Float[Array, ""], Bool[Array, ""]]) -> _Fit:
+        solution = solve(profile, *start, free, TOLERANCE, MAX_STEPS)
         rss = 2.0 * solution.state.f
         finite = jnp.isfinite(solution.value) & jnp.isfinite(rss)
         value = own.base.at[BETA].set(jnp.exp(solution.value))
         return _Fit(value, jnp.where(finite, rss, jnp.inf), finite & (solution.result == optx.RESULTS.successful))
 
-    best = _best(jax.lax.map(fit, starts))
-    there, *at_ends = (optimum(profile, beta, free) for beta in (best.value[BETA], *ends(profile)))
+    best = _best(jax.lax.map(fit, (starts, wanted)))
+    there = optimum(profile, best.value[BETA], free)
     # Where the RSS is flat down to the least beta, rounding would choose among the betas: the least is taken.
     flat = at_ends[0].rss <= there.rss + profile.rounding
     there = jax.tree.map(lambda a, b: jnp.where(flat, a, b), at_ends[0], there)
@@ -211,7 +219,9 @@ def _found_in_full(given: Float[Array, "starts 5"], own: OwnProblem, free: tuple
     return _Found(fit, tangents, ends)
 
 
-def estimate_record(problem: Problem, free: tuple[int, ...], beta_alone: bool = False) -> Estimate:
+def estimate_record(
+    problem: Problem, free: tuple[int, ...], beta_alone: bool = False, beside: str | None = None
+) -> Estimate:
     """Return the least-squares estimate of one record.
 
     Parameters
@@ -223,13 +233,16 @@ def estimate_record(problem: Problem, free: tuple[int, ...], beta_alone: bool = 
     beta_alone:
         Whether beta is the one free parameter that is not linear, and none is bounded; static. The same optimum is
         then found along the profile over log beta.
+    beside:
+        Name of the axis that records lie side by side on, where they do.
 
     Source: Equation 2; in log beta, Newton on the profile or Levenberg-Marquardt on all (optimistix); errors from
     RSS / (points - fitted), where a parameter at its bound is not counted as fitted.
     """
     own = in_own_units(problem, free)
-    find = _found_on_the_profile if beta_alone else _found_in_full
-    (value, rss, converged), tangents, rss_at_ends = find(problem.start, own, free)
+    given = problem.start
+    found = _found_on_the_profile(given, own, free, beside) if beta_alone else _found_in_full(given, own, free)
+    (value, rss, converged), tangents, rss_at_ends = found
     near = AT_BOUND * jnp.where(_mask((BETA,)), value, 1.0 + jnp.abs(value))
     at_bound = _mask(free) & ((value <= own.low + near) | (value >= own.high - near))
     fitted = _mask(free) & ~at_bound
@@ -272,8 +285,11 @@ def _estimate_batch(problems: Problem, free: tuple[int, ...], beta_alone: bool) 
         return jax.vmap(lambda problem: estimate_record(problem, free))(problems)
     count = len(problems.d)
     block = min(count, BLOCK)
-    # Filled up to whole blocks: a smaller last one would be compiled as well.
-    filled = jnp.minimum(jnp.arange(-(-count // block) * block), count - 1)
-    unbounded = Problem(*(jnp.asarray(field)[filled] for field in problems[:5]))
-    estimates = jax.lax.map(lambda problem: estimate_record(problem, free, True), unbounded, batch_size=block)
-    return jax.tree.map(lambda field: field[:count], estimates)
+    # Filled up to whole blocks, by the last record: a smaller last one would be compiled as well.
+    short = -count % block
+    fields = (jnp.asarray(field) for field in problems[:5])
+    unbounded = Problem(*(jnp.concatenate([field, jnp.repeat(field[-1:], short, axis=0)]) for field in fields))
+    blocks = jax.tree.map(lambda field: field.reshape(-1, block, *field.shape[1:]), unbounded)
+    side_by_side = jax.vmap(lambda problem: estimate_record(problem, free, True, _RECORDS), axis_name=_RECORDS)
+    estimates = jax.lax.map(side_by_side, blocks)
+    return jax.tree.map(lambda field: field.reshape(-1, *field.shape[2:])[:count], estimates)

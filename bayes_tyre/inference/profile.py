@@ -5,7 +5,6 @@ Variable projection (Golub and Pereyra 1973). One unknown is left, so that few p
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Bool, Float
@@ -14,11 +13,8 @@ from bayes_tyre.inference.box import orthogonalised, solve_forward, solve_upper
 from bayes_tyre.inference.parameters import BETA, D_I, F_I, C, K
 from bayes_tyre.inference.problem import OwnProblem
 from bayes_tyre.inference.profile_solver import NewtonOnALine, Slope
-from bayes_tyre.inference.starts import LINEAR, SCANNED_BETAS
+from bayes_tyre.inference.starts import LINEAR
 
-#: Betas tried for a start: each half the one before, in rows that stand between each other, evenly in log beta. Over
-#: the travel from 100 to 1e-5, as `SCANNED_BETAS`.
-HALVINGS, ROWS = 24, 3
 #: Residuals below this part of the forces are rounding.
 _EXACT = 1e-14
 #: exp(-|d - d_i| / beta) of the point next to d_i is below rounding where beta is this part of that distance: no
@@ -74,33 +70,6 @@ def ends(profile: Profile) -> tuple[Float[Array, ""], Float[Array, ""]]:
     low, high = profile.own.beta_ends
     nearest = jnp.min(jnp.where(profile.distance > 0, profile.distance, jnp.inf))
     return jnp.clip(_NEXT_TO_NOTHING * nearest, low, high), high
-
-
-def scanned_betas(profile: Profile, free: tuple[int, ...]) -> Float[Array, "2"]:
-    """Return the logs of the betas in the two lowest valleys of the RSS, of those tried; of the one twice.
-
-    Two, for the lower of two narrow valleys may lie between betas that are both higher than the other's bottom.
-    """
-    most = SCANNED_BETAS[1]
-    names = [i for i in LINEAR if i in free]
-
-    def rss(gone: Float[Array, " points"]) -> Float[Array, ""]:
-        columns = profile.columns(gone)
-        rest = orthogonalised([*(columns[i] for i in names), profile.offset(columns, free)]).rest[-1]
-        return jnp.sum(rest**2)
-
-    def halve(gone: Float[Array, "rows points"], _: None) -> tuple[Float[Array, "rows points"], Float[Array, " rows"]]:
-        return gone * (2.0 - gone), jnp.stack([rss(row) for row in gone])  # 1 - E^2, to the last digit
-
-    between = 2.0 ** (jnp.arange(ROWS) / ROWS)
-    first = -jnp.expm1(-profile.distance * (between[:, None] / most))
-    _, sums = jax.lax.scan(halve, first, length=HALVINGS)
-    sums = jnp.where(jnp.isfinite(sums), sums, jnp.inf).ravel()
-    lowest = jnp.argmin(sums)
-    around = jnp.pad(sums, 1, constant_values=jnp.inf)
-    valley = (sums < around[:-2]) & (sums <= around[2:]) & (jnp.arange(len(sums)) != lowest)
-    other = jnp.where(jnp.any(valley), jnp.argmin(jnp.where(valley, sums, jnp.inf)), lowest)
-    return jnp.log(most) - jnp.stack([lowest, other]) * (jnp.log(2.0) / ROWS)
 
 
 class Optimum(NamedTuple):
@@ -159,18 +128,18 @@ def _at(profile: Profile, beta: Float[Array, ""], free: tuple[int, ...]) -> tupl
     gone = -jnp.expm1(-reach)
     columns = profile.columns(gone)
     names = [i for i in LINEAR if i in free]
-    rows, basis, rest = orthogonalised([*(columns[i] for i in names), profile.offset(columns, free)])
-    residual = -rest[-1]
-    upper = [row[:-1] for row in rows[:-1]]
-    value = profile.own.base.at[jnp.array(names)].set(solve_upper(upper, [row[-1] for row in rows[:-1]]))
+    basis = orthogonalised([*(columns[i] for i in names), profile.offset(columns, free)])
+    residual = -basis.rest[-1]
+    upper = [row[:-1] for row in basis.rows[:-1]]
+    value = profile.own.base.at[jnp.array(names)].set(solve_upper(upper, [row[-1] for row in basis.rows[:-1]]))
 
     change = reach * (profile.one - gone)
     over = value[F_I] * profile.one - value[K] * profile.d - value[C] * profile.one
     tangent = over * change
     along, across = [], tangent
-    for q in basis[:-1]:
-        along.append(jnp.sum(q * across))
-        across = across - along[-1] * q
+    for i in range(len(names)):
+        part, across = basis.split(i, across)
+        along.append(part)
     changes = {K: -profile.d * change, C: -change, F_I: change}
     turned = solve_forward(upper, [jnp.sum(changes[i] * residual) for i in names])
     square, rss = jnp.sum(across**2), jnp.sum(residual**2)
@@ -184,15 +153,22 @@ def _at(profile: Profile, beta: Float[Array, ""], free: tuple[int, ...]) -> tupl
 
 
 def solve(
-    profile: Profile, log_beta: Float[Array, ""], free: tuple[int, ...], tolerance: float, max_steps: int
+    profile: Profile,
+    log_beta: Float[Array, ""],
+    wanted: Bool[Array, ""],
+    free: tuple[int, ...],
+    tolerance: float,
+    max_steps: int,
 ) -> optx.Solution:
-    """Return the optimum over log beta from a start."""
+    """Return the optimum over log beta from a start; if it is not wanted, at once, and nothing was looked at."""
     low, high = jnp.log(jnp.stack(ends(profile)))
 
     def half_rss(log_beta: Float[Array, ""], _: None) -> tuple[Float[Array, ""], Slope]:
         point = at(profile, log_beta, free)
         return 0.5 * point.rss, Slope(point.slope, point.curvature, point.exact)
 
-    solver = NewtonOnALine(low=low, high=high, rtol=tolerance, atol=tolerance, ftol=0.01 * profile.rounding)
+    solver = NewtonOnALine(
+        low=low, high=high, rtol=tolerance, atol=tolerance, ftol=0.01 * profile.rounding, wanted=wanted
+    )
     start = jnp.clip(log_beta, low, high)
     return optx.minimise(half_rss, solver, start, has_aux=True, max_steps=max_steps, throw=False)

@@ -59,6 +59,9 @@ class NewtonOnALine(optx.AbstractMinimiser):
         flat, its derivative still tells the way.
     ftol:
         A gain below this is rounding too: of a sum of squares that may end at zero.
+    wanted:
+        False ends the solve before it begins, at the start and with the value infinite: of a batch, those that are
+        left out.
     """
 
     low: Float[Array, ""]
@@ -66,13 +69,15 @@ class NewtonOnALine(optx.AbstractMinimiser):
     rtol: float
     atol: float
     ftol: Float[Array, ""]
+    wanted: Bool[Array, ""] = eqx.field(default_factory=lambda: jnp.array(True))
     norm: Callable[[PyTree], Float[Array, ""]] = optx.max_norm
 
     @override
     def init(self, fn, y, args, options, f_struct, aux_struct, tags) -> _State:
         """Return the state before the first step, which is always accepted and evaluates the start."""
         nothing, reach = jnp.zeros(()), jnp.asarray(_FIRST_REACH)
-        return _State(jnp.array(True), y, nothing, Slope(nothing, nothing, jnp.array(False)), reach, jnp.array(False))
+        slope = Slope(nothing, nothing, jnp.array(False))
+        return _State(jnp.array(True), y, jnp.asarray(jnp.inf), slope, reach, ~jnp.asarray(self.wanted))
 
     @override
     def step(self, fn, y, args, options, state: _State, tags) -> tuple[Float[Array, ""], _State, PyTree]:

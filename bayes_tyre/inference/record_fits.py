@@ -113,13 +113,18 @@ def _fit_batch(batch: Batch, settings: FitSettings, shape: tuple[int, int]) -> p
     fixed = np.broadcast_to([settings.fix.get(name, np.nan) for name in PARAMETERS], given.shape)
     bounds = np.array([settings.bounds.get(name, (-np.inf, np.inf)) for name in PARAMETERS]).T
     low, high = (np.broadcast_to(side, given.shape) for side in bounds)
-    filled = np.minimum(np.arange(shape[0]), len(batch.records) - 1)
-    points = (array[:, : shape[1]] for array in (batch.displacement_mm, batch.force_kN, used))
-    arrays = (*points, fixed, start, *((low, high) if settings.bounds else ()))
-    problems = ls.Problem(*(jnp.asarray(array[filled]) for array in arrays))
+    batch, used = batch.narrowed(shape[1]), used[:, : shape[1]]
+    arrays = (batch.displacement_mm, batch.force_kN, used, fixed, start, *((low, high) if settings.bounds else ()))
+    short = shape[0] - len(batch.records)
+    problems = ls.Problem(*(jnp.asarray(_filled_up(array, short) if short else array) for array in arrays))
     estimates = jax.device_get(ls.estimate_batch(problems, settings.free_indices))
     estimate = ls.Estimate(*(field[: len(batch.records)] for field in estimates))
     return _rows(batch, used, estimate, settings, bounds)
+
+
+def _filled_up(array: np.ndarray, short: int) -> np.ndarray:
+    """Return an array with its last row repeated so many times more."""
+    return np.concatenate([array, array[-1:].repeat(short, axis=0)])
 
 
 def _thesis_line(batch: Batch, kept: np.ndarray) -> Float[np.ndarray, "records 2"]:

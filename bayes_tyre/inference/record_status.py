@@ -1,5 +1,7 @@
 """What a fit of a record is worth, in words: `ok`, or the reasons why it is not."""
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -31,16 +33,15 @@ def hopeless(batch: Batch, used: Bool[np.ndarray, "records points"], unknowns: i
     unknowns:
         Number of parameters to fit.
     """
-    d, F = _points(batch, used)
+    d, F = (_Ends.of(rows) for rows in _points(batch, used))
     points = used.sum(axis=1)
-    with np.errstate(over="ignore"):
-        least = np.minimum(_largest(d - d[:, :1]), np.where(F.max(axis=1) > F.min(axis=1), _largest(F - F[:, :1]), 1))
+    least = np.minimum(d.travel, np.where(F.high > F.low, F.travel, 1))
     reasons = np.full(len(points), "", dtype=object)
     reasons[least < 1 / LARGEST] = f"changes below {1 / LARGEST:g}: too small to be squared, check the cells"
-    reasons[np.maximum(_largest(d), _largest(F)) > LARGEST] = (
+    reasons[np.maximum(d.size, F.size) > LARGEST] = (
         f"numbers above {LARGEST:g}: too large to be squared, check the cells"
     )
-    reasons[d.max(axis=1) == d.min(axis=1)] = "no travel: the displacement is constant"
+    reasons[d.high == d.low] = "no travel: the displacement is constant"
     few = points <= unknowns
     reasons[few] = [f"too few points: {number} for {unknowns} parameters" for number in points[few]]
     return reasons
@@ -79,11 +80,24 @@ Reasons = list[tuple[np.ndarray, str]]
 def _points(batch: Batch, used: Bool[np.ndarray, "records points"]) -> tuple[np.ndarray, np.ndarray]:
     """Return displacement and force with the first point in place of those not used."""
     d, F = batch.displacement_mm, batch.force_kN
+    if used.all():
+        return d, F
     return np.where(used, d, d[:, :1]), np.where(used, F, F[:, :1])
 
 
-def _largest(numbers: Float[np.ndarray, "records points"]) -> Float[np.ndarray, " records"]:
-    return np.abs(numbers).max(axis=1)
+class _Ends(NamedTuple):
+    """Least and largest of some numbers a record, the largest without its sign, and that of those from the first on."""
+
+    low: Float[np.ndarray, " records"]
+    high: Float[np.ndarray, " records"]
+    size: Float[np.ndarray, " records"]
+    travel: Float[np.ndarray, " records"]
+
+    @classmethod
+    def of(cls, numbers: Float[np.ndarray, "records points"]) -> "_Ends":
+        low, high, first = numbers.min(axis=1), numbers.max(axis=1), numbers[:, 0]
+        with np.errstate(over="ignore"):
+            return cls(low, high, np.maximum(-low, high), np.maximum(first - low, high - first))
 
 
 def _of_the_points(batch: Batch, used: Bool[np.ndarray, "records points"]) -> Reasons:
@@ -141,7 +155,7 @@ def _of_the_residuals(
         return []
     _, F = _points(batch, used)
     with np.errstate(over="ignore", invalid="ignore"):  # of records that are hopeless
-        found &= np.sqrt(np.asarray(estimate.rss) / points) > FOLLOWED_ABOVE * _largest(F - F[:, :1])
+        found &= np.sqrt(np.asarray(estimate.rss) / points) > FOLLOWED_ABOVE * _Ends.of(F).travel
     arrays = (batch.displacement_mm, batch.force_kN, used, estimate.value)
     follows = np.asarray(_lag_1_of_residuals(*(jnp.asarray(array) for array in arrays)))
     said = np.array(
