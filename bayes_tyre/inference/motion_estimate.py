@@ -6,23 +6,25 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
-from arviz_stats.base import array_stats  # pyright: ignore[reportPrivateImportUsage]
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
-from bayes_tyre.inference.motion_fit import Found, find, starts_of
-from bayes_tyre.inference.motion_model import residuals
+from bayes_tyre.inference.motion_fit import ROUGH, Found, approach, find, settle, starts_of
+from bayes_tyre.inference.motion_road import road_of, wave_count, with_noise
 from bayes_tyre.inference.motion_unknowns import in_units
+from bayes_tyre.inference.motion_valley import Weighed, weighed_draws
 from bayes_tyre.inference.motion_window import Recorded, Window, window_of
 from bayes_tyre.rig.axle import Rig
 
 #: The order of what is estimated; units kN/mm, kN, mm, kg, kN s/mm.
 MOTION_PARAMETERS = ("k", "x", "beta", "m", "c")
-#: Above this, importance weights have no reliable mean, and Laplace's covariance is not to be trusted (Vehtari 2024).
-PARETO_K_MOST = 0.7
-DRAWS = 400
+#: Above this, importance weights have no reliable mean (Vehtari 2024). With fewer effective draws than this a mean is
+#: off by more than a seventh of its standard deviation, for the normal that was drawn from is not like the posterior.
+PARETO_K_MOST, EFFECTIVE_LEAST = 0.7, 50.0
 #: Residuals' mean square beyond 1 by more, or a lag-1 autocorrelation above, says that the model misses something. Of
 #: 1100 white residuals a channel the standard deviations are 0.04 and 0.03.
 MISFIT_MOST, CORRELATION_MOST = 0.3, 0.2
+#: Of the last fit to a rolling record, in prior standard deviations: friction turning with the road leaves kinks.
+ROLLING_TOLERANCE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -32,22 +34,30 @@ class MotionEstimate:
     Attributes
     ----------
     log_mean, log_covariance:
-        Of the natural logarithms of `MOTION_PARAMETERS`, shape (5,) and (5, 5): Laplace's, priors included.
+        Of the natural logarithms of `MOTION_PARAMETERS`, shape (5,) and (5, 5), priors included.
+    method:
+        How they came about: `importance` from weighed draws, `laplace` from the peak where the draws are of no use.
+    log_draws, weights:
+        Draws of the same logarithms, shape (draws, 5), and what each weighs, shape (draws,), their sum 1.
     found:
         All unknowns, misfit of each channel, steps taken.
     window:
         What was fitted.
-    pareto_k:
-        Of the importance weights of draws from Laplace's normal.
+    pareto_k, effective_draws:
+        Of the weights: how heavy their tail is, and how many draws of equal weight would say as much.
     status:
         Empty, or why the estimate is not to be trusted as it stands.
     """
 
     log_mean: Float[np.ndarray, "5"]
     log_covariance: Float[np.ndarray, "5 5"]
+    method: str
+    log_draws: Float[np.ndarray, "draws 5"]
+    weights: Float[np.ndarray, " draws"]
     found: Found
     window: Window
     pareto_k: float
+    effective_draws: float
     status: str
 
     @property
@@ -57,7 +67,7 @@ class MotionEstimate:
 
 
 def estimate_motion(rig: Rig, recorded: Recorded) -> MotionEstimate:
-    """Return the estimate of one stationary record.
+    """Return the estimate of one record.
 
     Parameters
     ----------
@@ -67,65 +77,86 @@ def estimate_motion(rig: Rig, recorded: Recorded) -> MotionEstimate:
         Its three channels, rest and ramp.
     """
     window = window_of(rig, recorded)
-    found = jax.tree.map(np.asarray, find(rig, window, starts_of(rig, window)))
-    mean, covariance = log_parameters(rig, found, window)
-    pareto_k = laplace_check(rig, found.standard, found.covariance, window)
-    return MotionEstimate(mean, covariance, found, window, pareto_k, _status(found, pareto_k))
+    window, found = fit_window(rig, window_of(rig, recorded))
+    weighed = weighed_draws(rig, found.standard, found.covariance, window)
+    draws = np.asarray(log_parameters(rig, weighed.standard, jnp.asarray(window.prior)))
+    trusted = weights_trusted(weighed)
+    mean, covariance = _moments(draws, weighed.weights) if trusted else laplace_moments(rig, found, window)
+    return MotionEstimate(
+        log_mean=mean,
+        log_covariance=covariance,
+        method="importance" if trusted else "laplace",
+        log_draws=draws,
+        weights=weighed.weights,
+        found=found,
+        window=window,
+        pareto_k=weighed.pareto_k,
+        effective_draws=weighed.effective,
+        status=_status(found, weighed, window.rolling is not None),
+    )
 
 
-def log_parameters(rig: Rig, found: Found, window: Window) -> tuple[Float[np.ndarray, "5"], Float[np.ndarray, "5 5"]]:
-    """Return mean and covariance of the logarithms of `MOTION_PARAMETERS`, to first order in the unknowns."""
-    prior = jnp.asarray(window.prior)
-    mean, jacobian = _logs(rig, jnp.asarray(found.standard), prior)
-    return np.asarray(mean), np.asarray(jacobian @ found.covariance @ jacobian.T)
+def fit_window(rig: Rig, window: Window) -> tuple[Window, Found]:
+    """Return a window, with its road where the tyre rolls, and what is found in it."""
+    starts = starts_of(rig, window)
+    if window.rolling is None:
+        return window, jax.tree.map(np.asarray, find(rig, window, starts))
+    standard, waves = approach(rig, window, starts), wave_count(window)
+    window = window._replace(road=road_of(rig, window, standard, waves)[0])
+    rough = settle(rig, window, standard, ROUGH)
+    # The first road's weights are of answers in narrower noise; its estimate in mm is the same.
+    window = with_noise(window, rough)
+    window = window._replace(road=road_of(rig, window, rough.standard, waves)[0])
+    return window, jax.tree.map(np.asarray, settle(rig, window, rough.standard, ROLLING_TOLERANCE))
+
+
+def weights_trusted(weighed: Weighed) -> bool:
+    """Return whether weights have a reliable mean, and enough of the draws a share in it."""
+    return weighed.pareto_k <= PARETO_K_MOST and weighed.effective >= EFFECTIVE_LEAST
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def _logs(rig: Rig, standard: Array, prior: Array) -> tuple[Array, Array]:
+def log_parameters(rig: Rig, standard: Float[Array, "*draws unknowns"], prior: Array) -> Float[Array, "*draws 5"]:
+    """Return the logarithms of `MOTION_PARAMETERS` at standard unknowns."""
+
     def logs(standard: Array) -> Array:
         unknowns = in_units(rig, standard, prior)
         law = unknowns.law
         values = (law.k, law.x, law.beta, unknowns.m_kg, unknowns.c_kN_s_per_mm)
         return jnp.log(jnp.stack([jnp.asarray(value) for value in values]))
 
-    return logs(standard), jax.jacfwd(logs)(standard)
+    return jnp.vectorize(logs, signature="(u)->(p)")(standard)
 
 
-def laplace_check(
-    rig: Rig,
-    standard: Float[ArrayLike, " unknowns"],
-    covariance: Float[ArrayLike, "unknowns unknowns"],
-    window: Window,
-    seed: int = 0,
-) -> float:
-    """Return Pareto's k of the weights that take draws of Laplace's normal to the posterior; NaN where it has none.
-
-    Source: Vehtari et al. 2024, "Pareto smoothed importance sampling".
-    """
-    if not (np.isfinite(covariance).all() and np.linalg.eigvalsh(np.asarray(covariance)).min() > 0):
-        return float("nan")
-    root = np.linalg.cholesky(np.asarray(covariance))
-    normal = np.random.default_rng(seed).standard_normal((DRAWS, len(root)))
-    height = _heights(rig, jnp.asarray(standard + normal @ root.T), jax.tree.map(jnp.asarray, window))
-    weights = np.nan_to_num(0.5 * np.sum(normal**2, axis=1) - np.asarray(height), nan=-np.inf)
-    # ArviZ takes the logarithm of what the weights are one over, as in leave-one-out.
-    return float(array_stats.psislw(weights.max() - weights)[1])
+def laplace_moments(rig: Rig, found: Found, window: Window) -> tuple[Float[np.ndarray, "5"], Float[np.ndarray, "5 5"]]:
+    """Return mean and covariance of the logarithms of `MOTION_PARAMETERS`, to first order in the unknowns."""
+    at, prior = jnp.asarray(found.standard), jnp.asarray(window.prior)
+    jacobian = jax.jacfwd(lambda standard: log_parameters(rig, standard, prior))(at)
+    return np.asarray(log_parameters(rig, at, prior)), np.asarray(jacobian @ found.covariance @ jacobian.T)
 
 
-@functools.partial(jax.jit, static_argnums=0)
-def _heights(rig: Rig, draws: Float[Array, "draws unknowns"], window: Window) -> Float[Array, " draws"]:
-    return jax.vmap(lambda draw: 0.5 * jnp.sum(residuals(rig, draw, window) ** 2))(draws)
+def _moments(
+    draws: Float[np.ndarray, "draws 5"], weights: Float[np.ndarray, " draws"]
+) -> tuple[Float[np.ndarray, "5"], Float[np.ndarray, "5 5"]]:
+    """Return weighted mean and covariance; the divisor is that of weighted draws (1 less the weights' squares)."""
+    mean = weights @ draws
+    off = draws - mean
+    return mean, (weights[:, None] * off).T @ off / (1 - np.sum(weights**2))
 
 
-def _status(found: Found, pareto_k: float) -> str:
+def _status(found: Found, weighed: Weighed, rolls: bool) -> str:
     reasons = []
     if not found.converged:
         reasons.append("the fit did not converge")
-    if not pareto_k <= PARETO_K_MOST:
-        reasons.append(f"the posterior is not normal about its peak (Pareto k {pareto_k:.2g} > {PARETO_K_MOST:g})")
+    if not weights_trusted(weighed):
+        reasons.append(
+            f"the posterior is not what was drawn from about its peak (Pareto k {weighed.pareto_k:.2g}, at most "
+            f"{PARETO_K_MOST:g}; {weighed.effective:.0f} effective draws, at least {EFFECTIVE_LEAST:g})"
+        )
     for name, square, alike in zip(
         ("acceleration", "laser", "load"), found.chi_squared, found.correlation, strict=True
     ):
-        if square > 1 + MISFIT_MOST or alike > CORRELATION_MOST:
+        # What a rolling record leaves is alike from block to block, and its noise was widened by that.
+        if square > 1 + MISFIT_MOST or (alike > CORRELATION_MOST and not rolls):
             reasons.append(f"{name} is off by {np.sqrt(square):.2g} times its noise, lag-1 autocorrelation {alike:.2g}")
     return "; ".join(reasons)

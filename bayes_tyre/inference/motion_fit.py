@@ -11,7 +11,8 @@ import optimistix as optx
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from bayes_tyre.inference.motion_model import residuals
-from bayes_tyre.inference.motion_unknowns import NAMES
+from bayes_tyre.inference.motion_runout import ground_start
+from bayes_tyre.inference.motion_unknowns import NAMES, in_units
 from bayes_tyre.inference.motion_window import Window
 from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.rig import geometry
@@ -43,7 +44,7 @@ class Found(NamedTuple):
     correlation:
         Lag-1 autocorrelation of the residuals of each, shape (3,).
     steps:
-        That the fit took after the starts were tried.
+        That the last stage took.
     converged:
         False where the solver ran out of steps or met numbers that are not finite.
     """
@@ -59,7 +60,7 @@ class Found(NamedTuple):
 def starts_of(rig: Rig, window: Window) -> Float[np.ndarray, "starts unknowns"]:
     """Return the unknowns that a fit starts from: k from the travel and the change of load, the rest before known."""
     location, scale = np.asarray(window.prior)
-    start = np.zeros((len(START_BETAS_MM) * len(START_SETTLED_KN), len(NAMES)))
+    start = np.zeros((len(START_BETAS_MM) * len(START_SETTLED_KN), len(location)))
     present = np.asarray(window.weight)[1] > 0
     laser = np.asarray(window.readings)[1, present]
     travel = float(geometry.wheel_centre_displacement(rig, laser[-len(laser) // 4 :].mean()))
@@ -72,6 +73,13 @@ def starts_of(rig: Rig, window: Window) -> Float[np.ndarray, "starts unknowns"]:
     start[:, 0] = (np.log(k) - location[0]) / scale[0] if 0.1 < k < 10 else 0.0
     pairs = [(settled, beta) for settled in START_SETTLED_KN for beta in START_BETAS_MM]
     start[:, 1:3] = (np.log(pairs) - location[1:3]) / scale[1:3]
+    if window.rolling is not None:
+        amplitudes = 2 * len(np.asarray(window.rolling.order))
+        turn = location[len(NAMES) + 2 : -amplitudes]
+        at_rest = in_units(rig, jnp.asarray(start[0]), window.prior, window.rolling)
+        at_wheel_centre = float(jnp.asarray(at_rest.law.k)) * geometry.curvature_factor(rig)
+        ground = ground_start(window.rolling, turn, at_wheel_centre, float(at_rest.m_kg), float(at_rest.c_kN_s_per_mm))
+        start[:, -amplitudes:] = ground / scale[-amplitudes:]
     return start
 
 
@@ -91,17 +99,31 @@ def find(rig: Rig, window: Window, starts: Float[ArrayLike, "starts unknowns"]) 
     starts:
         In standard deviations, such as `starts_of`.
     """
-    tried = jax.vmap(lambda start: _solve(rig, _eased(window, EASED[0]), start, TRIED_STEPS, ROUGH))(
-        jnp.asarray(starts)
-    )
+    return _settled(rig, window, _approached(rig, window, jnp.asarray(starts)), TOLERANCE)
 
-    def tighten(standard: Array, stage: tuple[Array, Array]) -> tuple[Array, _Solved]:
-        solved = _solve(rig, _eased(window, stage[0]), standard, MAX_STEPS, stage[1])
-        return solved.standard, solved
 
-    stages = jnp.array(EASED[1:]), jnp.array([*[ROUGH] * (len(EASED) - 2), TOLERANCE])
-    _, each = jax.lax.scan(tighten, tried.standard[jnp.argmin(tried.height)], stages)
-    standard = each.standard[-1]
+def approach(rig: Rig, window: Window, starts: Float[ArrayLike, "starts unknowns"]) -> Float[Array, " unknowns"]:
+    """Return where a fit is before its last stage; arguments as in `find`."""
+    return _approached_jit(rig, window, jnp.asarray(starts))
+
+
+def settle(rig: Rig, window: Window, standard: Float[Array, " unknowns"], tolerance: float = TOLERANCE) -> Found:
+    """Return what the last stage finds, from unknowns that are near; `tolerance` in prior standard deviations."""
+    return _settled_jit(rig, window, standard, tolerance)
+
+
+def _approached(rig: Rig, window: Window, starts: Float[Array, "starts unknowns"]) -> Float[Array, " unknowns"]:
+    tried = jax.vmap(lambda start: _solve(rig, _eased(window, EASED[0]), start, TRIED_STEPS, ROUGH))(starts)
+
+    def tighten(standard: Array, share: Array) -> tuple[Array, None]:
+        return _solve(rig, _eased(window, share), standard, MAX_STEPS, ROUGH).standard, None
+
+    return jax.lax.scan(tighten, tried.standard[jnp.argmin(tried.height)], jnp.array(EASED[1:-1]))[0]
+
+
+def _settled(rig: Rig, window: Window, standard: Float[Array, " unknowns"], tolerance: Any) -> Found:
+    last = _solve(rig, window, standard, MAX_STEPS, tolerance)
+    standard = last.standard
     off, jacobian = value_and_jacobian(rig, standard, window)
     finite = jnp.all(jnp.isfinite(off)) & jnp.all(jnp.isfinite(jacobian))
     weight = jnp.asarray(window.weight)
@@ -113,9 +135,13 @@ def find(rig: Rig, window: Window, starts: Float[ArrayLike, "starts unknowns"]) 
         covariance=jnp.linalg.inv(jacobian.T @ jacobian),
         chi_squared=squares / jnp.sum(weight > 0, axis=1),
         correlation=jnp.sum(off[:, 1:] * off[:, :-1], axis=1) / squares,
-        steps=jnp.sum(each.steps),
-        converged=each.done[-1] & finite,
+        steps=last.steps,
+        converged=last.done & finite,
     )
+
+
+_approached_jit = jax.jit(_approached, static_argnums=0)
+_settled_jit = jax.jit(_settled, static_argnums=0)
 
 
 class _Solved(NamedTuple):

@@ -1,7 +1,7 @@
 """What a motion's unknowns predict: the readings of accelerometer, laser and load cell in a window."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.motion_load import load_share
 from bayes_tyre.inference.motion_unknowns import Unknowns, in_units
@@ -9,10 +9,13 @@ from bayes_tyre.inference.motion_window import Window
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.motion import Body, Drive, Motion, Start, move, rest_displacement
+from bayes_tyre.rig.motion_step import wheel_centre_per_flat
 
 
-def simulated(rig: Rig, unknowns: Unknowns, block_s: Array, blocks: int, substeps: int) -> tuple[Drive, Motion]:
-    """Return drive and motion from rest through a window; time starts with it.
+def simulated(
+    rig: Rig, unknowns: Unknowns, window: Window, road_mm: Float[ArrayLike, "*nodes"] = 0.0
+) -> tuple[Drive, Motion, Array]:
+    """Return drive and motion through a window, and the displacement, mm, at which the laser reads its level.
 
     Parameters
     ----------
@@ -20,20 +23,39 @@ def simulated(rig: Rig, unknowns: Unknowns, block_s: Array, blocks: int, substep
         Geometry; static.
     unknowns:
         In units.
-    block_s:
-        Time of a block, s.
-    blocks, substeps:
-        Blocks in the window, and steps of the integration in a block.
+    window:
+        Of the record, with which time starts.
+    road_mm:
+        What moves the ground beside the runout's harmonics, mm.
     """
-    time_s = jnp.arange(2 * substeps * blocks + 1) * (block_s / (2 * substeps))
-    load_kN = cylinder_load(unknowns, time_s)
-    drive = Drive(time_s, geometry.tyre_load(rig, load_kN), jnp.zeros_like(time_s))
+    time_s = node_times(window)
+    F = jnp.asarray(geometry.tyre_load(rig, cylinder_load(unknowns, time_s)))
+    ground = unknowns.ground
+    runout = jnp.zeros_like(time_s) if ground is None else ground.displacement_mm(time_s)
+    drive = Drive(time_s, F, runout + road_mm)
     law = unknowns.law
-    at_rest = rest_displacement(
-        rig, jnp.asarray(drive.applied_kN)[0], k=law.k, offset_kN=jnp.add(law.C, unknowns.rest_friction_kN)
-    )
-    motion = move(rig, Body(law, unknowns.m_kg, unknowns.c_kN_s_per_mm), drive, Start(at_rest))
-    return drive, motion
+    if ground is None or window.rolling is None:
+        level = rest_displacement(rig, F[0], k=law.k, offset_kN=jnp.add(law.C, unknowns.rest_friction_kN))
+        start = Start(level)
+    else:
+        level = rest_displacement(rig, F[0], k=law.k, offset_kN=law.C)
+        read = (window.rolling.start_laser_mm - unknowns.laser_mm) / lever(rig)
+        d = level + read + ground.start_off_mm
+        compression = d + jnp.asarray(drive.runout_mm)[0]
+        flat = law.k * geometry.flat_ground_displacement(rig, compression) + law.C + unknowns.rest_friction_kN
+        start = Start(d, ground.start_velocity_mm_per_s, flat * wheel_centre_per_flat(rig, compression))
+    return drive, move(rig, Body(law, unknowns.m_kg, unknowns.c_kN_s_per_mm), drive, start), level
+
+
+def lever(rig: Rig) -> float:
+    """Return the movement at the measurement point for one at the wheel centre."""
+    return 1.0 / float(geometry.wheel_centre_displacement(rig, 1.0))
+
+
+def node_times(window: Window) -> Float[Array, " nodes"]:
+    """Return the times of the integration's nodes, s from the window's start."""
+    per_block = window.node_weights.shape[-1] - 1
+    return jnp.arange(per_block * window.readings.shape[-1] + 1) * (window.block_s / per_block)
 
 
 def cylinder_load(unknowns: Unknowns, time_s: Float[Array, " times"]) -> Float[Array, " times"]:
@@ -42,19 +64,16 @@ def cylinder_load(unknowns: Unknowns, time_s: Float[Array, " times"]) -> Float[A
     return before + (after - before) * load_share(time_s, unknowns.start_s, unknowns.rise_s, unknowns.shape)
 
 
-def predicted(rig: Rig, unknowns: Unknowns, window: Window) -> Float[Array, "3 blocks"]:
+def predicted(
+    rig: Rig, unknowns: Unknowns, window: Window, road_mm: Float[ArrayLike, "*nodes"] = 0.0
+) -> Float[Array, "3 blocks"]:
     """Return the block means that the sensors would read without noise: m/s^2 (up), mm, kN of the cylinder."""
-    blocks = window.readings.shape[-1]
-    substeps = (window.node_weights.shape[-1] - 1) // 2
-    _, motion = simulated(rig, unknowns, jnp.asarray(window.block_s), blocks, substeps)
-    time_s = jnp.arange(2 * substeps * blocks + 1) * (window.block_s / (2 * substeps))
-    lever = 1.0 / float(geometry.wheel_centre_displacement(rig, 1.0))
-    d = motion.displacement_mm
+    drive, motion, level = simulated(rig, unknowns, window, road_mm)
     readings = jnp.stack(
         [
-            unknowns.acceleration_m_per_s2 - lever * motion.acceleration_m_per_s2,
-            unknowns.laser_mm + lever * (d - d[0]),
-            cylinder_load(unknowns, time_s),
+            unknowns.acceleration_m_per_s2 - lever(rig) * motion.acceleration_m_per_s2,
+            unknowns.laser_mm + lever(rig) * (motion.displacement_mm - level),
+            cylinder_load(unknowns, jnp.asarray(drive.time_s)),
         ]
     )
     return block_means(readings, jnp.asarray(window.node_weights))
@@ -72,6 +91,18 @@ def residuals(rig: Rig, standard: Float[Array, " unknowns"], window: Window) -> 
 
     Half their sum of squares is the negative log posterior density but for a constant.
     """
-    unknowns = in_units(rig, standard, jnp.asarray(window.prior))
-    off = (predicted(rig, unknowns, window) - window.readings) * window.weight
-    return jnp.concatenate([off.ravel(), standard])
+    road = window.road
+    if road is None:
+        return jnp.concatenate([misfit(rig, standard, window).ravel(), standard])
+    off = (misfit(rig, standard, window, road.mean_mm) - road.answer).ravel()
+    # What the road explains is shrunk to unit variance: readings' noise and road together are white then.
+    off = off - road.directions @ (road.shrink * (off @ road.directions))
+    return jnp.concatenate([off, standard])
+
+
+def misfit(
+    rig: Rig, standard: Float[Array, " unknowns"], window: Window, road_mm: Float[ArrayLike, "*nodes"] = 0.0
+) -> Float[Array, "3 blocks"]:
+    """Return prediction less readings, each in standard deviations of its own noise."""
+    unknowns = in_units(rig, standard, jnp.asarray(window.prior), window.rolling)
+    return (predicted(rig, unknowns, window, road_mm) - window.readings) * window.weight

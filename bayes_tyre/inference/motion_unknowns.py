@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.motion_load import SHAPE_TERMS
+from bayes_tyre.inference.motion_runout import Ground, Rolling, ground_in_units
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
@@ -71,6 +72,9 @@ class Unknowns(NamedTuple):
         Readings of laser and accelerometer at rest before the step.
     start_s, rise_s, shape:
         Of the load's step (`load_share`), from the start of the window.
+    ground:
+        Under a rolling tyre; None where it stands. Of a rolling tyre `rest_friction_kN` is the friction at the
+        window's start, and `laser_mm` the reading on the middle line with no runout.
     """
 
     law: Fancher
@@ -83,9 +87,15 @@ class Unknowns(NamedTuple):
     start_s: Array
     rise_s: Array
     shape: Array
+    ground: Ground | None = None
 
 
-def in_units(rig: Rig, standard: Float[Array, " unknowns"], prior: Float[ArrayLike, "2 unknowns"]) -> Unknowns:
+def in_units(
+    rig: Rig,
+    standard: Float[Array, " unknowns"],
+    prior: Float[ArrayLike, "2 unknowns"],
+    rolling: Rolling | None = None,
+) -> Unknowns:
     """Return the unknowns in units from the standard ones, whose prior is normal(0, 1), independent.
 
     Parameters
@@ -93,9 +103,11 @@ def in_units(rig: Rig, standard: Float[Array, " unknowns"], prior: Float[ArrayLi
     rig:
         For the stiffness at the wheel centre, which critical damping refers to.
     standard:
-        Shape (unknowns,), in the order of `NAMES`.
+        Shape (unknowns,), in the order of `NAMES`; of a rolling tyre `motion_runout.ground_names` follow.
     prior:
         Locations and scales, shape (2, unknowns).
+    rolling:
+        What the further unknowns of a rolling tyre belong to.
     """
     location, scale = jnp.asarray(prior)
     value = location + scale * standard
@@ -113,6 +125,7 @@ def in_units(rig: Rig, standard: Float[Array, " unknowns"], prior: Float[ArrayLi
         start_s=value[_AT["ramp_start_s"]],
         rise_s=jnp.exp(value[_AT["log_rise"]]),
         shape=value[_AT["shape_bend_onset"] : _AT["shape_bend_onset"] + SHAPE_TERMS],
+        ground=None if rolling is None else ground_in_units(value[len(NAMES) :], rolling),
     )
 
 

@@ -6,7 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from bayes_tyre.inference.motion_quiet import quiet_motion
+from bayes_tyre.inference.motion_runout import Rolling, ground_priors
 from bayes_tyre.inference.motion_unknowns import priors_of
+from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 
 Samples = Float[np.ndarray, " samples"]
@@ -15,9 +18,15 @@ Values = Float[np.ndarray, "..."]
 #: is lost, noise is white over it, and the model is averaged alike (`block_weights`). A step of the integration is
 #: one block.
 BLOCK_S = 5e-4
+ROLLING_BLOCK_S = 1e-3
 #: The window begins so long before the straight ramp of the load and ends so long after it starts, s: the ringing has
 #: all but gone, and what moves later tells of drift.
 BEFORE_S, AFTER_S = 0.05, 0.5
+#: Of a rolling tyre it begins earlier, s: about a turn of the wheel shows what its runout is.
+ROLLING_BEFORE_S = 1.0
+# The quiet stretch is averaged over so long, s. The middle line lies within so much of the laser's mean, mm: friction
+# over stiffness.
+_QUIET_MEAN_S, _FRICTION_MM = 2e-3, 0.3
 #: A straight ramp fitted to a raised cosine starts later and is shorter, by these shares of its length.
 _RAMP_LATE, _RAMP_SHORT = 0.2, 1.4
 
@@ -35,6 +44,9 @@ class Recorded(NamedTuple):
         So many samples are at rest before the step.
     ramp_s:
         Start and end of a straight ramp that fits the load, s after the first sample.
+    bodies:
+        Of a rolling tyre: turns a second and number of harmonics of each turning body, the wheel first. The channels
+        are as read, the runout in them.
     """
 
     dt_s: float
@@ -43,6 +55,31 @@ class Recorded(NamedTuple):
     load_kN: Samples
     quiet: int
     ramp_s: tuple[float, float]
+    bodies: tuple[tuple[float, int], ...] = ()
+
+
+class Road(NamedTuple):
+    """How the road's roughness shows in the readings (`motion_road`).
+
+    Attributes
+    ----------
+    mean_mm:
+        The road as estimated, about which its answers are linear, at the nodes, shape (nodes,).
+    weights:
+        Of its waves (`motion_road`), shape (columns,).
+    answer:
+        Of the readings to that, in their own noise, shape (3, blocks).
+    directions:
+        Orthonormal, of the readings in their own noise, shape (3 blocks, directions).
+    shrink:
+        1 less one over the standard deviation along each, shape (directions,).
+    """
+
+    mean_mm: Float[Array, "*records nodes"]
+    weights: Float[Array, "*records columns"]
+    answer: Float[Array, "*records 3 blocks"]
+    directions: Float[Array, "*records readings directions"]
+    shrink: Float[Array, "*records directions"]
 
 
 class Window(NamedTuple):
@@ -60,6 +97,8 @@ class Window(NamedTuple):
         Of the motion's nodes in a block, to give the mean of its samples, shape (nodes,).
     prior:
         Locations and scales of the unknowns, shape (2, unknowns).
+    rolling, road:
+        Of a rolling tyre.
     """
 
     block_s: Float[Array, "*records"]
@@ -67,9 +106,11 @@ class Window(NamedTuple):
     weight: Float[Array, "*records 3 blocks"]
     node_weights: Float[Array, "*records nodes"]
     prior: Float[Array, "*records 2 unknowns"]
+    rolling: Rolling | None = None
+    road: Road | None = None
 
 
-def window_of(rig: Rig, samples: Recorded, block_s: float = BLOCK_S) -> Window:
+def window_of(rig: Rig, samples: Recorded, block_s: float | None = None) -> Window:
     """Return the window of a recording.
 
     The window is as long for every record of a sampling rate, so that one compilation serves all; where a recording
@@ -83,12 +124,14 @@ def window_of(rig: Rig, samples: Recorded, block_s: float = BLOCK_S) -> Window:
     samples:
         A recording.
     block_s:
-        Samples are averaged over about so long, s, or not at all where they are further apart.
+        Samples are averaged over about so long, s, or not at all where they are further apart; None: `BLOCK_S`, or
+        `ROLLING_BLOCK_S`.
     """
-    dt_s = samples.dt_s
-    length = max(1, round(block_s / dt_s))
-    first = max(0, round((samples.ramp_s[0] - BEFORE_S) / dt_s))
-    blocks = round((BEFORE_S + AFTER_S) / (length * dt_s))
+    dt_s, rolls = samples.dt_s, len(samples.bodies) > 0
+    length = max(1, round((block_s or (ROLLING_BLOCK_S if rolls else BLOCK_S)) / dt_s))
+    before_s = ROLLING_BEFORE_S if rolls else BEFORE_S
+    first = max(0, round((samples.ramp_s[0] - before_s) / dt_s))
+    blocks = round((before_s + AFTER_S) / (length * dt_s))
     channels = np.stack([samples.acceleration_m_per_s2, samples.laser_mm, samples.load_kN])
     quiet = channels[:, : min(samples.quiet, first)]
     cut = channels[:, first : first + blocks * length]
@@ -96,7 +139,8 @@ def window_of(rig: Rig, samples: Recorded, block_s: float = BLOCK_S) -> Window:
     readings, weight = np.zeros((3, blocks)), np.zeros((3, blocks))
     readings[:, :full] = _means(cut, length)
     readings[:, full:] = readings[:, full - 1 : full]
-    weight[:, :full] = 1 / np.array([_block_sd(channel, length) for channel in quiet])[:, None]
+    sd = _block_sd_of_differences if rolls else _block_sd
+    weight[:, :full] = 1 / np.array([sd(channel, length) for channel in quiet])[:, None]
     levels = [_level(channel, dt_s) for channel in quiet]
     after = channels[2, first + blocks * length :]
     known = {
@@ -106,13 +150,44 @@ def window_of(rig: Rig, samples: Recorded, block_s: float = BLOCK_S) -> Window:
         "load_after_kN": _after(after, readings[2, :full], levels[2], dt_s),
         **_ramp(samples, first * dt_s),
     }
+    rolling, prior = None, None
+    if rolls:
+        rolling, known, prior = _rolling(rig, samples, channels[:, : samples.quiet], first, known)
+    prior = priors_of(rig, known) if prior is None else np.concatenate([priors_of(rig, known), prior], axis=1)
     nodes = block_weights(length, substeps_of(length * dt_s))
-    return Window(*map(jnp.asarray, (length * dt_s, readings, weight, nodes, priors_of(rig, known))))
+    return Window(*map(jnp.asarray, (length * dt_s, readings, weight, nodes, prior)), rolling=rolling)
+
+
+def _rolling(
+    rig: Rig, samples: Recorded, quiet: Values, first: int, known: dict[str, tuple[float, float]]
+) -> tuple[Rolling, dict[str, tuple[float, float]], Float[np.ndarray, "2 further"]]:
+    """Return what a rolling record's window has beside a standing one's; its levels; priors of its further unknowns."""
+    length = max(1, round(_QUIET_MEAN_S / samples.dt_s))
+    means = _means(quiet, length)
+    # Samples stand at the middle of their share of a block (`block_weights`).
+    time_s = (length * np.arange(means.shape[1]) + length / 2 - first) * samples.dt_s
+    said = quiet_motion(time_s, means[0], means[1], samples.bodies)
+    levels = {
+        "acceleration_offset_m_per_s2": said.acceleration_m_per_s2,
+        "laser_at_rest_mm": (said.laser_mm[0], _FRICTION_MM),
+    }
+    velocity = float(geometry.wheel_centre_displacement(rig, np.sum(-said.omega * np.imag(said.amplitude_mm))))
+    rolling = Rolling(
+        jnp.asarray(said.body),
+        jnp.asarray(said.order),
+        jnp.asarray(said.amplitude_mm) * float(geometry.wheel_centre_displacement(rig, 1.0)),
+        jnp.asarray(said.laser_mm[0] + np.sum(np.real(said.amplitude_mm))),
+    )
+    return (
+        rolling,
+        known | levels,
+        ground_priors(velocity, np.log(said.turn_Hz), said.turn_sd, len(said.order)),
+    )
 
 
 def substeps_of(block_s: float) -> int:
-    """Return into how many steps of the integration a block is cut, so that none is longer than `BLOCK_S`."""
-    return max(1, int(np.ceil(block_s / BLOCK_S - 1e-9)))
+    """Return into how many steps of the integration a block is cut: none is longer than `ROLLING_BLOCK_S`."""
+    return max(1, int(np.ceil(block_s / ROLLING_BLOCK_S - 1e-9)))
 
 
 def block_weights(length: int, substeps: int) -> Float[np.ndarray, " nodes"]:
@@ -159,6 +234,12 @@ def _block_sd(quiet: Samples, length: int) -> float:
         noise = max(float(np.var(quiet)) - q**2 / 12, 0.0)
         variance += q**2 / (2 * np.pi**2) * np.exp(-4 * np.pi**2 * noise / q**2)
     return float(np.sqrt(variance))
+
+
+def _block_sd_of_differences(quiet: Samples, length: int) -> float:
+    """Return the standard deviation of a block's mean from that of third differences: motion drops out of them."""
+    # The third differences of white noise have 1 + 9 + 9 + 1 times its variance.
+    return float(max(np.std(np.diff(_means(quiet, length), n=3)) / np.sqrt(20), 1e-9))
 
 
 def _level(quiet: Samples, dt_s: float) -> tuple[float, float]:

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import stats
 
-from bayes_tyre.inference.motion_estimate import PARETO_K_MOST, estimate_motion, laplace_check
+from bayes_tyre.inference.motion_estimate import PARETO_K_MOST, estimate_motion, weights_trusted
 from bayes_tyre.inference.motion_fit import starts_of, value_and_jacobian
 from bayes_tyre.inference.motion_load import SHAPE_TERMS, load_share
 from bayes_tyre.inference.motion_model import residuals
 from bayes_tyre.inference.motion_unknowns import NAMES, in_units, priors_of
+from bayes_tyre.inference.motion_valley import weighed_draws
 from bayes_tyre.inference.motion_window import Recorded, block_weights, window_of
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.signals.channels import find_channels
@@ -47,10 +49,8 @@ def test_parameters_come_back(fitted):
     off = np.array([estimate.log_mean for _, estimate in fitted]) - logs
     sd = np.array([np.sqrt(np.diag(estimate.log_covariance)) for _, estimate in fitted])
     assert all(estimate.found.converged for _, estimate in fitted)
-    # The model is the simulator's: nothing may be said against its residuals. Laplace's normal is another matter.
-    assert not any("autocorrelation" in estimate.status for _, estimate in fitted)
-    for _, estimate in fitted:
-        assert ("Pareto" in estimate.status) == (not estimate.pareto_k <= PARETO_K_MOST)
+    # The model is the simulator's: nothing may be said against it.
+    assert [(estimate.method, estimate.status) for _, estimate in fitted] == [("importance", "")] * len(fitted)
     # 20 normal numbers, some correlated: one of them beyond 4 standard deviations in 0.13 % of seeds at most.
     assert np.all(np.abs(off) < 4 * sd)
     # The targets: k within 0.5 %, x and beta within 3 %, root mean square.
@@ -59,14 +59,45 @@ def test_parameters_come_back(fitted):
     assert np.all(sd[:, :3] < [0.005, 0.03, 0.03])
 
 
+def test_95_per_cent_intervals_hold_the_truth(fitted):
+    inside = []
+    for truth, estimate in fitted:
+        logs = np.log([truth.k_kN_per_mm, truth.x_kN, truth.beta_mm, truth.m_kg, truth.c_kN_s_per_mm])
+        off = logs - estimate.log_mean
+        inside.append(off @ np.linalg.solve(estimate.log_covariance, off) < stats.chi2.ppf(0.95, len(off)))
+    # Of four records two and more outside the 95 % region of all five: 1.4 % of seeds.
+    assert sum(inside) >= len(inside) - 1
+
+
+def test_the_check_passes_a_good_fit_and_tells_bad_ones(fitted):
+    _, estimate = fitted[0]
+    window, found = estimate.window, estimate.found
+    sd = np.sqrt(np.diag(found.covariance))
+    assert weights_trusted(weighed_draws(RIG, found.standard, found.covariance, window))
+    assert not weights_trusted(weighed_draws(RIG, found.standard, 4 * found.covariance, window))
+    assert not weights_trusted(weighed_draws(RIG, found.standard + 3 * sd, found.covariance, window))
+
+
 def test_the_check_tells_a_covariance_that_is_too_narrow(fitted):
     # Without data the posterior is the prior, normal(0, 1): what Laplace should say is known exactly.
     window = fitted[0][1].window
     blind = window._replace(weight=0 * window.weight)
     peak, unit = np.zeros(len(NAMES)), np.eye(len(NAMES))
-    assert laplace_check(RIG, peak, 1.2 * unit, blind) < PARETO_K_MOST
-    assert laplace_check(RIG, peak, 0.3 * unit, blind) > PARETO_K_MOST
-    assert np.isnan(laplace_check(RIG, peak, -unit, blind))
+    assert weighed_draws(RIG, peak, unit, blind).pareto_k < PARETO_K_MOST
+    assert weighed_draws(RIG, peak, 0.3 * unit, blind).pareto_k > PARETO_K_MOST
+    assert np.isnan(weighed_draws(RIG, peak, -unit, blind).pareto_k)
+
+
+def test_weighed_draws_are_the_posterior_where_it_is_known(fitted):
+    window = fitted[0][1].window
+    blind = window._replace(weight=0 * window.weight)
+    weighed = weighed_draws(RIG, np.zeros(len(NAMES)), 1.2 * np.eye(len(NAMES)), blind)
+    mean = weighed.weights @ weighed.standard
+    variance = weighed.weights @ weighed.standard**2
+    # Some 200 effective draws of 17 normal numbers: standard errors 0.07 and 0.1; 34 comparisons at 4.5 of them err
+    # in 0.03 % of seeds.
+    assert np.all(np.abs(mean) < 4.5 / np.sqrt(weighed.effective))
+    assert np.all(np.abs(variance - 1) < 4.5 * np.sqrt(2 / weighed.effective))
 
 
 def test_jacobian_is_that_of_finite_differences(fitted):
