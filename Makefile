@@ -15,7 +15,7 @@ FIND_PYTHON = for candidate in "$${PYTHON:-}" python3.13 python3.12 python3.14 p
 	    && { echo "$$candidate"; exit 0; }; \
 	done; echo "No Python >= 3.12 on PATH or in pyenv: install one, or call make PYTHON=/path/to/python" >&2; exit 1
 
-.PHONY: help fit figure demo test check lint clean install lock campaign wheel fuzz calibrate bench
+.PHONY: help fit figure demo notebooks docs tutorial test check lint clean install lock campaign wheel fuzz calibrate bench
 
 help:  ## Print this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -53,6 +53,17 @@ demo: install  ## Simulate a small campaign, process it by both methods, fit it,
 	$(BIN)/bayes-tyre fit $$out/inertia/records.csv --out $$out/inertia/fit || { trust=$$?; [ $$trust -eq 4 ]; }; \
 	$(BIN)/bayes-tyre show --truth $$out/raw/truth.csv $$out/thesis/lsq $$out/inertia/lsq $$out/inertia/fit; \
 	exit $$trust
+
+notebooks: install  ## Run every notebook from clean, and keep what it shows beside it
+	@$(BIN)/python notebooks/run.py
+
+docs: install  ## Build the documentation into results/docs/html: warnings are errors, every link is followed
+	@rm -rf $(RESULTS)/docs
+	@$(BIN)/sphinx-build -W --keep-going -n -q -b html -d $(RESULTS)/docs/doctrees docs $(RESULTS)/docs/html
+	@$(BIN)/python docs/check_links.py $(RESULTS)/docs/html
+
+tutorial: install  ## Run what the tutorial and the how-to pages show, and compare (some minutes)
+	@$(BIN)/python docs/check_tutorial.py docs/tutorial.md docs/howto/own_law.md docs/howto/own_priors.md
 
 $(BENCH)/installed: benchmarks/requirements-bench.lock requirements-uv.lock pyproject.toml
 	@python=$$($(FIND_PYTHON)); echo "Building $(BENCH) with $$("$$python" --version)"; "$$python" -m venv --clear $(BENCH)
