@@ -18,15 +18,18 @@ from bayes_tyre.formats.tables import read_table
 from bayes_tyre.inference import diagnostics, record_fits
 from bayes_tyre.inference.diagnostics import Diagnostics
 from bayes_tyre.inference.fit import ModelSettings, fit_hierarchical, used_points
+from bayes_tyre.inference.fit import fit_published as fit_printed_means
 from bayes_tyre.inference.record_fits import FitSettings
 from bayes_tyre.inference.sampling import SamplerSettings
 from bayes_tyre.laws import fancher
-from bayes_tyre.published import campaign
+from bayes_tyre.published import campaign, tables
 from bayes_tyre.published.campaign import Reconstruction
 from bayes_tyre.record_table import check_record_table
 from bayes_tyre.report import contrasts as ratios
 from bayes_tyre.report import prediction, predictive, summary
 from bayes_tyre.report.case_choice import parse_wish
+from bayes_tyre.report.chosen_figure import chosen_figure
+from bayes_tyre.report.picture import Picture
 from bayes_tyre.report.prediction import Prediction
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.workflow.predict import read_result
@@ -40,8 +43,10 @@ __all__ = [
     "contrasts",
     "diagnose",
     "equation_2",
+    "figure",
     "fit",
     "fit_least_squares",
+    "fit_published",
     "predict",
     "read_posterior",
     "read_records",
@@ -142,6 +147,19 @@ def fit(
     return _judged(tree, predictive.residual_autocorrelation(tree, used_points(table, model.region)))
 
 
+def fit_published(settings: SamplerSettings | None = None) -> xr.DataTree:
+    """Return the posterior of the source's printed means of k and beta (Tables 9 and 11) alone, with its verdict.
+
+    Parameters
+    ----------
+    settings:
+        How much to sample.
+    """
+    settings = settings or SamplerSettings()
+    prepare_jax(max(settings.chains, _DEVICES))
+    return _judged(fit_printed_means(tables.case_means(), settings), np.nan)
+
+
 def read_posterior(folder: str | Path) -> xr.DataTree:
     """Return the posterior of records in a folder that `bayes-tyre fit` wrote, with its verdict.
 
@@ -185,6 +203,36 @@ def contrasts(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
 def repeats(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
     """Return the parameters of each record and whether it is discordant: the columns of `repeats.csv`."""
     return summary.repeats(posterior, _verdict(posterior), interval)
+
+
+def figure(posterior: xr.DataTree, name: str, records: pd.DataFrame | None = None, interval: float = 0.95) -> Picture:
+    """Return a figure of a posterior, as `fit` writes it into `figures/`; a notebook shows it by itself.
+
+    Parameters
+    ----------
+    posterior:
+        Of records, or of the printed tables.
+    name:
+        Of the file, such as ``contrasts`` or ``posteriors_by_direction``.
+    records:
+        The table that was fitted; figures of records need it.
+    interval:
+        Probability of every interval, equal-tailed.
+
+    Returns
+    -------
+    Picture
+        `figure`, to change it in matplotlib, and `save`.
+
+    Raises
+    ------
+    BadInput
+        For a name that there is not, and a figure of records without records.
+    """
+    table = None if records is None else check_record_table(records)
+    from_tables = posterior.attrs["origin"] in ("published", "reconstructed")
+    printed = tables.case_means() if from_tables else None
+    return Picture(chosen_figure(posterior, _verdict(posterior), name, table, printed, interval))
 
 
 def predict(
