@@ -17,14 +17,15 @@ WINDOW_S, MARGIN_S = 0.0801, 0.0400
 _PEAK_FROM = 0.1
 
 
-def thesis(recording: Recording, rig: Rig) -> Processed:
+def thesis(recording: Recording, rig: Rig, window_s: float = WINDOW_S) -> Processed:
     """Return a recording as the source processed it.
 
     Acceleration less its mean, 0 before its last change of sign before the spike, integrated twice; cut at the
     overshoot and held; load held at its means before and after the response; both smoothed by a centred mean of 80 ms;
     region from 40 ms before the load's start to 40 ms after the displacement's end. As in the source's code, Eq. 7
     takes the displacement since the step, to which the laser's mean before is added; Eq. 8 takes the same displacement
-    here. Three things differ: times that the source picked by eye are found (the load's from the straight ramp that
+    here. `window_s` is another moving mean's length, s, for a study of what it does; all else stays as it is. Three
+    things differ: times that the source picked by eye are found (the load's from the straight ramp that
     fits it best), means are over all of the rest before and after, and windows are times, for other sampling rates.
 
     Raises
@@ -40,7 +41,7 @@ def thesis(recording: Recording, rig: Rig) -> Processed:
     after = float(signals.load_kN[max(load_end, step.settled) :].mean())
     load = signals.load_kN.copy()
     load[:load_start], load[load_end:] = step.load.mean, after
-    window = round(WINDOW_S / dt_s)
+    window = round(window_s / dt_s)
     moved = -np.asarray(geometry.wheel_centre_displacement(rig, moving_mean(upward, window)), float)
     force = np.asarray(geometry.tyre_load(rig, moving_mean(load, window)), float)
     margin = round(MARGIN_S / dt_s)

@@ -1,0 +1,170 @@
+"""What `thesis`, `inertia` and `motion` return of one recording: values with 95 % intervals, or why there are none."""
+
+import functools
+from collections.abc import Hashable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+from jaxtyping import Array, Float
+from scipy import stats
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.fit_settings import FitSettings
+from bayes_tyre.inference.motion_energy import losses
+from bayes_tyre.inference.motion_estimate import MOTION_PARAMETERS, estimate_motion
+from bayes_tyre.inference.motion_window import Recorded
+from bayes_tyre.inference.record_fits import fit_records
+from bayes_tyre.laws.base import ScalarLike
+from bayes_tyre.laws.fancher import Fancher
+from bayes_tyre.record_table import check_record_table
+from bayes_tyre.rig import geometry
+from bayes_tyre.rig.axle import Rig
+from bayes_tyre.signals.processed import Processed, Recording
+from bayes_tyre.studies.audit_grid import INITIAL_LOAD_KN, Tyre
+
+#: What each method is asked for. Of x, and so of the energy lost, Eq. 2 says nothing: its energy is what its k and
+#: beta give with the true x put in.
+GIVES = {
+    "thesis": ("k", "beta", "energy_with_true_x"),
+    "inertia": ("k", "beta", "energy_with_true_x"),
+    "motion": ("k", "beta", "x", "energy_per_cycle"),
+}
+UNITS = {"k": "kN/mm", "beta": "mm", "x": "kN", "energy_per_cycle": "J", "energy_with_true_x": "J"}
+#: How each method's record is fitted, as a user of `lsq` would; motion's fit is its own.
+SETTINGS = {"thesis": FitSettings(region="thesis"), "inertia": FitSettings(bounds={"beta": (-np.inf, 1.0)})}
+#: Half the stroke of the cycle whose energy is stated, mm at the wheel centre: about a 10 kN step's.
+AMPLITUDE_MM = 2.0
+_COLUMNS = {"k": "k_kN_per_mm", "beta": "beta_mm"}
+_NORMAL_95 = float(stats.norm.ppf(0.975))
+
+
+class Answer(NamedTuple):
+    """What a method returns of a record: (value, lower, upper) by parameter, and ``ok`` or what speaks against it.
+
+    Nothing is returned where `values` is empty; lower and upper are NaN where the method gives no interval.
+    """
+
+    values: dict[str, tuple[float, float, float]]
+    status: str
+
+
+def curve(processed: Processed) -> pd.DataFrame:
+    """Return a record's columns as the least squares need them."""
+    return pd.DataFrame({"displacement_mm": processed.displacement_mm, "force_kN": processed.force_kN})
+
+
+def least_squares_answers(
+    curves: Sequence[pd.DataFrame | str], truths: Sequence[Tyre], method: str, rig: Rig
+) -> list[Answer]:
+    """Return what least squares of Eq. 2 give of each curve, with intervals of its standard errors (Student's t).
+
+    Parameters
+    ----------
+    curves:
+        Records of one method, mm and kN; or why there is none.
+    truths:
+        Of each.
+    method:
+        A name in `SETTINGS`.
+    rig:
+        For the energy at the wheel centre.
+    """
+    named = [one.assign(record=str(i)) for i, one in enumerate(curves) if isinstance(one, pd.DataFrame)]
+    fits: dict[str, Mapping[Hashable, Any]] = {}
+    if named:
+        table = check_record_table(pd.concat(named, ignore_index=True).assign(origin="simulated"))
+        rows = fit_records(table, SETTINGS[method]).to_dict("records")
+        fits = {str(row["record"]): row for row in rows}
+    return [
+        Answer({}, one) if isinstance(one, str) else _of_fit(fits[str(i)], truth, rig)
+        for i, (one, truth) in enumerate(zip(curves, truths, strict=True))
+    ]
+
+
+def _of_fit(fit: Mapping[Hashable, Any], truth: Tyre, rig: Rig) -> Answer:
+    status, quantile = str(fit["status"]), float(stats.t.ppf(0.975, max(1, int(fit["points"]) - 3)))
+    found = {name: (float(fit[column]), float(fit[f"{column}_se"])) for name, column in _COLUMNS.items()}
+    # Without a standard error the record does not determine a parameter, and `status` says so: its number is no value.
+    values = {
+        name: (value, value - quantile * se, value + quantile * se)
+        for name, (value, se) in found.items()
+        if np.isfinite([value, se]).all()
+    }
+    if len(values) < len(found):
+        return Answer(values, status)
+    k, beta = values["k"][0], values["beta"][0]
+    energy = energy_J(rig, truth, k, truth.x_kN, beta) if k > 0 else np.nan
+    return Answer(values | {"energy_with_true_x": (energy, np.nan, np.nan)}, status)
+
+
+def motion_answer(recording: Recording, truth: Tyre, rig: Rig) -> Answer:
+    """Return what the fit of the motion gives of a recording, intervals normal in the logarithms."""
+    signals, step = recording.signals, recording.step
+    recorded = Recorded(
+        signals.dt_s,
+        signals.acceleration_m_per_s2,
+        signals.laser_mm,
+        signals.load_kN,
+        step.quiet,
+        (step.ramp.start_s, step.ramp.end_s),
+    )
+    try:
+        estimate = estimate_motion(rig, recorded)
+    except BadInput as error:
+        return Answer({}, str(error))
+    return motion_values(estimate.log_mean, estimate.log_covariance, estimate.status, truth, rig)
+
+
+def motion_values(
+    log_mean: Float[np.ndarray, "5"], log_covariance: Float[np.ndarray, "5 5"], status: str, truth: Tyre, rig: Rig
+) -> Answer:
+    """Return k, beta, x and the energy of a cycle from the logarithms of `MOTION_PARAMETERS`."""
+    if not (np.isfinite(log_mean).all() and np.isfinite(log_covariance).all()):
+        return Answer({}, status or "the motion's estimate is not finite")
+    at = [MOTION_PARAMETERS.index(name) for name in ("k", "x", "beta")]
+    log_energy, slope = _log_energy(rig, jnp.asarray(log_mean[at]), middle_mm(rig, truth))
+    sd = np.sqrt(np.diag(log_covariance)[at])
+    # The delta method: x > k beta in every one of the fit's laws, so the energy has a logarithm.
+    of_energy = float(np.sqrt(np.asarray(slope) @ log_covariance[np.ix_(at, at)] @ np.asarray(slope)))
+    means, sds = [*log_mean[at], float(log_energy)], [*sd, of_energy]
+    values = {
+        name: (float(np.exp(mean)), float(np.exp(mean - _NORMAL_95 * sd)), float(np.exp(mean + _NORMAL_95 * sd)))
+        for name, mean, sd in zip(("k", "x", "beta", "energy_per_cycle"), means, sds, strict=True)
+    }
+    return Answer({name: values[name] for name in GIVES["motion"]}, status or "ok")
+
+
+def middle_mm(rig: Rig, truth: Tyre) -> float:
+    """Return the middle of the cycle at the wheel centre, mm: where the tyre rests half-way through the load's step."""
+    return geometry.wheel_centre_start(rig, INITIAL_LOAD_KN + truth.step_kN / 2, truth.k_kN_per_mm)
+
+
+def energy_J(rig: Rig, truth: Tyre, k: float, x: float, beta: float) -> float:
+    """Return the energy, J, of a cycle of `AMPLITUDE_MM` at the wheel centre by k (kN/mm), x (kN) and beta (mm).
+
+    Negative where x < k beta: such a tyre would make energy. The cycle's middle is the truth's, whatever k is.
+    """
+    return float(_energy(rig, jnp.log(jnp.array([k, x, beta])), middle_mm(rig, truth)))
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _energy(rig: Rig, logs: Float[Array, "3"], middle: ScalarLike) -> Float[Array, ""]:
+    k, x, beta = jnp.exp(logs)
+    # The mass has no part in the energy.
+    return losses(rig, Fancher(k=k, C=0.0, x=x, beta=beta), 1.0, middle, AMPLITUDE_MM).energy_J
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _log_energy(rig: Rig, logs: Float[Array, "3"], middle: ScalarLike) -> tuple[Float[Array, ""], Float[Array, "3"]]:
+    return jax.value_and_grad(lambda at: jnp.log(_energy(rig, at, middle)))(logs)
+
+
+def true_value(parameter: str, truth: Tyre, rig: Rig) -> float:
+    """Return the truth of a parameter of `UNITS`."""
+    of_tyre = {"k": truth.k_kN_per_mm, "beta": truth.beta_mm, "x": truth.x_kN}
+    if parameter in of_tyre:
+        return of_tyre[parameter]
+    return energy_J(rig, truth, truth.k_kN_per_mm, truth.x_kN, truth.beta_mm)
