@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 import slow_tests
 import xarray as xr
+from audit_made_up import audited, blind
 from command_line import (
     COMMAND,
     COMMANDS,
@@ -30,13 +31,14 @@ from command_line import (
 )
 from left_out import made_up
 from quick_fits import put_draws_for_the_sampler, write_result
+from quick_motions import put_draws_for_the_motions
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.inference.leave_out import LeaveOneOut
-from bayes_tyre.report import figures
+from bayes_tyre.report import audit_figures, figures
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import PLANS
-from bayes_tyre.workflow import compare, fit, least_squares, published
+from bayes_tyre.workflow import audit, compare, fit, least_squares, published
 from bayes_tyre.workflow.simulate import write_simulated
 
 # Compilation and module fixtures: over 10 s for the file from cold.
@@ -60,7 +62,9 @@ WRITERS: dict[str, Callable[[Path, Path], list[object]]] = {
     "inspect": lambda given, out: ["inspect", data_path("sample/appendix_b1.lvm"), "--out", out / "channels.csv"],
     "calibrate": lambda given, out: ["calibrate", data_path("sample/appendix_b1.lvm"), "--out", out / "lines.toml"],
     "process": lambda given, out: ["process", given / "raw", "--out", out / "records.csv", "--workers", "1"],
+    "motion": lambda given, out: ["motion", given / "raw", "--out", out, "--workers", "1"],
     "simulate": lambda given, out: ["simulate", "--out", out, "--rate", "1000"],
+    "audit": lambda given, out: ["audit", "--out", out],
 }
 RIGS = {name: load_rig(name) for name in ("single", "dual")}
 SILENT = ("show",)
@@ -84,12 +88,15 @@ def quick(monkeypatch) -> None:
     """Put quick stand-ins where commands compute for long; what they write passes the same code."""
     check = pd.DataFrame({"quantity": ["k"], "kind": ["recomputed"], "agrees": [True]})
     put_draws_for_the_sampler(monkeypatch)
+    put_draws_for_the_motions(monkeypatch)
     monkeypatch.setattr(compare, "leave_one_record_out", left_out)
     monkeypatch.setattr(published, "fit_records", lambda *_: None)
     monkeypatch.setattr(published.campaign, "case_means", lambda _: None)
     monkeypatch.setattr(published.checks, "published_check", lambda _: check)
-    every_figure = figures.draw
+    every_figure, every_audit_figure = figures.draw, audit_figures.draw
     monkeypatch.setattr(figures, "draw", lambda result: islice(every_figure(result), 2))
+    monkeypatch.setattr(audit, "study_audit", lambda *_: audited(blind, replicates=1))
+    monkeypatch.setattr(audit_figures, "draw", lambda *of: islice(every_audit_figure(*of), 1))
     whole_plan = PLANS["quick"]
     monkeypatch.setitem(PLANS, "quick", lambda rate: whole_plan(rate)[:2])
 

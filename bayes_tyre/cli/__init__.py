@@ -5,12 +5,14 @@ from typing import Annotated
 
 import typer
 
+from bayes_tyre.cli.audit import audit
 from bayes_tyre.cli.calibrate import calibrate
 from bayes_tyre.cli.compare import compare
 from bayes_tyre.cli.fit import fit
 from bayes_tyre.cli.inspect import inspect
 from bayes_tyre.cli.load_deflection import load_deflection
 from bayes_tyre.cli.lsq import lsq
+from bayes_tyre.cli.motion import motion
 from bayes_tyre.cli.predict import predict
 from bayes_tyre.cli.process import process
 from bayes_tyre.cli.published import campaign, published
@@ -37,8 +39,9 @@ def main(show_version: Annotated[bool, typer.Option("--version", help="Print the
         raise typer.Exit
 
 
-_FITS = (lsq, load_deflection, fit)
-for command in (published, campaign, inspect, calibrate, process, *_FITS, compare, predict, report, show, simulate):
+_FITS = (lsq, load_deflection, fit, motion)
+_SIMULATED = (simulate, audit)
+for command in (published, campaign, inspect, calibrate, process, *_FITS, compare, predict, report, show, *_SIMULATED):
     app.command(cls=Command)(guarded(command))
 app.add_typer(study)
 

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from bayes_tyre.cli.raw import CasesTable, Cluster, RawFiles, RigName, Workers, check_machines
 from bayes_tyre.cli.shell import NoSeed, Quiet, progress, say, warn
 
 
@@ -17,10 +18,7 @@ class Method(StrEnum):
 
 
 def process(
-    raw: Annotated[
-        list[Path],
-        typer.Argument(metavar="RAW...", help="Raw files (.lvm, .tdms, .xlsx, .csv, .parquet), or folders of them."),
-    ],
+    raw: RawFiles,
     out: Annotated[Path, typer.Option(help="Record table to write (.csv or .parquet); rejected.csv goes beside it.")],
     method: Annotated[
         Method,
@@ -28,28 +26,13 @@ def process(
             help="inertia: unsmoothed, applied load less m d''; thesis: the source's smoothing, for comparison."
         ),
     ] = Method.INERTIA,
-    rig: Annotated[
-        str | None, typer.Option(help="Rig: single, dual, or a TOML file; default: the one the configuration names.")
-    ] = None,
-    cases: Annotated[
-        Path | None,
-        typer.Option(
-            help="Table (.csv, .parquet) with file, configuration, speed_km_h, initial_load_kN, step_kN, repeat; "
-            "default: from names such as DynamicS(0)30-20(1).lvm."
-        ),
-    ] = None,
+    rig: RigName = None,
+    cases: CasesTable = None,
     figures: Annotated[
         Path | None, typer.Option(help="Folder for a picture a record: raw channels, step found, resulting path.")
     ] = None,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes; default: one a core.")] = None,
-    cluster: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="Scheduler of a dask cluster, such as tcp://host:8786, to work there instead of here; its workers "
-            "must see the raw files under the same paths.",
-        ),
-    ] = None,
+    workers: Workers = None,
+    cluster: Cluster = None,
     resume: Annotated[
         bool,
         typer.Option("--resume", help="Do only what is missing or has changed since the last run with the same --out."),
@@ -69,8 +52,7 @@ def process(
     from bayes_tyre.formats.raw import raw_files
     from bayes_tyre.workflow.process import REJECTED, Machines, Settings, process_files
 
-    if cluster is not None and workers is not None:
-        raise typer.BadParameter("goes with no --workers: the cluster has its own", param_hint="--cluster")
+    check_machines(workers, cluster)
     files, passed_over = raw_files(raw)
     settings = Settings(rig, cases, method.value, figures)
     with progress("process", len(files), quiet) as advance:

@@ -12,7 +12,10 @@ from bayes_tyre.cli.shell import NoSeed
 
 def show(
     results: Annotated[
-        list[Path], typer.Argument(help="Folders that fit or published --posterior wrote; with --truth fit or lsq.")
+        list[Path],
+        typer.Argument(
+            help="Folders that fit, motion or published --posterior wrote; with --truth fit, motion or lsq."
+        ),
     ],
     truth: Annotated[
         Path | None,

@@ -83,7 +83,8 @@ class Terms(NamedTuple):
         """Return the standard deviation of each term."""
         if not self.scales:
             return jnp.asarray(self.fixed)
-        return self.fixed + jnp.asarray(self.which) @ jnp.stack([populations[name] for name in self.scales])
+        learnt = jnp.stack([populations[name] for name in self.scales])
+        return jnp.asarray(self.fixed) + jnp.asarray(self.which) @ learnt
 
 
 def find_terms(levels: Levels, parameters: Sequence[str]) -> Terms:

@@ -17,7 +17,9 @@ from jaxtyping import Array, Float
 from scipy import stats
 
 from bayes_tyre.inference.likelihood import DirectLikelihood, Likelihood
+from bayes_tyre.inference.motion_hierarchy import Motions, log_likelihood
 from bayes_tyre.inference.picture import RecordData
+from bayes_tyre.inference.populations import MOTION_PARAMETERS
 from bayes_tyre.inference.posterior import as_measured
 from bayes_tyre.inference.prior_predictive import is_of_logarithm, prior_law
 
@@ -90,6 +92,21 @@ def _at_each(
     together: int,
 ) -> Float[Array, "draws records"]:
     return jax.lax.map(lambda one: likelihood(*one), (theta, sigma, rho), batch_size=together)
+
+
+def log_likelihood_of_motions(posterior: xr.Dataset, motions: Motions) -> xr.Dataset:
+    """Return the log density of each record's readings at each draw but for a constant: `motion`, dims ..., record.
+
+    Parameters
+    ----------
+    posterior, motions:
+        Of `bayes_tyre.inference.motion_hierarchy.fit_motions`, and what it took.
+    """
+    of_record = [posterior[name].transpose(*_SAMPLE, "record").to_numpy() for name in MOTION_PARAMETERS]
+    rows, target = jnp.asarray(motions.rows), jnp.asarray(motions.target)
+    density = log_likelihood(jnp.log(jnp.stack(of_record, axis=-1)), rows, target)
+    like = posterior["k"].transpose(*_SAMPLE, "record")
+    return _bare({"motion": like.copy(data=np.asarray(density))})
 
 
 def log_likelihood_of_print(posterior: xr.Dataset, printed: Mapping[str, np.ndarray]) -> xr.Dataset:

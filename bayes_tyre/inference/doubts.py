@@ -16,7 +16,7 @@ from bayes_tyre.inference.priors import PRIORS
 from bayes_tyre.record import CASE_WORDS
 
 #: Scatter among repeats of one test (of the logarithm) above which they are none: the priors' upper ends, doubled.
-SCATTER_MOST = {"k": 0.5, "beta": 1.0}
+SCATTER_MOST = {"k": 0.5, "beta": 1.0, "settled": 1.0, "m": 0.3, "c": 1.0}
 #: What would make the data speak, by parameter.
 REMEDIES = {
     "k": "check the signs and columns of these records, or leave them out",
@@ -25,6 +25,11 @@ REMEDIES = {
     "C": "it needs travel well beyond beta, and several points within beta of the start",
     "sigma": "it needs more points a record",
     "rho": "it needs more points a record",
+    "x": "it needs a step that is long beside beta, and a quiet rest before it",
+    "settled": "it needs a step that is long beside beta, and a quiet rest before it",
+    "m": "it needs the ringing after the step; check the accelerometer's line and sign",
+    "c": "it needs the ringing after the step, recorded until it has gone",
+    "energy_per_cycle": "it follows x, k and beta",
 }
 #: Elements that a sentence names.
 _NAMED = 3
@@ -44,7 +49,7 @@ def find_doubts(posterior: xr.Dataset) -> list[str]:
 
 
 def _uninformed(posterior: xr.Dataset) -> Iterator[str]:
-    for parameter in ("k", "beta"):
+    for parameter in REMEDIES:
         name = f"{parameter}_cell"
         if name not in posterior:
             continue

@@ -8,7 +8,7 @@ import xarray as xr
 
 from bayes_tyre.batch import Batch, pad
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.hierarchical import NOISE, REPEATS, published_model, records_model
+from bayes_tyre.inference.hierarchical import NOISE, published_model, records_model
 from bayes_tyre.inference.levels import Levels, find_levels
 from bayes_tyre.inference.likelihood import DirectLikelihood, Likelihood, compress
 from bayes_tyre.inference.noise import Whitening, smoothed_noise
@@ -17,6 +17,7 @@ from bayes_tyre.inference.populations import population_starts, prior_sites, pub
 from bayes_tyre.inference.posterior import scale_displacement, to_datatree
 from bayes_tyre.inference.priors import prior_medians
 from bayes_tyre.inference.record_fits import LARGEST, REGIONS, THESIS_KEPT
+from bayes_tyre.inference.repeats import REPEATS
 from bayes_tyre.inference.sampling import SamplerSettings, sample
 from bayes_tyre.record import CASE_WORDS
 from bayes_tyre.record_table import origin_of, record_words

@@ -6,11 +6,9 @@ case means such as Tables 9 and 11 alone.
 
 from collections.abc import Mapping
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import numpyro
-from jax.scipy.special import gammaln
 from jaxtyping import Array, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
@@ -19,46 +17,11 @@ from bayes_tyre.inference.coordinates import Gaussian, place_pair
 from bayes_tyre.inference.levels import Levels
 from bayes_tyre.inference.likelihood import Likelihood
 from bayes_tyre.inference.picture import Picture, RecordData, RecordEstimates
-from bayes_tyre.inference.populations import (
-    JUDGEABLE_REPEATS,
-    PARAMETERS,
-    prior_sites,
-    published_sites,
-    sample_populations,
-)
-from bayes_tyre.inference.priors import DISCORDANT_WIDENING
+from bayes_tyre.inference.populations import PARAMETERS, prior_sites, published_sites, sample_populations
+from bayes_tyre.inference.repeats import judgeable, repeats_about_cases
 
-#: How the records of a case scatter about it, and what the noise of a record is like.
-REPEATS, NOISE = ("mixture", "student", "normal"), ("iid", "ar1")
-
-
-def _repeats(
-    deviation: Float[Array, "records 2"], scatter: Float[Array, "records 2"], kind: str, populations: Populations
-) -> None:
-    """Add the density of the records' (log k, log beta) about their cases.
-
-    Of a mixture the discordant records scatter more widely: the indicator of each is summed out, and its posterior
-    probability is `discordant_probability`. Of a Student-t both scatter more widely together, as one draw does.
-    """
-
-    def about_case(widening: float) -> Float[Array, " records"]:
-        return dist.Normal(0.0, widening * scatter).log_prob(deviation).sum(axis=1)
-
-    if kind == "normal":
-        numpyro.factor("repeats", about_case(1.0))
-        return
-    if kind == "student":
-        nu = populations["student_nu"]
-        # A bivariate t on independent axes: a normal whose variance is nu over a chi-squared number of nu degrees.
-        squares = jnp.sum((deviation / scatter) ** 2, axis=1)
-        volume = gammaln(0.5 * nu + 1.0) - gammaln(0.5 * nu) - jnp.log(nu * jnp.pi) - jnp.sum(jnp.log(scatter), axis=1)
-        numpyro.factor("repeats", volume - (0.5 * nu + 1.0) * jnp.log1p(squares / nu))
-        return
-    weight = populations["discordant_weight"]
-    usual = jnp.log1p(-weight) + about_case(1.0)
-    discordant = jnp.log(weight) + about_case(DISCORDANT_WIDENING)
-    numpyro.factor("repeats", jnp.logaddexp(usual, discordant))
-    numpyro.deterministic("discordant_probability", jax.nn.sigmoid(discordant - usual))
+#: What the noise of a record is like.
+NOISE = ("iid", "ar1")
 
 
 def _record_level(
@@ -71,9 +34,7 @@ def _record_level(
     centre = estimates.centre
     pair = place_pair(flat("shape_z", above.shape), centre[:, 2:], estimates.precision, above, scale)
     numpyro.factor("shape_volume", pair.log_volume)
-    # Two repeats that differ cannot say which of them is odd, nor how heavy the tails are.
-    kind = repeats if levels.repeats.max() >= JUDGEABLE_REPEATS else "normal"
-    _repeats(pair.deviation, scale, kind, populations)
+    repeats_about_cases(pair.deviation, scale, judgeable(repeats, levels), populations)
     deviation = jnp.einsum("rij,rj->ri", estimates.slope, pair.value - centre[:, 2:])
     level = centre[:, :2] + deviation + jnp.einsum("rij,rj->ri", estimates.factor, flat("level_z", above.shape))
     return jnp.concatenate([level, pair.value], axis=1)

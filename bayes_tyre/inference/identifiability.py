@@ -8,11 +8,17 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.densities import log_likelihood_of_print, log_likelihood_of_records, log_prior
+from bayes_tyre.inference.densities import (
+    log_likelihood_of_motions,
+    log_likelihood_of_print,
+    log_likelihood_of_records,
+    log_prior,
+)
 from bayes_tyre.inference.fit import ModelSettings, batch_and_levels, likelihood_of, whitening_for
 from bayes_tyre.inference.levels import Levels, find_levels
+from bayes_tyre.inference.motion_hierarchy import Motions
 from bayes_tyre.inference.picture import record_data
-from bayes_tyre.inference.populations import prior_sites, published_sites
+from bayes_tyre.inference.populations import MOTION_PARAMETERS, motion_sites, prior_sites, published_sites
 from bayes_tyre.inference.posterior import to_datatree
 from bayes_tyre.inference.prior_predictive import RecordStarts, is_of_logarithm, prior_quantities
 from bayes_tyre.inference.priors import PRIORS
@@ -31,7 +37,11 @@ PRIOR_DRAWS, _PRIOR_NUMBERS = 4000, 4_000_000
 DRAWS, _NOISES = 2000, 20
 
 _SAMPLE = ("chain", "draw")
-_LOGARITHMIC = ("k", "beta", "sigma", "k_case", "beta_case", "k_mean", "beta_mean")
+_LOGARITHMIC = tuple(
+    f"{name}{ending}"
+    for name in ("k", "beta", "sigma", "x", "settled", "m", "c", "energy_per_cycle")
+    for ending in ("", "_case", "_mean")
+)
 
 Derive = Callable[[xr.DataTree], xr.Dataset]
 
@@ -157,6 +167,26 @@ def identify_published(tree: xr.DataTree, table: pd.DataFrame, derive: Derive | 
     some = _thinned(tree["posterior"].to_dataset())
     densities = log_prior(some, sites), log_likelihood_of_print(some, printed)
     return _identify(tree, _tree_of(drawn, levels, pd.DataFrame({"record": []})), *densities, derive)
+
+
+def identify_motions(tree: xr.DataTree, motions: Motions, derive: Derive | None = None) -> xr.DataTree:
+    """Return the posterior of motions with the group that `identify_records` adds.
+
+    Parameters
+    ----------
+    tree, motions:
+        The posterior, and what `bayes_tyre.inference.motion_hierarchy.fit_motions` took.
+    derive:
+        As `identify_records` has it.
+    """
+    levels = find_levels(motions.words)
+    sites = motion_sites(levels, tree.attrs["repeats"])
+    drawn = prior_quantities(levels, sites, PRIOR_DRAWS, seed=0, parameters=MOTION_PARAMETERS)
+    for ending in ("", "_case"):
+        drawn[f"x{ending}"] = drawn[f"settled{ending}"] + drawn[f"k{ending}"] * drawn[f"beta{ending}"]
+    some = _thinned(tree["posterior"].to_dataset())
+    densities = log_prior(some, sites), log_likelihood_of_motions(some, motions)
+    return _identify(tree, _tree_of(drawn, levels, motions.words), *densities, derive)
 
 
 def _tree_of(drawn: Mapping[str, np.ndarray], levels: Levels, words: pd.DataFrame) -> xr.DataTree:

@@ -229,7 +229,8 @@ def case_estimates(
     members = [member if member.any() else np.ones_like(member) for member in members]
     median = np.array([np.median(values[member], axis=0) for member in members]).T
     variance = np.array([np.mean(variances[member], axis=0) for member in members]).T
-    scatter = [_log_scatter([own[member] for member in members], of, levels) for own, of in zip(values.T, variance)]
+    both = zip(values.T, variance, strict=True)
+    scatter = [_log_scatter([own[member] for member in members], of_one, levels) for own, of_one in both]
     log_scatter = Gaussian(*(jnp.asarray(np.stack(of_each)) for of_each in zip(*scatter, strict=True)))
     return CaseEstimates(jnp.asarray(median), jnp.asarray(variance), log_scatter)
 
@@ -237,7 +238,10 @@ def case_estimates(
 def _log_scatter(
     by_case: list[np.ndarray], variance: np.ndarray, levels: Levels
 ) -> tuple[Float[np.ndarray, " speeds"], Float[np.ndarray, " speeds"]]:
-    """Return estimates and precisions of the scatter of repeats by speed, from the median over cases of their variance: robust to odd repeats."""
+    """Return estimates and precisions of the scatter of repeats by speed.
+
+    They are from the median over cases of their variance: robust to odd repeats.
+    """
     spare = levels.repeats - 1
     estimates, precisions = [], []
     for speed in range(len(levels.speed.labels)):

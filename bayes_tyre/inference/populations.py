@@ -17,6 +17,8 @@ from bayes_tyre.inference.priors import PRIORS
 
 #: What a case has a value of, in the order in which arrays hold them.
 PARAMETERS = ("k", "beta")
+#: The same where records are motions: `settled` is x - k beta, above 0 in a law that loses energy; x follows from it.
+MOTION_PARAMETERS = ("k", "settled", "beta", "m", "c")
 #: Repeats that a case needs before one of them can be called discordant.
 JUDGEABLE_REPEATS = 3
 #: Sites that every record's prior goes through, whatever its words.
@@ -26,11 +28,22 @@ _OF_RECORDS = ("J_scale", "sigma_typical")
 def prior_sites(levels: Levels, repeats: str = "mixture", noise: str = "iid") -> tuple[str, ...]:
     """Return the names in `PRIORS` that the model of records with these levels, repeats and noise has."""
     several = len(levels.of_record) > 1
-    of_repeats = {"mixture": ["discordant_weight"], "student": ["student_nu"], "normal": []}[repeats]
     sites = [*_OF_RECORDS, *["log_sigma_spread"] * several]
     if noise == "ar1":
         sites += ["atanh_rho_typical", *["atanh_rho_spread"] * several]
-    for parameter in PARAMETERS:
+    return (*sites, *_case_sites(levels, PARAMETERS, repeats))
+
+
+def motion_sites(levels: Levels, repeats: str = "mixture") -> tuple[str, ...]:
+    """Return the names in `PRIORS` that the model of motions with these levels and repeats has."""
+    return _case_sites(levels, MOTION_PARAMETERS, repeats)
+
+
+def _case_sites(levels: Levels, parameters: Sequence[str], repeats: str) -> tuple[str, ...]:
+    """Return the names of cells, effects and remainders of cases, and of the scatter of repeats about them."""
+    of_repeats = {"mixture": ["discordant_weight"], "student": ["student_nu"], "normal": []}[repeats]
+    sites = []
+    for parameter in parameters:
         sites += [f"{parameter}_cell", f"log_{parameter}_repeat_scatter", *effect_scales(parameter, levels)]
         sites += [f"log_{parameter}_scatter_spread"] * levels.speed.varies
         sites += [f"log_{parameter}_case_scale"] * levels.has_remainder(parameter)

@@ -10,10 +10,14 @@ import xarray as xr
 from bayes_tyre.inference.levels import Levels
 from bayes_tyre.record import WORDS
 
-#: Units by parameter; the parameters that a record has.
-RECORD_UNITS = {"k": "kN/mm", "beta": "mm", "J": "kN", "C": "kN", "F_i": "kN", "sigma": "kN"}
-#: Parameters that a case has.
+#: Units by parameter; the parameters that a record has. Those after `sigma` are of motions; `settled` is x - k beta.
+RECORD_UNITS = {
+    **{"k": "kN/mm", "beta": "mm", "J": "kN", "C": "kN", "F_i": "kN", "sigma": "kN"},
+    **{"x": "kN", "settled": "kN", "m": "kg", "c": "kN s/mm", "energy_per_cycle": "J"},
+}
+#: Parameters that every case has; those that a case of motions has.
 CASE_PARAMETERS = ("k", "beta")
+MOTION_CASE_PARAMETERS = ("k", "x", "beta", "m", "c", "energy_per_cycle")
 #: Powers with which k and beta follow a factor on displacement.
 _POWERS = {"k": -1.0, "beta": 1.0}
 
@@ -22,7 +26,8 @@ def _quantities() -> dict[str, tuple[str | None, str]]:
     """Return dimension (None: a scalar) and unit (empty: a pure number) by name."""
     kept: dict[str, tuple[str | None, str]] = {name: ("record", unit) for name, unit in RECORD_UNITS.items()}
     kept |= {"discordant_probability": ("record", ""), "rho": ("record", "")}
-    for name in CASE_PARAMETERS:
+    kept["x_case"] = ("case", "kN")
+    for name in (*CASE_PARAMETERS, "settled", "m", "c"):
         kept[f"{name}_case"] = ("case", RECORD_UNITS[name])
         kept[f"{name}_cell"] = ("cell", RECORD_UNITS[name])
         for factor in ("speed", "load", "step", "direction_step"):
@@ -40,6 +45,16 @@ def _quantities() -> dict[str, tuple[str | None, str]]:
 
 
 QUANTITIES = _quantities()
+
+
+def case_parameters(posterior: xr.Dataset) -> tuple[str, ...]:
+    """Return the parameters that the cases of a posterior have: what its model is follows from what it holds."""
+    return tuple(name for name in MOTION_CASE_PARAMETERS if f"{name}_case" in posterior)
+
+
+def is_of_motions(posterior: xr.Dataset) -> bool:
+    """Return whether a posterior is of motions."""
+    return "x_case" in posterior
 
 
 def to_datatree(

@@ -1,6 +1,6 @@
 """What the priors alone say: of single scales, and of whole records drawn down the hierarchy with no data."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -93,7 +93,12 @@ def prior_parameters(
 
 
 def prior_quantities(
-    levels: Levels, sites: tuple[str, ...], draws: int, seed: int, start: RecordStarts | None = None
+    levels: Levels,
+    sites: tuple[str, ...],
+    draws: int,
+    seed: int,
+    start: RecordStarts | None = None,
+    parameters: Sequence[str] = PARAMETERS,
 ) -> dict[str, Float[np.ndarray, "draws *elements"]]:
     """Return what a fit keeps, by its name, drawn from the priors alone: jointly, so that cases share their effects.
 
@@ -105,15 +110,17 @@ def prior_quantities(
     levels:
         How the cases group.
     sites:
-        What the model samples of `PRIORS`: `prior_sites` or `published_sites`.
+        What the model samples of `PRIORS`: `prior_sites`, `published_sites` or `motion_sites`.
     draws, seed:
         How many; the same seed gives the same ones.
     start:
-        Where each record starts; None: there are no records.
+        Where each record starts; None: there are no records of force against displacement.
+    parameters:
+        What a case has of its own.
     """
     found: dict[str, Any] = dict(prior_draws(sites, draws, seed))
     rng = np.random.default_rng((seed, 2))
-    for parameter in PARAMETERS:
+    for parameter in parameters:
         cells = prior_law(f"{parameter}_cell").rvs((draws, len(levels.cell.labels)), random_state=rng)
         found[f"{parameter}_cell"] = cells
         log_case = np.log(cells)[:, levels.cell.of_case]

@@ -40,7 +40,9 @@ class Prior(NamedTuple):
 #: deviation of 24 %: wide enough that a repeat 30 % off is at home there, narrow enough to compete with 3 sigma.
 DISCORDANT_WIDENING = 6.0
 
-#: By name of the site in `hierarchical`. Scales of k and beta are relative (of the logarithm).
+#: By name of the site in `hierarchical` and `motion_hierarchy`. Scales of parameters are relative (of the logarithm).
+#: `settled` is x - k beta. Of the mass there is what any axle may have: the rig file's own, with which each record is
+#: fitted, would count once a record.
 PRIORS: dict[str, Prior] = {
     "k_cell": Prior(
         dist.LogNormal, (np.log(1.0), 1.0), "kN/mm", "0.14 to 7.1 kN/mm: car tyre to a pair of truck tyres"
@@ -84,6 +86,37 @@ PRIORS: dict[str, Prior] = {
     "published_scatter_beta": Prior(
         dist.LogNormal, (np.log(0.3), 0.8), "", "6 to 144 %: repeats, processing and case together"
     ),
+    "settled_cell": Prior(
+        dist.LogNormal, (np.log(0.2), 1.0), "kN", "0.028 to 1.42 kN: x - k beta of 0.1 to 10 % of a truck tyre's load"
+    ),
+    "m_cell": Prior(
+        dist.LogNormal, (np.log(400.0), 0.8), "kg", "83 to 1920 kg: what hangs on a car's wheel to a heavy axle"
+    ),
+    "c_cell": Prior(
+        dist.LogNormal, (np.log(0.0015), 1.2), "kN s/mm", "0.00014 to 0.0158 kN s/mm: 0.3 to 30 % of critical damping"
+    ),
+    "log_settled_speed_scale": Prior(dist.HalfNormal, (0.5,), "", "as for beta: a factor of up to e between speeds"),
+    "log_settled_load_scale": Prior(dist.HalfNormal, (0.5,), "", "as for beta: a factor of up to e between loads"),
+    "log_settled_step_scale": Prior(dist.HalfNormal, (0.5,), "", "a friction is no length: less than beta's"),
+    "log_m_speed_scale": Prior(dist.HalfNormal, (0.05,), "", "a mass stays the same; a turning tyre may seem to carry"),
+    "log_m_load_scale": Prior(dist.HalfNormal, (0.05,), "", "a mass stays the same; levers may tilt under load"),
+    "log_m_step_scale": Prior(dist.HalfNormal, (0.05,), "", "a mass stays the same; levers tilt more on a longer way"),
+    "log_c_speed_scale": Prior(dist.HalfNormal, (0.5,), "", "turning rubber is damped otherwise: up to a factor of e"),
+    "log_c_load_scale": Prior(dist.HalfNormal, (0.5,), "", "a factor of up to e between loads"),
+    "log_c_step_scale": Prior(
+        dist.HalfNormal, (0.5,), "", "up to a factor of e: rubber's damping falls with amplitude"
+    ),
+    "log_settled_case_scale": Prior(dist.LogNormal, (np.log(0.2), 0.8), "", "4 to 96 %: what the words leave over"),
+    "log_m_case_scale": Prior(dist.LogNormal, (np.log(0.02), 0.8), "", "0.42 to 9.6 %: what the words leave over"),
+    "log_c_case_scale": Prior(dist.LogNormal, (np.log(0.2), 0.8), "", "4 to 96 %: what the words leave over"),
+    "log_settled_repeat_scatter": Prior(
+        dist.LogNormal, (np.log(0.12), 0.8), "", "2.5 to 58 %: as beta, with which it trades"
+    ),
+    "log_m_repeat_scatter": Prior(dist.LogNormal, (np.log(0.01), 0.8), "", "0.2 to 4.8 %: one axle, tested again"),
+    "log_c_repeat_scatter": Prior(dist.LogNormal, (np.log(0.12), 0.8), "", "2.5 to 58 %: rubber warms as it is tested"),
+    "log_settled_scatter_spread": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
+    "log_m_scatter_spread": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
+    "log_c_scatter_spread": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
 }
 
 

@@ -14,7 +14,7 @@ from bayes_tyre.report import case_lines, page
 from bayes_tyre.report.case_lines import Line
 from bayes_tyre.report.colours import INK, Look, Setting
 from bayes_tyre.report.columns import numbers, texts
-from bayes_tyre.report.labels import PARAMETERS, configuration_label, interval_name, plain
+from bayes_tyre.report.labels import PARAMETERS, WIDE, configuration_label, interval_name, panels, plain
 from bayes_tyre.report.page import STYLE, TALLEST, WIDTH
 
 #: Height of a line in a list, inches; the room of the shortest list, lines.
@@ -24,12 +24,12 @@ _PRINTED = {"marker": "D", "markersize": 6.5, "markerfacecolor": "none", "marker
 
 @matplotlib.style.context(STYLE)
 def forest_of_cases(cases: pd.DataFrame, printed: pd.DataFrame | None, setting: Setting, about: str = "") -> Figure:
-    """Return k and beta of every case, a line a case: median, interval, and the printed value beside them.
+    """Return k, beta and what else is given of every case, a line a case: median, interval, the printed value beside.
 
     Parameters
     ----------
     cases:
-        A row a case and parameter: the case's words, `parameter` (`k` | `beta`), `unit`, `median`, `lower`,
+        A row a case and parameter: the case's words, `parameter` (of `labels.PARAMETERS`), `unit`, `median`, `lower`,
         `upper` (kN/mm | mm), `interval` (its content).
     printed:
         A row a case: the case's words, `k_kN_per_mm` (kN/mm), `beta_mm` (mm); None draws no printed values.
@@ -49,13 +49,14 @@ def forest_of_cases(cases: pd.DataFrame, printed: pd.DataFrame | None, setting: 
     appearance = setting.looks(rows["configuration"])
     entries = [(look.interval_handle, configuration_label(name)) for name, look in appearance.items()]
     if printed is not None:
-        values = {name: numbers(printed, column) for name, (_, _, column) in PARAMETERS.items()}
+        values = {name: numbers(printed, PARAMETERS[name][2]) for name in panels(())}
         rows = rows.merge(case_lines.numbered(case_lines.case_words(printed)).assign(**values), how="left")
         entries.append((Line2D([], [], **_PRINTED), "printed value"))
     room = max(LEAST, len(lines))
-    figure = page.page(WIDTH, min(TALLEST, 1.3 + LINE * room))
-    axes = figure.subplots(1, 2, sharey=True)
-    for ax, parameter in zip(axes, PARAMETERS, strict=True):
+    parameters = panels(shown["parameter"])
+    figure = page.page(page.wide(len(parameters)), min(TALLEST, 1.3 + LINE * room))
+    axes = figure.subplots(1, len(parameters), sharey=True)
+    for ax, parameter in zip(axes, parameters, strict=True):
         _forest_panel(ax, shown[shown["parameter"] == parameter], rows, appearance, parameter)
         case_lines.name_lines(ax, lines, min(LINE, (TALLEST - 1.3) / room), len(lines))
     axes[0].set_ylabel(case_lines.CASE_AXIS)
@@ -77,7 +78,7 @@ def _forest_panel(
         ax.plot(rows[parameter], rows["y"], **_PRINTED, markeredgewidth=0.8)
         values = np.concatenate([values, rows[parameter]])
     values = values[np.isfinite(values)]
-    log = bool(parameter == "beta" and len(values) and values.min() > 0)
+    log = bool(parameter in WIDE and len(values) and values.min() > 0)
     if log:
         page.log_axis(ax, values.min() / 1.1, values.max() * 1.1)
     page.name_axis(ax, parameter, shown, log)

@@ -13,8 +13,8 @@ from bayes_tyre.record import CASE_WORDS
 from bayes_tyre.report import case_lines, page
 from bayes_tyre.report.colours import INK, Setting
 from bayes_tyre.report.columns import numbers, texts
-from bayes_tyre.report.labels import PARAMETERS, interval_name, plain
-from bayes_tyre.report.page import STYLE, TALLEST, WIDTH
+from bayes_tyre.report.labels import PARAMETERS, interval_name, panels, plain
+from bayes_tyre.report.page import STYLE, TALLEST
 
 #: Height of a line, inches; the room of the shortest list, lines.
 _LINE, _LEAST = 0.17, 8
@@ -24,7 +24,7 @@ _LOG_FROM, _ROOM = 3.0, 0.25
 
 @matplotlib.style.context(STYLE)
 def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting, about: str = "") -> Figure:
-    """Return the ratios of k and of beta, a line a ratio: median, interval, and the probability that it is above 1.
+    """Return the ratios of k, beta and more, a line a ratio: median, interval, and the probability that it is above 1.
 
     Averages are drawn bold, above the matched cases that they average. Of contrasts between directions only the
     averages are shown: how cases are matched matters more there than which case it is.
@@ -53,9 +53,10 @@ def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting, about: str = ""
     listed["y"] = [line.y for line in lines if not line.heads]
     rows = rows.merge(listed[["contrast", "matching", *CASE_WORDS, "y"]])
     room = max(_LEAST, len(lines))
-    figure = page.page(WIDTH, min(TALLEST, 1.1 + _LINE * room))
-    axes = figure.subplots(1, 2, sharey=True)
-    for ax, parameter in zip(axes, PARAMETERS, strict=True):
+    parameters = panels(rows["parameter"])
+    figure = page.page(page.wide(len(parameters)), min(TALLEST, 1.1 + _LINE * room))
+    axes = figure.subplots(1, len(parameters), sharey=True)
+    for ax, parameter in zip(axes, parameters, strict=True):
         _panel(ax, rows[rows["parameter"] == parameter], parameter)
         case_lines.name_lines(ax, lines, min(_LINE, (TALLEST - 1.1) / room), room)
     axes[0].set_ylabel(case_lines.CASE_AXIS)

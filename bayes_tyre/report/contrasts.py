@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.posterior import CASE_PARAMETERS
+from bayes_tyre.inference.posterior import case_parameters
 from bayes_tyre.record import CASE_WORDS, Case
 
 COLUMNS = (
@@ -104,7 +104,7 @@ def tree_cases(posterior: xr.Dataset) -> list[Case]:
 
 
 def contrasts(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataFrame:
-    """Return `contrasts.csv`: each ratio of k or beta with its median, interval and P(ratio > 1).
+    """Return `contrasts.csv`: each ratio of k, beta or what else cases have: median, interval and P(ratio > 1).
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def contrasts(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.Dat
     tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
     rows = []
     for contrast in (*_configurations(cases), *_directions(cases)):
-        for parameter in CASE_PARAMETERS:
+        for parameter in case_parameters(posterior):
             draws = posterior[f"{parameter}_case"].to_numpy().reshape(-1, len(cases))
             ratio = contrast.ratio(draws)
             lower, median, upper = np.quantile(ratio, tails)

@@ -14,7 +14,16 @@ from matplotlib.patches import Patch
 from bayes_tyre.report import case_lines, page
 from bayes_tyre.report.colours import INK, PALE, Look, Setting
 from bayes_tyre.report.columns import numbers, texts
-from bayes_tyre.report.labels import PARAMETERS, configuration_label, decimals, interval_name, plain, unit_name
+from bayes_tyre.report.labels import (
+    ALWAYS,
+    PARAMETERS,
+    WIDE,
+    configuration_label,
+    decimals,
+    interval_name,
+    plain,
+    unit_name,
+)
 from bayes_tyre.report.page import STYLE, WIDTH
 from bayes_tyre.report.scales import Scale
 
@@ -26,23 +35,25 @@ _PRIOR = {"facecolor": (PALE, 0.35), "edgecolor": PALE, "linewidth": 0.8}
 
 
 @matplotlib.style.context(STYLE)
-def posteriors_by_direction(cells: pd.DataFrame, setting: Setting, interval: float = 0.95) -> Figure:
-    """Return the posterior densities of k and beta, a panel a direction, the configurations in each.
+def posteriors_by_direction(cells: pd.DataFrame, setting: Setting, interval: float = 0.95, about: str = "") -> Figure:
+    """Return the posterior densities of k, beta and more, a panel a direction, the configurations in each.
 
     Parameters
     ----------
     cells:
-        Draws, long: `configuration`, `direction`, `parameter` (`k` | `beta`), `unit` (kN/mm | mm), `value`.
+        Draws, long: `configuration`, `direction`, `parameter` (of `labels.PARAMETERS`), `unit`, `value`.
     setting:
         What all figures of the result share.
     interval:
         Content of the equal-tailed interval marked.
+    about:
+        A sentence that joins the note.
     """
     draws = pd.DataFrame({word: texts(cells, word) for word in ("configuration", "direction", "parameter", "unit")})
     draws["value"] = numbers(cells, "value")
     draws = draws[draws["value"].notna() & draws["parameter"].isin(list(PARAMETERS))]
     directions = sorted(set(draws["direction"]), key=case_lines.direction_rank) or [""]
-    parameters = [p for p in PARAMETERS if (draws["parameter"] == p).any()] or list(PARAMETERS)
+    parameters = [p for p in PARAMETERS if (draws["parameter"] == p).any()] or list(ALWAYS)
     appearance = setting.looks(draws["configuration"])
     figure = page.page(WIDTH, 1.0 + (2.3 + 0.1 * len(appearance)) * len(parameters))
     axes = figure.subplots(len(parameters), len(directions), sharex="row", sharey="row", squeeze=False)
@@ -53,7 +64,7 @@ def posteriors_by_direction(cells: pd.DataFrame, setting: Setting, interval: flo
         ax.set_title(plain(direction or "direction not stated"))
     page.legend(figure, [(look.density_handle, configuration_label(name)) for name, look in appearance.items()])
     note = f"Mean over the cases of a direction. Bar, shading: {interval_name(interval)}, equal-tailed. Marker: median."
-    return page.finish(figure, setting, note)
+    return page.finish(figure, setting, f"{note} {about}".rstrip())
 
 
 def _density_row(
@@ -61,7 +72,7 @@ def _density_row(
 ) -> None:
     draws = pd.concat(panels)
     low, high = draws["value"].min(), draws["value"].max()
-    log = bool(parameter == "beta" and low > 0 and high > 10 * low)
+    log = bool(parameter in WIDE and low > 0 and high > 10 * low)
     strip = min(0.5, 0.08 * len(appearance))
     highest = 0.0
     for ax, panel in zip(axes, panels, strict=True):

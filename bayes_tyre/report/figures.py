@@ -9,7 +9,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from bayes_tyre.inference.diagnostics import AUTOCORRELATION_MOST
-from bayes_tyre.inference.posterior import RECORD_UNITS
+from bayes_tyre.inference.posterior import RECORD_UNITS, is_of_motions
 from bayes_tyre.report import predictive, summary
 from bayes_tyre.report.case_figures import forest_of_cases, outlier_probabilities
 from bayes_tyre.report.colours import Setting
@@ -27,6 +27,7 @@ from bayes_tyre.report.record_figures import (
 from bayes_tyre.report.sampler_figures import pair_plot, rank_plot
 from bayes_tyre.report.scales import scales
 
+ENERGY = "energy_per_cycle"
 #: What the intervals of cases and contrasts are of, where a reader could take them for something else, by model.
 ABOUT_CASES = {"published": "They are of the value to expect; single printed values scatter about it."}
 ABOUT_CONTRASTS = {"published": "One value a case was printed: the model has one ratio for all cases of a direction."}
@@ -77,7 +78,8 @@ class Result:
 
 def draw(result: Result) -> Iterator[tuple[str, Figure]]:
     """Yield the name and the figure of everything that can be drawn of a result, one after the other."""
-    for name, figure in ALWAYS.items():
+    further = OF_MOTIONS if is_of_motions(result.tree["posterior"].to_dataset()) else {}
+    for name, figure in {**ALWAYS, **further}.items():
         yield name, figure(result)
     if result.table is not None:
         for name, figure_of_records in OF_RECORDS.items():
@@ -85,7 +87,20 @@ def draw(result: Result) -> Iterator[tuple[str, Figure]]:
 
 
 def _posteriors(result: Result) -> Figure:
-    return posteriors_by_direction(_cell_draws(result.tree), result.setting, result.interval)
+    draws = _cell_draws(result.tree)
+    return posteriors_by_direction(draws[draws["parameter"] != ENERGY], result.setting, result.interval)
+
+
+def _energy(result: Result) -> Figure:
+    draws = _cell_draws(result.tree)
+    return posteriors_by_direction(
+        draws[draws["parameter"] == ENERGY], result.setting, result.interval, _about_energy(result)
+    )
+
+
+def _about_energy(result: Result) -> str:
+    amplitude = result.tree.attrs.get("amplitude_mm")
+    return "" if amplitude is None else f"Energy: of a cycle of {amplitude:g} mm amplitude at the wheel centre."
 
 
 def _cell_draws(tree: xr.DataTree) -> pd.DataFrame:
@@ -101,7 +116,7 @@ def _cell_draws(tree: xr.DataTree) -> pd.DataFrame:
 
 
 def _forest(result: Result) -> Figure:
-    about = ABOUT_CASES.get(result.tree.attrs["model"], "")
+    about = ABOUT_CASES.get(result.tree.attrs["model"], "") or _about_energy(result)
     return forest_of_cases(result.cases, result.printed, result.setting, about)
 
 
@@ -138,11 +153,11 @@ def _residuals(result: Result, table: pd.DataFrame) -> Figure:
     return residuals_against_displacement(points, records, result.setting, AUTOCORRELATION_MOST)
 
 
-def _outliers(result: Result, _: pd.DataFrame) -> Figure:
+def _outliers(result: Result, _: pd.DataFrame | None = None) -> Figure:
     return outlier_probabilities(result.repeats.drop_duplicates("record"), result.setting)
 
 
-#: The figures of any posterior, by the name of their file; and those of a posterior of records.
+#: The figures of any posterior, by the name of their file; those of motions; and those of force over displacement.
 ALWAYS: Mapping[str, Callable[[Result], Figure]] = {
     "posteriors_by_direction": _posteriors,
     "forest_of_cases": _forest,
@@ -150,6 +165,10 @@ ALWAYS: Mapping[str, Callable[[Result], Figure]] = {
     "prior_and_posterior_of_scales": _scales,
     "rank_plot": _ranks,
     "pair_plot": _pairs,
+}
+OF_MOTIONS: Mapping[str, Callable[[Result], Figure]] = {
+    "energy_per_cycle": _energy,
+    "outlier_probabilities": _outliers,
 }
 OF_RECORDS: Mapping[str, Callable[[Result, pd.DataFrame], Figure]] = {
     "prior_predictive_curves": _priors,

@@ -1,5 +1,6 @@
 """A result's folder: every file that a fit writes, each whole or not at all, `run.json` last."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -25,6 +26,7 @@ def write_fit(
     table: pd.DataFrame | None = None,
     printed: pd.DataFrame | None = None,
     interval: float = 0.95,
+    beside: Mapping[str, pd.DataFrame] | None = None,
 ) -> None:
     """Write a posterior with its tables, diagnostics and figures into `out`.
 
@@ -38,6 +40,8 @@ def write_fit(
         Printed `k_kN_per_mm` and `beta_mm` by case, shown beside the posterior where given.
     interval:
         Probability of every interval, equal-tailed.
+    beside:
+        Further tables, by the names of their files.
     """
     prepare_folder(out)
     (out / RUN_JSON).unlink(missing_ok=True)  # an older run's: it must not vouch for half of a newer one
@@ -49,6 +53,8 @@ def write_fit(
     write_table(cases, out / "cases.csv")
     write_table(contrasts.contrasts(tree, verdict, interval), out / "contrasts.csv")
     write_table(repeats, out / "repeats.csv")
+    for name, further in (beside or {}).items():
+        write_table(further, out / name)
     write_json(diagnostics._asdict(), out / "diagnostics.json")
     _write_figures(Result(tree, verdict, cases, repeats, table, printed, interval), out / "figures")
     write_run(run, out)

@@ -1,5 +1,6 @@
 """What figures say: labels from files as plain text, and the names of parameters, intervals and origins."""
 
+from collections.abc import Iterable
 from functools import lru_cache
 
 from matplotlib import font_manager
@@ -9,13 +10,24 @@ from bayes_tyre.record import ORIGIN_UNKNOWN
 #: What each parameter is called on an axis, its unit where the table gives none, and its column when printed.
 PARAMETERS = {
     "k": ("stiffness k", "kN/mm", "k_kN_per_mm"),
+    "x": ("friction x", "kN", "x_kN"),
     "beta": ("characteristic deflection beta", "mm", "beta_mm"),
+    "c": ("damping c", "kN s/mm", "c_kN_s_per_mm"),
+    "energy_per_cycle": ("energy lost a cycle", "J", "energy_per_cycle_J"),
 }
+#: Those that every result has; and those that range over factors, so that an axis may be logarithmic.
+ALWAYS, WIDE = ("k", "beta"), ("beta", "x", "c", "energy_per_cycle")
 _ORIGINS = {
     "published": "published tables",
     "reconstructed": "reconstructed, not measured",
     "simulated": "simulated, not measured",
 }
+
+
+def panels(found: Iterable[str]) -> list[str]:
+    """Return the parameters that have a panel of their own: those of every result, and what else is found."""
+    has = {*ALWAYS, *found}
+    return [parameter for parameter in PARAMETERS if parameter in has]
 
 
 @lru_cache(maxsize=1)

@@ -1,4 +1,4 @@
-"""The short table that a run ends with: k and beta, by configuration and direction, and how far to believe them."""
+"""The short table that a run ends with: k, beta and more by configuration and direction, and how far to trust them."""
 
 import json
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ WHAT_IT_IS = {
     "reconstructed": "reconstructed records: not measured",
     "simulated": "simulated records: not measured",
 }
-PARAMETERS = ("k_mean", "beta_mean")
+PARAMETERS = ("k_mean", "x_mean", "beta_mean", "m_mean", "c_mean", "energy_per_cycle_mean")
 NUMBERS = ("median", "lower", "upper", "interval")
 COLUMNS = ("parameter", "configuration", "direction", "unit", *NUMBERS, "verdict")
 #: The most of a label that is shown.
@@ -52,7 +52,7 @@ def overview_rows(folder: Path) -> pd.DataFrame:
     means = table[table["parameter"].isin(PARAMETERS)]
     numeric = all(pd.api.types.is_numeric_dtype(means[column]) for column in NUMBERS)
     if means.empty or not numeric or means.duplicated(["parameter", "direction", "configuration"]).any():
-        raise BadInput(f"{path}: is not what fit writes: no numbers of {' and '.join(PARAMETERS)}; run fit again")
+        raise BadInput(f"{path}: is not what fit writes: no numbers of k_mean and beta_mean; run fit again")
     return means.assign(data=WHAT_IT_IS.get(origin, origin)).reset_index(drop=True)
 
 

@@ -25,6 +25,11 @@ WIDTH, TALLEST = 8.0, 30.0
 _NOTE_LINE, _LETTERS = 0.14, 19
 
 
+def wide(panels: int) -> float:
+    """Return the width of so many panels side by side, inches: the page's, and more where they would be narrow."""
+    return max(WIDTH, 2.9 * panels)
+
+
 def page(width: float, height: float) -> Figure:
     """Return an empty figure, inches, that belongs to no window and no global state."""
     figure = Figure(figsize=(width, height), layout="constrained")

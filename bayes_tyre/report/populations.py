@@ -6,14 +6,16 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Bool, Float
 
-from bayes_tyre.inference.posterior import CASE_PARAMETERS
+from bayes_tyre.inference.populations import MOTION_PARAMETERS
 from bayes_tyre.report.contrasts import tree_cases
 
+#: Parameters whose cells a pair plot shows.
+_PAIRED = ("k", "settled", "beta")
 #: What a pair plot shows beside the cells, the first first: where funnels and ridges would stand.
 MAIN_SCALES = tuple(
     name.format(parameter)
     for name in ("log_{}_case_scale", "log_{}_repeat_scatter", "published_scatter_{}")
-    for parameter in CASE_PARAMETERS
+    for parameter in _PAIRED
 )
 #: The most parameters of a pair plot, and how many of them may be of cells.
 MOST_PAIRED, MOST_CELLS = 10, 8
@@ -44,13 +46,13 @@ class Population(NamedTuple):
 
 
 def populations(tree: xr.DataTree) -> list[Population]:
-    """Return k and beta of each configuration and direction, then every scalar of the posterior in its order.
+    """Return k, beta and more of each configuration and direction, then every scalar of the posterior in its order.
 
     Effects of single speeds, loads and steps, cases and records are left to `summary.csv`: there are too many.
     """
     posterior = tree["posterior"].to_dataset()
     found = []
-    for parameter in CASE_PARAMETERS:
+    for parameter in MOTION_PARAMETERS:
         if f"{parameter}_cell" in posterior:
             found += _cells(posterior, f"{parameter}_cell")
     for name, draws in posterior.data_vars.items():
@@ -83,8 +85,9 @@ def _unit(draws: xr.DataArray) -> str:
 
 def paired(found: list[Population]) -> list[Population]:
     """Return those that a pair plot shows: k and beta of the first cells, then the main scales, ten at most."""
-    cells = [[p for p in found if p.name.startswith(f"{parameter}_cell")] for parameter in CASE_PARAMETERS]
-    shown = [p for of_parameter in cells for p in of_parameter[: MOST_CELLS // 2]]
+    cells = [[p for p in found if p.name.startswith(f"{parameter}_cell")] for parameter in _PAIRED]
+    each = MOST_CELLS // max(2, sum(map(bool, cells)))
+    shown = [p for of_parameter in cells for p in of_parameter[:each]]
     by_name = {p.name: p for p in found}
     shown += [by_name[name] for name in MAIN_SCALES if name in by_name]
     return [p for p in shown if p.varies][:MOST_PAIRED]

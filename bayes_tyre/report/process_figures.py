@@ -20,7 +20,8 @@ _RAW, _USED, _MARK = "#9a9a9a", INK, "#0072B2"
 # Long recordings are drawn as the extremes of so many stretches: nothing is lost to the eye.
 _STRETCHES = 1500
 _AROUND_S = 0.25
-_pen = threading.Lock()
+#: Who holds it draws: matplotlib's style is the process's.
+PEN = threading.Lock()
 
 
 @matplotlib.style.context(STYLE)
@@ -63,7 +64,7 @@ def record_figure(processed: Processed, origin: str) -> Figure:
 def record_png(processed: Processed, origin: str) -> bytes:
     """Return the picture of one record as PNG; one thread at a time draws, for matplotlib's style is the process's."""
     png = io.BytesIO()
-    with _pen:
+    with PEN:
         record_figure(processed, origin).savefig(png, format="png")
     return png.getvalue()
 

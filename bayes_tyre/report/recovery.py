@@ -9,13 +9,15 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.record import WORDS
 from bayes_tyre.report.columns import numbers, texts
 
-#: Parameters compared, with their columns in `truth.csv` and `least_squares.csv`.
+#: Parameters compared, with their columns in `truth.csv` and `least_squares.csv`; of motions those of `OF_MOTIONS` too.
 PARAMETERS = {"k": "k_kN_per_mm", "beta": "beta_mm"}
+OF_MOTIONS = {"k": "k_kN_per_mm", "x": "x_kN", "beta": "beta_mm", "m": "m_kg", "c": "c_kN_s_per_mm"}
 #: What a reader of the table must know of either.
 WHAT_IT_COMPARES = (
     "k: slope on flat ground, in truth and result. beta: the truth's is of the law's small-step limit, the result's of "
     "Equation 2, which is one step of the law: two curves, so the two betas differ even without noise."
 )
+WHAT_MOTIONS_COMPARE = "k, x, beta: of the law on flat ground, m and c at the wheel centre, in truth and result alike."
 
 
 class Recovery(NamedTuple):
@@ -24,7 +26,7 @@ class Recovery(NamedTuple):
     Attributes
     ----------
     records:
-        A row a record of the truth, in its order: `record`, `status`, and for k (kN/mm) and beta (mm) `<name>_true`,
+        A row a record of the truth, in its order: `record`, `status`, and for each parameter compared `<name>_true`,
         `<name>`, `<name>_error` (relative), `<name>_covered` (whether the interval holds the truth; missing for least
         squares). NaN where the result has no number.
     summary:
@@ -40,6 +42,11 @@ class Recovery(NamedTuple):
     summary: pd.DataFrame
     lost: int
     unknown: int
+
+    @property
+    def parameters(self) -> list[str]:
+        """The parameters compared."""
+        return list(self.summary["parameter"])
 
 
 def of_least_squares(truth: pd.DataFrame, fits: pd.DataFrame) -> Recovery:
@@ -60,7 +67,8 @@ def of_least_squares(truth: pd.DataFrame, fits: pd.DataFrame) -> Recovery:
 def of_posterior(truth: pd.DataFrame, repeats: pd.DataFrame) -> Recovery:
     """Return medians and intervals of `repeats.csv` beside `truth.csv`; arguments and errors as `of_least_squares`."""
     _need(repeats, "repeats.csv", "parameter", "median", "lower", "upper", "interval")
-    rows = {name: repeats[repeats["parameter"] == name].reset_index(drop=True) for name in PARAMETERS}
+    compared = OF_MOTIONS if (repeats["parameter"] == "x").any() else PARAMETERS
+    rows = {name: repeats[repeats["parameter"] == name].reset_index(drop=True) for name in compared}
     if any(of.empty for of in rows.values()):
         raise BadInput("repeats.csv: has no rows of k and beta; name what fit wrote of records")
     found = _worded(rows["k"], "repeats.csv").assign(status="ok")
@@ -75,16 +83,17 @@ def of_posterior(truth: pd.DataFrame, repeats: pd.DataFrame) -> Recovery:
 
 
 def _beside(truth: pd.DataFrame, found: pd.DataFrame, interval: float) -> Recovery:
-    _need(truth, "truth.csv", *PARAMETERS.values())
+    compared = {name: column for name, column in OF_MOTIONS.items() if name in found}
+    _need(truth, "truth.csv", *compared.values())
     true = _worded(truth, "truth.csv")
-    for name, column in PARAMETERS.items():
+    for name, column in compared.items():
         true[f"{name}_true"] = numbers(truth, column)
     both = true.merge(found.drop(columns="record"), on="key", how="left", indicator=True)
     lost = int((both["_merge"] == "left_only").sum())
     if lost == len(both):
         raise BadInput("truth.csv: has the words of no record of the result; name the truth of these records")
     table, rows = both[["record", "status"]].copy(), []
-    for name in PARAMETERS:
+    for name in compared:
         error = both[name] / both[f"{name}_true"] - 1
         covered = pd.Series(np.nan, index=both.index)
         if f"{name}_lower" in both:

@@ -13,10 +13,16 @@ from rich.text import Text
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables import read_table
 from bayes_tyre.report.overview import shown
-from bayes_tyre.report.recovery import PARAMETERS, WHAT_IT_COMPARES, Recovery, of_least_squares, of_posterior
+from bayes_tyre.report.recovery import (
+    WHAT_IT_COMPARES,
+    WHAT_MOTIONS_COMPARE,
+    Recovery,
+    of_least_squares,
+    of_posterior,
+)
 
 FITS, REPEATS = "least_squares.csv", "repeats.csv"
-_UNITS = {"k": "kN/mm", "beta": "mm"}
+_UNITS = {"k": "kN/mm", "x": "kN", "beta": "mm", "m": "kg", "c": "kN s/mm"}
 
 
 def print_recovery(folders: list[Path], truth: Path, console: Console | None = None) -> None:
@@ -37,8 +43,10 @@ def print_recovery(folders: list[Path], truth: Path, console: Console | None = N
         (console if console.is_terminal else Console(file=console.file, width=10_000)).print(beside)
         for line in _said(recovery):
             console.print(Text(line), soft_wrap=True)
-    console.print()
-    console.print(Text(WHAT_IT_COMPARES), soft_wrap=True)
+    said = [WHAT_MOTIONS_COMPARE if "x" in recovery.parameters else WHAT_IT_COMPARES for _, recovery in found]
+    for line in dict.fromkeys(said):
+        console.print()
+        console.print(Text(line), soft_wrap=True)
 
 
 def recover(folder: Path, truth: pd.DataFrame) -> Recovery:
@@ -67,8 +75,8 @@ def _title(folder: Path) -> str:
 def _table(recovery: Recovery) -> Table:
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
     table.add_column("record")
-    with_interval = {name: bool(recovery.records[f"{name}_covered"].notna().any()) for name in PARAMETERS}
-    for name in PARAMETERS:
+    with_interval = {name: bool(recovery.records[f"{name}_covered"].notna().any()) for name in recovery.parameters}
+    for name in recovery.parameters:
         for title in (f"{name} true, {_UNITS[name]}", name, "error, %", *(["in interval"] * with_interval[name])):
             table.add_column(title, justify="right")
     odd = not recovery.records["status"].isin(["ok", ""]).all()
@@ -76,7 +84,7 @@ def _table(recovery: Recovery) -> Table:
         table.add_column("status")
     for row in recovery.records.to_dict("records"):
         cells = [shown(row["record"])]
-        for name in PARAMETERS:
+        for name in recovery.parameters:
             cells += [_number(row[f"{name}_true"]), _number(row[name]), _percent(row[f"{name}_error"])]
             cells += [{1.0: "yes", 0.0: "no"}.get(row[f"{name}_covered"], "")] * with_interval[name]
         status = "lost" if pd.isna(row["status"]) else row["status"]

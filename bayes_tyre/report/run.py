@@ -82,16 +82,16 @@ def difference(found: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     return "" if found.get("seed") == now["seed"] else f"seed was {found.get('seed')}, is {now['seed']}"
 
 
-def read_run(path: Path) -> dict[str, Any]:
-    """Return what a `run.json` holds.
+def read_run(path: Path, by: str = "fit") -> dict[str, Any]:
+    """Return what the `run.json` of a command holds.
 
     Raises
     ------
     BadInput
-        If it is missing, or no `run.json` of a fit.
+        If it is missing, or no `run.json` of that command.
     """
     if not path.is_file():
-        raise BadInput(f"{path}: no such file; name the run.json in a folder that fit wrote")
+        raise BadInput(f"{path}: no such file; name the run.json in a folder that {by} wrote")
     try:
         run = json.loads(path.read_text(encoding="utf-8"))
         command = shlex.split(run["command"])[1]
@@ -99,9 +99,9 @@ def read_run(path: Path) -> dict[str, Any]:
     except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError):
         command, complete = "", False
     if not complete:
-        raise BadInput(f"{path}: is not what fit writes; name the run.json in a folder that fit wrote")
-    if command != "fit":
-        raise BadInput(f"{path}: was written by {command!r}, not by fit; run that command again")
+        raise BadInput(f"{path}: is not what {by} writes; name the run.json in a folder that {by} wrote")
+    if command != by:
+        raise BadInput(f"{path}: was written by {command!r}, not by {by}; run that command again")
     return run
 
 

@@ -8,7 +8,7 @@ import xarray as xr
 from bayes_tyre.inference.convergence import Figures, figures_kept, monitor
 from bayes_tyre.inference.identifiability import identified
 from bayes_tyre.inference.populations import JUDGEABLE_REPEATS
-from bayes_tyre.inference.posterior import CASE_PARAMETERS, RECORD_UNITS
+from bayes_tyre.inference.posterior import RECORD_UNITS, case_parameters
 from bayes_tyre.record import CASE_WORDS, WORDS
 from bayes_tyre.record_table import carry_extras
 from bayes_tyre.report.contrasts import tree_cases
@@ -17,8 +17,8 @@ STATISTICS = (
     *("mean", "sd", "median", "lower", "upper", "interval"),
     *("mcse_mean", "ess_bulk", "ess_tail", "r_hat"),
 )
-#: Parameters of a record that `repeats.csv` shows.
-REPEAT_PARAMETERS = ("k", "beta", "J", "C", "sigma")
+#: Parameters of a record that `repeats.csv` shows, those of them that a posterior has.
+REPEAT_PARAMETERS = ("k", "x", "beta", "J", "C", "sigma", "m", "c", "energy_per_cycle")
 
 
 def describe(draws: xr.DataArray, interval: float = 0.95, figures: Figures | None = None) -> pd.DataFrame:
@@ -65,7 +65,7 @@ def _words_of(posterior: xr.Dataset, dim: str) -> pd.DataFrame:
 
 
 def cell_means(tree: xr.DataTree) -> xr.Dataset:
-    """Return the mean of k (kN/mm) and beta (mm) over the observed cases of each configuration and direction.
+    """Return the mean of k (kN/mm), beta (mm) and what else cases have, over those of a configuration and direction.
 
     The arithmetic mean of the cases, as the source's Tables 9 and 11 average them; dims chain, draw, cell, with
     `configuration` and `direction` along cell.
@@ -74,7 +74,7 @@ def cell_means(tree: xr.DataTree) -> xr.Dataset:
     keys = [(case.configuration, case.direction) for case in tree_cases(posterior)]
     cells = sorted(set(keys))
     means = {}
-    for parameter in CASE_PARAMETERS:
+    for parameter in case_parameters(posterior):
         of_case = posterior[f"{parameter}_case"]
         by_cell = [of_case[..., [key == cell for key in keys]].mean("case") for cell in cells]
         means[parameter] = xr.concat(by_cell, dim="cell").transpose("chain", "draw", "cell")
@@ -84,16 +84,17 @@ def cell_means(tree: xr.DataTree) -> xr.Dataset:
 
 def means(tree: xr.DataTree) -> xr.Dataset:
     """Return `cell_means` as `summary.csv` names them: `k_mean`, `beta_mean`, dims chain, draw, mean_of."""
-    return cell_means(tree).rename(k="k_mean", beta="beta_mean", cell="mean_of")
+    found = cell_means(tree)
+    return found.rename({name: f"{name}_mean" for name in found.data_vars} | {"cell": "mean_of"})
 
 
 def cases(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataFrame:
-    """Return `cases.csv`: k (kN/mm) and beta (mm) of each case, a row a case and parameter."""
+    """Return `cases.csv`: k (kN/mm), beta (mm) and what else a case has, a row a case and parameter."""
     posterior = tree["posterior"].to_dataset()
     words = _words_of(posterior, "case")[list(CASE_WORDS)]
     blocks = [
         _block(tree, words, parameter, posterior[f"{parameter}_case"], RECORD_UNITS[parameter], interval)
-        for parameter in CASE_PARAMETERS
+        for parameter in case_parameters(posterior)
     ]
     return _finish(blocks, tree, verdict)
 
@@ -118,6 +119,7 @@ def repeats(
     blocks = [
         _block(tree, words, name, posterior[name], RECORD_UNITS[name], interval).assign(outlier_probability=odd)
         for name in REPEAT_PARAMETERS
+        if name in posterior
     ]
     if extras is not None:
         blocks = [carry_extras(block, extras) for block in blocks]

@@ -29,11 +29,12 @@ def prepare(raw: RawSignals, rig: Rig, words: Words) -> Recording:
     """
     as_read = find_channels(raw, rig)
     ramp = find_ramp(as_read.load_kN, as_read.dt_s)
-    signals, rms = as_read, 0.0
+    signals, rms, turning = as_read, 0.0, ()
     if words.case.speed_km_h > 0:
         bodies = nominal_bodies(rig, words.case.speed_km_h)
         signals, runout = remove_runout(as_read, quiet_samples(ramp, as_read), bodies)
         ramp, rms = find_ramp(signals.load_kN, signals.dt_s), runout.acceleration_rms_m_per_s2
+        turning = runout.bodies
     step = find_step(signals, ramp)
     said = words.case.step_kN
     if abs(step.change_kN - said) > _STEP_OFF * abs(said):
@@ -41,7 +42,7 @@ def prepare(raw: RawSignals, rig: Rig, words: Words) -> Recording:
             f"load changes by {step.change_kN:.3g} kN where the words say {said:+g} kN; mend the file's name or "
             "--cases, or the sign of the load in [signs] of the rig file"
         )
-    return Recording(words, as_read, signals, step, rms)
+    return Recording(words, as_read, signals, step, rms, turning)
 
 
 def process(raw: RawSignals, rig: Rig, words: Words, method: str) -> Processed:

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from bayes_tyre.signals.channels import Signals
+from bayes_tyre.signals.runout import Turning
 from bayes_tyre.signals.steps import Step
 from bayes_tyre.signals.words import Words
 
@@ -13,13 +14,14 @@ Samples = Float[np.ndarray, " samples"]
 
 
 class Recording(NamedTuple):
-    """A recording ready for a method: words, channels (runout removed), step, and how much runout there was."""
+    """A recording ready for a method: words, channels (as read, runout removed), step, runout's size and its bodies."""
 
     words: Words
     raw: Signals
     signals: Signals
     step: Step
     runout_rms_m_per_s2: float
+    bodies: tuple[Turning, ...] = ()
 
 
 class Processed(NamedTuple):

@@ -1,19 +1,15 @@
 """A record table, or the published tables, in; a posterior's folder out."""
 
-import json
-import math
 import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder
-from bayes_tyre.inference.checkpoint import Checkpoints
 from bayes_tyre.inference.convergence import with_figures
 from bayes_tyre.inference.diagnostics import Diagnostics, diagnose
 from bayes_tyre.inference.fit import ModelSettings, fit_hierarchical, fit_published, used_points
@@ -24,9 +20,9 @@ from bayes_tyre.record_table import origin_of
 from bayes_tyre.report import summary
 from bayes_tyre.report.folder import write_fit
 from bayes_tyre.report.predictive import residual_autocorrelation
-from bayes_tyre.report.run import RUN_JSON, Run, begin_run, difference, identity, read_run, sha256, versions
+from bayes_tyre.report.run import begin_run, read_run, sha256, versions
+from bayes_tyre.workflow.going_on import Watch, begin
 
-CHECKPOINTS = ".checkpoint"
 _SAMPLER = ("chains", "warmup", "draws")
 
 
@@ -56,27 +52,10 @@ class Plan:
     def options(self) -> dict[str, object]:
         """What `run.json` says of it, beside the seed and the input."""
         return {
-            **_sampler_options(self.sampler),
+            **sampler_options(self.sampler),
             **asdict(self.model),
             **{"interval": self.interval, "units_checked": self.units_checked},
         }
-
-
-@dataclass(frozen=True)
-class Watch:
-    """Who is told of a fit under way.
-
-    Attributes
-    ----------
-    note, warn:
-        Told what it does with an earlier run in its folder; and what went wrong without ending it: a line each.
-    on_progress:
-        Called with the number of iterations just done.
-    """
-
-    note: Callable[[str], None] = lambda _: None
-    warn: Callable[[str], None] = lambda _: None
-    on_progress: Callable[[int], None] = lambda _: None
 
 
 def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
@@ -157,12 +136,9 @@ def fit_table(
     watch = watch or Watch()
     call = shlex.join(["bayes-tyre", *command])
     run = begin_run(call, plan.options, plan.sampler.seed, [plan.records], origin_of(table))
-    checkpoints = Checkpoints(out / CHECKPOINTS, run.identity, watch.warn)
-    if resume and (finished := _finished(out, run, checkpoints, watch.note)):
-        return finished
-    if not resume and checkpoints.exist():
-        watch.note(f"{checkpoints.folder}: an unfinished run is overwritten; --resume would have gone on from it")
-        checkpoints.clear()
+    checkpoints = begin(out, run, watch, resume)
+    if isinstance(checkpoints, Diagnostics):
+        return checkpoints
     settings = replace(plan.sampler, checkpoints=checkpoints, on_progress=watch.on_progress)
     try:
         tree = fit_hierarchical(table, settings, plan.model)
@@ -179,53 +155,11 @@ def fit_table(
     return diagnostics
 
 
-def _finished(out: Path, run: Run, checkpoints: Checkpoints, note: Callable[[str], None]) -> Diagnostics | None:
-    """Return the verdict in a folder that holds this very run, finished; None where it is to be gone on with.
-
-    Raises
-    ------
-    BadInput
-        If the folder holds checkpoints, or without any a result, of another run.
-    """
-    result = out / RUN_JSON
-    found = checkpoints.identity_found()
-    if found is not None:
-        _refuse_other(checkpoints.folder, difference(found, run.identity))
-    if result.is_file():
-        said = read_run(result)
-        other = difference(identity(said["inputs"], said["options"], said["seed"], said["versions"]), run.identity)
-        if not other:
-            note(f"{out}: this run is finished; nothing is done again")
-            checkpoints.clear()
-            return _read_diagnostics(out)
-        if found is None:
-            _refuse_other(result, other)
-    if found is None:
-        note(f"{out}: no checkpoint to go on from; the run starts from the beginning")
-    return None
-
-
-def _refuse_other(where: Path, other: str) -> None:
-    if other:
-        raise BadInput(f"{where}: is of another run: {other}; give what it had, or leave out --resume to begin anew")
-
-
-def _read_diagnostics(out: Path) -> Diagnostics:
-    path = out / "diagnostics.json"
-    try:
-        said: Any = json.loads(path.read_text(encoding="utf-8"))
-        numbers = {name: math.nan if value is None else value for name, value in said.items()}
-        sentences = {name: tuple(said[name]) for name in ("reasons", "remarks") if name in said}
-        return Diagnostics(**{**numbers, **sentences})
-    except (OSError, ValueError, TypeError, KeyError, AttributeError):
-        raise BadInput(f"{path}: is not what fit writes; leave out --resume to fit anew") from None
-
-
 def fit_published_tables(out: Path, settings: SamplerSettings, interval: float, command: Sequence[str]) -> Diagnostics:
     """Fit Tables 9 and 11 themselves and write the result's folder; return the verdict."""
     prepare_folder(out)
     inputs = ("published/table_09_stiffness.csv", "published/table_11_characteristic_deflection.csv")
-    options = {**_sampler_options(settings), "interval": interval}
+    options = {**sampler_options(settings), "interval": interval}
     paths = [data_path(name) for name in inputs]
     run = begin_run(shlex.join(["bayes-tyre", *command]), options, settings.seed, paths, "published")
     printed = tables.case_means()
@@ -235,5 +169,6 @@ def fit_published_tables(out: Path, settings: SamplerSettings, interval: float, 
     return diagnostics
 
 
-def _sampler_options(settings: SamplerSettings) -> dict[str, object]:
+def sampler_options(settings: SamplerSettings) -> dict[str, object]:
+    """Return what `run.json` says of the sampler's settings, beside the seed."""
     return {name: getattr(settings, name) for name in _SAMPLER}

@@ -1,6 +1,5 @@
 """Raw files in, a record table and the rejected files out; a file that fails is a row and stops no other."""
 
-import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -15,14 +14,10 @@ from bayes_tyre.rig.sensors import columns_of
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.signals.process import process
 from bayes_tyre.workflow.each_file import Machines, each_file
-from bayes_tyre.workflow.inspect import path_text
 from bayes_tyre.workflow.outcome import Done, Fault
 from bayes_tyre.workflow.parts import Parts
 from bayes_tyre.workflow.process_tasks import Settings, Task, plan_tasks
-
-REJECTED = "rejected.csv"
-#: What the simulator's files say of themselves.
-_SIMULATED = "simulated by bayes-tyre"
+from bayes_tyre.workflow.raw_records import REJECTED, attempted, none_usable, origin_of_raw, rejected, usable
 
 
 def process_files(
@@ -57,15 +52,14 @@ def process_files(
         check_folder(settings.figures, "--figures")
     tasks, parts = plan_tasks(files, settings), Parts(out)
     outcomes = each_file(process_file, tasks, parts, machines, on_progress)
-    rows = [(path_text(file), end.reason) for file, end in zip(files, outcomes, strict=True) if isinstance(end, Fault)]
+    rows = rejected(files, outcomes)
     records = [end for end in outcomes if isinstance(end, Path)]
     remove_leftovers([out, out.parent / REJECTED])
-    write_table(pd.DataFrame(rows, columns=["file", "reason"], dtype=object), out.parent / REJECTED)
+    write_table(rows, out.parent / REJECTED)
     if not records:
         out.unlink(missing_ok=True)  # an earlier run's records are not those of these files
         parts.remove()
-        first = f": {rows[0][1]}" if rows else ""
-        raise BadInput(f"{out.parent / REJECTED}: none of {len(tasks)} files can be used, the first{first}")
+        raise none_usable(out.parent / REJECTED, rows, len(tasks))
     write_joined(records, out)
     return len(records), len(rows)
 
@@ -73,25 +67,14 @@ def process_files(
 def process_file(task: Task) -> Done | Fault:
     """Return the rows of a file's record and its picture if one is wanted, or why there are none."""
     prepare_jax()
-    try:
-        return _done(task)
-    except BadInput as error:
-        reason = path_text(Path(str(error).removeprefix(f"{task.file}: ")))
-        # Another attempt may find the disk, or the memory, that this one did not.
-        return Fault(reason, lasting=not isinstance(error.__context__, OSError | MemoryError))
-    except Exception as error:  # a fault of ours in one file must not lose the work on the others
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        said = f"{type(error).__name__} in {Path(where.filename).name}, line {where.lineno}: {error}"
-        return Fault(f"bayes-tyre itself failed on it; please report: {said}", lasting=False)
+    return attempted(_done, task)
 
 
 def _done(task: Task) -> Done:
-    if isinstance(task.words, str) or task.rig is None:
-        raise BadInput(str(task.words))
-    raw = read_raw(task.file, columns_of(task.rig))
-    processed = process(raw, task.rig, task.words, task.method)
-    said = any(_SIMULATED in text for text in raw.notes)
-    origin = "simulated" if said or task.simulated else "measured"
+    words, rig = usable(task)
+    raw = read_raw(task.file, columns_of(rig))
+    processed = process(raw, rig, words, task.method)
+    origin = origin_of_raw(raw, task)
     picture = None
     if task.picture is not None:
         from bayes_tyre.report.process_figures import record_png

@@ -1,0 +1,105 @@
+"""`motion`: tyre, mass and damping from raw signals by the motion itself, all records together."""
+
+import sys
+import time
+from enum import StrEnum
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bayes_tyre.cli.fit import Repeats
+from bayes_tyre.cli.raw import CasesTable, Cluster, RawFiles, RigName, Workers, check_machines
+from bayes_tyre.cli.shell import (
+    NOT_TRUSTED,
+    Chains,
+    Draws,
+    Interval,
+    Out,
+    Quiet,
+    Seed,
+    Warmup,
+    note,
+    progress,
+    report_verdict,
+    say,
+    warn,
+)
+
+
+class Law(StrEnum):
+    """Force laws of a tyre that a motion can be fitted with."""
+
+    fancher = "fancher"
+
+
+def motion(
+    raw: RawFiles,
+    out: Out,
+    rig: RigName = None,
+    cases: CasesTable = None,
+    law: Annotated[Law, typer.Option(help="Force law of the tyre.")] = Law.fancher,
+    amplitude: Annotated[
+        float,
+        typer.Option(
+            min=1e-3, max=100.0, help="Half the stroke at the wheel centre (mm) of the cycle that loses energy."
+        ),
+    ] = 1.0,
+    repeats: Annotated[
+        Repeats, typer.Option(help="How repeats scatter: usual and discordant ones, Student-t, or normal.")
+    ] = Repeats.mixture,
+    figures: Annotated[
+        Path | None, typer.Option(help="Folder for a picture a record: readings, fitted motion, what is left over.")
+    ] = None,
+    chains: Chains = 4,
+    warmup: Warmup = 600,
+    draws: Draws = 1500,
+    seed: Seed = 0,
+    interval: Interval = 0.95,
+    workers: Workers = None,
+    cluster: Cluster = None,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume", help="Estimate only records that are missing or have changed, then go on from the checkpoint."
+        ),
+    ] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Identify k, x, beta (kN/mm, kN, mm), m (kg), c (kN s/mm) and energy lost (J) from the axle's own motion.
+
+    Each raw file is fitted by itself, its motion simulated through step and ring-down; the estimates with their
+    covariances then go into one hierarchy. Writes what fit writes, and estimates.csv (a row a record) and rejected.csv
+    (file, reason); with no usable file only the latter, and exit 3. Ends with code 4 when the diagnostics say that the
+    result is not to be trusted. Estimates are kept, file by file, in .estimates.csv.parts, for --resume.
+
+    Example: bayes-tyre motion data/raw --out results/motion --figures results/motion/records
+    """
+    check_machines(workers, cluster)
+    from bayes_tyre.formats.raw import raw_files
+
+    files, passed_over = raw_files(raw)  # before what takes seconds to import
+    from bayes_tyre.inference.sampling import SamplerSettings
+    from bayes_tyre.runtime import prepare_jax
+    from bayes_tyre.workflow.each_file import Machines
+    from bayes_tyre.workflow.going_on import Watch
+    from bayes_tyre.workflow.motion import MotionPlan, estimate_files, fit_estimates
+
+    sampler = SamplerSettings(chains, warmup, draws, seed)
+    plan = MotionPlan(sampler, rig, cases, figures, law.value, amplitude, repeats.value, interval)
+    for remark in passed_over:
+        warn(remark)
+    prepare_jax(chains)
+    began = time.monotonic()
+    with progress("motion", len(files), quiet) as advance:
+        estimated = estimate_files(files, plan, Machines(workers, cluster, resume), out, advance)
+    found, lost = len(estimated.table), len(estimated.rejected)
+    say(f"{found} records, {lost} rejected (data: {estimated.origin}), {chains} chains", quiet)
+    with progress("hierarchy", warmup + draws, quiet) as advance:
+        watch = Watch(partial(note, quiet=quiet), warn, advance)
+        diagnostics = fit_estimates(estimated, plan, out, sys.argv[1:], watch, resume=resume)
+    say(f"done in {time.monotonic() - began:.0f} s", quiet)
+    report_verdict(diagnostics, out, quiet)
+    if diagnostics.verdict != "pass":
+        raise typer.Exit(NOT_TRUSTED)

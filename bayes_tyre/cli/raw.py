@@ -1,0 +1,36 @@
+"""Options of the commands that make something of each raw file."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+RawFiles = Annotated[
+    list[Path],
+    typer.Argument(metavar="RAW...", help="Raw files (.lvm, .tdms, .xlsx, .csv, .parquet), or folders of them."),
+]
+RigName = Annotated[
+    str | None, typer.Option(help="Rig: single, dual, or a TOML file; default: the one the configuration names.")
+]
+CasesTable = Annotated[
+    Path | None,
+    typer.Option(
+        help="Table (.csv, .parquet) with file, configuration, speed_km_h, initial_load_kN, step_kN, repeat; "
+        "default: from names such as DynamicS(0)30-20(1).lvm."
+    ),
+]
+Workers = Annotated[int | None, typer.Option(min=1, help="Processes; default: one a core.")]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="Scheduler of a dask cluster, such as tcp://host:8786, to work there instead of here; its workers "
+        "must see the raw files under the same paths.",
+    ),
+]
+
+
+def check_machines(workers: int | None, cluster: str | None) -> None:
+    """Refuse a number of processes beside a cluster, which has its own."""
+    if cluster is not None and workers is not None:
+        raise typer.BadParameter("goes with no --workers: the cluster has its own", param_hint="--cluster")

@@ -1,0 +1,103 @@
+"""A raw file in; its motion's estimate out as one row, kept as a part, and its picture."""
+
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.raw import read_raw
+from bayes_tyre.inference.motion_estimate import MotionEstimate, estimate_motion
+from bayes_tyre.inference.motion_hierarchy import Motions
+from bayes_tyre.inference.motion_likelihood import hierarchy_moments, likelihood_of
+from bayes_tyre.inference.motion_model import predicted
+from bayes_tyre.inference.motion_unknowns import Unknowns, in_units
+from bayes_tyre.inference.motion_window import Recorded
+from bayes_tyre.record import WORDS
+from bayes_tyre.rig import geometry
+from bayes_tyre.rig.axle import Rig
+from bayes_tyre.rig.motion import rest_displacement
+from bayes_tyre.rig.sensors import columns_of
+from bayes_tyre.runtime import prepare_jax
+from bayes_tyre.signals.process import prepare
+from bayes_tyre.signals.processed import Recording
+from bayes_tyre.workflow.outcome import Done, Fault
+from bayes_tyre.workflow.process_tasks import Task
+from bayes_tyre.workflow.raw_records import attempted, origin_of_raw, usable
+
+#: Columns of the estimates, in the order of `motion_estimate.MOTION_PARAMETERS`; a standard error stands behind each.
+PARAMETERS = ("k_kN_per_mm", "x_kN", "beta_mm", "m_kg", "c_kN_s_per_mm")
+#: Of `estimates.csv`. `displacement_mm` is the middle of the step at the wheel centre, which a cycle goes about.
+COLUMNS = (
+    *("record", *WORDS),
+    *(column for name in PARAMETERS for column in (name, f"{name}_se")),
+    *("displacement_mm", "method", "pareto_k", "status", "origin"),
+)
+OK = "ok"
+# What a part holds beside: of the hierarchy's logarithms, flat.
+_ROWS, _TARGET, _MEAN, _VARIANCE = "likelihood_rows", "likelihood_target", "log_mean", "log_variance"
+
+
+def estimate_file(task: Task) -> Done | Fault:
+    """Return the row of a file's estimate and its picture if one is wanted, or why there is none."""
+    prepare_jax()
+    return attempted(_done, task)
+
+
+def _done(task: Task) -> Done:
+    words, rig = usable(task)
+    raw = read_raw(task.file, columns_of(rig))
+    estimate = _estimate(rig, prepare(raw, rig, words))
+    if not bool(estimate.found.converged):
+        raise BadInput("the fit of its motion did not converge; look at its channels with process --figures")
+    unknowns = _unknowns(rig, estimate)
+    origin = origin_of_raw(raw, task)
+    row = {**words.row(), **_columns(rig, estimate, unknowns), "origin": origin}
+    picture = None
+    if task.picture is not None:
+        from bayes_tyre.report.motion_figures import motion_png
+
+        road = estimate.window.road
+        expected = predicted(rig, unknowns, estimate.window, 0.0 if road is None else road.mean_mm)
+        picture = motion_png(words.record, estimate.window, np.asarray(expected), str(row["status"]), origin)
+    return Done(pd.DataFrame([row]), picture)
+
+
+def _estimate(rig: Rig, recording: Recording) -> MotionEstimate:
+    """Return the estimate of a recording, of a tyre that stands or rolls."""
+    read, step = recording.raw, recording.step
+    bodies = tuple((body.turn_Hz, body.harmonics) for body in recording.bodies)
+    ramp_s = step.ramp.start_s, step.ramp.end_s
+    channels = read.acceleration_m_per_s2, read.laser_mm, read.load_kN
+    return estimate_motion(rig, Recorded(read.dt_s, *channels, quiet=step.quiet, ramp_s=ramp_s, bodies=bodies))
+
+
+def _unknowns(rig: Rig, estimate: MotionEstimate) -> Unknowns:
+    window = estimate.window
+    return in_units(rig, jnp.asarray(estimate.found.standard), window.prior, window.rolling)
+
+
+def _columns(rig: Rig, estimate: MotionEstimate, unknowns: Unknowns) -> dict[str, Any]:
+    values, sd = estimate.value, np.sqrt(np.diag(estimate.log_covariance))
+    found: dict[str, Any] = {}
+    for name, value, of_log in zip(PARAMETERS, values, sd, strict=True):
+        found |= {name: float(value), f"{name}_se": float(value * of_log)}
+    applied = geometry.tyre_load(rig, unknowns.load_kN.mean())
+    found["displacement_mm"] = float(rest_displacement(rig, applied, k=values[0], offset_kN=unknowns.law.C))
+    found |= {"method": estimate.method, "pareto_k": float(estimate.pareto_k), "status": estimate.status or OK}
+    moments = estimate.log_mean, estimate.log_covariance
+    likelihood = likelihood_of(rig, *moments, np.asarray(estimate.window.prior), trusted=not estimate.status)
+    mean, covariance = hierarchy_moments(*moments)
+    arrays = {_ROWS: likelihood.rows, _TARGET: likelihood.target, _MEAN: mean, _VARIANCE: np.diag(covariance)}
+    return found | {name: array.ravel().tolist() for name, array in arrays.items()}
+
+
+def read_estimates(parts: list[Path]) -> tuple[pd.DataFrame, Motions]:
+    """Return the rows of `estimates.csv` that parts hold, and the estimates as the hierarchy takes them."""
+    table = pd.concat([pd.read_parquet(part) for part in parts], ignore_index=True)
+    arrays = {name: np.stack(table[name].tolist()) for name in (_ROWS, _TARGET, _MEAN, _VARIANCE)}
+    words = table[["record", *WORDS]].copy()
+    motions = Motions(words, arrays[_ROWS].reshape(len(table), 5, 5), arrays[_TARGET], arrays[_MEAN], arrays[_VARIANCE])
+    return table[list(COLUMNS)], motions
