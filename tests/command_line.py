@@ -49,8 +49,10 @@ def start_as(
         # Not between fork and exec, where JAX warns of its threads.
         limit = f"import os, resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, ({most_bytes}, {most_bytes}))"
         command = [sys.executable, "-c", f"{limit}; os.execv(sys.argv[1], sys.argv[1:])", *command]
-    pipe = subprocess.PIPE
-    return subprocess.Popen(command, cwd=cwd, env=env or environment(), text=True, stdout=pipe, stderr=pipe)
+    pipe, env = subprocess.PIPE, env or environment()
+    if most_bytes is not None:
+        env = {**env, "PYTHONDONTWRITEBYTECODE": "1"}  # it would be torn, and break what imports it next
+    return subprocess.Popen(command, cwd=cwd, env=env, text=True, stdout=pipe, stderr=pipe)
 
 
 def finish(process: subprocess.Popen[str]) -> subprocess.CompletedProcess[str]:
