@@ -19,7 +19,7 @@ from bayes_tyre.report import figures
 from bayes_tyre.report.document_result import Reported, read_reported
 from bayes_tyre.report.folder import write_fit
 from bayes_tyre.report.run import begin_run
-from bayes_tyre.workflow.report import names
+from bayes_tyre.workflow.result_names import names
 
 SCRIPT, IMAGE = "<script>alert(1)</script>", '"><img src=x onerror=alert(2)>'
 REASON = "k[x]: R-hat 1.2 is above 1.01: chains disagree; raise --warmup and --draws"

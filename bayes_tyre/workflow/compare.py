@@ -16,6 +16,7 @@ from bayes_tyre.report.comparison import by_record, compare, sentence
 from bayes_tyre.report.run import RUN_JSON
 from bayes_tyre.workflow.fit import Plan, planned_in
 from bayes_tyre.workflow.predict import Result, read_result
+from bayes_tyre.workflow.result_names import names
 
 NAME, BY_RECORD = "comparison.csv", "comparison_records.csv"
 #: A refit need not be good enough for a verdict: its draws are averaged over.
@@ -62,7 +63,7 @@ def compare_folders(
     check_folder(out)
     found: dict[str, LeaveOneOut] = {}
     verdicts: dict[str, str] = {}
-    read = [(name, *_read(folder, tell)) for name, folder in zip(_names(folders), folders, strict=True)]
+    read = [(name, *_read(folder, tell)) for name, folder in zip(names(folders), folders, strict=True)]
     _check_same(read)
     for name, plan, result, table in read:
 
@@ -85,15 +86,6 @@ def compare_folders(
 def _read(folder: Path, tell: Callable[[str], None]) -> tuple[Plan, Result, pd.DataFrame]:
     result, plan = read_result(folder), planned_in(folder / RUN_JSON, tell)
     return plan, result, check_record_table(read_table(plan.records))
-
-
-def _names(folders: Sequence[Path]) -> list[str]:
-    """Return what to call the models: the folders' names, whole paths where these are not unique."""
-    names = [folder.resolve().name for folder in folders]
-    named = [str(folder) if names.count(name) > 1 else name for folder, name in zip(folders, names, strict=True)]
-    if len(set(named)) < len(named):
-        raise BadInput(f"{next(name for name in named if named.count(name) > 1)} is named twice; name each folder once")
-    return named
 
 
 def _check_same(read: Sequence[tuple[str, Plan, Result, pd.DataFrame]]) -> None:

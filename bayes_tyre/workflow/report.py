@@ -21,6 +21,7 @@ from bayes_tyre.report.document_result import Reported, read_reported
 from bayes_tyre.report.figures import Result
 from bayes_tyre.report.run import RUN_JSON
 from bayes_tyre.workflow.fit import planned_in
+from bayes_tyre.workflow.result_names import names
 
 NAME, SUFFIXES = "report.html", (".html", ".htm")
 #: Said of figures that the fit drew, where they cannot be drawn anew.
@@ -86,23 +87,6 @@ def write_report(
     compared = [across(sides[0], other, results[0].interval) for other in sides[1:]]
     write_text(document(parts, compared), path)
     return Written(path, [result.name for result in results if result.verdict == "fail"])
-
-
-def names(folders: Sequence[Path]) -> list[str]:
-    """Return what to call results: the ends of their paths, as short as tells them apart.
-
-    Raises
-    ------
-    BadInput
-        If a folder is named twice.
-    """
-    whole = [folder.resolve() for folder in folders]
-    twice = next((folder for folder, path in zip(folders, whole, strict=True) if whole.count(path) > 1), None)
-    if twice is not None:
-        raise BadInput(f"{twice}: is named twice; name each folder once")
-    most = max(len(path.parts) for path in whole)
-    ends = (["/".join(path.parts[-length:]) for path in whole] for length in range(1, most + 1))
-    return next(found for found in ends if len(set(found)) == len(found))
 
 
 def _part(folder: Path, result: Reported, tree: xr.DataTree, tell: Callable[[str], None]) -> Part:

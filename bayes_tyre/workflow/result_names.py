@@ -1,0 +1,23 @@
+"""What to call results that stand side by side: the ends of their folders' paths."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from bayes_tyre.errors import BadInput
+
+
+def names(folders: Sequence[Path]) -> list[str]:
+    """Return what to call results: the ends of their paths, as short as tells them apart.
+
+    Raises
+    ------
+    BadInput
+        If a folder is named twice.
+    """
+    whole = [folder.resolve() for folder in folders]
+    twice = next((folder for folder, path in zip(folders, whole, strict=True) if whole.count(path) > 1), None)
+    if twice is not None:
+        raise BadInput(f"{twice}: is named twice; name each folder once")
+    most = max(len(path.parts) for path in whole)
+    ends = (["/".join(path.parts[-length:]) for path in whole] for length in range(1, most + 1))
+    return next(found for found in ends if len(set(found)) == len(found))
