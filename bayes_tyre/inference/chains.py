@@ -6,6 +6,7 @@ compiled once, and a run cut anywhere and continued from its state gives the bit
 """
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -14,16 +15,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from numpyro import handlers
+from numpyro.distributions import biject_to
 from numpyro.infer import NUTS
 from numpyro.infer.hmc import HMCState
-from numpyro.infer.initialization import init_to_uniform
+from numpyro.infer.initialization import init_to_feasible, init_to_uniform
 
 #: Iterations in a call, at most: between two calls a run can be watched, saved and continued.
 CHUNK = 100
-#: Scales near zero make narrow necks; NumPyro's 0.8 left a few divergences in them.
-TARGET_ACCEPTANCE = 0.9
-#: Standard deviation of the starts' logarithm about the values given.
-START_SPREAD = 0.2
+#: In the coordinates of `coordinates` no neck is left that would need shorter steps.
+TARGET_ACCEPTANCE = 0.8
+#: Standard deviation of the starts' logarithm about the values given; half the range, unconstrained, of the others.
+START_SPREAD, START_RADIUS = 0.2, 0.5
+#: Starts tried before a density that is zero at all of them is the sampler's to say.
+_STARTS_TRIED = 20
 #: Deepest trees while adapting, and after. Before the mass matrix is known every tree grows to its limit: at 10, the
 #: first hundred iterations took nine tenths of all the time.
 DEEPEST = (6, 10)
@@ -59,7 +64,7 @@ def start_near(values: Mapping[str, Any], site: dict | None = None) -> Any:
         value = jnp.asarray(values[site["name"]])
         spread = jax.random.normal(site["kwargs"]["rng_key"], site["fn"].shape())
         return value * jnp.exp(START_SPREAD * spread)
-    return init_to_uniform(site, radius=0.5)  # pyright: ignore[reportArgumentType]  (says int, takes float)
+    return init_to_uniform(site, radius=START_RADIUS)  # pyright: ignore[reportArgumentType]  (says int, takes float)
 
 
 class Chains:
@@ -90,9 +95,9 @@ class Chains:
     ) -> None:
         self.chains, self._warmup = chains, warmup
         self._data, self._fixed = eqx.partition(dict(arguments), lambda leaf: isinstance(leaf, jax.Array))
+        self._model, self._starts = model, starts
         self._kernel = NUTS(
             model,
-            init_strategy=start_near(starts),
             target_accept_prob=TARGET_ACCEPTANCE,
             max_tree_depth=DEEPEST,  # pyright: ignore[reportArgumentType]
             dense_mass=[tuple(starts)] if starts else False,  # pyright: ignore[reportArgumentType]
@@ -100,13 +105,29 @@ class Chains:
         devices = jax.local_devices()
         self._together = max(n for n in range(1, min(chains, len(devices)) + 1) if chains % n == 0)
         self._mesh = Mesh(np.asarray(devices[: self._together]), (_CHAINS,))
-        self._begin, self._advance, self._constrain = map(self._compiled, (self._init, self._sample, self._sites))
-        # The kernel's own closures are made as it is traced, which a continued run does nowhere else.
-        self.shapes: HMCState = jax.eval_shape(self._begin, self._keys(0), self._data)
+        self._latent = self._find_latent()
+        self._begin, self._advance, self._constrain = self._compile_together()
 
     def begin(self, seed: int) -> HMCState:
         """Return the state before the first iteration."""
-        return self._in_turns(self._begin, self._keys(seed), self._data)
+        keys = jax.random.split(jax.random.PRNGKey(seed), self.chains)  # raw: a state, and its checkpoint, is arrays
+        for tried in range(_STARTS_TRIED):
+            state = self._in_turns(self._begin, (keys, self.starts(seed, tried)), self._data)
+            if np.isfinite(np.asarray(state.potential_energy)).all():
+                break
+        return state
+
+    def starts(self, seed: int, tried: int = 0) -> dict[str, np.ndarray]:
+        """Return where each chain starts, unconstrained: the sites named near their values, the others around zero."""
+        random, found = np.random.default_rng([seed, tried]), {}
+        for name, (shape, transform) in self._latent.items():
+            of_chains = (self.chains, *shape)
+            if name in self._starts:
+                values = self._starts[name] * np.exp(START_SPREAD * random.standard_normal(of_chains))
+                found[name] = np.asarray(transform.inv(values))
+            else:
+                found[name] = random.uniform(-START_RADIUS, START_RADIUS, of_chains)
+        return found
 
     def advance(self, state: HMCState, iterations: int) -> Chunk:
         """Return what so many iterations, at most `CHUNK`, leave."""
@@ -125,12 +146,44 @@ class Chains:
         sites = self._in_turns(self._constrain, jax.tree.map(filled, dict(unconstrained)), self._data)
         return {name: np.asarray(values)[:, :length] for name, values in sites.items()}
 
-    def _keys(self, seed: int) -> jax.Array:
-        # Raw keys: a state is then plain arrays, and so is a checkpoint.
-        return jax.random.split(jax.random.PRNGKey(seed), self.chains)
+    def _find_latent(self) -> dict[str, tuple[tuple[int, ...], Any]]:
+        """Return the shape of each sampled site, unconstrained, and the transform from there."""
+        found = {}
 
-    def _init(self, key: jax.Array, data: Any) -> HMCState:
-        return self._kernel.init(key, self._warmup, model_kwargs=self._arguments(data))
+        def look(key: jax.Array, data: Any) -> None:
+            seeded = handlers.substitute(handlers.seed(self._model, key), substitute_fn=init_to_feasible())
+            for name, site in handlers.trace(seeded).get_trace(**self._arguments(data)).items():
+                if site["type"] == "sample" and not site["is_observed"]:
+                    transform = biject_to(site["fn"].support)
+                    found[name] = transform.inverse_shape(site["fn"].shape()), transform
+
+        jax.eval_shape(look, jax.random.PRNGKey(0), self._data)
+        return found
+
+    def _compile_together(self) -> list[Callable[[Any, Any], Any]]:
+        """Return what begins, advances and constrains, compiled side by side: half of a run's seconds go into it."""
+        begin, advance, constrain = map(self._mapped, (self._init, self._sample, self._sites))
+        keys = jax.random.split(jax.random.PRNGKey(0), self.chains)
+        fresh = keys, self.starts(0)
+        # The kernel's own closures are made as it is traced, which a continued run does nowhere else.
+        self.shapes: HMCState = jax.eval_shape(begin, fresh, self._data)
+
+        def together(leaf: Any, *within: int) -> jax.ShapeDtypeStruct:
+            return jax.ShapeDtypeStruct((self._together, *within, *leaf.shape[1:]), leaf.dtype)
+
+        state = jax.tree.map(together, self.shapes)
+        chunk = jax.tree.map(lambda leaf: together(leaf, CHUNK), self.shapes.z)
+        lowered = [
+            begin.lower(jax.tree.map(together, fresh), self._data),
+            advance.lower(state, (self._data, np.int64(0))),
+            constrain.lower(chunk, self._data),
+        ]
+        with ThreadPoolExecutor() as pool:
+            return list(pool.map(lambda program: program.compile(), lowered))
+
+    def _init(self, fresh: tuple[jax.Array, dict[str, jax.Array]], data: Any) -> HMCState:
+        key, start = fresh
+        return self._kernel.init(key, self._warmup, init_params=start, model_kwargs=self._arguments(data))
 
     def _sample(self, state: HMCState, data_and_iterations: tuple[Any, jax.Array]) -> Any:
         data, iterations = data_and_iterations
@@ -149,8 +202,8 @@ class Chains:
     def _arguments(self, data: Any) -> Any:
         return eqx.combine(data, self._fixed)
 
-    def _compiled(self, function: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-        """Return a function of a chain and of what chains share, for as many chains as go together."""
+    def _mapped(self, function: Callable[[Any, Any], Any]) -> Any:
+        """Return a function of a chain and of what chains share, to be compiled for as many chains as go together."""
 
         def one(chain: Any, shared: Any) -> Any:
             result = function(jax.tree.map(lambda block: block[0], chain), shared)

@@ -206,7 +206,6 @@ def likelihood_of(data: RecordData, model: ModelSettings, whitening: Whitening |
 def _starts(records: RecordEstimates) -> dict[str, np.ndarray]:
     """Return where each population starts: its median, and where the records' own estimates say more, these."""
     starts = prior_medians()
-    starts["sigma_typical"] = np.asarray(np.exp(np.median(np.asarray(records.log_sigma))))
     starts["J_scale"] = np.asarray(np.sqrt(np.mean(np.asarray(records.centre[:, 1]) ** 2)) + 1e-3)
     return starts
 

@@ -18,6 +18,7 @@ from bayes_tyre.inference.levels import Levels
 from bayes_tyre.inference.likelihood import Likelihood
 from bayes_tyre.inference.picture import Picture, RecordData, RecordEstimates
 from bayes_tyre.inference.populations import PARAMETERS, prior_sites, published_sites, sample_populations
+from bayes_tyre.inference.priors import PRIORS
 from bayes_tyre.inference.repeats import judgeable, repeats_about_cases
 
 #: What the noise of a record is like.
@@ -40,28 +41,45 @@ def _record_level(
     return jnp.concatenate([level, pair.value], axis=1)
 
 
+def _about_typical(
+    name: str, estimate: Gaussian, spread: str, populations: Populations
+) -> tuple[Float[Array, " records"], Float[Array, ""]]:
+    """Return a number of each record's noise, normally spread about a typical one, and that.
+
+    The typical one, too, is placed where its records' estimates put it: the wider their spread, the less they say of
+    it, and a step made for the narrow part of that funnel diverges in the wide one. One record alone is typical.
+    """
+    prior = PRIORS[name]
+    if len(estimate.value) == 1:
+        alone = placed(name, estimate, *prior.parameters)
+        return alone, alone[0]
+    weight = 1.0 / (populations[spread] ** 2 + 1.0 / estimate.precision)
+    total = jnp.sum(weight)
+    told = Gaussian(jnp.reshape(jnp.sum(weight * estimate.value) / total, (1,)), jnp.reshape(total, (1,)))
+    typical = placed(name, told, *prior.parameters)[0]
+    return placed(f"{name}_records", estimate, typical, populations[spread]), typical
+
+
 def _autocorrelation(estimates: RecordEstimates, populations: Populations) -> Float[Array, " records"]:
-    """Return rho of each record's noise, partially pooled; one record alone is the typical one."""
-    typical = populations["atanh_rho_typical"]
-    if len(estimates.rho) == 1:
-        return keep("rho", jnp.tanh(jnp.reshape(typical, (1,))))
+    """Return rho of each record's noise, partially pooled."""
     told = Gaussian(jnp.arctanh(estimates.rho), estimates.points * (1.0 - estimates.rho**2))
-    return keep("rho", jnp.tanh(placed("rho", told, typical, populations["atanh_rho_spread"])))
+    value, typical = _about_typical("atanh_rho_typical", told, "atanh_rho_spread", populations)
+    keep("atanh_rho_typical", typical)
+    return keep("rho", jnp.tanh(value))
 
 
 def _noise(
     estimates: RecordEstimates, rho: Float[Array, " records"] | None, populations: Populations
 ) -> Float[Array, " records"]:
-    """Return sigma (kN) of each record, partially pooled; one record alone is the typical one."""
-    typical = populations["sigma_typical"]
-    if len(estimates.log_sigma) == 1:
-        return keep("sigma", jnp.reshape(typical, (1,)))
+    """Return sigma (kN) of each record, partially pooled."""
     value = estimates.log_sigma
     if rho is not None:
         # What is new in each point is known whatever rho is; sigma then follows rho.
         value = value + 0.5 * (jnp.log1p(-(estimates.rho**2)) - jnp.log1p(-(rho**2)))
     told = Gaussian(value, 2.0 * estimates.points)
-    return keep("sigma", jnp.exp(placed("sigma", told, jnp.log(typical), populations["log_sigma_spread"])))
+    value, typical = _about_typical("sigma_typical", told, "log_sigma_spread", populations)
+    keep("sigma_typical", jnp.exp(typical))
+    return keep("sigma", jnp.exp(value))
 
 
 def records_model(

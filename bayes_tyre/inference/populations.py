@@ -17,10 +17,13 @@ from bayes_tyre.inference.priors import PRIORS
 
 #: What a case has a value of, in the order in which arrays hold them.
 PARAMETERS = ("k", "beta")
-#: The same where records are motions: `settled` is x - k beta, above 0 in a law that loses energy; x follows from it.
+#: The same where records are motions on Fancher's law: `settled` is x - k beta, above 0 in a law that loses energy; x
+#: follows from it. Other laws have other parameters (`motion_laws.MotionLaw.parameters`).
 MOTION_PARAMETERS = ("k", "settled", "beta", "m", "c")
 #: Repeats that a case needs before one of them can be called discordant.
 JUDGEABLE_REPEATS = 3
+#: Names that end so are sampled where their level is, in coordinates that follow what is below it.
+_PLACED = ("_cell", "_typical")
 #: Sites that every record's prior goes through, whatever its words.
 _OF_RECORDS = ("J_scale", "sigma_typical")
 
@@ -34,9 +37,11 @@ def prior_sites(levels: Levels, repeats: str = "mixture", noise: str = "iid") ->
     return (*sites, *_case_sites(levels, PARAMETERS, repeats))
 
 
-def motion_sites(levels: Levels, repeats: str = "mixture") -> tuple[str, ...]:
-    """Return the names in `PRIORS` that the model of motions with these levels and repeats has."""
-    return _case_sites(levels, MOTION_PARAMETERS, repeats)
+def motion_sites(
+    levels: Levels, repeats: str = "mixture", parameters: Sequence[str] = MOTION_PARAMETERS
+) -> tuple[str, ...]:
+    """Return the names in `PRIORS` that the model of motions with these levels, repeats and parameters has."""
+    return _case_sites(levels, parameters, repeats)
 
 
 def _case_sites(levels: Levels, parameters: Sequence[str], repeats: str) -> tuple[str, ...]:
@@ -64,7 +69,7 @@ def effect_scales(parameter: str, levels: Levels) -> list[str]:
 
 
 def sample_populations(sites: Iterable[str]) -> dict[str, Array]:
-    """Sample the priors of these names, and keep each among the posterior's quantities; cells are placed elsewhere."""
+    """Sample the priors of these names, and keep each among the posterior's quantities; those of `_PLACED` are not."""
     found: dict[str, Array] = {}
     for site, names in _by_family(sites).items():
         family, parameters = PRIORS[names[0]].family, np.transpose([PRIORS[name].parameters for name in names])
@@ -84,6 +89,6 @@ def _by_family(sites: Iterable[str]) -> dict[str, Sequence[str]]:
     """Return the names by the site that samples them."""
     grouped: dict[type[dist.Distribution], list[str]] = {}
     for name in sites:
-        if not name.endswith("_cell"):
+        if not name.endswith(_PLACED):
             grouped.setdefault(PRIORS[name].family, []).append(name)
     return {f"populations_{family.__name__}": names for family, names in grouped.items()}

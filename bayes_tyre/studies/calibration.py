@@ -2,7 +2,8 @@
 
 Source: Talts et al. (2018), "Validating Bayesian inference algorithms with simulation-based calibration"; Modrak et al.
 (2023), "Simulation-based calibration checking for Bayesian computation: the choice of test quantities shapes
-sensitivity", for the log likelihood among the parameters.
+sensitivity", for the log densities of forces and of repeats among the parameters: ranks of single scales hardly show
+that all repeats scatter more widely than the model takes them to.
 """
 
 from collections.abc import Callable
@@ -15,6 +16,8 @@ from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
 from scipy.stats import norm
 
 from bayes_tyre.inference.diagnostics import BFMI_LEAST
+from bayes_tyre.inference.populations import JUDGEABLE_REPEATS, PARAMETERS
+from bayes_tyre.inference.priors import DISCORDANT_WIDENING
 from bayes_tyre.studies.design import Design, calibration_design
 from bayes_tyre.studies.side_by_side import Sampled, Sampling, SideBySide, observe
 from bayes_tyre.studies.truths import NOTHING, Planted, Truths, draw_truths, simulate_forces, study_priors
@@ -81,6 +84,7 @@ def calibrate(
         truths = draw_truths(engine.design, count, rng, engine.priors, planted)
         force = simulate_forces(engine.design, truths, rng, planted)
         truths["log_likelihood"] = log_likelihood(engine.design, truths, force)
+        truths["log_repeats"] = log_repeats(engine.design, truths)
         sampled = engine.sample(observe(engine.design, force), int(rng.integers(2**31)), on_progress)
         ranked = rank_truths(truths, sampled.draws, start, rng)
         found.append((ranked, judge_sampling(sampled, start)))
@@ -113,6 +117,31 @@ def log_likelihood(
     """Return the log density of all forces of each data set at its truth."""
     noiseless = simulate_forces(design, truths, np.random.default_rng(0), Planted(noise=0.0))
     return norm.logpdf(force_kN, noiseless, truths["sigma"][:, :, None]).sum(axis=(1, 2))
+
+
+def log_repeats(design: Design, truths: Truths) -> Float[np.ndarray, " sets"]:
+    """Return the log density of log k and log beta of all records about their cases, usual and discordant, at truths.
+
+    As `bayes_tyre.inference.repeats.repeats_about_cases` has it, written out once more.
+    """
+    levels = design.levels
+
+    def about_case(widening: float) -> np.ndarray:
+        found = np.zeros(truths["k"].shape)
+        for parameter in PARAMETERS:
+            case = truths[f"{parameter}_case"][:, levels.of_record]
+            scatter = truths[f"log_{parameter}_repeat_scatter"][:, None]
+            if levels.speed.varies:
+                by_speed = truths[f"log_{parameter}_repeat_scatter_by_speed"]
+                scatter = by_speed[:, levels.speed.of_case[levels.of_record]]
+            found += norm.logpdf(np.log(truths[parameter] / case), 0.0, widening * scatter)
+        return found
+
+    if levels.repeats.max() < JUDGEABLE_REPEATS:
+        return about_case(1.0).sum(axis=1)
+    weight = truths["discordant_weight"][:, None]
+    usual, odd = np.log1p(-weight) + about_case(1.0), np.log(weight) + about_case(DISCORDANT_WIDENING)
+    return np.logaddexp(usual, odd).sum(axis=1)
 
 
 def judge_sampling(sampled: Sampled, first: int) -> pd.DataFrame:

@@ -72,7 +72,7 @@ class Sampled(NamedTuple):
     Attributes
     ----------
     draws:
-        By site, shape (sets, kept, ...); `log_likelihood` of all forces (log density) among them.
+        By site, shape (sets, kept, ...); `log_likelihood` of all forces and `log_repeats` (log densities) among them.
     diverging, steps:
         Shape (sets, iterations after warmup): whether a transition diverged, and its gradients.
     energy:
@@ -112,10 +112,8 @@ def _estimates(u: Float[np.ndarray, "rows points"], force: Float[np.ndarray, "ro
 
 def _starts(records: RecordEstimates, levels: Levels) -> dict[str, np.ndarray]:
     """Return where a fit of these records starts: prior medians, and where the records say more, their estimates."""
-    told = {"sigma_typical": np.exp(np.median(records.log_sigma))}
-    told["J_scale"] = np.sqrt(np.mean(np.asarray(records.centre[:, 1]) ** 2)) + 1e-3
-    values = prior_medians() | {name: np.asarray(value) for name, value in told.items()}
-    return population_starts(prior_sites(levels), values)
+    J_scale = np.sqrt(np.mean(np.asarray(records.centre[:, 1]) ** 2)) + 1e-3
+    return population_starts(prior_sites(levels), prior_medians() | {"J_scale": np.asarray(J_scale)})
 
 
 def with_priors(model: Callable[..., None], priors: Mapping[str, Prior]) -> Callable[..., None]:
@@ -136,11 +134,12 @@ def with_priors(model: Callable[..., None], priors: Mapping[str, Prior]) -> Call
     return changed_model
 
 
-def _with_log_likelihood(**arguments: Any) -> None:
-    """Model the records, and keep the log density of all their forces among the posterior's quantities."""
+def _with_log_densities(**arguments: Any) -> None:
+    """Model the records, and keep the log densities of all forces and of all repeats about their cases."""
     with trace() as sites:
         records_model(**arguments)
-    numpyro.deterministic("log_likelihood", jnp.sum(sites["force"]["fn"].log_factor))
+    for name, factor in (("log_likelihood", "force"), ("log_repeats", "repeats")):
+        numpyro.deterministic(name, jnp.sum(sites[factor]["fn"].log_factor))
 
 
 class SideBySide:
@@ -163,7 +162,7 @@ class SideBySide:
         self, design: Design, sampling: Sampling, priors: Mapping[str, Prior] = PRIORS, nominal_start: bool = True
     ) -> None:
         self.design, self.sampling, self.priors, self._nominal = design, sampling, priors, nominal_start
-        self._model = with_priors(_with_log_likelihood, priors)
+        self._model = with_priors(_with_log_densities, priors)
         # More devices than cores would only take turns.
         devices = jax.local_devices()[: os.cpu_count()]
         mesh = Mesh(np.asarray(devices), (_DEVICES,))

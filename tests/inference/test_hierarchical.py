@@ -52,7 +52,7 @@ def test_95_per_cent_intervals_of_record_k_and_beta_cover_90_to_99_per_cent():
 @pytest.mark.slow
 def test_the_campaign_passes_and_its_six_discordant_repeats_stand_out():
     made = campaign.reconstruct()
-    tree = fit_hierarchical(check_record_table(made.records), SamplerSettings(draws=1100, seed=0))
+    tree = fit_hierarchical(check_record_table(made.records), SamplerSettings(seed=0))
     diagnostics = diagnose(tree)
     assert diagnostics.verdict == "pass", diagnostics.reasons
     odd = tree["posterior"]["discordant_probability"].mean(("chain", "draw")).to_numpy()

@@ -1,4 +1,4 @@
-"""Quick forms of the studies: the right model passes, a likelihood off by 1.5 does not, outliers are compared.
+"""Quick forms of the studies: the right model passes, a likelihood or a prior off by 1.5 does not; outliers.
 
 They stand in one file because they share a compilation, which is half of the time they take.
 """
@@ -11,8 +11,7 @@ from bayes_tyre.studies.outliers import study_outliers
 from bayes_tyre.studies.side_by_side import Sampling, SideBySide
 from bayes_tyre.studies.truths import Planted, study_priors
 
-#: One compilation for the right model and for the planted error, which is put into the truths. So few sets do not find
-#: a prior of repeats that is off by 1.5.
+#: One compilation for the right model and for the planted errors, which are put into the truths.
 SETS = 12
 QUICK = Sampling(warmup=200, kept=39, thin=3)
 
@@ -33,6 +32,7 @@ def test_the_right_model_is_calibrated(engine):
     # a failure here means that model, simulator or sampler has changed.
     assert found.table["calibrated"].all(), found.table.loc[~found.table["calibrated"]]
     expected = {"k_cell", "beta_cell", "k_case", "beta_case", "k", "beta", "J", "C", "F_i", "sigma", "log_likelihood"}
+    expected |= {"log_repeats"}
     assert expected <= set(found.table["parameter"])
     assert len(found.datasets) == SETS
 
@@ -43,6 +43,14 @@ def test_noise_that_is_half_as_large_again_as_the_model_takes_it_for_is_found(en
     assert not found.table["calibrated"].all()
     # The error shows where it was put. Were all right, one of two p-values below 0.01 would come up in 2 % of seeds.
     assert min(p_values(found)[name] for name in ("sigma", "sigma_typical")) < 0.01
+
+
+@pytest.mark.slow
+def test_repeats_that_scatter_half_as_much_again_as_the_model_takes_them_to_are_found(engine):
+    found = calibrate(SETS, 1, engine=engine, planted=Planted(scatter=1.5))
+    assert not found.table["calibrated"].all()
+    # Where all is right, this p-value is below 0.01 in 1 % of seeds.
+    assert p_values(found)["log_repeats"] < 0.01
 
 
 @pytest.mark.slow

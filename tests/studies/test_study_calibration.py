@@ -1,8 +1,11 @@
 """Truths are ranked among draws as they should be."""
 
+import jax.numpy as jnp
 import numpy as np
+from numpyro.handlers import trace
 
-from bayes_tyre.studies.calibration import log_likelihood, rank_truths
+from bayes_tyre.inference.repeats import repeats_about_cases
+from bayes_tyre.studies.calibration import log_likelihood, log_repeats, rank_truths
 from bayes_tyre.studies.design import quick_design
 from bayes_tyre.studies.truths import Planted, draw_truths, simulate_forces, study_priors
 
@@ -27,3 +30,18 @@ def test_the_log_likelihood_of_truths_is_that_of_their_noise():
     expected = -0.5 * (z**2).sum((1, 2)) - design.u.shape[1] * np.log(truths["sigma"]).sum(1)
     expected -= 0.5 * design.u.size * np.log(2 * np.pi)
     np.testing.assert_allclose(log_likelihood(design, truths, force), expected)
+
+
+def test_the_density_of_repeats_at_truths_is_that_of_the_model():
+    design = quick_design()
+    truths = draw_truths(design, 3, np.random.default_rng(0), study_priors(), Planted())
+    case = design.levels.of_record
+    speed = design.levels.speed.of_case[case]
+    for i, found in enumerate(log_repeats(design, truths)):
+        both = ("k", "beta")
+        deviation = np.stack([np.log(truths[name][i] / truths[f"{name}_case"][i][case]) for name in both], axis=1)
+        scatter = np.stack([truths[f"log_{name}_repeat_scatter_by_speed"][i][speed] for name in both], axis=1)
+        populations = {"discordant_weight": jnp.asarray(truths["discordant_weight"][i])}
+        with trace() as sites:
+            repeats_about_cases(jnp.asarray(deviation), jnp.asarray(scatter), "mixture", populations)
+        np.testing.assert_allclose(found, jnp.sum(sites["repeats"]["fn"].log_factor), rtol=1e-9)
