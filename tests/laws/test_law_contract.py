@@ -1,23 +1,39 @@
 """One contract over every law: what `force`, `init` and `step` promise in bayes_tyre/laws/base.py."""
 
+from dataclasses import replace
+from itertools import pairwise
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from moving_axle import DAMPING, RIG, C, M, at_rest, driven
 
 from bayes_tyre.laws.base import Law, StatefulLaw
+from bayes_tyre.laws.bouc_wen import BoucWen
 from bayes_tyre.laws.envelopes import LinearEnvelope
 from bayes_tyre.laws.fancher import Fancher, OneStep, Recursion
+from bayes_tyre.laws.kelvin_voigt import KelvinVoigt
+from bayes_tyre.laws.maxwell_slip import MaxwellSlip
+from bayes_tyre.rig.motion import Body, Start, energies, move
 
 LINES = LinearEnvelope(k=1.8, C=10.0, x=0.3)
 STATEFUL = {
     "fancher": Fancher(k=1.8, C=10.0, x=0.3, beta=0.05),
     "recursion": Recursion(upper=LINES.upper, lower=LINES.lower, beta=0.05),
+    "kelvin_voigt": KelvinVoigt(k=1.8, C=10.0),
+    "bouc_wen": BoucWen(k=1.8, C=10.0, settled=0.2, beta=0.05, n=1.5),
+    "maxwell_slip": MaxwellSlip(k=1.8, C=10.0, settled=0.2, beta=0.05),
 }
+#: How far one move instead of many may be off, kN; the recursion depends on its points by its nature.
+ONE_MOVE_KN = {"fancher": 1e-13, "kelvin_voigt": 1e-13, "bouc_wen": 4e-4 * 0.2, "maxwell_slip": 1e-13}
 LAWS = {**STATEFUL, "one step": OneStep(k=1.8, C=10.0, beta=0.05)}
 PATH = np.array([0.2, 0.2, 0.3, 1.0, 1.0, 0.9, -0.4, -0.4, 0.1])
 
 every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
+whatever_the_points = pytest.mark.parametrize(
+    ("law", "tolerance"), [(STATEFUL[name], most) for name, most in ONE_MOVE_KN.items()], ids=ONE_MOVE_KN.keys()
+)
 every_stateful_law = pytest.mark.parametrize("law", STATEFUL.values(), ids=STATEFUL.keys())
 
 
@@ -68,3 +84,51 @@ def test_inputs_are_left_alone(law: Law):
     path = PATH.copy()
     law.force(path, 9.7)
     np.testing.assert_array_equal(path, PATH)
+
+
+@whatever_the_points
+def test_a_move_is_the_same_in_one_step_or_in_many(law: StatefulLaw, tolerance):
+    turns = np.array([0.2, 0.23, 0.1, 1.3, 1.25, -0.4, -0.39])
+    legs = [np.linspace(start, end, 201)[1:] for start, end in pairwise(turns)]
+    many = law.force(np.concatenate([turns[:1], *legs]), 10.4)[::200]
+    np.testing.assert_allclose(law.force(turns, 10.4), many, rtol=0, atol=tolerance)
+
+
+@every_law
+def test_derivatives_are_those_of_finite_differences(law: Law):
+    # Off the points where a path turns or an element yields, so that both sides have one derivative.
+    path, start = np.array([0.2, 0.23, 0.31, 0.71, 0.64, 0.655]), 10.41
+    numbers = [leaf for leaf in jax.tree.leaves(law) if not callable(leaf)]
+
+    def forces(values):
+        leaves = iter(values)
+        varied = jax.tree.map(lambda leaf: leaf if callable(leaf) else next(leaves), law)
+        return varied.force(path, start)
+
+    values = jnp.asarray(numbers)
+    exact = np.asarray(jax.jacfwd(forces)(values))
+    for i, h in enumerate(1e-6 * np.asarray(numbers)):
+        off = jnp.zeros_like(values).at[i].set(h)
+        differences = (forces(values + off) - forces(values - off)) / (2 * h)
+        # Rounding of forces of 10 kN over 2 h, and h^2.
+        np.testing.assert_allclose(exact[:, i], differences, rtol=1e-5, atol=4e-15 / h + 1e-8)
+
+
+@pytest.mark.parametrize("amplitude", [0.0, 0.3], ids=["standing", "rolling"])
+@pytest.mark.parametrize("name", ["fancher", "kelvin_voigt", "bouc_wen", "maxwell_slip"])
+def test_an_axle_on_it_closes_its_energy_account(name, amplitude):
+    law = replace(STATEFUL[name], C=C)
+    drive, _ = driven(1000.0, 0.4, amplitude)
+    body = Body(law, M, DAMPING)
+    found = jax.jit(lambda drive, start: move(RIG, body, drive, start))(drive, Start(at_rest(C)))
+    account = energies(body, drive, found)
+    closed = abs(account.applied - (account.kinetic + account.tyre + account.damping))
+    assert closed < 1e-6 * abs(account.applied)
+
+
+@pytest.mark.parametrize(("name", "field"), [("kelvin_voigt", "k"), ("bouc_wen", "n"), ("maxwell_slip", "settled")])
+def test_numbers_that_make_energy_or_none_are_refused(name, field):
+    law = STATEFUL[name]
+    law.check()
+    with pytest.raises(ValueError, match=field):
+        replace(law, **{field: -0.1}).check()

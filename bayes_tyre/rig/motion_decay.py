@@ -1,0 +1,76 @@
+"""Stiffness and damping from a free vibration: the classic estimate of a spring and a damper, with no fit.
+
+The logarithmic decrement of successive swings and their period (Den Hartog, Mechanical Vibrations). Of a tyre with
+friction it says what spring and damper would ring alike, and not always the same: friction damps small swings more.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from bayes_tyre.rig.motion import KN_PER_KG_MM_PER_S2
+
+#: Turning points that a decrement needs: three swings, so that two of them can be compared twice.
+LEAST_TURNS = 4
+#: Swings of an undamped vibration may seem to grow by so much.
+ROUNDING = 1e-6
+
+
+class Decay(NamedTuple):
+    """What a free vibration says.
+
+    Attributes
+    ----------
+    k_kN_per_mm, c_kN_s_per_mm:
+        Of the spring and the damper that vibrate so, at the point where the mass is.
+    natural_Hz:
+        Undamped natural frequency.
+    decrement, damping_ratio:
+        Logarithm of the ratio of swings a period apart; damping in parts of critical.
+    """
+
+    k_kN_per_mm: float
+    c_kN_s_per_mm: float
+    natural_Hz: float
+    decrement: float
+    damping_ratio: float
+
+
+def free_vibration(
+    time_s: Float[np.ndarray, " samples"], displacement_mm: Float[np.ndarray, " samples"], m_kg: float
+) -> Decay:
+    """Return spring and damper from a free vibration about any level.
+
+    Each turning point is that of the parabola through three samples. Swings from one to the next need no level; the
+    line through their logarithms gives the decrement, the line through the times the period.
+
+    Parameters
+    ----------
+    time_s, displacement_mm:
+        Evenly spaced, of one mass with no force on it but the spring's and the damper's, smooth enough that
+        it turns only where the vibration does.
+    m_kg:
+        The mass, kg.
+
+    Raises
+    ------
+    ValueError
+        If it turns fewer than `LEAST_TURNS` times, or does not decay.
+    """
+    rise = np.diff(displacement_mm)
+    at = np.flatnonzero(rise[1:] * rise[:-1] < 0) + 1
+    if len(at) < LEAST_TURNS:
+        raise ValueError(f"turns {len(at)} times; a decrement needs {LEAST_TURNS} turning points")
+    before, middle, after = (displacement_mm[at + shift] for shift in (-1, 0, 1))
+    bend, slope = (before + after - 2 * middle) / 2, (after - before) / 2
+    times = time_s[at] - slope / (2 * bend) * (time_s[1] - time_s[0])
+    swings = np.abs(np.diff(middle - slope**2 / (4 * bend)))
+    decrement = -2 * np.polyfit(np.arange(len(swings)), np.log(swings), 1)[0]
+    if decrement < -ROUNDING:
+        raise ValueError(f"its swings grow (logarithmic decrement {decrement:.3g}); a free vibration decays")
+    period = 2 * np.polyfit(np.arange(len(times)), times, 1)[0]
+    ratio = decrement / np.hypot(2 * np.pi, decrement)
+    omega = 2 * np.pi / period / np.sqrt(1 - ratio**2)
+    mass = m_kg * KN_PER_KG_MM_PER_S2
+    return Decay(*map(float, (mass * omega**2, 2 * ratio * mass * omega, omega / (2 * np.pi), decrement, ratio)))
