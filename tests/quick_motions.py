@@ -22,8 +22,9 @@ def estimated(task: Task) -> Done:
     """Return the row of an estimate that a file might have."""
     words, _ = usable(task)
     k, settled, beta, m, c = TYPICAL
-    values = dict(zip(motion_estimates.PARAMETERS, (k, settled + k * beta, beta, m, c), strict=True))
+    values = dict(zip(motion_estimates.parameter_columns(), (k, settled + k * beta, beta, m, c), strict=True))
     told = {"displacement_mm": 10.0, "method": "importance", "pareto_k": 0.1, "status": "ok", "origin": "simulated"}
+    told |= {"log_evidence": 5000.0, "log_constant": 5000.0, "effective_draws": 300.0}
     arrays = {"likelihood_rows": 100 * np.eye(5), "likelihood_target": 100 * np.log(TYPICAL)}
     arrays |= {"log_mean": np.log(TYPICAL), "log_variance": np.full(5, 1e-4)}
     flat = {name: array.ravel().tolist() for name, array in arrays.items()}

@@ -19,7 +19,6 @@ from scipy import stats
 from bayes_tyre.inference.likelihood import DirectLikelihood, Likelihood
 from bayes_tyre.inference.motion_hierarchy import Motions, log_likelihood
 from bayes_tyre.inference.picture import RecordData
-from bayes_tyre.inference.populations import MOTION_PARAMETERS
 from bayes_tyre.inference.posterior import as_measured
 from bayes_tyre.inference.prior_predictive import is_of_logarithm, prior_law
 
@@ -102,7 +101,7 @@ def log_likelihood_of_motions(posterior: xr.Dataset, motions: Motions) -> xr.Dat
     posterior, motions:
         Of `bayes_tyre.inference.motion_hierarchy.fit_motions`, and what it took.
     """
-    of_record = [posterior[name].transpose(*_SAMPLE, "record").to_numpy() for name in MOTION_PARAMETERS]
+    of_record = [posterior[name].transpose(*_SAMPLE, "record").to_numpy() for name in motions.law.parameters]
     rows, target = jnp.asarray(motions.rows), jnp.asarray(motions.target)
     density = log_likelihood(jnp.log(jnp.stack(of_record, axis=-1)), rows, target)
     like = posterior["k"].transpose(*_SAMPLE, "record")

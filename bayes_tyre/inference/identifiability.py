@@ -18,7 +18,7 @@ from bayes_tyre.inference.fit import ModelSettings, batch_and_levels, likelihood
 from bayes_tyre.inference.levels import Levels, find_levels
 from bayes_tyre.inference.motion_hierarchy import Motions
 from bayes_tyre.inference.picture import record_data
-from bayes_tyre.inference.populations import MOTION_PARAMETERS, motion_sites, prior_sites, published_sites
+from bayes_tyre.inference.populations import motion_sites, prior_sites, published_sites
 from bayes_tyre.inference.posterior import to_datatree
 from bayes_tyre.inference.prior_predictive import RecordStarts, is_of_logarithm, prior_quantities
 from bayes_tyre.inference.priors import PRIORS
@@ -180,9 +180,10 @@ def identify_motions(tree: xr.DataTree, motions: Motions, derive: Derive | None 
         As `identify_records` has it.
     """
     levels = find_levels(motions.words)
-    sites = motion_sites(levels, tree.attrs["repeats"])
-    drawn = prior_quantities(levels, sites, PRIOR_DRAWS, seed=0, parameters=MOTION_PARAMETERS)
-    for ending in ("", "_case"):
+    law = motions.law
+    sites = motion_sites(levels, tree.attrs["repeats"], law.parameters)
+    drawn = prior_quantities(levels, sites, PRIOR_DRAWS, seed=0, parameters=law.parameters)
+    for ending in ("", "_case") if "x" in law.told else ():
         drawn[f"x{ending}"] = drawn[f"settled{ending}"] + drawn[f"k{ending}"] * drawn[f"beta{ending}"]
     some = _thinned(tree["posterior"].to_dataset())
     densities = log_prior(some, sites), log_likelihood_of_motions(some, motions)

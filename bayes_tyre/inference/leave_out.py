@@ -6,7 +6,7 @@ without the record.
 """
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import arviz as az
@@ -88,12 +88,42 @@ def leave_one_record_out(
     batch, words, levels = batch_and_levels(table, model)
     if len(batch.records) < 2:
         raise BadInput("one record cannot be predicted from others; models are compared on two or more")
-    found = _densities(as_measured(_thinned(tree)), batch, levels, levels.of_record, model)
+    found = _densities(as_measured(thinned(tree)), batch, levels, levels.of_record, model)
     chains = tree["posterior"].sizes["chain"]
     by_chain = np.asarray(found.log_density).reshape(chains, -1, len(batch.records))
+    effective = np.median(np.asarray(found.effective_points), axis=0)
+
+    def exactly(record: int) -> float:
+        return _exactly(record, batch, words, levels, refit or SamplerSettings(), model)
+
+    return left_out(by_chain, batch.records, effective, exactly if refit is not None else None, on_refit)
+
+
+def left_out(
+    by_chain: Float[np.ndarray, "chains draws records"],
+    records: Sequence[str],
+    effective: Float[np.ndarray, " records"],
+    exactly: Callable[[int], float] | None,
+    on_refit: Callable[[str], None],
+) -> LeaveOneOut:
+    """Return the log predictive densities of records left out, from those at draws of the posterior with them.
+
+    Parameters
+    ----------
+    by_chain:
+        Log densities of the records, their own parameters integrated out.
+    records:
+        Their names.
+    effective:
+        Points that those integrals rest on.
+    exactly:
+        What a fit without a record says of it, asked where importance sampling fails; None: nobody is asked.
+    on_refit:
+        Called with the record's name before.
+    """
     given = az.from_dict(
         {"posterior": {"level": by_chain.mean(axis=2)}, "log_likelihood": {"record_force": by_chain}},
-        coords={"record": list(batch.records)},
+        coords={"record": list(records)},
         dims={"record_force": ["record"], "level": []},
     )
     with warnings.catch_warnings():
@@ -101,18 +131,19 @@ def leave_one_record_out(
         elpd = az.loo(given, pointwise=True, reff=1.0)
     assert isinstance(elpd, ELPDData)
     pareto_k = elpd.pareto_k.to_numpy()
-    failed = pareto_k > PARETO_K_MOST if refit is not None else np.zeros(len(pareto_k), bool)
-    values = elpd.elpd_i.copy()
-    for record in np.flatnonzero(failed):
-        on_refit(batch.records[record])
-        values[record] = _exactly(int(record), batch, words, levels, refit or SamplerSettings(), model)
+    failed, values = np.zeros(len(pareto_k), bool), elpd.elpd_i.copy()
+    if exactly is not None:
+        failed = pareto_k > PARETO_K_MOST
+        for record in map(int, np.flatnonzero(failed)):
+            on_refit(records[record])
+            values[record] = exactly(record)
     elpd.elpd_i, elpd.elpd = values, float(values.sum())
     elpd.se = float(np.sqrt(len(values) * values.var()))
-    effective = np.median(np.asarray(found.effective_points), axis=0)
     return LeaveOneOut(elpd, pareto_k, failed, effective)
 
 
-def _thinned(tree: xr.DataTree) -> xr.Dataset:
+def thinned(tree: xr.DataTree) -> xr.Dataset:
+    """Return some `DRAWS` of a posterior's draws, evenly spaced."""
     posterior = tree["posterior"].to_dataset()
     every = max(1, posterior.sizes["chain"] * posterior.sizes["draw"] // DRAWS)
     return posterior.isel(draw=slice(None, None, every))
@@ -136,7 +167,7 @@ def _exactly(
     others = np.arange(len(batch.records)) != record
     without = replace(levels, of_record=levels.of_record[others])
     posterior = fit_batch(_chosen(batch, others), words[others].reset_index(drop=True), without, settings, model)
-    found = _densities(_thinned(posterior), _chosen(batch, ~others), levels, levels.of_record[~others], model)
+    found = _densities(thinned(posterior), _chosen(batch, ~others), levels, levels.of_record[~others], model)
     log_density = np.asarray(found.log_density)[:, 0]
     return float(np.logaddexp.reduce(log_density) - np.log(len(log_density)))
 

@@ -8,15 +8,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from bayes_tyre.inference.motion_evidence import log_evidence
 from bayes_tyre.inference.motion_fit import ROUGH, Found, approach, find, settle, starts_of
-from bayes_tyre.inference.motion_road import road_of, wave_count, with_noise
+from bayes_tyre.inference.motion_laws import FANCHER, MotionLaw
+from bayes_tyre.inference.motion_road import road_of, wave_count, with_noise, with_quick_road
 from bayes_tyre.inference.motion_unknowns import in_units
 from bayes_tyre.inference.motion_valley import Weighed, weighed_draws
 from bayes_tyre.inference.motion_window import Recorded, Window, window_of
 from bayes_tyre.rig.axle import Rig
 
-#: The order of what is estimated; units kN/mm, kN, mm, kg, kN s/mm.
-MOTION_PARAMETERS = ("k", "x", "beta", "m", "c")
+#: The order of what is estimated with Fancher's law; units kN/mm, kN, mm, kg, kN s/mm. Others: `told_parameters`.
+MOTION_PARAMETERS = FANCHER.told_parameters
 #: Above this, importance weights have no reliable mean (Vehtari 2024). With fewer effective draws than this a mean is
 #: off by more than a seventh of its standard deviation, for the normal that was drawn from is not like the posterior.
 PARETO_K_MOST, EFFECTIVE_LEAST = 0.7, 50.0
@@ -34,39 +36,42 @@ class MotionEstimate:
     Attributes
     ----------
     log_mean, log_covariance:
-        Of the natural logarithms of `MOTION_PARAMETERS`, shape (5,) and (5, 5), priors included.
+        Of the natural logarithms of the law's `told_parameters`, shape (p,) and (p, p), priors included.
     method:
         How they came about: `importance` from weighed draws, `laplace` from the peak where the draws are of no use.
     log_draws, weights:
-        Draws of the same logarithms, shape (draws, 5), and what each weighs, shape (draws,), their sum 1.
+        Draws of the same logarithms, shape (draws, p), and what each weighs, shape (draws,), their sum 1.
     found:
         All unknowns, misfit of each channel, steps taken.
     window:
         What was fitted.
     pareto_k, effective_draws:
         Of the weights: how heavy their tail is, and how many draws of equal weight would say as much.
+    log_evidence:
+        Log density of the record's readings under law and priors, all unknowns integrated out (`motion_evidence`).
     status:
         Empty, or why the estimate is not to be trusted as it stands.
     """
 
-    log_mean: Float[np.ndarray, "5"]
-    log_covariance: Float[np.ndarray, "5 5"]
+    log_mean: Float[np.ndarray, " p"]
+    log_covariance: Float[np.ndarray, "p p"]
     method: str
-    log_draws: Float[np.ndarray, "draws 5"]
+    log_draws: Float[np.ndarray, "draws p"]
     weights: Float[np.ndarray, " draws"]
     found: Found
     window: Window
     pareto_k: float
     effective_draws: float
+    log_evidence: float
     status: str
 
     @property
-    def value(self) -> Float[np.ndarray, "5"]:
+    def value(self) -> Float[np.ndarray, " p"]:
         """Return the estimates in units."""
         return np.exp(self.log_mean)
 
 
-def estimate_motion(rig: Rig, recorded: Recorded) -> MotionEstimate:
+def estimate_motion(rig: Rig, recorded: Recorded, law: MotionLaw = FANCHER) -> MotionEstimate:
     """Return the estimate of one record.
 
     Parameters
@@ -75,11 +80,12 @@ def estimate_motion(rig: Rig, recorded: Recorded) -> MotionEstimate:
         Geometry, effective mass and how well it is known.
     recorded:
         Its three channels, rest and ramp.
+    law:
+        Of the tyre.
     """
-    window = window_of(rig, recorded)
-    window, found = fit_window(rig, window_of(rig, recorded))
+    window, found = fit_window(rig, window_of(rig, recorded, law=law))
     weighed = weighed_draws(rig, found.standard, found.covariance, window)
-    draws = np.asarray(log_parameters(rig, weighed.standard, jnp.asarray(window.prior)))
+    draws = np.asarray(log_parameters(rig, weighed.standard, jnp.asarray(window.prior), law))
     trusted = weights_trusted(weighed)
     mean, covariance = _moments(draws, weighed.weights) if trusted else laplace_moments(rig, found, window)
     return MotionEstimate(
@@ -92,7 +98,8 @@ def estimate_motion(rig: Rig, recorded: Recorded) -> MotionEstimate:
         window=window,
         pareto_k=weighed.pareto_k,
         effective_draws=weighed.effective,
-        status=_status(found, weighed, window.rolling is not None),
+        log_evidence=log_evidence(window, found, weighed if trusted else None),
+        status=_status(found, weighed),
     )
 
 
@@ -102,10 +109,11 @@ def fit_window(rig: Rig, window: Window) -> tuple[Window, Found]:
     if window.rolling is None:
         return window, jax.tree.map(np.asarray, find(rig, window, starts))
     standard, waves = approach(rig, window, starts), wave_count(window)
-    window = window._replace(road=road_of(rig, window, standard, waves)[0])
+    road, roughness = road_of(rig, window, standard, waves)
+    window = window._replace(road=road)
     rough = settle(rig, window, standard, ROUGH)
     # The first road's weights are of answers in narrower noise; its estimate in mm is the same.
-    window = with_noise(window, rough)
+    window = with_quick_road(rig, with_noise(window, rough), rough.standard, roughness)
     window = window._replace(road=road_of(rig, window, rough.standard, waves)[0])
     return window, jax.tree.map(np.asarray, settle(rig, window, rough.standard, ROLLING_TOLERANCE))
 
@@ -116,35 +124,37 @@ def weights_trusted(weighed: Weighed) -> bool:
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def log_parameters(rig: Rig, standard: Float[Array, "*draws unknowns"], prior: Array) -> Float[Array, "*draws 5"]:
-    """Return the logarithms of `MOTION_PARAMETERS` at standard unknowns."""
+def log_parameters(
+    rig: Rig, standard: Float[Array, "*draws unknowns"], prior: Array, law: MotionLaw = FANCHER
+) -> Float[Array, "*draws p"]:
+    """Return the logarithms of the law's `told_parameters` at standard unknowns."""
 
     def logs(standard: Array) -> Array:
-        unknowns = in_units(rig, standard, prior)
-        law = unknowns.law
-        values = (law.k, law.x, law.beta, unknowns.m_kg, unknowns.c_kN_s_per_mm)
+        unknowns = in_units(rig, standard, prior, law=law)
+        of_tyre = (getattr(unknowns.law, name) for name in law.told)
+        values = (*of_tyre, unknowns.m_kg, unknowns.c_kN_s_per_mm)
         return jnp.log(jnp.stack([jnp.asarray(value) for value in values]))
 
     return jnp.vectorize(logs, signature="(u)->(p)")(standard)
 
 
-def laplace_moments(rig: Rig, found: Found, window: Window) -> tuple[Float[np.ndarray, "5"], Float[np.ndarray, "5 5"]]:
-    """Return mean and covariance of the logarithms of `MOTION_PARAMETERS`, to first order in the unknowns."""
+def laplace_moments(rig: Rig, found: Found, window: Window) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p p"]]:
+    """Return mean and covariance of the logarithms of the law's `told_parameters`, to first order in the unknowns."""
     at, prior = jnp.asarray(found.standard), jnp.asarray(window.prior)
-    jacobian = jax.jacfwd(lambda standard: log_parameters(rig, standard, prior))(at)
-    return np.asarray(log_parameters(rig, at, prior)), np.asarray(jacobian @ found.covariance @ jacobian.T)
+    jacobian = jax.jacfwd(lambda standard: log_parameters(rig, standard, prior, window.law))(at)
+    return np.asarray(log_parameters(rig, at, prior, window.law)), np.asarray(jacobian @ found.covariance @ jacobian.T)
 
 
 def _moments(
-    draws: Float[np.ndarray, "draws 5"], weights: Float[np.ndarray, " draws"]
-) -> tuple[Float[np.ndarray, "5"], Float[np.ndarray, "5 5"]]:
+    draws: Float[np.ndarray, "draws p"], weights: Float[np.ndarray, " draws"]
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p p"]]:
     """Return weighted mean and covariance; the divisor is that of weighted draws (1 less the weights' squares)."""
     mean = weights @ draws
     off = draws - mean
     return mean, (weights[:, None] * off).T @ off / (1 - np.sum(weights**2))
 
 
-def _status(found: Found, weighed: Weighed, rolls: bool) -> str:
+def _status(found: Found, weighed: Weighed) -> str:
     reasons = []
     if not found.converged:
         reasons.append("the fit did not converge")
@@ -156,7 +166,6 @@ def _status(found: Found, weighed: Weighed, rolls: bool) -> str:
     for name, square, alike in zip(
         ("acceleration", "laser", "load"), found.chi_squared, found.correlation, strict=True
     ):
-        # What a rolling record leaves is alike from block to block, and its noise was widened by that.
-        if square > 1 + MISFIT_MOST or (alike > CORRELATION_MOST and not rolls):
+        if square > 1 + MISFIT_MOST or alike > CORRELATION_MOST:
             reasons.append(f"{name} is off by {np.sqrt(square):.2g} times its noise, lag-1 autocorrelation {alike:.2g}")
     return "; ".join(reasons)

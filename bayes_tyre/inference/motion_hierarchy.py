@@ -1,6 +1,7 @@
 """The NumPyro model of records that are motions: their estimates, repeats in a case, cases by what their words say."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,52 +14,75 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.cases import case_level, flat
 from bayes_tyre.inference.coordinates import Gaussian, place_jointly
 from bayes_tyre.inference.levels import Levels, find_levels
+from bayes_tyre.inference.motion_laws import FANCHER, MotionLaw
 from bayes_tyre.inference.picture import CaseEstimates, case_estimates
-from bayes_tyre.inference.populations import MOTION_PARAMETERS, motion_sites, population_starts, sample_populations
+from bayes_tyre.inference.populations import motion_sites, population_starts, sample_populations
 from bayes_tyre.inference.posterior import to_datatree
 from bayes_tyre.inference.priors import prior_medians
 from bayes_tyre.inference.repeats import REPEATS, judgeable, repeats_about_cases
 from bayes_tyre.inference.sampling import SamplerSettings, sample
 
 
+class Readings(NamedTuple):
+    """What records' readings are worth beyond the shape of their likelihoods, shape (records,) each.
+
+    Attributes
+    ----------
+    log_constant:
+        Makes exp(-|rows @ logarithms - target|^2 / 2) the density of the readings (`motion_evidence.log_constant`).
+    effective_draws:
+        That the estimate and its evidence rest on.
+    """
+
+    log_constant: Float[np.ndarray, " records"]
+    effective_draws: Float[np.ndarray, " records"]
+
+
 @dataclass(frozen=True)
 class Motions:
-    """The records' estimates as the model takes them, arrays in the order of `MOTION_PARAMETERS`.
+    """The records' estimates as the model takes them, arrays in the order of the law's `parameters`.
 
     Attributes
     ----------
     words:
         A row a record: `record` and the words.
     rows, target:
-        Shape (records, 5, 5) and (records, 5): the likelihood of a record's logarithms is
+        Shape (records, p, p) and (records, p): the likelihood of a record's logarithms is
         exp(-|rows @ logarithms - target|^2 / 2); `bayes_tyre.inference.motion_likelihood`.
     log_mean, log_variance:
-        Shape (records, 5): the records' estimates with their own priors. They shape the sampler's coordinates only.
+        Shape (records, p): the records' estimates with their own priors. They shape the sampler's coordinates only.
+    law:
+        That the records were fitted with.
+    readings:
+        What comparing laws needs of the records' readings; None where nobody kept it.
     """
 
     words: pd.DataFrame
-    rows: Float[np.ndarray, "records 5 5"]
-    target: Float[np.ndarray, "records 5"]
-    log_mean: Float[np.ndarray, "records 5"]
-    log_variance: Float[np.ndarray, "records 5"]
+    rows: Float[np.ndarray, "records p p"]
+    target: Float[np.ndarray, "records p"]
+    log_mean: Float[np.ndarray, "records p"]
+    log_variance: Float[np.ndarray, "records p"]
+    law: MotionLaw = FANCHER
+    readings: Readings | None = None
 
 
 def log_likelihood(
-    logarithms: Float[Array, "*draws records 5"],
-    rows: Float[Array, "records 5 5"],
-    target: Float[Array, "records 5"],
+    logarithms: Float[Array, "*draws records p"],
+    rows: Float[Array, "records p p"],
+    target: Float[Array, "records p"],
 ) -> Float[Array, "*draws records"]:
     """Return the log likelihood of each record's logarithms, but for a constant."""
     return -0.5 * jnp.sum((jnp.einsum("rij,...rj->...ri", rows, logarithms) - target) ** 2, axis=-1)
 
 
 def motions_model(
-    rows: Float[Array, "records 5 5"],
-    target: Float[Array, "records 5"],
+    rows: Float[Array, "records p p"],
+    target: Float[Array, "records p"],
     cases: CaseEstimates,
     levels: Levels,
     *,
     repeats: str = "mixture",
+    law: MotionLaw = FANCHER,
 ) -> None:
     """Model the estimates of all records (NumPyro model; sites in kN, mm, kg, kN s/mm; scales are relative).
 
@@ -72,31 +96,40 @@ def motions_model(
         Cases and how they group.
     repeats:
         One of `bayes_tyre.inference.repeats.REPEATS`.
+    law:
+        Whose parameters the estimates are of.
     """
-    populations = sample_populations(motion_sites(levels, repeats))
-    case, by_case = case_level(levels, cases, populations, MOTION_PARAMETERS)
-    _keep_with_x("_case", jnp.exp(case))
+    populations = sample_populations(motion_sites(levels, repeats, law.parameters))
+    case, by_case = case_level(levels, cases, populations, law.parameters)
+    _keep_with_x("_case", jnp.exp(case), law)
     above, scale = case.T[levels.of_record], by_case.T[levels.of_record]
-    # Whitened by its rows an estimate is of five independent numbers, each a mixture of the logarithms: coordinates
+    # Whitened by its rows an estimate is of independent numbers, each a mixture of the logarithms: coordinates
     # follow the scatter of repeats where a record says little, and the record where it says much.
     placed = place_jointly(flat("records_z", above.shape), rows, Gaussian(target, jnp.ones_like(target)), above, scale)
     numpyro.factor("records_volume", placed.log_volume)
     numpyro.factor("estimates", log_likelihood(placed.value, rows, target))
     repeats_about_cases(placed.deviation, scale, judgeable(repeats, levels), populations)
     values = jnp.exp(placed.value).T
-    for name, value in zip(MOTION_PARAMETERS, values, strict=True):
+    for name, value in zip(law.parameters, values, strict=True):
         numpyro.deterministic(name, value)
-    _keep_with_x("", values)
+    _keep_with_x("", values, law)
 
 
-def _keep_with_x(ending: str, values: Float[Array, "5 units"]) -> None:
-    """Keep x, kN, of records or cases, which follows from x - k beta, k and beta."""
+def _keep_with_x(ending: str, values: Float[Array, "p units"], law: MotionLaw) -> None:
+    """Keep x, kN, of records or cases where the law has it: it follows from x - k beta, k and beta."""
+    if "x" not in law.told:
+        return
     k, settled, beta, *_ = values
     numpyro.deterministic(f"x{ending}", settled + k * beta)
 
 
-def fit_motions(motions: Motions, settings: SamplerSettings | None = None, repeats: str = "mixture") -> xr.DataTree:
-    """Return the posterior of k, x, beta, m and c of every record, their cases and populations.
+def fit_motions(
+    motions: Motions,
+    settings: SamplerSettings | None = None,
+    repeats: str = "mixture",
+    levels: Levels | None = None,
+) -> xr.DataTree:
+    """Return the posterior of the law's parameters, m and c of every record, their cases and populations.
 
     Parameters
     ----------
@@ -106,6 +139,8 @@ def fit_motions(motions: Motions, settings: SamplerSettings | None = None, repea
         How much to sample.
     repeats:
         How repeats scatter about their case.
+    levels:
+        Of the words; None: as they are found, only with cases that have records.
 
     Returns
     -------
@@ -119,12 +154,13 @@ def fit_motions(motions: Motions, settings: SamplerSettings | None = None, repea
     """
     if repeats not in REPEATS:
         raise BadInput(f"repeats {repeats!r} is unknown; use {' or '.join(REPEATS)}")
-    levels = find_levels(motions.words)
+    levels = levels or find_levels(motions.words)
     arguments = {
         **{"rows": jnp.asarray(motions.rows), "target": jnp.asarray(motions.target), "levels": levels},
         **{"cases": case_estimates(motions.log_mean, motions.log_variance, levels), "repeats": repeats},
+        "law": motions.law,
     }
-    starts = population_starts(motion_sites(levels, repeats), prior_medians())
+    starts = population_starts(motion_sites(levels, repeats, motions.law.parameters), prior_medians())
     draws = sample(motions_model, arguments, settings or SamplerSettings(), starts)
-    attributes = {"model": "motion", "repeats": repeats}
+    attributes = {"model": "motion", "repeats": repeats, "law": motions.law.name}
     return to_datatree(draws.sites, draws.statistics, levels, motions.words, attributes)

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.populations import MOTION_PARAMETERS
+from bayes_tyre.inference.motion_laws import FANCHER, MotionLaw
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.motion import KN_PER_KG_MM_PER_S2
@@ -23,17 +23,18 @@ SAID_LEAST = 0.1
 #: Standard deviations of an estimate that failed its check are widened so many times: it keeps a tenth of its weight,
 #: so that neither one bad record moves a case of three nor a case of bad records is lost.
 WIDENED = 3.0
-_K, _SETTLED, _BETA, _M, _C = range(len(MOTION_PARAMETERS))
+#: Where k, the friction of a law that has one, and its beta stand; from behind, where mass and damping do.
+_K, _SETTLED, _BETA, _M, _C = 0, 1, 2, -2, -1
 
 
 class RecordLikelihood(NamedTuple):
-    """A normal likelihood of the logarithms of `MOTION_PARAMETERS`: exp(-|rows @ logarithms - target|^2 / 2).
+    """A normal likelihood of the logarithms of a law's `parameters`: exp(-|rows @ logarithms - target|^2 / 2).
 
     Rows of zeros are directions of which the record says nothing.
     """
 
-    rows: Float[np.ndarray, "5 5"]
-    target: Float[np.ndarray, "5"]
+    rows: Float[np.ndarray, "p p"]
+    target: Float[np.ndarray, " p"]
 
 
 def without_prior(mean: Float[np.ndarray, " n"], covariance: Float[np.ndarray, "n n"]) -> RecordLikelihood:
@@ -56,49 +57,54 @@ def without_prior(mean: Float[np.ndarray, " n"], covariance: Float[np.ndarray, "
 
 def likelihood_of(
     rig: Rig,
-    log_mean: Float[np.ndarray, "5"],
-    log_covariance: Float[np.ndarray, "5 5"],
+    log_mean: Float[np.ndarray, " p"],
+    log_covariance: Float[np.ndarray, "p p"],
     prior: Float[np.ndarray, "2 unknowns"],
     *,
     trusted: bool = True,
+    law: MotionLaw = FANCHER,
 ) -> RecordLikelihood:
-    """Return what a record's readings say of the logarithms of `MOTION_PARAMETERS`.
+    """Return what a record's readings say of the logarithms of a law's `parameters`.
 
     Parameters
     ----------
     rig:
         Geometry.
     log_mean, log_covariance:
-        Of the record's estimate, its priors in it: of the logarithms of k, x, beta, m and c.
+        Of the record's estimate, its priors in it: of the logarithms of the law's `told_parameters`.
     prior:
         Locations and scales of the unknowns that it was found with, as `motion_window.Window` has them.
     trusted:
         False for an estimate that failed its check: the likelihood is then `WIDENED`.
+    law:
+        That it was fitted with.
 
     Raises
     ------
     BadInput
         If the estimate has no covariance.
     """
-    mean, covariance = hierarchy_moments(log_mean, log_covariance)
-    to_standard, shift = _to_standard(rig, prior)
+    mean, covariance = hierarchy_moments(log_mean, log_covariance, law)
+    to_standard, shift = to_standard_of(rig, prior, len(mean))
     rows, target = without_prior(to_standard @ mean + shift, to_standard @ covariance @ to_standard.T)
     wider = 1.0 if trusted else WIDENED
     return RecordLikelihood(rows @ to_standard / wider, (target - rows @ shift) / wider)
 
 
 def hierarchy_moments(
-    log_mean: Float[np.ndarray, "5"], log_covariance: Float[np.ndarray, "5 5"]
-) -> tuple[Float[np.ndarray, "5"], Float[np.ndarray, "5 5"]]:
-    """Return mean and covariance of the logarithms of `MOTION_PARAMETERS` from those of k, x, beta, m and c.
+    log_mean: Float[np.ndarray, " p"], log_covariance: Float[np.ndarray, "p p"], law: MotionLaw = FANCHER
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p p"]]:
+    """Return mean and covariance of the logarithms of a law's `parameters` from those of its `told_parameters`.
 
-    Both have x second, here x - k beta: to first order, as a record's own covariance is.
+    They differ for Fancher's law alone, by x second, here x - k beta: to first order, as a record's own covariance is.
 
     Raises
     ------
     BadInput
         If x is not above k beta.
     """
+    if "x" not in law.told:
+        return log_mean, log_covariance
     k, x, beta = np.exp(log_mean[[_K, _SETTLED, _BETA]])
     settled = x - k * beta
     if not settled > 0:
@@ -112,12 +118,12 @@ def hierarchy_moments(
     return mean, jacobian @ log_covariance @ jacobian.T
 
 
-def _to_standard(
-    rig: Rig, prior: Float[np.ndarray, "2 unknowns"]
-) -> tuple[Float[np.ndarray, "5 5"], Float[np.ndarray, "5"]]:
-    """Return matrix and shift from the logarithms of `MOTION_PARAMETERS` to the first unknowns of `motion_unknowns`."""
-    location, scale = prior[:, : len(MOTION_PARAMETERS)]
-    matrix = np.eye(len(MOTION_PARAMETERS))
+def to_standard_of(
+    rig: Rig, prior: Float[np.ndarray, "2 unknowns"], parameters: int
+) -> tuple[Float[np.ndarray, "p p"], Float[np.ndarray, " p"]]:
+    """Return matrix and shift from the logarithms of a law's `parameters` to the first standard unknowns."""
+    location, scale = prior[:, :parameters]
+    matrix = np.eye(parameters)
     # log ratio = log c - log 2 - log(k at the wheel centre times m) / 2
     matrix[_C, [_K, _M]] = -0.5
     shift = -location.copy()

@@ -9,12 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import xarray as xr
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import ArrayLike, Float
 
 from bayes_tyre.inference.levels import find_levels
-from bayes_tyre.inference.motion_energy import Losses, losses
+from bayes_tyre.inference.motion_energy import Losses, losses_of_told
+from bayes_tyre.inference.motion_laws import FANCHER, MotionLaw, motion_law
 from bayes_tyre.laws.base import ScalarLike
-from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.rig.axle import Rig
 
 #: What `with_losses` adds of records, and of cases: name, unit, field of `Losses`.
@@ -25,7 +25,6 @@ OF_CASES = (
     ("equivalent_damping", "kN s/mm", "damping_kN_s_per_mm"),
     ("separation", "kN", "separation_kN"),
 )
-_LAW = ("k", "x", "beta", "m")
 
 
 class Middle(NamedTuple):
@@ -50,12 +49,15 @@ def with_losses(
         Half the stroke at the wheel centre; it stands in the attributes.
     """
     posterior, levels = tree["posterior"].to_dataset(), find_levels(words)
+    law = motion_law(tree.attrs.get("law", FANCHER.name))
     of_cases = []
     for case in range(len(levels.cases)):
         mine = [of_records[int(record)] for record in np.flatnonzero(levels.of_record == case)]
         of_cases.append(Middle(mine[0].rig, float(np.median([middle.displacement_mm for middle in mine]))))
-    found = _found(posterior, "record", "", of_records, OF_RECORDS, amplitude_mm)
-    found |= _found(posterior, "case", "_case", of_cases, OF_CASES, amplitude_mm)
+    found = _found(posterior, law, ("record", ""), of_records, OF_RECORDS, amplitude_mm)
+    # Without friction there are no branches to be apart.
+    wanted = [one for one in OF_CASES if law.has_friction or one[0] != "separation"]
+    found |= _found(posterior, law, ("case", "_case"), of_cases, wanted, amplitude_mm)
     with_all = tree.copy()
     with_all["posterior"] = xr.DataTree(posterior.assign(found))
     with_all.attrs["amplitude_mm"] = amplitude_mm
@@ -64,16 +66,18 @@ def with_losses(
 
 def _found(
     posterior: xr.Dataset,
-    dim: str,
-    ending: str,
+    law: MotionLaw,
+    of: tuple[str, str],
     middles: Sequence[Middle],
     wanted: Sequence[tuple[str, str, str]],
     amplitude_mm: float,
 ) -> dict[str, xr.DataArray]:
-    """Return what is wanted of the losses of each record or case, by its name."""
-    values = [posterior[f"{name}{ending}"].transpose("chain", "draw", dim).to_numpy() for name in _LAW]
+    """Return what is wanted of the losses of each record or case (dimension, ending of its names), by its name."""
+    dim, ending = of
+    named = [posterior[f"{name}{ending}"].transpose("chain", "draw", dim) for name in law.told_parameters]
+    values = np.stack([value.to_numpy() for value in named], axis=-1)
     each = [
-        _of_draws(middle.rig, *(value[..., i].ravel() for value in values), middle.displacement_mm, amplitude_mm)
+        _of_draws(middle.rig, law, values[:, :, i].reshape(-1, values.shape[-1]), middle.displacement_mm, amplitude_mm)
         for i, middle in enumerate(middles)
     ]
     like = posterior[f"k{ending}"].transpose("chain", "draw", dim)
@@ -86,16 +90,7 @@ def _found(
 
 @functools.partial(jax.jit, static_argnums=0)
 def _of_draws(
-    rig: Rig,
-    k: Float[ArrayLike, " draws"],
-    x: Float[ArrayLike, " draws"],
-    beta: Float[ArrayLike, " draws"],
-    m: Float[ArrayLike, " draws"],
-    displacement_mm: ScalarLike,
-    amplitude_mm: ScalarLike,
+    rig: Rig, law: MotionLaw, told: Float[ArrayLike, "draws p"], displacement_mm: ScalarLike, amplitude_mm: ScalarLike
 ) -> Losses:
-    def of_one(k: Array, x: Array, beta: Array, m: Array) -> Losses:
-        # The line through first touch: C moves the middle by tenths of a mm, and no loss.
-        return losses(rig, Fancher(k=k, C=0.0, x=x, beta=beta), m, displacement_mm, amplitude_mm)
-
-    return jax.vmap(of_one)(*map(jnp.asarray, (k, x, beta, m)))
+    # The line through first touch: C moves the middle by tenths of a mm, and no loss.
+    return jax.vmap(lambda one: losses_of_told(rig, law, one, displacement_mm, amplitude_mm))(jnp.asarray(told))

@@ -103,6 +103,9 @@ def residuals(rig: Rig, standard: Float[Array, " unknowns"], window: Window) -> 
 def misfit(
     rig: Rig, standard: Float[Array, " unknowns"], window: Window, road_mm: Float[ArrayLike, "*nodes"] = 0.0
 ) -> Float[Array, "3 blocks"]:
-    """Return prediction less readings, each in standard deviations of its own noise."""
-    unknowns = in_units(rig, standard, jnp.asarray(window.prior), window.rolling)
-    return (predicted(rig, unknowns, window, road_mm) - window.readings) * window.weight
+    """Return prediction less readings, each in standard deviations of its own noise; the accelerometer's made white."""
+    unknowns = in_units(rig, standard, jnp.asarray(window.prior), window.rolling, window.law)
+    off = (predicted(rig, unknowns, window, road_mm) - window.readings) * window.weight
+    if window.road is None or window.road.quick is None:
+        return off
+    return off.at[0].set(window.road.quick @ off[0])

@@ -42,11 +42,15 @@ class Weighed(NamedTuple):
         Pareto-smoothed, their sum 1, shape (draws,).
     pareto_k:
         Of the weights; NaN where there was nothing to draw from.
+    log_mean_weight:
+        Logarithm of the weights' mean before they were smoothed and made to sum to 1: prior and likelihood, but for
+        `motion_evidence`'s constants, over the density of the draws' standard normal numbers.
     """
 
     standard: Float[np.ndarray, "draws unknowns"]
     weights: Float[np.ndarray, " draws"]
     pareto_k: float
+    log_mean_weight: float = float("nan")
 
     @property
     def effective(self) -> float:
@@ -84,7 +88,8 @@ def weighed_draws(
     log_weights = np.nan_to_num(0.5 * np.sum(unit**2, axis=1) - height, nan=-np.inf)
     # ArviZ takes the logarithm of what the weights are one over, as in leave-one-out.
     smooth, pareto_k = array_stats.psislw(log_weights.max() - log_weights)
-    return Weighed(draws, np.exp(smooth), float(pareto_k))
+    mean = float(np.logaddexp.reduce(log_weights) - np.log(len(log_weights)))
+    return Weighed(draws, np.exp(smooth), float(pareto_k), mean)
 
 
 @functools.partial(jax.jit, static_argnums=0)

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from bayes_tyre.inference.motion_laws import FANCHER, MotionLaw
 from bayes_tyre.inference.motion_quiet import quiet_motion
 from bayes_tyre.inference.motion_runout import Rolling, ground_priors
 from bayes_tyre.inference.motion_unknowns import priors_of
@@ -73,6 +74,9 @@ class Road(NamedTuple):
         Orthonormal, of the readings in their own noise, shape (3 blocks, directions).
     shrink:
         1 less one over the standard deviation along each, shape (directions,).
+    quick:
+        What makes the accelerometer's residuals white, shape (blocks, blocks); None before it is known
+        (`motion_quick_road`).
     """
 
     mean_mm: Float[Array, "*records nodes"]
@@ -80,6 +84,7 @@ class Road(NamedTuple):
     answer: Float[Array, "*records 3 blocks"]
     directions: Float[Array, "*records readings directions"]
     shrink: Float[Array, "*records directions"]
+    quick: Float[Array, "*records blocks blocks"] | None = None
 
 
 class Window(NamedTuple):
@@ -99,6 +104,8 @@ class Window(NamedTuple):
         Locations and scales of the unknowns, shape (2, unknowns).
     rolling, road:
         Of a rolling tyre.
+    law:
+        That it is fitted with.
     """
 
     block_s: Float[Array, "*records"]
@@ -108,9 +115,10 @@ class Window(NamedTuple):
     prior: Float[Array, "*records 2 unknowns"]
     rolling: Rolling | None = None
     road: Road | None = None
+    law: MotionLaw = FANCHER
 
 
-def window_of(rig: Rig, samples: Recorded, block_s: float | None = None) -> Window:
+def window_of(rig: Rig, samples: Recorded, block_s: float | None = None, law: MotionLaw = FANCHER) -> Window:
     """Return the window of a recording.
 
     The window is as long for every record of a sampling rate, so that one compilation serves all; where a recording
@@ -126,6 +134,8 @@ def window_of(rig: Rig, samples: Recorded, block_s: float | None = None) -> Wind
     block_s:
         Samples are averaged over about so long, s, or not at all where they are further apart; None: `BLOCK_S`, or
         `ROLLING_BLOCK_S`.
+    law:
+        To fit it with.
     """
     dt_s, rolls = samples.dt_s, len(samples.bodies) > 0
     length = max(1, round((block_s or (ROLLING_BLOCK_S if rolls else BLOCK_S)) / dt_s))
@@ -153,9 +163,10 @@ def window_of(rig: Rig, samples: Recorded, block_s: float | None = None) -> Wind
     rolling, prior = None, None
     if rolls:
         rolling, known, prior = _rolling(rig, samples, channels[:, : samples.quiet], first, known)
-    prior = priors_of(rig, known) if prior is None else np.concatenate([priors_of(rig, known), prior], axis=1)
+    own = priors_of(rig, known, law)
+    prior = own if prior is None else np.concatenate([own, prior], axis=1)
     nodes = block_weights(length, substeps_of(length * dt_s))
-    return Window(*map(jnp.asarray, (length * dt_s, readings, weight, nodes, prior)), rolling=rolling)
+    return Window(*map(jnp.asarray, (length * dt_s, readings, weight, nodes, prior)), rolling=rolling, law=law)
 
 
 def _rolling(

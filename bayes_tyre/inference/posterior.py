@@ -1,6 +1,6 @@
 """What a posterior holds: the name, the dimension and the unit of every quantity kept of the models' sites."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import arviz as az
 import numpy as np
@@ -13,11 +13,12 @@ from bayes_tyre.record import WORDS
 #: Units by parameter; the parameters that a record has. Those after `sigma` are of motions; `settled` is x - k beta.
 RECORD_UNITS = {
     **{"k": "kN/mm", "beta": "mm", "J": "kN", "C": "kN", "F_i": "kN", "sigma": "kN"},
-    **{"x": "kN", "settled": "kN", "m": "kg", "c": "kN s/mm", "energy_per_cycle": "J"},
+    **{"x": "kN", "settled": "kN", "n": "1", "m": "kg", "c": "kN s/mm", "energy_per_cycle": "J"},
 }
-#: Parameters that every case has; those that a case of motions has.
+#: Parameters that every case has; those that a case of motions on Fancher's law has; on whichever law.
 CASE_PARAMETERS = ("k", "beta")
 MOTION_CASE_PARAMETERS = ("k", "x", "beta", "m", "c", "energy_per_cycle")
+_CASE_PARAMETERS_OF_LAWS = ("k", "x", "settled", "beta", "n", "m", "c", "energy_per_cycle")
 #: Powers with which k and beta follow a factor on displacement.
 _POWERS = {"k": -1.0, "beta": 1.0}
 
@@ -27,7 +28,7 @@ def _quantities() -> dict[str, tuple[str | None, str]]:
     kept: dict[str, tuple[str | None, str]] = {name: ("record", unit) for name, unit in RECORD_UNITS.items()}
     kept |= {"discordant_probability": ("record", ""), "rho": ("record", "")}
     kept["x_case"] = ("case", "kN")
-    for name in (*CASE_PARAMETERS, "settled", "m", "c"):
+    for name in (*CASE_PARAMETERS, "settled", "n", "m", "c"):
         kept[f"{name}_case"] = ("case", RECORD_UNITS[name])
         kept[f"{name}_cell"] = ("cell", RECORD_UNITS[name])
         for factor in ("speed", "load", "step", "direction_step"):
@@ -49,12 +50,18 @@ QUANTITIES = _quantities()
 
 def case_parameters(posterior: xr.Dataset) -> tuple[str, ...]:
     """Return the parameters that the cases of a posterior have: what its model is follows from what it holds."""
-    return tuple(name for name in MOTION_CASE_PARAMETERS if f"{name}_case" in posterior)
+    return shown_parameters(posterior, _CASE_PARAMETERS_OF_LAWS, "_case")
+
+
+def shown_parameters(posterior: xr.Dataset, among: Sequence[str], ending: str = "") -> tuple[str, ...]:
+    """Return those parameters that a posterior has; where x is told, `settled` is only what it was sampled by."""
+    has = [name for name in among if f"{name}{ending}" in posterior]
+    return tuple(name for name in has if name != "settled" or "x" not in has)
 
 
 def is_of_motions(posterior: xr.Dataset) -> bool:
     """Return whether a posterior is of motions."""
-    return "x_case" in posterior
+    return "m_case" in posterior
 
 
 def to_datatree(

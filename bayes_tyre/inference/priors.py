@@ -117,6 +117,13 @@ PRIORS: dict[str, Prior] = {
     "log_settled_scatter_spread": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
     "log_m_scatter_spread": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
     "log_c_scatter_spread": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
+    "n_cell": Prior(dist.LogNormal, (0.0, 0.4), "", "0.46 to 2.2 about 1, where Bouc-Wen's law is Fancher's"),
+    "log_n_speed_scale": Prior(dist.HalfNormal, (0.2,), "", "a shape of the loop: tens of per cent at most"),
+    "log_n_load_scale": Prior(dist.HalfNormal, (0.2,), "", "a shape of the loop: tens of per cent at most"),
+    "log_n_step_scale": Prior(dist.HalfNormal, (0.2,), "", "a shape of the loop: tens of per cent at most"),
+    "log_n_case_scale": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: what the words leave over"),
+    "log_n_repeat_scatter": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: as hard to repeat as beta"),
+    "log_n_scatter_spread": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
 }
 
 

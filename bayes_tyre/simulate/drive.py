@@ -21,7 +21,7 @@ SHAPES: dict[str, Callable[[Times], Times]] = {
 #: Rolling starts so long before the first sample, s, that what its start stirred up has all but died away.
 WARM_UP_S = 3.0
 _FADE_IN_S = 0.5
-# The road's amplitudes fall as 1 / frequency between these; it is a smooth curve through knots.
+# The road's amplitudes fall by its slope between these; it is a smooth curve through knots.
 _ROAD_BAND_HZ, _ROAD_KNOTS_HZ = (1.0, 200.0), 2000.0
 
 
@@ -58,6 +58,7 @@ def _road(truth: Truth) -> CubicSpline:
     spectrum = np.fft.rfft(stream(truth.seed, "road", truth.plan.label).standard_normal(knots))
     frequency = np.fft.rfftfreq(knots, 1 / _ROAD_KNOTS_HZ)
     inside = (frequency >= _ROAD_BAND_HZ[0]) & (frequency <= _ROAD_BAND_HZ[1])
-    height = np.fft.irfft(np.where(inside, spectrum / np.maximum(frequency, _ROAD_BAND_HZ[0]), 0.0), knots)
+    falls = np.maximum(frequency, _ROAD_BAND_HZ[0]) ** -truth.runout.road_slope
+    height = np.fft.irfft(np.where(inside, spectrum * falls, 0.0), knots)
     time_s = np.arange(knots) / _ROAD_KNOTS_HZ - WARM_UP_S
     return CubicSpline(time_s, height * (truth.runout.road_noise_mm / height.std()))

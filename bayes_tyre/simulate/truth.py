@@ -22,8 +22,8 @@ class Runout(NamedTuple):
         Turns a second.
     wheel_harmonics, roller_harmonics:
         Of the turn, the first one first.
-    road_noise_mm:
-        Standard deviation of what is not periodic.
+    road_noise_mm, road_slope:
+        Standard deviation of what is not periodic; its amplitudes fall as 1 / frequency to this power.
     """
 
     wheel_turn_Hz: float = 0.0
@@ -31,6 +31,7 @@ class Runout(NamedTuple):
     wheel_harmonics: tuple[Harmonic, ...] = ()
     roller_harmonics: tuple[Harmonic, ...] = ()
     road_noise_mm: float = 0.0
+    road_slope: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -90,5 +91,5 @@ class Truth:
                 turns |= {f"{body}_runout_{order}_mm": amplitude, f"{body}_runout_{order}_rad": phase}
         words = {"file": plan.file, "record": plan.record, **plan.case._asdict(), "repeat": plan.repeat}
         recording = {"duration_s": plan.duration_s, "rate_Hz": plan.rate_Hz}
-        road = {"road_noise_mm": self.runout.road_noise_mm}
+        road = {"road_noise_mm": self.runout.road_noise_mm, "road_slope": self.runout.road_slope}
         return {**words, **recording, **values, **turns, **road}

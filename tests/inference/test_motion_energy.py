@@ -1,10 +1,14 @@
 """Energy lost a cycle at the wheel centre, against a loop run through point by point."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from bayes_tyre.inference.motion_energy import losses, losses_moments, losses_of_logs
-from bayes_tyre.laws.fancher import Fancher, loop_energy
+from bayes_tyre.inference.motion_energy import losses, losses_moments, losses_of_logs, steady_loss
+from bayes_tyre.inference.motion_laws import MOTION_LAWS
+from bayes_tyre.laws.bouc_wen import BoucWen
+from bayes_tyre.laws.fancher import Fancher, dissipated_energy_per_cycle, loop_energy
+from bayes_tyre.laws.maxwell_slip import MaxwellSlip, yields
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import load_rig
 
@@ -44,3 +48,32 @@ def test_losses_of_logs_are_those_of_the_law_and_spread_as_draws_do():
     # A standard deviation of 4000 draws errs by 1.1 %: 4.5 times that, for one of 4, in 0.003 % of seeds.
     np.testing.assert_allclose(draws.std(axis=1), np.sqrt(np.diag(covariance)), rtol=0.05)
     np.testing.assert_allclose(draws.mean(axis=1), mean, rtol=0.005)
+
+
+@pytest.mark.parametrize("ratio", [0.5, 1.0, 4.0, 20.0, 200.0])
+def test_a_numerical_cycle_loses_what_the_closed_form_says(ratio):
+    """Bouc-Wen's law with n = 1 is Fancher's, and has no closed form of its own here."""
+    settled, beta = 0.2, 0.05
+    law = BoucWen(k=1.8, C=3.0, settled=settled, beta=beta, n=1.0)
+    expected = dissipated_energy_per_cycle(k=1.8, x=settled + 1.8 * beta, beta=beta, amplitude=ratio * beta)
+    found = steady_loss(law, jnp.array(14.0), jnp.array(ratio * beta))
+    assert float(found) == pytest.approx(float(expected), rel=1.5e-3 if ratio < 1 else 4e-4)
+
+
+def test_maxwell_slip_loses_what_its_elements_do():
+    """A cycle of amplitude a: 4 w (a - y) of each element with friction w that yields at y < a."""
+    settled, beta, a = 0.2, 0.05, 0.1
+    law = MaxwellSlip(k=1.8, C=3.0, settled=settled, beta=beta)
+    expected = sum(4 * settled / 5 * max(a - beta * y, 0.0) for y in yields())
+    assert float(steady_loss(law, jnp.array(14.0), jnp.array(a))) == pytest.approx(expected, rel=2e-3)
+
+
+def test_without_friction_it_is_the_damper_that_loses():
+    """At the natural frequency on k the equivalent damping is the damper's own, and the loss factor c omega / k."""
+    law, m, c = MOTION_LAWS["kelvin_voigt"], 300.0, 0.0015
+    found = losses_of_logs(RIG, np.log([1.8, m, c]), 14.0, 1.0, law)
+    assert float(found.damping_kN_s_per_mm) == pytest.approx(c, rel=1e-12)
+    slope = float(found.energy_J / (np.pi * found.loss_factor))
+    omega = np.sqrt(slope / (m * 1e-6))
+    assert float(found.energy_J) == pytest.approx(np.pi * c * omega, rel=1e-12)
+    assert float(found.separation_kN) == 0.0

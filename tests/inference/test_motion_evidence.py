@@ -1,0 +1,91 @@
+"""Evidence of records: where it is known, and which law it prefers of records simulated with each."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from bayes_tyre.inference.motion_estimate import estimate_motion
+from bayes_tyre.inference.motion_evidence import log_average, log_constant, log_evidence
+from bayes_tyre.inference.motion_fit import Found
+from bayes_tyre.inference.motion_laws import MOTION_LAWS
+from bayes_tyre.inference.motion_likelihood import RecordLikelihood, to_standard_of
+from bayes_tyre.inference.motion_unknowns import NAMES, priors_of
+from bayes_tyre.inference.motion_valley import weighed_draws
+from bayes_tyre.inference.motion_window import Recorded, Window
+from bayes_tyre.rig.axle import load_rig
+from bayes_tyre.signals.channels import find_channels
+from bayes_tyre.signals.steps import find_step
+from bayes_tyre.simulate.draw import draw_truth
+from bayes_tyre.simulate.plan import quick_plan
+from bayes_tyre.simulate.simulator import simulate_record
+
+RIG = load_rig("single")
+#: Laws that contain another: of its records they may be as good.
+CONTAINS = {"fancher": {"bouc_wen"}, "kelvin_voigt": {"fancher", "bouc_wen", "maxwell_slip"}}
+
+
+def blind_window() -> Window:
+    """Return a window whose readings have no weight: the posterior is the prior, and the evidence 1."""
+    levels = ("acceleration_offset_m_per_s2", "laser_at_rest_mm", "load_before_kN", "load_after_kN")
+    known = dict.fromkeys(levels, (5.0, 1.0)) | {"ramp_start_s": (0.01, np.nan), "log_rise": (-3.5, np.nan)}
+    nothing, nodes = jnp.zeros((3, 40)), jnp.array([1.0, 4.0, 1.0]) / 6
+    return Window(jnp.array(1e-3), nothing, nothing, nodes, jnp.asarray(priors_of(RIG, known)))
+
+
+def test_evidence_of_no_readings_is_one():
+    window, n = blind_window(), len(NAMES)
+    wide = 1.3 * jnp.eye(n)
+    found = Found(jnp.zeros(n), jnp.eye(n), jnp.zeros(3), jnp.zeros(3), jnp.array(1), jnp.array(True))
+    assert log_evidence(window, found, None) == pytest.approx(0.0, abs=1e-12)
+    weighed = weighed_draws(RIG, np.zeros(n), wide, window)
+    # 400 draws that are too wide by sqrt(1.3) and 1.1 in each of 17 directions: some 100 effective, so a standard
+    # deviation near 0.09 of their mean.
+    assert log_evidence(window, found._replace(covariance=wide), weighed) == pytest.approx(0.0, abs=0.45)
+
+
+def test_a_records_constant_averages_to_its_evidence():
+    rng, window = np.random.default_rng(0), blind_window()
+    to_standard, shift = to_standard_of(RIG, np.asarray(window.prior), 5)
+    rows = rng.standard_normal((5, 5)) @ to_standard
+    # Within the prior, so that plain draws from it meet the likelihood.
+    target = rows @ np.linalg.solve(to_standard, -shift) + rng.standard_normal(5)
+    likelihood = RecordLikelihood(rows, target)
+    constant = log_constant(RIG, likelihood, window, 123.0)
+    # Logarithms from standard numbers, drawn from their prior.
+    logs = np.linalg.solve(to_standard, rng.standard_normal((5, 400_000)) - shift[:, None])
+    height = np.exp(-0.5 * np.sum((likelihood.rows @ logs - likelihood.target[:, None]) ** 2, axis=0))
+    error = height.std() / height.mean() / np.sqrt(height.size)
+    # One number, one seed: beyond 5 standard errors in 6e-7.
+    assert constant + np.log(height.mean()) == pytest.approx(123.0, abs=5 * error)
+    assert log_average(np.zeros((5, 5)), np.zeros(5), np.ones(5)) == 0.0
+
+
+def recorded(name: str) -> Recorded:
+    """Return a stationary record simulated with a law: friction and beta of the truth's draw, exponent 2."""
+    plan = next(
+        plan for plan in quick_plan() if plan.case.configuration == "single" and plan.case.direction == "unloading"
+    )
+    truth = draw_truth(plan._replace(duration_s=2.0, step_between_s=(0.9, 1.0)), RIG, 7)
+    settled = truth.x_kN - truth.k_kN_per_mm * truth.beta_mm
+    values = {"k": truth.k_kN_per_mm, "x": truth.x_kN, "settled": settled, "beta": truth.beta_mm, "n": 2.0}
+    law = MOTION_LAWS[name]
+    made = law.law(**{field: values[field] for field in law.told}, C=truth.C_kN)
+    truth = truth if law.has_friction else replace(truth, rest_friction_kN=0.0)
+    signals = find_channels(simulate_record(truth, RIG, made).raw, RIG)
+    step = find_step(signals)
+    _, acceleration, laser, load = signals
+    return Recorded(signals.dt_s, acceleration, laser, load, step.quiet, (step.ramp.start_s, step.ramp.end_s))
+
+
+# Fits four records by four laws: over 10 s.
+@pytest.mark.slow
+@pytest.mark.parametrize("true", sorted(MOTION_LAWS))
+def test_the_law_of_a_record_has_the_evidence(true):
+    record = recorded(true)
+    evidence = {name: estimate_motion(RIG, record, law).log_evidence for name, law in MOTION_LAWS.items()}
+    others = set(MOTION_LAWS) - CONTAINS.get(true, set()) - {true}
+    # A whole recording: what cannot imitate it is far behind; what contains it pays for its width, and is not ahead.
+    assert all(evidence[true] > evidence[name] + 4 for name in others), evidence
+    assert all(evidence[true] > evidence[name] - 2 for name in CONTAINS.get(true, ())), evidence
