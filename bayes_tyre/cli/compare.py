@@ -9,7 +9,12 @@ from bayes_tyre.cli.shell import NOT_TRUSTED, NoSeed, Quiet, progress, say, warn
 
 
 def compare(
-    folders: Annotated[list[Path], typer.Argument(metavar="DIR DIR...", help="Folders that fit wrote, of one table.")],
+    folders: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="DIR DIR...", help="Folders that fit wrote, of one table; or motion, of the same raw files."
+        ),
+    ],
     out: Annotated[Path | None, typer.Option(help="Folder for comparison.csv; default: the first DIR.")] = None,
     refit: Annotated[
         bool,
@@ -20,7 +25,9 @@ def compare(
 ) -> None:
     """Compare models by leave-one-record-out: which of them predicts a whole record, not seen, from the others.
 
-    A record's own parameters (k kN/mm, beta mm, J and sigma kN) are integrated out. Writes comparison.csv (a row a
+    Of fits it ranks models of one record table, of motions the force laws (motion --law) that the same raw files were
+    fitted with. A record's own parameters (k kN/mm, beta mm, J and sigma kN; of a motion all that is unknown in it) are
+    integrated out. Writes comparison.csv (a row a
     model, the best first: elpd, its standard error, the difference to the best) and comparison_records.csv (a row a
     record), and says in a sentence what they mean. Ends with code 4 where a posterior, or an estimate, is not to be
     trusted.

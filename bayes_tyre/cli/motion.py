@@ -32,6 +32,9 @@ class Law(StrEnum):
     """Force laws of a tyre that a motion can be fitted with."""
 
     fancher = "fancher"
+    kelvin_voigt = "kelvin_voigt"
+    bouc_wen = "bouc_wen"
+    maxwell_slip = "maxwell_slip"
 
 
 def motion(
@@ -68,6 +71,9 @@ def motion(
     quiet: Quiet = False,
 ) -> None:
     """Identify k, x, beta (kN/mm, kN, mm), m (kg), c (kN s/mm) and energy lost (J) from the axle's own motion.
+
+    Other laws have other parameters: kelvin_voigt k alone, bouc_wen k, settled (kN), beta and exponent n, maxwell_slip
+    k, settled and beta. compare says which of them predicts the same files best.
 
     Each raw file is fitted by itself, its motion simulated through step and ring-down; the estimates with their
     covariances then go into one hierarchy. Writes what fit writes, and estimates.csv (a row a record) and rejected.csv

@@ -1,10 +1,12 @@
 """Models side by side by what they predict of records that they have not seen: a table, and what it means in words."""
 
 from collections.abc import Mapping
+from copy import copy
 
 import arviz as az
 import numpy as np
 import pandas as pd
+from arviz_stats import ELPDData
 
 from bayes_tyre.inference.leave_out import EFFECTIVE_LEAST, PARETO_K_MOST, LeaveOneOut
 
@@ -26,7 +28,7 @@ def compare(found: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str]) -> pd
     found, verdicts:
         By model: what it predicts of records left out, and the verdict on its posterior.
     """
-    table = az.compare({name: each.elpd for name, each in found.items()}, method="stacking", round_to="none")
+    table = az.compare(_about_best(found), method="stacking", round_to="none")
     rows = []
     for name, row in table.iterrows():
         each = found[str(name)]
@@ -36,8 +38,8 @@ def compare(found: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str]) -> pd
             {
                 "model": name,
                 "rank": int(row["rank"]) + 1,
-                "elpd": float(row["elpd"]),
-                "se": float(row["se"]),
+                "elpd": float(each.elpd.elpd),
+                "se": float(each.elpd.se),
                 "elpd_difference": float(row["elpd_diff"]),
                 "difference_se": float(row["dse"]),
                 "p_loo": float(row["p"]),
@@ -50,6 +52,20 @@ def compare(found: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str]) -> pd
             }
         )
     return pd.DataFrame(rows)
+
+
+def _about_best(found: Mapping[str, LeaveOneOut]) -> dict[str, ELPDData]:
+    """Return the records' log densities less the best model's of each: no difference and no weight changes.
+
+    Stacking takes their exponentials, and of a whole recording the density has no floating-point number.
+    """
+    best = np.max([each.elpd.elpd_i.to_numpy() for each in found.values()], axis=0)
+    shifted = {}
+    for name, each in found.items():
+        shifted[name] = copy(each.elpd)
+        shifted[name].elpd_i = each.elpd.elpd_i - best
+        shifted[name].elpd = float(shifted[name].elpd_i.sum())
+    return shifted
 
 
 def by_record(found: Mapping[str, LeaveOneOut]) -> pd.DataFrame:

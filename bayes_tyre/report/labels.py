@@ -11,17 +11,26 @@ from bayes_tyre.record import ORIGIN_UNKNOWN
 PARAMETERS = {
     "k": ("stiffness k", "kN/mm", "k_kN_per_mm"),
     "x": ("friction x", "kN", "x_kN"),
+    "settled": ("friction, settled", "kN", "settled_kN"),
+    "n": ("exponent n", "1", "n"),
     "beta": ("characteristic deflection beta", "mm", "beta_mm"),
+    "m": ("mass m", "kg", "m_kg"),
     "c": ("damping c", "kN s/mm", "c_kN_s_per_mm"),
     "energy_per_cycle": ("energy lost a cycle", "J", "energy_per_cycle_J"),
 }
 #: Those that every result has; and those that range over factors, so that an axis may be logarithmic.
-ALWAYS, WIDE = ("k", "beta"), ("beta", "x", "c", "energy_per_cycle")
+ALWAYS, WIDE = ("k", "beta"), ("beta", "x", "settled", "c", "energy_per_cycle")
+_CALLED = {"energy_per_cycle": "energy a cycle"}
 _ORIGINS = {
     "published": "published tables",
     "reconstructed": "reconstructed, not measured",
     "simulated": "simulated, not measured",
 }
+
+
+def called(parameter: str) -> str:
+    """Return a parameter's name in running text, where a table's column would break the line."""
+    return _CALLED.get(parameter, parameter)
 
 
 def panels(found: Iterable[str]) -> list[str]:

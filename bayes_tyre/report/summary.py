@@ -8,7 +8,7 @@ import xarray as xr
 from bayes_tyre.inference.convergence import Figures, figures_kept, monitor
 from bayes_tyre.inference.identifiability import identified
 from bayes_tyre.inference.populations import JUDGEABLE_REPEATS
-from bayes_tyre.inference.posterior import RECORD_UNITS, case_parameters
+from bayes_tyre.inference.posterior import RECORD_UNITS, case_parameters, shown_parameters
 from bayes_tyre.record import CASE_WORDS, WORDS
 from bayes_tyre.record_table import carry_extras
 from bayes_tyre.report.contrasts import tree_cases
@@ -18,7 +18,7 @@ STATISTICS = (
     *("mcse_mean", "ess_bulk", "ess_tail", "r_hat"),
 )
 #: Parameters of a record that `repeats.csv` shows, those of them that a posterior has.
-REPEAT_PARAMETERS = ("k", "x", "beta", "J", "C", "sigma", "m", "c", "energy_per_cycle")
+REPEAT_PARAMETERS = ("k", "x", "settled", "beta", "n", "J", "C", "sigma", "m", "c", "energy_per_cycle")
 
 
 def describe(draws: xr.DataArray, interval: float = 0.95, figures: Figures | None = None) -> pd.DataFrame:
@@ -118,8 +118,7 @@ def repeats(
     odd = outlier_probability(tree).to_numpy()
     blocks = [
         _block(tree, words, name, posterior[name], RECORD_UNITS[name], interval).assign(outlier_probability=odd)
-        for name in REPEAT_PARAMETERS
-        if name in posterior
+        for name in shown_parameters(posterior, REPEAT_PARAMETERS)
     ]
     if extras is not None:
         blocks = [carry_extras(block, extras) for block in blocks]

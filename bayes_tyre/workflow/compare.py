@@ -1,21 +1,25 @@
-"""Folders of fits to the same records in; `comparison.csv` out."""
+"""Folders of fits to the same records, or of motions from the same raw files, in; `comparison.csv` out."""
 
-from collections.abc import Callable, Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
+import xarray as xr
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder, whole_file
 from bayes_tyre.formats.tables import read_table, write_table
 from bayes_tyre.inference.leave_out import LeaveOneOut, leave_one_record_out
+from bayes_tyre.inference.motion_leave_out import leave_one_motion_out
+from bayes_tyre.inference.posterior import is_of_motions
 from bayes_tyre.inference.sampling import SamplerSettings
 from bayes_tyre.record_table import check_record_table
 from bayes_tyre.report.comparison import by_record, compare, sentence
 from bayes_tyre.report.run import RUN_JSON
 from bayes_tyre.workflow.fit import Plan, planned_in
-from bayes_tyre.workflow.predict import Result, read_result
+from bayes_tyre.workflow.predict import Result, read_posterior, read_result
 from bayes_tyre.workflow.result_names import names
 
 NAME, BY_RECORD = "comparison.csv", "comparison_records.csv"
@@ -40,12 +44,12 @@ def compare_folders(
     tell: Callable[[str], None] = lambda _: None,
     on_progress: Callable[[int], None] = lambda _: None,
 ) -> Comparison:
-    """Compare the models of folders that `fit` wrote by leave-one-record-out, and write the tables.
+    """Compare the models of folders that `fit` or `motion` wrote by leave-one-record-out, and write the tables.
 
     Parameters
     ----------
     folders, out:
-        Of the fits; and where the tables go.
+        Of the fits, or of the motions; and where the tables go.
     refit:
         Whether to fit again where importance sampling fails.
     tell:
@@ -56,14 +60,83 @@ def compare_folders(
     Raises
     ------
     BadInput
-        With fewer than two folders, or where they hold no fits of the same records.
+        With fewer than two folders, or where they hold no fits, or no motions, of the same records.
     """
     if len(folders) < 2:
         raise BadInput("one fit cannot be compared; name two folders or more that fit wrote from the same records")
     check_folder(out)
+    posteriors = [read_posterior(folder) for folder in folders]
+    motions = [is_of_motions(tree["posterior"].to_dataset()) for _, tree, _ in posteriors]
+    if any(motions) and not all(motions):
+        other = next(str(folder) for folder, moves in zip(folders, motions, strict=True) if not moves)
+        raise BadInput(f"{other}: is of forces against displacement, others are of motions; compare like with like")
+    called = dict(zip(names(folders), folders, strict=True))
+    verdicts = {name: verdict for name, (_, _, verdict) in zip(called, posteriors, strict=True)}
+    if all(motions):
+        trees = {name: tree for name, (_, tree, _) in zip(called, posteriors, strict=True)}
+        found = _motions_left_out(called, trees, refit=refit, tell=tell, on_progress=on_progress)
+    else:
+        found = _fits_left_out(called, refit=refit, tell=tell, on_progress=on_progress)
+    compared = compare(found, verdicts)
+    prepare_folder(out)
+    paths = (out / NAME, out / BY_RECORD)
+    with whole_file(paths[0]) as first, whole_file(paths[1]) as second:
+        write_table(compared, first)
+        write_table(by_record(found), second)
+    return Comparison(compared, sentence(compared), paths)
+
+
+def _motions_left_out(
+    folders: Mapping[str, Path],
+    trees: Mapping[str, xr.DataTree],
+    *,
+    refit: bool,
+    tell: Callable[[str], None],
+    on_progress: Callable[[int], None],
+) -> dict[str, LeaveOneOut]:
+    """Return what each law predicts of the records left out.
+
+    Raises
+    ------
+    BadInput
+        If results are of other raw files, rigs or records.
+    """
+    runs = {name: json.loads((folder / RUN_JSON).read_text("utf-8")) for name, folder in folders.items()}
+    records = {name: list(tree["posterior"]["record"].to_numpy()) for name, tree in trees.items()}
+    other, like = next(iter(runs.items()))
+    for name, run in runs.items():
+        same = set(run["inputs"].values()) == set(like["inputs"].values())
+        if not same and len(records[name]) == len(records[other]):
+            raise BadInput(f"{other} and {name} are not of the same raw files; run motion on one set by each law")
+        if apart := sorted(set(map(str, records[name])) ^ set(map(str, records[other]))):
+            raise BadInput(
+                f"{other} and {name} do not both have {apart[0]}, so they are not of the same raw files, or one has no "
+                "estimate of it (rejected.csv says why); run motion by each law on files that all can be fitted to"
+            )
+        if run["options"].get("rig") != like["options"].get("rig"):
+            raise BadInput(f"{other} and {name} were not told the same --rig; laws are compared on one")
     found: dict[str, LeaveOneOut] = {}
-    verdicts: dict[str, str] = {}
-    read = [(name, *_read(folder, tell)) for name, folder in zip(names(folders), folders, strict=True)]
+    for name, tree in trees.items():
+
+        def say_refit(record: str, name: str = name) -> None:
+            tell(f"{name}: fitted again without {record}, which weighs too much for importance sampling")
+
+        settings = replace(REFIT, seed=int(runs[name]["seed"])) if refit else None
+        found[name] = leave_one_motion_out(tree, settings, say_refit)
+        on_progress(1)
+    return found
+
+
+def _fits_left_out(
+    folders: Mapping[str, Path],
+    *,
+    refit: bool,
+    tell: Callable[[str], None],
+    on_progress: Callable[[int], None],
+) -> dict[str, LeaveOneOut]:
+    """Return what each model of `fit` predicts of the records left out."""
+    found: dict[str, LeaveOneOut] = {}
+    read = [(name, *_read(folder, tell)) for name, folder in folders.items()]
     _check_same(read)
     for name, plan, result, table in read:
 
@@ -72,15 +145,8 @@ def compare_folders(
 
         settings = replace(REFIT, seed=plan.sampler.seed) if refit else None
         found[name] = leave_one_record_out(result.tree, table, plan.model, settings, say_refit)
-        verdicts[name] = result.verdict
         on_progress(1)
-    compared = compare(found, verdicts)
-    prepare_folder(out)
-    paths = (out / NAME, out / BY_RECORD)
-    with whole_file(paths[0]) as first, whole_file(paths[1]) as second:
-        write_table(compared, first)
-        write_table(by_record(found), second)
-    return Comparison(compared, sentence(compared), paths)
+    return found
 
 
 def _read(folder: Path, tell: Callable[[str], None]) -> tuple[Plan, Result, pd.DataFrame]:

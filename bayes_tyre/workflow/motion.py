@@ -13,6 +13,8 @@ from bayes_tyre.inference.convergence import with_figures
 from bayes_tyre.inference.diagnostics import Diagnostics, diagnose
 from bayes_tyre.inference.identifiability import identify_motions
 from bayes_tyre.inference.motion_hierarchy import Motions, fit_motions
+from bayes_tyre.inference.motion_laws import motion_law
+from bayes_tyre.inference.motion_leave_out import with_motions
 from bayes_tyre.inference.motion_likelihood import WIDENED
 from bayes_tyre.inference.motion_losses import Middle, with_losses
 from bayes_tyre.inference.sampling import SamplerSettings
@@ -24,7 +26,7 @@ from bayes_tyre.rig.axle import Rig
 from bayes_tyre.workflow.each_file import Machines, each_file
 from bayes_tyre.workflow.fit import sampler_options
 from bayes_tyre.workflow.going_on import Watch, begin
-from bayes_tyre.workflow.motion_estimates import OK, estimate_file, read_estimates
+from bayes_tyre.workflow.motion_estimates import BY_LAW, OK, estimate_file, read_estimates
 from bayes_tyre.workflow.parts import Parts
 from bayes_tyre.workflow.process_tasks import Settings, plan_tasks
 from bayes_tyre.workflow.raw_records import REJECTED, none_usable, rejected
@@ -110,10 +112,11 @@ def estimate_files(
     BadInput
         If rig, cases, cluster or `out` are of no use, before the work; if no file is, after `rejected.csv` was written.
     """
+    law = motion_law(plan.law)
     check_folder(out)
     if plan.pictures:
         check_folder(plan.pictures, "--figures")
-    tasks = plan_tasks(files, Settings(plan.rig, plan.cases, f"motion {plan.law}", plan.pictures))
+    tasks = plan_tasks(files, Settings(plan.rig, plan.cases, f"{BY_LAW}{plan.law}", plan.pictures))
     prepare_folder(out)
     parts = Parts(out / ESTIMATES)
     outcomes = each_file(estimate_file, tasks, parts, machines, on_progress)
@@ -125,7 +128,7 @@ def estimate_files(
         parts.remove()
         (out / RUN_JSON).unlink(missing_ok=True)  # an earlier run's result is not of these files
         raise none_usable(out / REJECTED, rows, len(tasks))
-    table, motions = read_estimates([part for _, _, part in kept])
+    table, motions = read_estimates([part for _, _, part in kept], law)
     rigs = [task.rig for _, task, _ in kept]
     middles = [
         Middle(rig, float(d)) for rig, d in zip(rigs, table["displacement_mm"], strict=True) if isinstance(rig, Rig)
@@ -164,9 +167,9 @@ def fit_estimates(
         return checkpoints
     settings = replace(plan.sampler, checkpoints=checkpoints, on_progress=watch.on_progress)
     tree = fit_motions(estimated.motions, settings, plan.repeats)
-    tree.attrs |= {"origin": origin, "law": plan.law}
+    tree.attrs["origin"] = origin
     tree = with_losses(tree, estimated.motions.words, estimated.middles, plan.amplitude_mm)
-    tree = with_figures(identify_motions(tree, estimated.motions, summary.means))
+    tree = with_motions(with_figures(identify_motions(tree, estimated.motions, summary.means)), estimated.motions)
     diagnostics = with_estimates(diagnose(tree), estimated)
     beside = {ESTIMATES: estimated.table, REJECTED: estimated.rejected}
     write_fit(tree, diagnostics, run, out, interval=plan.interval, beside=beside)

@@ -10,7 +10,9 @@ import pandas as pd
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.raw import read_raw
 from bayes_tyre.inference.motion_estimate import MotionEstimate, estimate_motion
-from bayes_tyre.inference.motion_hierarchy import Motions
+from bayes_tyre.inference.motion_evidence import log_constant
+from bayes_tyre.inference.motion_hierarchy import Motions, Readings
+from bayes_tyre.inference.motion_laws import FANCHER, MotionLaw, motion_law
 from bayes_tyre.inference.motion_likelihood import hierarchy_moments, likelihood_of
 from bayes_tyre.inference.motion_model import predicted
 from bayes_tyre.inference.motion_unknowns import Unknowns, in_units
@@ -27,17 +29,33 @@ from bayes_tyre.workflow.outcome import Done, Fault
 from bayes_tyre.workflow.process_tasks import Task
 from bayes_tyre.workflow.raw_records import attempted, origin_of_raw, usable
 
-#: Columns of the estimates, in the order of `motion_estimate.MOTION_PARAMETERS`; a standard error stands behind each.
-PARAMETERS = ("k_kN_per_mm", "x_kN", "beta_mm", "m_kg", "c_kN_s_per_mm")
-#: Of `estimates.csv`. `displacement_mm` is the middle of the step at the wheel centre, which a cycle goes about.
-COLUMNS = (
-    *("record", *WORDS),
-    *(column for name in PARAMETERS for column in (name, f"{name}_se")),
-    *("displacement_mm", "method", "pareto_k", "status", "origin"),
-)
+#: What a law's parameters are called in the columns of estimates.
+_COLUMN = {
+    **{"k": "k_kN_per_mm", "x": "x_kN", "settled": "settled_kN", "beta": "beta_mm", "n": "n"},
+    **{"m": "m_kg", "c": "c_kN_s_per_mm"},
+}
 OK = "ok"
+#: Before the name of the law in the method that a task names.
+BY_LAW = "motion by "
 # What a part holds beside: of the hierarchy's logarithms, flat.
 _ROWS, _TARGET, _MEAN, _VARIANCE = "likelihood_rows", "likelihood_target", "log_mean", "log_variance"
+_CONSTANT, _EFFECTIVE = "log_constant", "effective_draws"
+
+
+def parameter_columns(law: MotionLaw = FANCHER) -> tuple[str, ...]:
+    """Return the columns of a law's `told_parameters`, in their order; a standard error stands behind each."""
+    return tuple(_COLUMN[name] for name in law.told_parameters)
+
+
+def columns(law: MotionLaw) -> list[str]:
+    """Return the columns of `estimates.csv`.
+
+    `displacement_mm` is the middle of the step at the wheel centre, which a cycle goes about; `log_evidence` the log
+    density of the readings under the law, by which laws may be compared record by record.
+    """
+    values = [column for name in parameter_columns(law) for column in (name, f"{name}_se")]
+    told = ["displacement_mm", "method", "pareto_k", "log_evidence", "status", "origin"]
+    return ["record", *WORDS, *values, *told]
 
 
 def estimate_file(task: Task) -> Done | Fault:
@@ -49,8 +67,11 @@ def estimate_file(task: Task) -> Done | Fault:
 def _done(task: Task) -> Done:
     words, rig = usable(task)
     raw = read_raw(task.file, columns_of(rig))
-    estimate = _estimate(rig, prepare(raw, rig, words))
-    if not bool(estimate.found.converged):
+    law = motion_law(task.method.removeprefix(BY_LAW))
+    estimate = _estimate(rig, prepare(raw, rig, words), law)
+    # With a law that is not the tyre's a solver need not come to rest, and laws are compared on the same records: what
+    # it found is kept, and its status says so.
+    if law is FANCHER and not bool(estimate.found.converged):
         raise BadInput("the fit of its motion did not converge; look at its channels with process --figures")
     unknowns = _unknowns(rig, estimate)
     origin = origin_of_raw(raw, task)
@@ -65,39 +86,43 @@ def _done(task: Task) -> Done:
     return Done(pd.DataFrame([row]), picture)
 
 
-def _estimate(rig: Rig, recording: Recording) -> MotionEstimate:
+def _estimate(rig: Rig, recording: Recording, law: MotionLaw) -> MotionEstimate:
     """Return the estimate of a recording, of a tyre that stands or rolls."""
     read, step = recording.raw, recording.step
     bodies = tuple((body.turn_Hz, body.harmonics) for body in recording.bodies)
     ramp_s = step.ramp.start_s, step.ramp.end_s
     channels = read.acceleration_m_per_s2, read.laser_mm, read.load_kN
-    return estimate_motion(rig, Recorded(read.dt_s, *channels, quiet=step.quiet, ramp_s=ramp_s, bodies=bodies))
+    return estimate_motion(rig, Recorded(read.dt_s, *channels, quiet=step.quiet, ramp_s=ramp_s, bodies=bodies), law)
 
 
 def _unknowns(rig: Rig, estimate: MotionEstimate) -> Unknowns:
     window = estimate.window
-    return in_units(rig, jnp.asarray(estimate.found.standard), window.prior, window.rolling)
+    return in_units(rig, jnp.asarray(estimate.found.standard), window.prior, window.rolling, window.law)
 
 
 def _columns(rig: Rig, estimate: MotionEstimate, unknowns: Unknowns) -> dict[str, Any]:
-    values, sd = estimate.value, np.sqrt(np.diag(estimate.log_covariance))
+    values, sd, law = estimate.value, np.sqrt(np.diag(estimate.log_covariance)), estimate.window.law
     found: dict[str, Any] = {}
-    for name, value, of_log in zip(PARAMETERS, values, sd, strict=True):
+    for name, value, of_log in zip(parameter_columns(law), values, sd, strict=True):
         found |= {name: float(value), f"{name}_se": float(value * of_log)}
     applied = geometry.tyre_load(rig, unknowns.load_kN.mean())
     found["displacement_mm"] = float(rest_displacement(rig, applied, k=values[0], offset_kN=unknowns.law.C))
     found |= {"method": estimate.method, "pareto_k": float(estimate.pareto_k), "status": estimate.status or OK}
+    found |= {"log_evidence": estimate.log_evidence, _EFFECTIVE: estimate.effective_draws}
     moments = estimate.log_mean, estimate.log_covariance
-    likelihood = likelihood_of(rig, *moments, np.asarray(estimate.window.prior), trusted=not estimate.status)
-    mean, covariance = hierarchy_moments(*moments)
+    likelihood = likelihood_of(rig, *moments, np.asarray(estimate.window.prior), trusted=not estimate.status, law=law)
+    mean, covariance = hierarchy_moments(*moments, law)
+    found[_CONSTANT] = log_constant(rig, likelihood, estimate.window, estimate.log_evidence)
     arrays = {_ROWS: likelihood.rows, _TARGET: likelihood.target, _MEAN: mean, _VARIANCE: np.diag(covariance)}
     return found | {name: array.ravel().tolist() for name, array in arrays.items()}
 
 
-def read_estimates(parts: list[Path]) -> tuple[pd.DataFrame, Motions]:
+def read_estimates(parts: list[Path], law: MotionLaw = FANCHER) -> tuple[pd.DataFrame, Motions]:
     """Return the rows of `estimates.csv` that parts hold, and the estimates as the hierarchy takes them."""
     table = pd.concat([pd.read_parquet(part) for part in parts], ignore_index=True)
     arrays = {name: np.stack(table[name].tolist()) for name in (_ROWS, _TARGET, _MEAN, _VARIANCE)}
     words = table[["record", *WORDS]].copy()
-    motions = Motions(words, arrays[_ROWS].reshape(len(table), 5, 5), arrays[_TARGET], arrays[_MEAN], arrays[_VARIANCE])
-    return table[list(COLUMNS)], motions
+    rows = arrays[_ROWS].reshape(len(table), *2 * (len(law.parameters),))
+    readings = Readings(table[_CONSTANT].to_numpy(float), table[_EFFECTIVE].to_numpy(float))
+    motions = Motions(words, rows, arrays[_TARGET], arrays[_MEAN], arrays[_VARIANCE], law, readings)
+    return table[columns(law)], motions

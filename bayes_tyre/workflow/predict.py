@@ -39,12 +39,25 @@ class Result(NamedTuple):
 
 
 def read_result(folder: Path) -> Result:
-    """Return the posterior and the verdict in a folder that a fit wrote.
+    """Return the posterior and the verdict in a folder that a fit wrote, and its cases.
 
     Raises
     ------
     BadInput
         If the folder holds no finished result, one that cannot be read, or one without records.
+    """
+    path, tree, verdict = read_posterior(folder)
+    with _named(path):
+        return Result(path, tree, predictable_cases(tree), verdict)
+
+
+def read_posterior(folder: Path) -> tuple[Path, xr.DataTree, str]:
+    """Return where a posterior lies, the posterior, and the verdict on it, from a folder that any command wrote.
+
+    Raises
+    ------
+    BadInput
+        If the folder holds no finished result, or one that cannot be read.
     """
     if not (folder / "run.json").is_file():
         raise BadInput(f"{folder}: holds no run.json, so no finished result; name a folder that fit wrote")
@@ -56,9 +69,7 @@ def read_result(folder: Path) -> Result:
     if verdict not in VERDICTS:
         raise BadInput(f"{judged}: does not say a verdict; run fit again")
     path = folder / "posterior.nc"
-    tree = read_tree(path)
-    with _named(path):
-        return Result(path, tree, predictable_cases(tree), verdict)
+    return path, read_tree(path), verdict
 
 
 @contextmanager

@@ -63,3 +63,17 @@ def test_by_record_has_a_row_a_model_and_record(found):
     table = by_record(found)
     assert len(table) == 3 * len(RECORDS)
     assert table.groupby("model")["elpd"].sum()["one"] == pytest.approx(found["one"].elpd.elpd)
+
+
+def test_densities_of_whole_recordings_are_compared_without_an_overflow():
+    """A constant added to every model's density of a record changes no difference, weight or rank."""
+    rng = np.random.default_rng(0)
+    names = [f"r{i}" for i in range(8)]
+    values = {"a": rng.standard_normal(8), "b": rng.standard_normal(8) - 0.5}
+    far = {name: made_up(value + 7600.0, names) for name, value in values.items()}
+    verdicts = dict.fromkeys(values, "pass")
+    near, shifted = (compare(each, verdicts) for each in ({n: made_up(v, names) for n, v in values.items()}, far))
+    assert shifted["elpd"].to_numpy() == pytest.approx(near["elpd"].to_numpy() + 8 * 7600.0, rel=1e-12)
+    for column in ("elpd_difference", "difference_se", "weight"):
+        np.testing.assert_allclose(shifted[column], near[column], rtol=1e-6, atol=1e-9)
+    assert list(shifted["model"]) == list(near["model"])
