@@ -30,6 +30,7 @@ from command_line import (
     written,
 )
 from left_out import made_up
+from motion_studies import studied
 from quick_fits import put_draws_for_the_sampler, write_result
 from quick_motions import put_draws_for_the_motions
 
@@ -38,7 +39,7 @@ from bayes_tyre.inference.leave_out import LeaveOneOut
 from bayes_tyre.report import audit_figures, figures
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import PLANS
-from bayes_tyre.workflow import audit, compare, fit, least_squares, published
+from bayes_tyre.workflow import audit, compare, fit, least_squares, published, study
 from bayes_tyre.workflow.simulate import write_simulated
 
 # Compilation and module fixtures: over 10 s for the file from cold.
@@ -65,6 +66,7 @@ WRITERS: dict[str, Callable[[Path, Path], list[object]]] = {
     "motion": lambda given, out: ["motion", given / "raw", "--out", out, "--workers", "1"],
     "simulate": lambda given, out: ["simulate", "--out", out, "--rate", "1000"],
     "audit": lambda given, out: ["audit", "--out", out],
+    "study motion": lambda given, out: ["study", "motion", "--out", out, "--stationary", "1", "--rolling", "0"],
 }
 RIGS = {name: load_rig(name) for name in ("single", "dual")}
 SILENT = ("show",)
@@ -96,6 +98,7 @@ def quick(monkeypatch) -> None:
     every_figure, every_audit_figure = figures.draw, audit_figures.draw
     monkeypatch.setattr(figures, "draw", lambda result: islice(every_figure(result), 2))
     monkeypatch.setattr(audit, "study_audit", lambda *_: audited(blind, replicates=1))
+    monkeypatch.setattr(study, "study_motion", lambda records, *_: studied(records))
     monkeypatch.setattr(audit_figures, "draw", lambda *of: islice(every_audit_figure(*of), 1))
     whole_plan = PLANS["quick"]
     monkeypatch.setitem(PLANS, "quick", lambda rate: whole_plan(rate)[:2])
@@ -122,7 +125,7 @@ def fill_the_disk_after(files: int, monkeypatch: pytest.MonkeyPatch) -> list[str
 
 
 def test_every_command_that_writes_stands_in_the_table():
-    assert set(WRITERS) | set(SILENT) == set(COMMANDS)
+    assert {name for name in WRITERS if not name.startswith("study ")} | set(SILENT) == set(COMMANDS)
 
 
 @pytest.mark.parametrize("command", WRITERS)

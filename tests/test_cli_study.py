@@ -8,8 +8,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from command_line import environment, here, tree_of
+from motion_studies import motion_rows
 
 from bayes_tyre.studies.calibration import Calibration
+from bayes_tyre.studies.motion_study import MotionStudy, summarise
 from bayes_tyre.studies.outliers import KINDS, POSTERIOR, SHARES, Outliers, compare
 from bayes_tyre.studies.repeat_means import RULES
 from bayes_tyre.studies.uniformity import uniformity_table
@@ -81,13 +83,35 @@ def test_outliers_are_written_and_said_in_words(tmp_path, monkeypatch):
     assert (again.exit_code, again.stdout, again.stderr) == (0, "", "")
 
 
+def test_motions_are_written_and_said_in_words(tmp_path, monkeypatch):
+    def made_up(records, seed, _):
+        assert (len(records), seed) == (2 + 3, 5)
+        table = motion_rows(records)
+        return MotionStudy(summarise(table), table)
+
+    monkeypatch.setattr(workflow, "study_motion", made_up)
+    options = ["--stationary", 2, "--rolling", 3, "--seed", 5]
+    done = here("study", "motion", "--out", tmp_path / "made", *options)
+    assert done.exit_code == 0, done.stderr
+    assert set(tree_of(tmp_path / "made")) == {"motion_study.csv", "motion_records.csv", "run.json"}
+    assert "stationary, mismatch none, 2 records, 0 doubted: rms error k 1 % (bias +1, coverage 100%)" in done.stdout
+    assert json.loads((tmp_path / "made" / "run.json").read_text())["options"]["rolling"] == 3
+
+
+def test_a_study_of_no_motion_is_a_usage_error(tmp_path):
+    done = here("study", "motion", "--out", tmp_path / "made", "--stationary", 0, "--rolling", 0)
+    assert done.exit_code == 2
+    assert "no record is asked for" in done.stderr
+    assert not (tmp_path / "made").exists()
+
+
 def test_help_names_units_and_an_example_and_waits_for_no_library(tmp_path):
     script = """
 import sys
 from bayes_tyre.cli import app
-for words in (["study", "--help"], ["study", "calibration", "--help"], ["study", "outliers", "--help"]):
+for words in ([], ["calibration"], ["outliers"], ["motion"]):
     try:
-        app(words, prog_name="bayes-tyre")
+        app(["study", *words, "--help"], prog_name="bayes-tyre")
     except SystemExit:
         pass
 print([name for name in ("jax", "pandas", "scipy", "numpyro") if name in sys.modules])
@@ -95,6 +119,6 @@ print([name for name in ("jax", "pandas", "scipy", "numpyro") if name in sys.mod
     command = [sys.executable, "-c", script]
     done = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True)
     assert done.stdout.endswith("[]\n")
-    for name in ("calibration", "outliers"):
+    for name in ("calibration", "outliers", "motion"):
         assert f"Example: bayes-tyre study {name} --out" in done.stdout
     assert "kN/mm" in done.stdout

@@ -78,5 +78,44 @@ def outliers(
         say(f"  {line}", quiet)
 
 
-for command in (calibration, outliers):
+def motion(
+    out: Out,
+    stationary: Annotated[int, typer.Option(min=0, help="Stationary records of known truth.")] = 12,
+    rolling: Annotated[int, typer.Option(min=0, help="Rolling records of known truth, 15 to 35 km/h.")] = 12,
+    mismatch: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            help="So many records of each kind further with each of: turns 0.5 % off, a road of another spectrum, "
+            "stiffness growing by 2 %/mm, mass 5 % off, another load step's shape.",
+        ),
+    ] = 0,
+    seed: Seed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Fit motions of known k (kN/mm), x (kN), beta (mm), m (kg), c (kN s/mm): error, bias, coverage, mismatch.
+
+    Writes motion_records.csv (a row a record and parameter: truth, estimate, standard deviation, 95 % interval, Pareto
+    k, seconds, status) and motion_study.csv (errors in %, coverage with its interval, how many records were doubted).
+
+    Example: bayes-tyre study motion --out results/motion_study --rolling 24 --mismatch 2
+    """
+    if stationary + rolling + mismatch == 0:
+        raise typer.BadParameter("no record is asked for: --stationary, --rolling or --mismatch must be above 0")
+    from bayes_tyre.runtime import prepare_jax
+
+    prepare_jax()
+    from bayes_tyre.studies.motion_study import in_words, tried
+    from bayes_tyre.workflow.study import write_motion_study
+
+    options = {"stationary": stationary, "rolling": rolling, "mismatch": mismatch, "seed": seed}
+    records = tried(stationary, rolling, seed, mismatch)
+    with progress("fitting motions", len(records), quiet) as on_progress:
+        found = write_motion_study(out, records, seed, options, on_progress)
+    say(f"wrote {out / 'motion_study.csv'} (simulated, not measured)", quiet)
+    for line in in_words(found.table):
+        say(f"  {line}", quiet)
+
+
+for command in (calibration, outliers, motion):
     study.command()(guarded(command))

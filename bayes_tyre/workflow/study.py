@@ -12,6 +12,7 @@ from bayes_tyre.report.page import save
 from bayes_tyre.report.run import RUN_JSON, begin_run, write_run
 from bayes_tyre.report.study_figures import RankCurves, calibration_plot, outlier_plot
 from bayes_tyre.studies.calibration import Calibration, calibrate
+from bayes_tyre.studies.motion_study import MotionStudy, Tried, study_motion
 from bayes_tyre.studies.outliers import Outliers, study_outliers
 from bayes_tyre.studies.truths import study_priors
 from bayes_tyre.studies.uniformity import TOGETHER, band, pit
@@ -47,6 +48,20 @@ def write_outliers(
     write_table(found.datasets, out / "datasets.csv")
     write_table(found.table, out / "outliers.csv")
     save(outlier_plot(found.table), out / "figures" / "outliers.png")
+    write_run(run, out)
+    return found
+
+
+def write_motion_study(
+    out: Path, records: list[Tried], seed: int, options: Mapping[str, object], on_progress: Callable[[int], None]
+) -> MotionStudy:
+    """Write `motion_study.csv` and `motion_records.csv` into `out`."""
+    prepare_folder(out)
+    run = begin_run("bayes-tyre study motion", options, seed, [], ORIGIN)
+    (out / RUN_JSON).unlink(missing_ok=True)
+    found = study_motion(records, seed, on_progress)
+    write_table(found.records, out / "motion_records.csv")
+    write_table(found.table, out / "motion_study.csv")
     write_run(run, out)
     return found
 

@@ -1,0 +1,213 @@
+"""The motion tried on records of known truth: errors, coverage of its intervals, and what mismatch does to both."""
+
+import time
+from collections.abc import Callable
+from itertools import product, zip_longest
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.motion_estimate import MOTION_PARAMETERS, MotionEstimate, estimate_motion
+from bayes_tyre.inference.motion_window import Recorded
+from bayes_tyre.rig.axle import load_rig
+from bayes_tyre.signals.process import prepare
+from bayes_tyre.signals.processed import Recording
+from bayes_tyre.signals.words import Words
+from bayes_tyre.simulate.draw import draw_truth, stream
+from bayes_tyre.simulate.plan import Planned, thesis_plan
+from bayes_tyre.simulate.simulator import simulate_record
+from bayes_tyre.simulate.truth import Truth
+from bayes_tyre.studies.motion_mismatch import MISMATCHES, OF_ROLLING
+
+STATIONARY, ROLLING = "stationary", "rolling"
+KINDS = (STATIONARY, ROLLING)
+ORIGIN = "simulated"
+UNITS = {"k": "kN/mm", "x": "kN", "beta": "mm", "m": "kg", "c": "kN s/mm"}
+CHANNELS = ("acceleration", "laser", "load")
+_TRUE = {"k": "k_kN_per_mm", "x": "x_kN", "beta": "beta_mm", "m": "m_kg", "c": "c_kN_s_per_mm"}
+_NORMAL_95 = float(stats.norm.ppf(0.975))
+# Length and step of a record, s: enough rest before the step to find turns and levels, enough after it to ring down.
+_LENGTH = {STATIONARY: (4.5, (2.1, 2.3)), ROLLING: (6.0, (4.0, 5.3))}
+
+
+class MotionStudy(NamedTuple):
+    """What the study found.
+
+    Attributes
+    ----------
+    table:
+        A row a mismatch, kind and parameter: root mean square error and bias (%), coverage, how many records were
+        doubted by their own status.
+    records:
+        A row a record and parameter.
+    """
+
+    table: pd.DataFrame
+    records: pd.DataFrame
+
+
+class Tried(NamedTuple):
+    """One record of the study: mismatch (a name in `MISMATCHES`), kind, its number, and its plan."""
+
+    mismatch: str
+    kind: str
+    number: int
+    plan: Planned
+
+
+def tried(stationary: int, rolling: int, seed: int, mismatched: int = 0) -> list[Tried]:
+    """Return the records of a study: cases in random order, axles, directions and speeds alike often.
+
+    Parameters
+    ----------
+    stationary, rolling:
+        How many of each kind.
+    seed:
+        Of the order.
+    mismatched:
+        How many of each kind further with each mismatch that it can have; the first cases of its kind.
+    """
+    records = []
+    for kind, count in ((STATIONARY, stationary), (ROLLING, rolling)):
+        plans = _cases(kind, max(count, mismatched), seed)
+        records += [Tried("none", kind, i, plan) for i, plan in enumerate(plans[:count])]
+        for name in list(MISMATCHES)[1:]:
+            if kind == ROLLING or name not in OF_ROLLING:
+                records += [Tried(name, kind, i, plan) for i, plan in enumerate(plans[:mismatched])]
+    return records
+
+
+def _cases(kind: str, count: int, seed: int) -> list[Planned]:
+    """Return plans of a kind, in random order within groups of axle, direction and speed, and a group in turn."""
+    plans = [plan for plan in thesis_plan() if (plan.case.speed_km_h > 0) == (kind == ROLLING)]
+    rng = stream(seed, "motion study", kind)
+    groups: dict[tuple[object, ...], list[Planned]] = {}
+    for i in rng.permutation(len(plans)):
+        case = plans[i].case
+        groups.setdefault((case.configuration, case.direction, case.speed_km_h), []).append(plans[i])
+    in_turn = [plan for round_ in zip_longest(*groups.values()) for plan in round_ if plan is not None]
+    duration_s, between = _LENGTH[kind]
+    return [plan._replace(duration_s=duration_s, step_between_s=between) for plan in in_turn[:count]]
+
+
+def study_motion(
+    records: list[Tried], seed: int = 0, on_progress: Callable[[int], None] = lambda _: None
+) -> MotionStudy:
+    """Return how the motion does on records, one after the other.
+
+    Parameters
+    ----------
+    records:
+        Such as `tried`.
+    seed:
+        Of axles, tyres and noise; each record has its own of all of them.
+    on_progress:
+        Called with 1 after each record.
+    """
+    rows = []
+    for record in records:
+        rows += _rows(record, seed)
+        on_progress(1)
+    table = pd.DataFrame(rows)
+    return MotionStudy(summarise(table), table)
+
+
+def _rows(record: Tried, seed: int) -> list[dict[str, object]]:
+    plan, rig = record.plan, load_rig(record.plan.case.configuration)
+    # The same axle, tyre and noise with each mismatch: differences are the mismatch's.
+    own = int(stream(seed, "motion study", record.kind, str(record.number)).integers(2**32))
+    truth, law = MISMATCHES[record.mismatch](draw_truth(plan, rig, own), rig)
+    words = {"mismatch": record.mismatch, "kind": record.kind, "record": plan.record, **plan.case._asdict()}
+    raw = simulate_record(truth, rig, law).raw
+    began = time.process_time()
+    try:
+        recording = prepare(raw, rig, Words(plan.record, plan.case, plan.repeat))
+        estimate = estimate_motion(rig, recorded(recording))
+    except BadInput as error:
+        return [{**words, "seed": own, **row, "status": str(error), "origin": ORIGIN} for row in _told(truth, None)]
+    said = {"method": estimate.method, "pareto_k": estimate.pareto_k, **_left(estimate)}
+    said |= {"cpu_seconds": time.process_time() - began, "status": estimate.status or "ok", "origin": ORIGIN}
+    return [{**words, "seed": own, **row, **said} for row in _told(truth, estimate)]
+
+
+def recorded(recording: Recording) -> Recorded:
+    """Return a recording as the fit of a motion takes it, its channels as read."""
+    read, step = recording.raw, recording.step
+    channels = read.acceleration_m_per_s2, read.laser_mm, read.load_kN
+    bodies = tuple((body.turn_Hz, body.harmonics) for body in recording.bodies)
+    return Recorded(read.dt_s, *channels, step.quiet, (step.ramp.start_s, step.ramp.end_s), bodies)
+
+
+def _told(truth: Truth, estimate: MotionEstimate | None) -> list[dict[str, object]]:
+    rows = []
+    for i, name in enumerate(MOTION_PARAMETERS):
+        true = float(getattr(truth, _TRUE[name]))
+        log = np.nan if estimate is None else float(estimate.log_mean[i])
+        sd = np.nan if estimate is None else float(np.sqrt(estimate.log_covariance[i, i]))
+        lower, upper = np.exp(log - _NORMAL_95 * sd), np.exp(log + _NORMAL_95 * sd)
+        row = {"parameter": name, "unit": UNITS[name], "truth": true, "estimate": np.exp(log), "sd": np.exp(log) * sd}
+        row |= {"lower": lower, "upper": upper, "inside": bool(lower <= true <= upper)}
+        rows.append(row | {"error_percent": 100 * float(np.exp(log) / true - 1)})
+    return rows
+
+
+def _left(estimate: MotionEstimate) -> dict[str, float]:
+    found = estimate.found
+    squares = {f"chi_squared_{name}": float(of) for name, of in zip(CHANNELS, found.chi_squared, strict=True)}
+    alike = {f"autocorrelation_{name}": float(of) for name, of in zip(CHANNELS, found.correlation, strict=True)}
+    return squares | alike
+
+
+def summarise(records: pd.DataFrame) -> pd.DataFrame:
+    """Return `MotionStudy.table` of `MotionStudy.records`."""
+    rows = []
+    for (mismatch, kind), name in product(records[["mismatch", "kind"]].drop_duplicates().to_numpy(), UNITS):
+        of = records[(records["mismatch"] == mismatch) & (records["kind"] == kind) & (records["parameter"] == name)]
+        found = of[of["estimate"].notna()]
+        words = {
+            "mismatch": mismatch,
+            "kind": kind,
+            "parameter": name,
+            "records": len(of),
+            "declined": len(of) - len(found),
+        }
+        rows.append({**words, **_figures(found), "origin": ORIGIN})
+    return pd.DataFrame(rows)
+
+
+def _figures(of: pd.DataFrame) -> dict[str, float | int]:
+    error, n, inside = of["error_percent"].to_numpy(float), len(of), int(of["inside"].sum())
+    if n == 0:
+        return {}
+    share = stats.binomtest(inside, n).proportion_ci(0.95, method="exact")
+    doubted = int((of["status"] != "ok").sum()) if "status" in of else 0
+    return {
+        "rms_error_percent": float(np.sqrt(np.mean(error**2))),
+        "bias_percent": float(error.mean()),
+        "bias_se_percent": float(error.std(ddof=1) / np.sqrt(n)) if n > 1 else np.nan,
+        "rms_sd_percent": float(100 * np.sqrt(np.mean((of["sd"] / of["estimate"]) ** 2))),
+        "coverage_95": inside / n,
+        "coverage_95_lower": float(share.low),
+        "coverage_95_upper": float(share.high),
+        "doubted": doubted,
+        "pareto_k_largest": float(of["pareto_k"].max()),
+        "cpu_seconds_median": float(of["cpu_seconds"].median()),
+    }
+
+
+def in_words(table: pd.DataFrame) -> list[str]:
+    """Return a line a mismatch and kind: root mean square error and bias of each parameter, how many were doubted."""
+    lines = []
+    for (mismatch, kind), rows in table.groupby(["mismatch", "kind"], sort=False):
+        shown = rows[["parameter", "rms_error_percent", "bias_percent", "coverage_95"]]
+        parts = [
+            f"{name} {rms:.2g} % (bias {bias:+.2g}, coverage {share:.0%})"
+            for name, rms, bias, share in shown.itertuples(index=False)
+        ]
+        first = rows.iloc[0]
+        told = f"{kind}, mismatch {mismatch}, {first['records']} records, {first['doubted']} doubted"
+        lines.append(f"{told}: rms error {', '.join(parts)}")
+    return lines

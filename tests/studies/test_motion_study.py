@@ -1,0 +1,93 @@
+"""The study of motions: its records, its figures, the mismatches it plants, and a quick form of it."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from motion_studies import motion_rows
+
+from bayes_tyre.laws.fancher import Fancher
+from bayes_tyre.rig.axle import load_rig
+from bayes_tyre.simulate.draw import draw_truth
+from bayes_tyre.studies.motion_mismatch import MISMATCHES, OF_ROLLING, CurvedFancher
+from bayes_tyre.studies.motion_study import ROLLING, STATIONARY, study_motion, summarise, tried
+
+RIG = load_rig("single")
+TYRE = {"k": 1.6, "C": 0.1, "x": 0.4, "beta": 0.09}
+
+
+def test_speeds_directions_and_axles_come_equally_often():
+    records = tried(12, 12, seed=3)
+    rolling = [record.plan.case for record in records if record.kind == ROLLING]
+    assert Counter((case.configuration, case.direction, case.speed_km_h) for case in rolling).most_common(1)[0][1] == 1
+    assert {case.speed_km_h for case in rolling} == {15.0, 25.0, 35.0}
+    still = Counter((r.plan.case.configuration, r.plan.case.direction) for r in records if r.kind == STATIONARY)
+    assert set(still.values()) == {3}
+    assert records == tried(12, 12, seed=3)
+    assert records != tried(12, 12, seed=4)
+
+
+def test_mismatches_are_tried_on_the_kinds_that_can_have_them():
+    names = Counter((record.mismatch, record.kind) for record in tried(1, 0, seed=0, mismatched=2))
+    expected = {(name, ROLLING): 2 for name in MISMATCHES if name != "none"}
+    expected |= {(name, STATIONARY): 2 for name in MISMATCHES if name not in ("none", *OF_ROLLING)}
+    assert names == expected | {("none", STATIONARY): 1}
+
+
+def test_every_mismatch_is_one():
+    truth = draw_truth(next(r.plan for r in tried(0, 12, 0) if r.plan.case.configuration == "single"), RIG, 5)
+    for name, of in MISMATCHES.items():
+        other, law = of(truth, RIG)
+        assert ((other, law) == (truth, None)) == (name == "none"), name
+
+
+def test_figures_are_those_of_the_errors():
+    rows = motion_rows(tried(4, 0, seed=0))
+    k = rows["parameter"] == "k"
+    rows.loc[k, "error_percent"] = [1.0, -1.0, 2.0, 0.0]
+    rows.loc[k, "inside"] = [True, True, False, True]
+    rows.loc[k & (rows["error_percent"] == 2.0), "status"] = "odd"
+    found = next(row for row in summarise(rows).to_dict("records") if row["parameter"] == "k")
+    assert found["rms_error_percent"] == pytest.approx(np.sqrt(1.5))
+    assert found["bias_percent"] == 0.5
+    assert found["bias_se_percent"] == pytest.approx(np.std([1, -1, 2, 0], ddof=1) / 2)
+    assert (found["coverage_95"], found["records"], found["doubted"]) == (0.75, 4, 1)
+    # Clopper and Pearson's interval of 3 in 4.
+    assert (found["coverage_95_lower"], found["coverage_95_upper"]) == pytest.approx((0.1941, 0.9937), abs=1e-4)
+
+
+def test_a_record_without_an_estimate_is_declined():
+    rows = motion_rows(tried(2, 0, seed=0))
+    rows.loc[rows["record"] == rows["record"][0], "estimate"] = np.nan
+    found = summarise(rows)
+    assert (found["records"] == 2).all()
+    assert (found["declined"] == 1).all()
+
+
+def test_the_curved_law_is_fanchers_where_it_does_not_curve():
+    path = np.array([10.0, 10.3, 10.05, 9.8, 10.4])
+    straight = CurvedFancher(**TYRE, q=0.0, d_m=10.0).force(path, 16.0)
+    np.testing.assert_allclose(straight, Fancher(**TYRE).force(path, 16.0), rtol=1e-12)
+
+
+def test_the_curved_law_solves_its_equation():
+    law = CurvedFancher(**TYRE, q=0.3, d_m=10.0)
+    d = np.linspace(10.0, 10.5, 5001)
+    F = np.asarray(law.force(d, 16.0))
+    upper = TYRE["k"] * d + TYRE["C"] + 0.3 * (d - 10.0) ** 2 + TYRE["x"]
+    slope, middle = np.diff(F) / np.diff(d), (F[1:] + F[:-1]) / 2
+    np.testing.assert_allclose(slope, ((upper[1:] + upper[:-1]) / 2 - middle) / TYRE["beta"], atol=1e-4)
+    # However the move is cut.
+    assert float(law.force(np.array([10.0, 10.5]), 16.0)[-1]) == pytest.approx(F[-1], rel=1e-12)
+
+
+@pytest.mark.slow
+def test_quick_form_of_the_study():
+    found = study_motion(tried(2, 0, seed=8), seed=8).records
+    # Ten normal numbers, five each correlated: one beyond 4 standard deviations in 0.06 % of seeds.
+    off = np.log(found["estimate"] / found["truth"]) / (found["sd"] / found["estimate"])
+    assert np.abs(off).max() < 4
+    # Fewer than seven of ten 95 % intervals that hold the truth: 0.1 % of seeds, were the ten independent.
+    assert found["inside"].sum() >= 7
+    assert (found["status"] == "ok").all()
+    assert (found["cpu_seconds"] > 0).all()
