@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 from command_line import assert_refused, here, tree_of
+from reported_motions import write_motions
 from reported_results import IMAGE, SCRIPT, printed_words, write_fitted, write_made
 
-from bayes_tyre.report.figures import ALWAYS, OF_RECORDS
+from bayes_tyre.report.document_figures import HEADINGS
+from bayes_tyre.report.figures import ALWAYS, OF_MOTIONS, OF_RECORDS
 
 # Draws every figure of a result: over 10 s for the file.
 pytestmark = pytest.mark.slow
@@ -38,6 +40,32 @@ def test_one_page_with_every_figure(fitted, tmp_path):
     assert SCRIPT not in page
     assert IMAGE not in page
     assert len(page) < 5e6
+
+
+def test_a_result_of_motions_is_drawn_anew_and_its_energy_and_loop_with_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("bayes_tyre.report.figures.ALWAYS", {})
+    folder = write_motions(tmp_path / "motion", ("single",))
+    done = here("report", folder)
+    assert (done.exit_code, done.stderr) == (0, "")
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert page.count("data:image/svg+xml;base64,") == len({*OF_MOTIONS, "loops_by_direction"})
+    assert "data:image/png" not in re.sub(r"base64,[^\"]*", "", page)
+    assert "How much energy a cycle loses" in page
+    assert "The loop that loses it" in page
+    assert "as the fit drew them" not in page
+
+
+def test_kept_figures_are_shown_as_they_lie_there(fitted, tmp_path):
+    folder = shutil.copytree(fitted, tmp_path / "fit")
+    (folder / "figures").mkdir()
+    for name in ("pair_plot", "contrasts", "of_my_own"):
+        (folder / "figures" / f"{name}.png").write_bytes(b"\x89PNG " + name.encode())
+    done = here("report", folder, "--kept-figures")
+    assert done.exit_code in (0, 4)
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "data:image/svg" not in page
+    headings = re.findall(r"<h3>([^<]*)</h3>", page)
+    assert headings == [HEADINGS["contrasts"][0], HEADINGS["pair_plot"][0], "Of my own"]
 
 
 def test_figures_of_records_are_those_of_the_fit_where_its_input_is_gone(fitted, tmp_path, quick):

@@ -10,18 +10,23 @@ from bayes_tyre.cli.shell import NOT_TRUSTED, NoSeed, Quiet, note, progress, say
 
 def report(
     folders: Annotated[
-        list[Path], typer.Argument(metavar="DIR...", help="Folders that fit or published --posterior wrote.")
+        list[Path], typer.Argument(metavar="DIR...", help="Folders that fit, motion or published --posterior wrote.")
     ],
     out: Annotated[
         Path | None, typer.Option(help="HTML file, or a folder for report.html; default: the first DIR.")
     ] = None,
+    kept_figures: Annotated[
+        bool,
+        typer.Option("--kept-figures", help="Show the PNG figures that lie in DIR instead of drawing anew: quicker."),
+    ] = False,
     seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Write report.html: the verdict, which tyre is stiffer (k, kN/mm) and how sure that is, tables and figures.
 
     One file that opens from disk and asks nothing of a network. Several DIRs stand side by side, each against the
-    first: single against dual, or this year's campaign against last year's. Ends with code 4 where a verdict is fail.
+    first: single against dual, or this year's campaign against last year's. Of motion's results it says friction x (kN)
+    and the energy lost (J) too. Ends with code 4 where a verdict is fail.
 
     Example: bayes-tyre report results/fit --out report.html
     """
@@ -32,7 +37,7 @@ def report(
     from bayes_tyre.workflow.report import write_report
 
     with progress("report", len(folders), quiet) as advance:
-        written = write_report(folders, out, lambda said: note(said, quiet), advance)
+        written = write_report(folders, out, lambda said: note(said, quiet), advance, kept_figures=kept_figures)
     say(f"wrote {written.path}", quiet)
     for name in written.failed:
         warn(f"{name}: the posterior is not to be trusted; its report says why")

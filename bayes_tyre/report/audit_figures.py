@@ -20,6 +20,8 @@ from bayes_tyre.report.page import STYLE, WIDTH
 #: Simulated, whatever is shown.
 _SETTING = Setting("simulated")
 _IDENTITY = {"color": INK, "linewidth": 0.8, "linestyle": "--"}
+#: Of all figures here: each keeps its look where others are not shown.
+_METHODS = ("inertia", "motion", "thesis")
 
 
 def draw(
@@ -42,6 +44,31 @@ def draw(
     yield "k_bias", k_bias(table, factors, typical)
     yield "coverage", coverage(shown)
     yield "beta_window", beta_window(table, factors, typical)
+
+
+@matplotlib.style.context(STYLE)
+def one_record(truth: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Figure:
+    """Return force over displacement of one simulated record: the truth, and what methods make of it.
+
+    Parameters
+    ----------
+    truth:
+        `displacement_mm`, `force_kN` on flat ground, in time's order from the step's start to the first reversal.
+    paths:
+        The same by method, each from its own first point; a displacement may be counted from anywhere.
+    """
+    appearance = looks(_METHODS)
+    figure = page.page(WIDTH, 4.0)
+    ax = figure.subplots()
+    styles = {"truth": {"color": INK, "linewidth": 2.5, "alpha": 0.5}}
+    styles |= {name: {"color": appearance[name].colour, "linestyle": appearance[name].line} for name in paths}
+    for name, path in {"truth": truth, **paths}.items():
+        u = path["displacement_mm"] - path["displacement_mm"].iloc[0]
+        ax.plot(u, path["force_kN"], **{"linewidth": 1.2, **styles[name]})
+    ax.set_xlabel("displacement from the step's start, flat ground (mm)")
+    ax.set_ylabel("force, flat ground (kN)")
+    page.legend(figure, [(Line2D([], [], **style), name) for name, style in styles.items()])
+    return page.finish(figure, _SETTING, "One simulated record of a stationary axle; truth: what its tyre did.")
 
 
 @matplotlib.style.context(STYLE)

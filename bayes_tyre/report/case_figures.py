@@ -1,6 +1,7 @@
 """Lists of cases: k and beta of each, and the probability that each record is discordant."""
 
 import math
+import textwrap
 
 import matplotlib.style
 import numpy as np
@@ -54,12 +55,12 @@ def forest_of_cases(cases: pd.DataFrame, printed: pd.DataFrame | None, setting: 
         entries.append((Line2D([], [], **_PRINTED), "printed value"))
     room = max(LEAST, len(lines))
     parameters = panels(shown["parameter"])
-    figure = page.page(page.wide(len(parameters)), min(TALLEST, 1.3 + LINE * room))
-    axes = figure.subplots(1, len(parameters), sharey=True)
+    figure, axes, inches = case_lines.parameter_panels(len(parameters), 1.3, LINE, room)
     for ax, parameter in zip(axes, parameters, strict=True):
         _forest_panel(ax, shown[shown["parameter"] == parameter], rows, appearance, parameter)
-        case_lines.name_lines(ax, lines, min(LINE, (TALLEST - 1.3) / room), len(lines))
-    axes[0].set_ylabel(case_lines.CASE_AXIS)
+        if len(parameters) > 2:  # narrow panels: a long name goes on below
+            ax.set_xlabel("\n".join(textwrap.wrap(ax.get_xlabel(), 32)))
+        case_lines.name_lines(ax, lines, inches, len(lines))
     page.legend(figure, entries)
     contents = sorted(set(numbers(cases, "interval").dropna()))
     note = f"Marker: median. Line: {' or '.join(map(interval_name, contents)) or 'interval'}."

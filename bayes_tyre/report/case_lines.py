@@ -6,13 +6,18 @@ from typing import NamedTuple
 
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from bayes_tyre.record import CASE_WORDS, DIRECTIONS
+from bayes_tyre.report import page
 from bayes_tyre.report.columns import numbers, texts
 from bayes_tyre.report.labels import plain
+from bayes_tyre.report.page import TALLEST
 
 #: The least height of a line that can carry a label, inches.
 LABEL = 0.12
+#: The most panels side by side, and what a further row of them needs beside its lines, inches.
+_ACROSS, _BETWEEN_ROWS = 3, 0.6
 CASE_AXIS = "case: (speed, km/h)\nfirst load-last load, kN"
 
 
@@ -87,6 +92,24 @@ def grouped_lines(rows: pd.DataFrame) -> list[Line]:
         label = case_label(row["speed_km_h"], row["initial_load_kN"], row["step_kN"])
         labels.append(f"{label} #{row['nth'] + 1}" if label and row["nth"] else label or f"case {i + 1}")
     return list_lines(headings, labels)
+
+
+def parameter_panels(count: int, spare: float, line: float, room: int) -> tuple[Figure, list[Axes], float]:
+    """Return a page with a list of `room` lines for each parameter, its panels row by row, and the height of a line.
+
+    At most `_ACROSS` panels stand side by side; `spare` is the height that a page with one row of them needs beside the
+    lines, and `line` that of a line where the page does not get too tall, inches.
+    """
+    across = min(_ACROSS, count)
+    down = math.ceil(count / across)
+    spare += _BETWEEN_ROWS * (down - 1)
+    figure = page.page(page.wide(across), min(TALLEST, spare + line * room * down))
+    axes = list(figure.subplots(down, across, sharey=True, squeeze=False).ravel())
+    for ax in axes[count:]:
+        ax.remove()
+    for ax in axes[:count:across]:
+        ax.set_ylabel(CASE_AXIS)
+    return figure, axes[:count], min(line, (TALLEST - spare) / (room * down))
 
 
 def name_lines(ax: Axes, lines: Sequence[Line], inches: float, room: int) -> None:

@@ -5,8 +5,9 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.posterior import is_of_motions
 from bayes_tyre.report import summary
-from bayes_tyre.report.figures import ALWAYS, OF_RECORDS, Result
+from bayes_tyre.report.figures import ALWAYS, OF_MOTIONS, OF_RECORDS, Result
 
 
 def chosen_figure(
@@ -37,11 +38,13 @@ def chosen_figure(
     BadInput
         For a name that there is not, and a figure of records without records.
     """
-    known = [*ALWAYS, *OF_RECORDS]
+    motions = is_of_motions(tree["posterior"].to_dataset())
+    of_tree = {**ALWAYS, **OF_MOTIONS} if motions else ALWAYS
+    known = [*of_tree] if motions else [*of_tree, *OF_RECORDS]
     if name not in known:
         raise BadInput(f"figure {name!r} is unknown; use one of {', '.join(known)}")
-    if name in OF_RECORDS and ("record" not in tree["posterior"].dims or table is None):
+    if name not in of_tree and ("record" not in tree["posterior"].dims or table is None):
         raise BadInput(f"figure {name} shows records; give the posterior of records, and their table")
     cases, repeats = summary.cases(tree, verdict, interval), summary.repeats(tree, verdict, interval)
     result = Result(tree, verdict, cases, repeats, table, printed, interval)
-    return ALWAYS[name](result) if table is None or name in ALWAYS else OF_RECORDS[name](result, table)
+    return of_tree[name](result) if table is None or name in of_tree else OF_RECORDS[name](result, table)

@@ -1,6 +1,7 @@
 """How each configuration looks: one colour, marker and line for it in every figure of a result."""
 
 from collections.abc import Iterable
+from itertools import count
 from typing import Any, NamedTuple
 
 from matplotlib.lines import Line2D
@@ -12,6 +13,8 @@ INK, PALE = "#222222", "#999999"
 # Blue, vermillion, green, purple, sky and orange of Okabe and Ito (2008): apart for all kinds of colour vision.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 _LINES: tuple[LineStyleType, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
+#: What looks the same in every result: a report of single tyres beside one of dual pairs is read by their colours.
+_OWN = {"dual": 0, "single": 1}
 _HATCHES = ("", "////", "....", "xxxx", "----")
 _MARKERS = ("o", "s", "^", "v", "P", "X", "p")
 
@@ -48,7 +51,17 @@ class Look(NamedTuple):
 
 def looks(configurations: Iterable[str]) -> dict[str, Look]:
     """Return the look of each configuration, always the same for the same set of labels; 210 of them differ."""
-    return {label: _look(i) for i, label in enumerate(sorted(set(configurations)))}
+    labels = sorted(set(configurations))
+    places = _places(labels)
+    return {label: _look(places[label]) for label in labels}
+
+
+def _places(labels: Iterable[str]) -> dict[str, int]:
+    """Return the place of each label: its own where it has one, and of the others the free ones in their order."""
+    labels = list(labels)
+    taken = {_OWN[label] for label in labels if label in _OWN}
+    free = (i for i in count() if i not in taken)
+    return {label: _OWN[label] if label in _OWN else next(free) for label in labels}
 
 
 def _look(i: int) -> Look:
@@ -77,5 +90,5 @@ class Setting(NamedTuple):
     def looks(self, shown: Iterable[str]) -> dict[str, Look]:
         """Return the look of each configuration shown, in sorted order; a label the result has not comes after all."""
         wanted, known = set(shown), sorted(set(self.configurations))
-        places = {label: i for i, label in enumerate([*known, *sorted(wanted.difference(known))])}
+        places = _places([*known, *sorted(wanted.difference(known))])
         return {label: _look(places[label]) for label in sorted(wanted)}

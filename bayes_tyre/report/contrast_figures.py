@@ -13,8 +13,8 @@ from bayes_tyre.record import CASE_WORDS
 from bayes_tyre.report import case_lines, page
 from bayes_tyre.report.colours import INK, Setting
 from bayes_tyre.report.columns import numbers, texts
-from bayes_tyre.report.labels import PARAMETERS, interval_name, panels, plain
-from bayes_tyre.report.page import STYLE, TALLEST
+from bayes_tyre.report.labels import PARAMETERS, called, interval_name, panels, plain
+from bayes_tyre.report.page import STYLE
 
 #: Height of a line, inches; the room of the shortest list, lines.
 _LINE, _LEAST = 0.17, 8
@@ -54,12 +54,10 @@ def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting, about: str = ""
     rows = rows.merge(listed[["contrast", "matching", *CASE_WORDS, "y"]])
     room = max(_LEAST, len(lines))
     parameters = panels(rows["parameter"])
-    figure = page.page(page.wide(len(parameters)), min(TALLEST, 1.1 + _LINE * room))
-    axes = figure.subplots(1, len(parameters), sharey=True)
+    figure, axes, inches = case_lines.parameter_panels(len(parameters), 1.1, _LINE, room)
     for ax, parameter in zip(axes, parameters, strict=True):
         _panel(ax, rows[rows["parameter"] == parameter], parameter)
-        case_lines.name_lines(ax, lines, min(_LINE, (TALLEST - 1.1) / room), room)
-    axes[0].set_ylabel(case_lines.CASE_AXIS)
+        case_lines.name_lines(ax, lines, inches, room)
     contents = " or ".join(interval_name(one) for one in sorted(set(rows["interval"].dropna()))) or "interval"
     if rows.empty:
         return page.finish(figure, setting, "No two configurations or directions have cases that match.")
@@ -96,7 +94,7 @@ def _panel(ax: Axes, rows: pd.DataFrame, parameter: str) -> None:
         page.log_axis(ax, low / 1.05, high * (high / low) ** _ROOM)
     else:
         ax.set_xlim(low - 0.05 * (high - low or 1.0), high + _ROOM * (high - low or 1.0))
-    ax.set_xlabel(f"ratio of {parameter} (no unit{', log scale' if log else ''})")
+    ax.set_xlabel(f"ratio of {called(parameter)} (no unit{', log scale' if log else ''})")
 
 
 def _probability(p: float) -> str:

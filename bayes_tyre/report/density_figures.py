@@ -31,6 +31,8 @@ from bayes_tyre.report.scales import Scale
 ACROSS, ROW, MOST_SCALES = 4, 1.35, 60
 #: Contraction below which a scale's posterior is mostly its prior.
 LITTLE = 0.2
+#: So many parameters have a row of full height each; of more, ticks are as few, for some have long numbers.
+_TALL, _FEW = 2, 6
 _PRIOR = {"facecolor": (PALE, 0.35), "edgecolor": PALE, "linewidth": 0.8}
 
 
@@ -55,11 +57,14 @@ def posteriors_by_direction(cells: pd.DataFrame, setting: Setting, interval: flo
     directions = sorted(set(draws["direction"]), key=case_lines.direction_rank) or [""]
     parameters = [p for p in PARAMETERS if (draws["parameter"] == p).any()] or list(ALWAYS)
     appearance = setting.looks(draws["configuration"])
-    figure = page.page(WIDTH, 1.0 + (2.3 + 0.1 * len(appearance)) * len(parameters))
+    each = (2.3 if len(parameters) <= _TALL else 1.7) + 0.1 * len(appearance)
+    figure = page.page(WIDTH, 1.0 + each * len(parameters))
     axes = figure.subplots(len(parameters), len(directions), sharex="row", sharey="row", squeeze=False)
     for row, parameter in zip(axes, parameters, strict=True):
         here = draws[draws["parameter"] == parameter]
         _density_row(list(row), [here[here["direction"] == d] for d in directions], appearance, interval, parameter)
+        if len(parameters) > _TALL and row[0].get_xscale() == "linear":
+            row[0].locator_params(axis="x", nbins=_FEW)
     for ax, direction in zip(axes[0], directions, strict=True):
         ax.set_title(plain(direction or "direction not stated"))
     page.legend(figure, [(look.density_handle, configuration_label(name)) for name, look in appearance.items()])

@@ -19,6 +19,7 @@ from bayes_tyre.report.document_numbers import interval_words, label, probable, 
 from bayes_tyre.report.document_result import Reported
 from bayes_tyre.report.document_tables import Cell, Column, Table
 from bayes_tyre.report.document_words import glossary
+from bayes_tyre.report.labels import called
 
 TEMPLATES = Path(__file__).with_name("templates")
 VERDICTS = {
@@ -58,6 +59,8 @@ def document(parts: Sequence[Part], across: Sequence[Across] = ()) -> str:
     results = [part.result for part in parts]
     style, script = (Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("report.css", "sort.js"))
     made = [tables.means_table, tables.contrasts_table, tables.cases_table, tables.repeats_table]
+    if any(result.of_motions for result in results):
+        made.insert(3, tables.losses_table)
     means, *long_tables = [make(results) for make in made]
     page = _environment().get_template("report.html.j2")
     return page.render(
@@ -96,7 +99,8 @@ def _policy(style: str, script: str) -> str:
 
 def _title(results: Sequence[Reported]) -> str:
     named = dict.fromkeys(label(each, 40) for result in results for each in result.configurations if each)
-    return f"Tyre stiffness: {', '.join(named)}" if named else "Tyre stiffness"
+    about = "Tyre stiffness, friction and energy lost" if all(one.of_motions for one in results) else "Tyre stiffness"
+    return f"{about}: {', '.join(named)}" if named else about
 
 
 def _shown(part: Part) -> dict[str, Any]:
@@ -115,7 +119,7 @@ def _shown(part: Part) -> dict[str, Any]:
 
 
 def _across_shown(across: Sequence[Across]) -> dict[str, Any]:
-    found = [(parameter, ratio) for each in across for parameter, of in each.ratios.items() for ratio in of]
+    found = [(called(parameter), ratio) for each in across for parameter, of in each.ratios.items() for ratio in of]
     columns = [Column("", name, "", number=False) for name in ("parameter", "above", "below")]
     columns += [Column("", name, "", number=True) for name in ("ratio", "P(ratio > 1)")]
     rows = [

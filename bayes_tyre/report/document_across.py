@@ -11,9 +11,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.posterior import CASE_PARAMETERS
+from bayes_tyre.inference.posterior import CASE_PARAMETERS, case_parameters
 from bayes_tyre.record import CASE_WORDS
 from bayes_tyre.report.contrasts import contrasts, tree_cases
+from bayes_tyre.report.document_losses import ENERGY
 from bayes_tyre.report.document_numbers import label
 from bayes_tyre.report.document_ratios import SAME_CASE, Ratio, ratio_of
 
@@ -57,7 +58,8 @@ def across(first: Side, other: Side, interval: float) -> Across:
         return Across({}, SAME_TABLES.format(**names))
     if first.tree is None or other.tree is None:
         return Across({}, NO_CASES.format(**names))
-    one, two = (_flat(tree, seed) for seed, tree in enumerate((first.tree, other.tree)))
+    shared = _shared(first.tree, other.tree)
+    one, two = (_flat(tree, shared, seed) for seed, tree in enumerate((first.tree, other.tree)))
     draws = min(one.sizes["draw"], two.sizes["draw"])
     mine, theirs = ({case.configuration for case in tree_cases(each)} for each in (one, two))
     pairs = [(c, c) for c in sorted(mine & theirs)] or list(product(sorted(mine), sorted(theirs)))
@@ -81,10 +83,17 @@ def has_cases(tree: xr.DataTree) -> bool:
     return "posterior" in tree.children and all(f"{name}_case" in tree["posterior"] for name in CASE_PARAMETERS)
 
 
-def _flat(tree: xr.DataTree, seed: int) -> xr.Dataset:
+def _shared(first: xr.DataTree, other: xr.DataTree) -> list[str]:
+    """Return the parameters that the cases of both have; energies of different strokes are not the same parameter."""
+    mine, theirs = (case_parameters(tree["posterior"].to_dataset()) for tree in (first, other))
+    same_stroke = first.attrs.get("amplitude_mm") == other.attrs.get("amplitude_mm")
+    return [name for name in mine if name in theirs and (same_stroke or name != ENERGY)]
+
+
+def _flat(tree: xr.DataTree, parameters: Sequence[str], seed: int) -> xr.Dataset:
     """Return the draws of the cases as one chain, in random order."""
     posterior = tree["posterior"].to_dataset()
-    kept = posterior[[f"{name}_case" for name in CASE_PARAMETERS]].drop_vars("case")
+    kept = posterior[[f"{name}_case" for name in parameters]].drop_vars("case")
     flat = kept.stack(sample=("chain", "draw")).transpose("case", "sample")
     order = np.random.default_rng(seed).permutation(flat.sizes["sample"])
     plain = flat.drop_vars(["sample", "chain", "draw"]).isel(sample=order).rename(sample="draw")

@@ -1,7 +1,6 @@
-"""The answer of a result in two sentences: which is stiffer, by how much, how sure; and loading against unloading."""
+"""The answer of a result in two sentences: which is stiffer, how sure; loading against unloading, or losses."""
 
-import pandas as pd
-
+from bayes_tyre.report.document_losses import losses_answer, of_cell
 from bayes_tyre.report.document_numbers import interval_words, label, percent_apart, probability, ratio_text, rounded
 from bayes_tyre.report.document_ratios import (
     SAME_LOAD,
@@ -13,8 +12,8 @@ from bayes_tyre.report.document_ratios import (
 )
 from bayes_tyre.report.document_result import Reported
 
-#: The parameter that "stiffer" is about; as `summary.csv` calls its mean over cases.
-STIFFNESS, MEAN = "k", "_mean"
+#: The parameter that "stiffer" is about.
+STIFFNESS = "k"
 #: What says something of a mean that the data alone do not decide.
 DECIDED = {
     "prior": "is decided by the prior, not by the data",
@@ -30,19 +29,15 @@ def answer(result: Reported) -> tuple[str, str]:
     first = _comparison(result) if len(result.configurations) > 1 else f"{_levels(result)}."
     if doubt := prior_clause(result):
         first = f"{first.removesuffix('.')}; but {doubt}."
-    return _FAILED + small(first) if result.verdict == "fail" else first, _directions(result)
-
-
-def means(result: Reported, parameter: str) -> pd.DataFrame:
-    """Return the rows of `summary.csv` with a parameter's mean over the cases of each configuration and direction."""
-    return result.summary[result.summary["parameter"] == f"{parameter}{MEAN}"]
+    second = losses_answer(result) if result.of_motions else _directions(result)
+    return _FAILED + small(first) if result.verdict == "fail" else first, second
 
 
 def prior_clause(result: Reported, parameter: str = STIFFNESS) -> str:
     """Return which means of a parameter the data alone do not decide; nothing where they decide all."""
-    rows = means(result, parameter)
+    rows = result.means(parameter)
     found = [
-        f"{parameter} of {_of(row)} {DECIDED[row['decided_by']]}"
+        f"{parameter} of {of_cell(row)} {DECIDED[row['decided_by']]}"
         for _, row in rows[rows["decided_by"].isin(list(DECIDED))].iterrows()
     ]
     return ", ".join(found[:2]) + (f", and {len(found) - 2} more likewise" if len(found) > 2 else "")
@@ -92,23 +87,18 @@ def small(sentence: str) -> str:
 
 def _levels(result: Reported) -> str:
     """Return the stiffness of each configuration and direction, in words."""
-    rows = means(result, STIFFNESS)
+    rows = result.means(STIFFNESS)
     if rows.empty:
         return f"This result holds no mean stiffness {STIFFNESS}"
     size = interval_words(result.interval)
     said = [
-        f"{rounded(row['median'])} {label(row['unit'])} for {_of(row)} ({size} {rounded(row['lower'])} to "
+        f"{rounded(row['median'])} {label(row['unit'])} for {of_cell(row)} ({size} {rounded(row['lower'])} to "
         f"{rounded(row['upper'])})"
         for _, row in rows.iterrows()
     ]
     cases = len(result.cases[result.cases["parameter"] == STIFFNESS])
     over = f", averaged over its {cases} test cases" if cases > len(rows) else ""
     return f"The stiffness {STIFFNESS} is {', '.join(said)}{over}"
-
-
-def _of(row: pd.Series) -> str:
-    known = [label(row[word]) for word in ("configuration", "direction") if row[word]]
-    return " in ".join(known) if known else "all records"
 
 
 def _directions(result: Reported) -> str:

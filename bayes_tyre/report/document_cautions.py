@@ -4,9 +4,11 @@ from collections.abc import Iterator
 
 from bayes_tyre.record import ORIGIN_UNKNOWN
 from bayes_tyre.report.document_answer import STIFFNESS, prior_clause
+from bayes_tyre.report.document_losses import losses_cautions
 from bayes_tyre.report.document_numbers import interval_words, label, probability, ratio_text
 from bayes_tyre.report.document_ratios import SAME_LOAD, SAME_SPAN, Ratio, between_configurations, between_directions
 from bayes_tyre.report.document_result import Reported
+from bayes_tyre.report.labels import called
 
 #: Each kind of data, for a reader who sees nothing but the page; anything that is no measurement is marked.
 ORIGINS = {
@@ -43,6 +45,7 @@ def cautions(result: Reported) -> list[str]:
         *_of_directions(result),
         *_of_priors(result),
         *_of_repeats(result),
+        *(losses_cautions(result) if result.of_motions else ()),
     ]
 
 
@@ -56,7 +59,7 @@ def _of_configurations(result: Reported) -> Iterator[str]:
         for ratio in between_configurations(result, str(parameter)):
             if not ratio.clear:
                 pair = f"{label(ratio.above)} and {label(ratio.below)}"
-                yield f"A difference in {label(parameter)} between {pair}: {_holds_1(ratio)}."
+                yield f"A difference in {label(called(parameter))} between {pair}: {_holds_1(ratio)}."
 
 
 def _holds_1(ratio: Ratio) -> str:

@@ -20,12 +20,12 @@ from bayes_tyre.report.page import STYLE
 #: What each figure is called, and how somebody reads it who has never seen a posterior.
 HEADINGS = {
     "posteriors_by_direction": (
-        "How well k and beta are known",
+        "How well the parameters are known",
         "The higher the curve, the more believable the value below it; two curves that hardly overlap are two values "
         "that differ.",
     ),
     "forest_of_cases": (
-        "k and beta of each test case",
+        "Parameters of each test case",
         "A marker is the middle of what is believable, its line the interval.",
     ),
     "contrasts": (
@@ -55,6 +55,14 @@ HEADINGS = {
     "residuals_against_displacement": (
         "What the fit leaves over",
         "A wave instead of even noise says that the law misses something.",
+    ),
+    "energy_per_cycle": (
+        "How much energy a cycle loses",
+        "The higher the curve, the more believable the energy below it, at the stated amplitude at the wheel centre.",
+    ),
+    "loops_by_direction": (
+        "The loop that loses it",
+        "The wider the loop, the more a cycle loses; the band is what is believable.",
     ),
     "outlier_probabilities": (
         "Which repeats are odd",
@@ -89,6 +97,8 @@ def pictures(result: Result, folder: Path) -> Iterator[Picture]:
     """
     known = set()
     for name, figure in figures.draw(result):
+        if name in known:
+            continue
         known.add(name)
         yield picture(name, figure)
     yield from kept_pictures(folder, known)
@@ -96,7 +106,9 @@ def pictures(result: Result, folder: Path) -> Iterator[Picture]:
 
 def kept_pictures(folder: Path, but: set[str]) -> Iterator[Picture]:
     """Yield the figures that a command left as PNG in `folder`, but those of the names given."""
-    for path in sorted(folder.glob("*.png")):
+    known = list(HEADINGS)
+    by_name = sorted(folder.glob("*.png"))
+    for path in sorted(by_name, key=lambda path: known.index(path.stem) if path.stem in known else len(known)):
         if path.stem not in but:
             heading, reading = _words(path.stem)
             yield Picture(path.stem, heading, reading, heading, _uri("image/png", path.read_bytes()))

@@ -14,6 +14,8 @@ from bayes_tyre.report.columns import numbers, texts
 from bayes_tyre.report.run import RUN_JSON
 
 VERDICTS = ("pass", "fail")
+#: What `summary.csv` puts behind a parameter's name where it is its mean over cases.
+MEAN = "_mean"
 TABLES = ("summary", "cases", "contrasts", "repeats")
 _NUMBERS = ("median", "lower", "upper", "interval")
 #: What no table of the name can do without.
@@ -81,6 +83,15 @@ class Reported:
         """The parameters of its tables, those of the cases first."""
         return list(dict.fromkeys([*self.cases["parameter"], *self.repeats["parameter"]]))
 
+    @property
+    def of_motions(self) -> bool:
+        """Whether its cases have what only a motion tells: friction, mass, damping, energy lost."""
+        return bool(self.cases["parameter"].isin(["x", "energy_per_cycle"]).any())
+
+    def means(self, parameter: str) -> pd.DataFrame:
+        """Return the rows of `summary.csv` with a parameter's mean over cases, one a configuration and direction."""
+        return self.summary[self.summary["parameter"] == f"{parameter}{MEAN}"]
+
     def said(self, kind: str) -> list[str]:
         """Return the sentences in `diagnostics.json` under ``reasons`` or ``remarks``."""
         found = self.diagnostics.get(kind)
@@ -96,7 +107,7 @@ def read_reported(folder: Path, name: str) -> Reported:
         If the folder holds no finished result, or a file that no fit wrote.
     """
     if not (folder / RUN_JSON).is_file():
-        raise BadInput(f"{folder}: holds no run.json, so no finished result; name a folder that fit wrote")
+        raise BadInput(f"{folder}: holds no run.json, so no finished result; name a folder that fit or motion wrote")
     run = _object(folder / RUN_JSON, _RUN)
     diagnostics = _object(folder / "diagnostics.json", {"verdict": str})
     if diagnostics["verdict"] not in VERDICTS:

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from bayes_tyre.record import CASE_WORDS, WORDS
-from bayes_tyre.report.document_answer import MEAN
+from bayes_tyre.report.document_losses import losses_tables
 from bayes_tyre.report.document_numbers import given, label, probable, rounded
-from bayes_tyre.report.document_result import Reported
+from bayes_tyre.report.document_result import MEAN, Reported
+from bayes_tyre.report.labels import called
 
 #: What words are called above a column, and their unit; whether they are numbers.
 HEADINGS = {
@@ -89,6 +90,12 @@ def cases_table(results: Sequence[Reported]) -> Table:
     return _table("cases", caption, results, [each.cases for each in results], CASE_WORDS, _values)
 
 
+def losses_table(results: Sequence[Reported]) -> Table:
+    """Return what each case of motions loses beside the energy: loss factor, equivalent damping, separation."""
+    caption = "Losses of each case: at the amplitude of the energy; the separation of branches on flat ground"
+    return _table("losses", caption, results, losses_tables(results), CASE_WORDS, _values)
+
+
 def contrasts_table(results: Sequence[Reported]) -> Table:
     """Return the ratios of each parameter, each with its probability to be above 1."""
     caption = "Contrasts: ratios of matched cases; empty words are averaged over"
@@ -103,13 +110,13 @@ def repeats_table(results: Sequence[Reported]) -> Table:
 
 
 def _values(parameter: str, rows: pd.DataFrame) -> list[_Measure]:
-    return [_Measure(parameter, parameter, rows["unit"].iloc[0], _with_interval)]
+    return [_Measure(parameter, called(parameter), rows["unit"].iloc[0], _with_interval)]
 
 
 def _ratios(parameter: str, _: pd.DataFrame) -> list[_Measure]:
     return [
-        _Measure(parameter, f"ratio of {parameter}", "", _with_interval),
-        _Measure(parameter, f"P(> 1), {parameter}", "", _only("p_greater_than_1")),
+        _Measure(parameter, f"ratio of {called(parameter)}", "", _with_interval),
+        _Measure(parameter, f"P(> 1), {called(parameter)}", "", _only("p_greater_than_1")),
     ]
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from bayes_tyre.report.document_losses import LOSSES
 from bayes_tyre.report.document_result import Reported
 
 PARAMETERS = {
@@ -13,9 +14,23 @@ PARAMETERS = {
     "J": ("J, kN", "Offset of that line at the start of the step: the friction a step has to overcome first."),
     "C": ("C, kN", "Force of that line at zero displacement."),
     "x": ("x, kN", "Friction: half the distance between the lines of loading and unloading."),
+    "settled": ("settled, kN", "Friction on which the force settles when a tyre is moved on."),
+    "n": ("n", "How suddenly the force settles: 1 for Fancher's law."),
     "m": ("m, kg", "Mass that moves with the wheel centre."),
     "c": ("c", "Viscous damping, in the unit that its column states."),
-    "energy_per_cycle": ("energy_per_cycle", "Energy lost in one cycle of loading and unloading, at the wheel centre."),
+    "energy_per_cycle": ("Energy a cycle, J", "Energy lost in a cycle of loading and unloading, at the wheel centre."),
+    "loss factor": (
+        "Loss factor",
+        "Energy lost in a cycle over 2 pi times the energy stored at its end, at the stated amplitude; a pure number.",
+    ),
+    "equivalent damping": (
+        "Equivalent damping, kN s/mm",
+        "Viscous damping that would lose as much in that cycle, at the natural frequency of the mass on the tyre.",
+    ),
+    "separation of branches": (
+        "Separation of branches, kN",
+        "2 (x - k beta): how far apart the force settles going up and coming down, on flat ground.",
+    ),
     "sigma": ("sigma, kN", "Noise of the force about the fitted curve."),
 }
 ALWAYS = {
@@ -39,4 +54,5 @@ ALWAYS = {
 def glossary(results: Sequence[Reported]) -> dict[str, str]:
     """Return what the words of the results mean: the parameters that they have, and what all have."""
     shown = {parameter for result in results for parameter in result.parameters}
+    shown |= {name for result in results if result.of_motions for name in LOSSES.values()}
     return {name: text for parameter, (name, text) in PARAMETERS.items() if parameter in shown} | ALWAYS

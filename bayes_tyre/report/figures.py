@@ -16,6 +16,8 @@ from bayes_tyre.report.colours import Setting
 from bayes_tyre.report.contrast_figures import contrasts_by_case
 from bayes_tyre.report.contrasts import contrasts, tree_cases
 from bayes_tyre.report.density_figures import posteriors_by_direction, prior_and_posterior_of_scales
+from bayes_tyre.report.motion_figures import loops_by_direction
+from bayes_tyre.report.motion_loops import LAW, friction_loops
 from bayes_tyre.report.populations import Population, divergences, paired, populations
 from bayes_tyre.report.prior_records import prior_panels
 from bayes_tyre.report.ranks import ranks
@@ -81,6 +83,7 @@ def draw(result: Result) -> Iterator[tuple[str, Figure]]:
     further = OF_MOTIONS if is_of_motions(result.tree["posterior"].to_dataset()) else {}
     for name, figure in {**ALWAYS, **further}.items():
         yield name, figure(result)
+    yield from _loops(result)
     if result.table is not None:
         for name, figure_of_records in OF_RECORDS.items():
             yield name, figure_of_records(result, result.table)
@@ -96,6 +99,16 @@ def _energy(result: Result) -> Figure:
     return posteriors_by_direction(
         draws[draws["parameter"] == ENERGY], result.setting, result.interval, _about_energy(result)
     )
+
+
+def _loops(result: Result) -> Iterator[tuple[str, Figure]]:
+    """Yield the loop of a cycle, where the posterior is of motions on the law whose loop is known."""
+    attributes = result.tree.attrs
+    of_motions = is_of_motions(result.tree["posterior"].to_dataset())
+    if of_motions and "amplitude_mm" in attributes and attributes.get("law", LAW) == LAW:
+        loops = friction_loops(result.tree, result.interval)
+        amplitude = float(attributes["amplitude_mm"])
+        yield "loops_by_direction", loops_by_direction(loops, result.setting, amplitude, result.interval)
 
 
 def _about_energy(result: Result) -> str:

@@ -1,20 +1,25 @@
-"""A picture of a record's motion: readings of the three channels, what the fitted motion expects, what is left over."""
+"""Pictures of motions: a record's readings beside the fitted motion, and the loop that loses the energy."""
 
 import io
 
 import matplotlib.style
 import numpy as np
+import pandas as pd
 from jaxtyping import Float
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from bayes_tyre.inference.motion_window import Window
-from bayes_tyre.report import page
-from bayes_tyre.report.colours import INK, Setting
-from bayes_tyre.report.labels import plain
-from bayes_tyre.report.page import STYLE
+from bayes_tyre.report import case_lines, page
+from bayes_tyre.report.colours import INK, Look, Setting, looks
+from bayes_tyre.report.labels import configuration_label, interval_name, plain
+from bayes_tyre.report.page import STYLE, WIDTH
 from bayes_tyre.report.process_figures import PEN
 
 _FITTED = "#0072B2"
+_TRUTH = {"color": INK, "linewidth": 0.8, "linestyle": "--"}
 _CHANNELS = ("acceleration (m/s²)", "laser (mm)", "cylinder load (kN)")
 
 
@@ -62,3 +67,105 @@ def motion_png(record: str, window: Window, expected: Float[np.ndarray, "3 block
     with PEN:
         motion_figure(record, window, expected, status, origin).savefig(png, format="png")
     return png.getvalue()
+
+
+@matplotlib.style.context(STYLE)
+def loops_by_direction(loops: pd.DataFrame, setting: Setting, amplitude_mm: float, interval: float = 0.95) -> Figure:
+    """Return the loop of each configuration, a panel a direction of the step: friction over displacement.
+
+    Parameters
+    ----------
+    loops:
+        As `bayes_tyre.report.motion_loops.friction_loops` gives them, mm and kN.
+    setting:
+        What all figures of the result share.
+    amplitude_mm:
+        Half the stroke.
+    interval:
+        Content of the bands.
+    """
+    directions = sorted(set(loops["direction"]), key=case_lines.direction_rank)
+    appearance = setting.looks(loops["configuration"])
+    figure = page.page(WIDTH, 3.9)
+    axes = figure.subplots(1, len(directions), sharey=True, squeeze=False)[0]
+    for ax, direction in zip(axes, directions, strict=True):
+        _loop_panel(ax, loops[loops["direction"] == direction], appearance)
+        ax.set_title(plain(f"{direction or 'direction not stated'} steps"))
+        ax.set_xlabel("displacement from the middle, flat ground (mm)")
+    axes[0].set_ylabel("force less k d + C, flat ground (kN)")
+    axes[0].locator_params(axis="y", nbins=5)
+    entries = [(_loop_handle(look), configuration_label(name)) for name, look in appearance.items()]
+    page.legend(figure, entries)
+    note = (
+        f"Line: median; band: {interval_name(interval)}; mean over the cases of a direction. Half the stroke is "
+        f"{amplitude_mm:g} mm. Above: displacement grows; below: it falls. Their distance is 2 (x - k beta), the area "
+        "between them what a cycle loses; tables state it at the wheel centre."
+    )
+    return page.finish(figure, setting, note)
+
+
+def _loop_handle(look: Look) -> tuple[Patch, Line2D]:
+    return Patch(**look.band), Line2D([], [], color=look.colour, linestyle=look.line)
+
+
+def _loop_panel(ax: Axes, loops: pd.DataFrame, appearance: dict[str, Look]) -> None:
+    ax.axhline(0.0, color=INK, linewidth=0.6)
+    for configuration, look in appearance.items():
+        mine = loops[loops["configuration"] == configuration]
+        for _, branch in mine.groupby("branch"):
+            ax.fill_between(branch["displacement_mm"], branch["lower_kN"], branch["upper_kN"], **look.band)
+            ax.plot(branch["displacement_mm"], branch["median_kN"], color=look.colour, linestyle=look.line)
+
+
+@matplotlib.style.context(STYLE)
+def loop_figure(path: pd.DataFrame, amplitude_mm: float) -> Figure:
+    """Return a known tyre's loop: the force at the left, and without its middle line k d + C at the right.
+
+    Parameters
+    ----------
+    path:
+        `displacement_mm`, `force_kN`, `friction_kN` (force less k d + C) in order around the loop, simulated.
+    amplitude_mm:
+        Half the stroke.
+    """
+    figure = page.page(WIDTH, 3.4)
+    axes = figure.subplots(1, 2)
+    names = (("force_kN", "force less C, flat ground (kN)"), ("friction_kN", "force less k d + C, flat ground (kN)"))
+    for ax, (column, label) in zip(axes, names, strict=True):
+        ax.plot(path["displacement_mm"], path[column], color=_FITTED)
+        ax.fill(path["displacement_mm"], path[column], facecolor=(_FITTED, 0.2), linewidth=0)
+        ax.set_xlabel("displacement from the middle, flat ground (mm)")
+        ax.set_ylabel(label)
+    note = (
+        f"A simulated tyre moved up and down by {amplitude_mm:g} mm either way. The shaded area, the same at both "
+        "sides, is the energy that a cycle loses."
+    )
+    return page.finish(figure, Setting("simulated"), note)
+
+
+@matplotlib.style.context(STYLE)
+def off_the_truth(table: pd.DataFrame) -> Figure:
+    """Return how far each quantity is off its known truth, a line a quantity and a marker a record.
+
+    Parameters
+    ----------
+    table:
+        A row a record and quantity, simulated: `record`, and what `bayes_tyre.report.motion_truth.beside_truth` gives.
+    """
+    quantities = list(dict.fromkeys(table["quantity"]))
+    appearance = looks(table["record"])
+    figure = page.page(WIDTH, 1.2 + 0.34 * len(quantities))
+    ax = figure.subplots()
+    ax.axvline(0.0, **_TRUTH)
+    for i, (record, look) in enumerate(appearance.items()):
+        mine = table[table["record"] == record]
+        at = mine["quantity"].map(quantities.index) + 0.6 * ((i + 0.5) / len(appearance) - 0.5)
+        off = {end: 100 * (mine[end] / mine["truth"] - 1) for end in ("median", "lower", "upper")}
+        ax.hlines(at, off["lower"], off["upper"], color=INK, linewidth=1.2)
+        ax.plot(off["median"], at, look.marker, color=INK, markersize=4)
+    ax.set_yticks(range(len(quantities)), quantities)
+    ax.invert_yaxis()
+    ax.set_xlabel("off the truth (%)")
+    style = {"color": INK, "linewidth": 1.2}
+    page.legend(figure, [(Line2D([], [], marker=look.marker, **style), plain(n)) for n, look in appearance.items()])
+    return page.finish(figure, Setting("simulated"), "Marker: median. Line: 95 % interval. Dashed: the truth.")

@@ -43,7 +43,8 @@ def finish(figure: Figure, setting: Setting, note: str) -> Figure:
     left = 0.08 / width
     lines = textwrap.wrap(note, int(_LETTERS * width))
     foot = (0.28 + _NOTE_LINE * len(lines)) / height
-    figure.set_layout_engine(ConstrainedLayoutEngine(rect=(0, foot, 1, 1 - foot)))
+    layout = ConstrainedLayoutEngine(rect=(0, foot, 1, 1 - foot))
+    figure.set_layout_engine(layout)
     for i, line in enumerate(reversed(lines)):
         figure.text(left, (0.26 + _NOTE_LINE * i) / height, line, fontsize=7, ha="left", va="center")
     source = plain(origin_note(setting.origin), 80)
@@ -51,7 +52,7 @@ def finish(figure: Figure, setting: Setting, note: str) -> Figure:
     if setting.verdict == "fail":
         warning = "verdict: fail, not to be trusted"
         figure.text(left, 0.1 / height, warning, fontsize=7.5, ha="left", va="center", weight="bold")
-    figure.draw_without_rendering()
+    layout.execute(figure)
     figure.set_layout_engine("none")  # settled: to lay it out again for writing would take as long once more
     return figure
 

@@ -175,5 +175,5 @@ def _name(one: Population, log: bool) -> str:
 def _pair_note(divergent: np.ndarray, apart: int) -> str:
     count = int(divergent.sum())
     marked = f"Crosses: divergent transitions ({count})." if count else "No transition diverged."
-    every = f"every {apart}th draw" if apart > 1 else "every draw"
+    every = f"one draw in {apart}" if apart > 1 else "every draw"
     return f"Points: {every}. Numbers: correlations, bold above {STRONG:g} in size. {marked}"

@@ -12,6 +12,7 @@ from bayes_tyre.formats.files import check_folder, write_text
 from bayes_tyre.formats.netcdf import read_tree
 from bayes_tyre.formats.tables import read_table
 from bayes_tyre.inference.fit import used_points
+from bayes_tyre.inference.posterior import is_of_motions
 from bayes_tyre.published import tables
 from bayes_tyre.record_table import check_record_table
 from bayes_tyre.report.document import Part, document
@@ -58,17 +59,21 @@ def write_report(
     out: Path | None,
     tell: Callable[[str], None] = lambda _: None,
     on_progress: Callable[[int], None] = lambda _: None,
+    *,
+    kept_figures: bool = False,
 ) -> Written:
     """Write the report of results, side by side where there are several.
 
     Parameters
     ----------
     folders, out:
-        What `fit`, or a command that writes the same, wrote; and where the page goes (`target`).
+        What `fit` or `motion` wrote; and where the page goes (`target`).
     tell:
         Told what the user should know, a line each.
     on_progress:
         Called with 1 after each folder.
+    kept_figures:
+        Show the figures as they lie in the folders instead of drawing them anew.
 
     Raises
     ------
@@ -80,7 +85,10 @@ def write_report(
     parts, sides = [], []
     for folder, result in zip(folders, results, strict=True):
         tree = read_tree(folder / "posterior.nc")
-        parts.append(_part(folder, result, tree, tell))
+        if kept_figures or not has_cases(tree):  # a posterior of another model has no such figures
+            parts.append(Part(result, list(kept_pictures(folder / "figures", set()))))
+        else:
+            parts.append(_drawn(folder, result, tree, tell))
         inputs = frozenset(result.run["inputs"].values())
         sides.append(Side(result.name, tree if has_cases(tree) else None, inputs, result.run["origin"]))
         on_progress(1)
@@ -89,14 +97,13 @@ def write_report(
     return Written(path, [result.name for result in results if result.verdict == "fail"])
 
 
-def _part(folder: Path, result: Reported, tree: xr.DataTree, tell: Callable[[str], None]) -> Part:
-    if not has_cases(tree):  # of another model than these figures are of
-        return Part(result, list(kept_pictures(folder / "figures", set())))
-    table = _records(folder, result, tell)
+def _drawn(folder: Path, result: Reported, tree: xr.DataTree, tell: Callable[[str], None]) -> Part:
+    of_motions = is_of_motions(tree["posterior"].to_dataset())
+    table = None if of_motions else _records(folder, result, tell)
     # As when the fit drew them: only records made from the printed tables, and these, are held against print.
     printed = tables.case_means() if result.run["origin"] in ("reconstructed", "published") else None
     drawn = Result(tree, result.verdict, result.cases, result.repeats, table, printed, result.interval)
-    missing = table is None and not result.repeats.empty
+    missing = table is None and not result.repeats.empty and not of_motions
     return Part(result, list(pictures(drawn, folder / "figures")), KEPT if missing else "")
 
 

@@ -4,6 +4,7 @@ from functools import lru_cache, partial
 from itertools import product
 from typing import Any
 
+import matplotlib.style
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -13,6 +14,7 @@ from matplotlib.text import Text
 
 from bayes_tyre.report import case_figures, contrast_figures, density_figures, record_figures, sampler_figures
 from bayes_tyre.report.colours import Setting
+from bayes_tyre.report.page import STYLE
 from bayes_tyre.report.populations import Population
 from bayes_tyre.report.prior_records import PriorPanel
 from bayes_tyre.report.ranks import Ranks
@@ -186,6 +188,8 @@ def segments(ax: Axes) -> list[np.ndarray]:
 
 def sticking_out(figure: Figure) -> list[str]:
     """Return notes, titles, labels and legend texts that do not lie within the page, one pixel to spare."""
+    with matplotlib.style.context(STYLE):  # as it is written: ticks are made as they are drawn
+        figure.draw_without_rendering()  # a legend's texts have no place before
     shown = [ax for ax in figure.get_axes() if ax.get_visible()]
     texts = [text for ax in shown for text in (ax.title, ax.xaxis.label, ax.yaxis.label)]
     texts += [*figure.texts, *(text for box in figure.legends for text in box.get_texts())]

@@ -115,3 +115,12 @@ def test_figures_are_as_wide_as_the_page_and_no_taller_than_the_tallest(name):
     assert width == page.WIDTH
     assert 1 < height <= page.TALLEST
     assert np.isfinite(height)
+
+
+def test_single_and_dual_look_the_same_in_every_result():
+    both = colours.looks(["single", "dual"])
+    for others in (["single"], ["dual"], ["a", "single"], ["dual", "z"], ["a", "single", "dual", "z"]):
+        looks = colours.looks(others)
+        assert len({(look.colour, look.marker) for look in looks.values()}) == len(others)
+        assert all(looks[name] == both[name] for name in set(others) & set(both))
+        assert Setting("measured", configurations=tuple(others)).looks(others) == looks

@@ -7,13 +7,14 @@ import xarray as xr
 from hand_made_posteriors import grid
 from quick_motions import TYPICAL, drawn
 
+from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.motion_hierarchy import Motions
 from bayes_tyre.inference.motion_losses import Middle, with_losses
 from bayes_tyre.inference.posterior import MOTION_CASE_PARAMETERS
 from bayes_tyre.report import figures, summary
+from bayes_tyre.report.chosen_figure import chosen_figure
 from bayes_tyre.report.contrasts import contrasts
 from bayes_tyre.report.figures import Result
-from bayes_tyre.report.labels import PARAMETERS
 from bayes_tyre.report.populations import paired, populations
 from bayes_tyre.report.recovery import OF_MOTIONS, of_posterior
 from bayes_tyre.rig.axle import load_rig
@@ -42,7 +43,7 @@ def test_every_table_has_the_parameters_of_motions(tree):
 def test_figures_have_a_panel_a_parameter_and_name_the_amplitude(tree):
     result = Result(tree, "pass", summary.cases(tree, "pass"), summary.repeats(tree, "pass"), None, None, 0.95)
     for name in ("forest_of_cases", "contrasts"):
-        assert len(figures.ALWAYS[name](result).axes) == len(PARAMETERS)
+        assert len(figures.ALWAYS[name](result).axes) == len(MOTION_CASE_PARAMETERS)
     energy = figures.OF_MOTIONS["energy_per_cycle"](result)
     assert len(energy.axes) == 2  # loading, unloading
     assert "2 mm amplitude at the wheel centre" in " ".join(text.get_text() for text in energy.texts)
@@ -65,3 +66,10 @@ def test_the_truth_is_set_beside_all_five(tree):
     assert (of.loc[["k", "x", "beta", "m"], "rms"] < 0.01).all()
     assert of.loc["c", "median"] == pytest.approx(-0.5, abs=0.01)
     assert (of.loc[["k", "x", "beta", "m"], "covered"] == 1).all()
+
+
+def test_a_figure_of_motions_is_taken_by_name_and_those_of_records_are_not_there(tree):
+    figure = chosen_figure(tree, "pass", "energy_per_cycle")
+    assert "energy lost a cycle (J)" in [ax.get_xlabel() for ax in figure.get_axes()]
+    with pytest.raises(BadInput, match=r"records_with_bands.*energy_per_cycle"):
+        chosen_figure(tree, "pass", "records_with_bands")

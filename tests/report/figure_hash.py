@@ -1,0 +1,57 @@
+"""A figure's perceptual hash: how much ink lies in each cell of a grid, which fonts' edges hardly move.
+
+`PYTHONPATH=tests python tests/report/figure_hash.py` draws the figures and writes `figure_hashes.json`: after a change
+that is meant, and a look at them.
+"""
+
+import json
+from pathlib import Path
+
+import matplotlib.style
+import numpy as np
+from jaxtyping import Float
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from bayes_tyre.report.page import STYLE
+
+STORED = Path(__file__).with_name("figure_hashes.json")
+#: Cells a side; share of ink that is the darkest level, thin lines being what counts; levels.
+SIDE, FULL, LEVELS = 32, 0.25, 16
+#: A cell has changed by so many levels; so many cells may.
+CHANGED, MOST = 3, 3
+
+
+def figure_hash(figure: Figure) -> str:
+    """Return the hash: a hexadecimal digit a cell, row by row."""
+    canvas = FigureCanvasAgg(figure)
+    with matplotlib.style.context(STYLE):
+        canvas.draw()
+    colours = np.asarray(canvas.buffer_rgba(), dtype=float)[..., :3] / 255
+    ink = 1 - colours @ [0.299, 0.587, 0.114]
+    level = np.round((LEVELS - 1) * np.minimum(1.0, _cells(ink) / FULL)).astype(int)
+    return "".join(f"{value:x}" for value in level.ravel())
+
+
+def _cells(ink: Float[np.ndarray, "height width"]) -> Float[np.ndarray, "side side"]:
+    """Return the mean ink of each cell; a pixel on an edge belongs to both cells by its shares."""
+    for axis in (0, 1):
+        total = np.insert(np.cumsum(ink, axis=axis), 0, 0.0, axis=axis)
+        at = np.linspace(0, ink.shape[axis], SIDE + 1)
+        whole = np.arange(total.shape[axis])
+        edges = np.apply_along_axis(lambda of, at=at, whole=whole: np.interp(at, whole, of), axis, total)
+        ink = np.diff(edges, axis=axis) / (at[1] - at[0])
+    return ink
+
+
+def distance(one: str, other: str) -> int:
+    """Return how many cells differ by `CHANGED` levels or more."""
+    levels = [np.array([int(digit, 16) for digit in text]) for text in (one, other)]
+    return int((np.abs(levels[0] - levels[1]) >= CHANGED).sum())
+
+
+if __name__ == "__main__":
+    from test_figure_hashes import FIGURES
+
+    written = {name: figure_hash(draw()) for name, draw in FIGURES.items()}
+    STORED.write_text(json.dumps(written, indent=1) + "\n", encoding="utf-8")
