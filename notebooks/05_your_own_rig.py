@@ -101,7 +101,7 @@ pd.read_csv(here / "rejected.csv")
 # `fail` would mean: written, but not to be trusted; the reasons then say what to do.
 
 # %%
-few = ["--chains", "2", "--warmup", "600", "--draws", "1000", "--repeats", "normal"]
+few = ["--chains", "2", "--warmup", "600", "--draws", "900", "--repeats", "normal"]
 bayes_tyre("fit", "records.csv", "--out", "fit", "--quiet", *few)
 posterior = bt.read_posterior(here / "fit")
 print("simulated, not measured; verdict:", posterior.attrs["verdict"])
@@ -137,10 +137,12 @@ bayes_tyre("show", "--truth", "raw/truth.csv", "fit")
 # %% [markdown]
 # ## What do I hand on?
 #
-# *Simulated, not measured.* One page with the verdict, the tables and the figures, that opens without a network.
+# *Simulated, not measured.* One page with the verdict, the tables and the figures, that opens without a network. Here
+# with the figures as they lie in `fit/figures`, to be quick; without `--kept-figures` they are drawn anew, as sharp as
+# any page or screen wants them.
 
 # %%
-bayes_tyre("report", "fit")
+bayes_tyre("report", "fit", "--kept-figures")
 print("size of the page:", round((here / "fit" / "report.html").stat().st_size / 1e6, 1), "MB")
 
 # %% [markdown]
