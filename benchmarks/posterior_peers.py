@@ -2,7 +2,7 @@
 
 Run ``python benchmarks/posterior_peers.py [--quick]``; prints Markdown. Same model, data and priors. Ours is the
 compressed likelihood in its own coordinates; NumPyro, PyMC and nutpie (numba) get the direct likelihood, centred
-(`posterior_model`), and start from the least-squares estimates. 4 chains, target acceptance 0.8, as ours. The rate is of the
+(`posterior_model`), and start from the least-squares estimates. 4 chains, target acceptance 0.8. The rate is of the
 worst of bulk and tail ESS over every parameter of the records, the cases and the populations. End to end: from the
 record table to the draws, all compilation included. Sampling alone: warmup and draws, compiled.
 """
