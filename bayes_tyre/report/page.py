@@ -52,7 +52,8 @@ def finish(figure: Figure, setting: Setting, note: str) -> Figure:
     if setting.verdict == "fail":
         warning = "verdict: fail, not to be trusted"
         figure.text(left, 0.1 / height, warning, fontsize=7.5, ha="left", va="center", weight="bold")
-    layout.execute(figure)
+    if figure.axes:
+        layout.execute(figure)
     figure.set_layout_engine("none")  # settled: to lay it out again for writing would take as long once more
     return figure
 

@@ -14,7 +14,7 @@ from bayes_tyre.inference.sampling import SamplerSettings
 from bayes_tyre.report import summary
 
 ODD, SILENT = 4, 9
-SETTINGS = SamplerSettings(chains=2, warmup=300, draws=300, seed=1)
+SETTINGS = SamplerSettings(chains=2, warmup=500, draws=300, seed=1)
 
 
 @pytest.fixture(scope="module")

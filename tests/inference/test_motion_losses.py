@@ -18,7 +18,7 @@ def made() -> tuple[xr.DataTree, list[Middle]]:
     k, x = np.array([1.5, 1.6, 2.5, 2.6]), np.array([0.3, 0.35, 0.5, 0.6])
     draws = {}
     for ending in ("", "_case"):
-        of = {"k": k, "x": x, "beta": 0.02 * k, "m": 200 * k}
+        of = {"k": k, "x": x, "beta": 0.02 * k, "m": 200 * k, "c": 0.001 * k}
         draws |= {f"{name}{ending}": fixed(values) * np.linspace(1, 1.1, 8)[:, None] for name, values in of.items()}
     middles = [Middle(RIGS[name], 10.0 + i) for i, name in enumerate(WORDS["configuration"])]
     return posterior(draws, WORDS), middles

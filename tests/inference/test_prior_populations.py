@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from numpyro.handlers import seed, substitute, trace
 from numpyro.infer.initialization import init_to_uniform
+from scipy import stats
 from simulated_records import Plan, simulate
 
 from bayes_tyre.inference import hierarchical
+from bayes_tyre.inference.coordinates import Gaussian
 from bayes_tyre.inference.fit import record_batch
 from bayes_tyre.inference.levels import Levels, find_levels
 from bayes_tyre.inference.likelihood import compress
@@ -40,8 +42,9 @@ def bare(model):
     return substitute(seed(model, 0), substitute_fn=init_to_uniform)
 
 
-def without_cells(sites: tuple[str, ...]) -> set[str]:
-    return {site for site in sites if not site.endswith("_cell")}
+def at_the_top(sites: tuple[str, ...]) -> set[str]:
+    """Return those sampled by family; cells and typical noise levels are placed where what they rule is."""
+    return {site for site in sites if not site.endswith(("_cell", "_typical"))}
 
 
 def levels_of(plan: str) -> Levels:
@@ -67,8 +70,9 @@ def test_the_model_of_records_uses_every_prior_that_it_samples(plan, used):
     batch, levels = record_batch(table), levels_of(plan)
     data, picture = record_data(batch), draw_picture(batch, levels)
     model, likelihood = bare(hierarchical.records_model), compress(data)
-    jax.eval_shape(lambda: model(likelihood, data, picture, levels) or 0)
-    assert used[-1].names == set(used[-1]) == without_cells(prior_sites(levels))
+    sites = trace(model).get_trace(likelihood, data, picture, levels)
+    assert used[-1].names == set(used[-1]) == at_the_top(prior_sites(levels))
+    assert set(prior_sites(levels)) <= set(sites)
     assert len(prior_sites(levels)) == len(set(prior_sites(levels)))
 
 
@@ -78,7 +82,7 @@ def test_the_model_of_printed_means_uses_every_prior_that_it_samples(used):
     printed = {"k": np.full(len(levels.cases), 1.8), "beta": np.full(len(levels.cases), 0.03)}
     model = bare(hierarchical.published_model)
     jax.eval_shape(lambda: model(printed, levels) or 0)
-    assert used[-1].names == set(used[-1]) == without_cells(published_sites(levels))
+    assert used[-1].names == set(used[-1]) == at_the_top(published_sites(levels))
 
 
 def test_priors_of_a_family_are_sampled_together_each_with_its_own_density():
@@ -87,7 +91,31 @@ def test_priors_of_a_family_are_sampled_together_each_with_its_own_density():
     model = substitute(seed(lambda: sample_populations(sites), 0), data=jax.tree.map(jnp.asarray, starts))
     found = trace(model).get_trace()
     together = sum(np.sum(site["fn"].log_prob(site["value"])) for name, site in found.items() if name in starts)
-    own = [jnp.asarray(PRIORS[name].distribution().log_prob(prior_medians()[name])) for name in without_cells(sites)]
+    own = [jnp.asarray(PRIORS[name].distribution().log_prob(prior_medians()[name])) for name in at_the_top(sites)]
     assert float(together) == pytest.approx(float(sum(own)), abs=1e-9)
-    for name in without_cells(sites):
+    for name in at_the_top(sites):
         assert float(found[name]["value"]) == pytest.approx(float(prior_medians()[name]))
+
+
+@pytest.mark.parametrize(("records", "spread"), [(1, 0.0), (5, 0.4)])
+def test_a_typical_noise_level_has_its_prior_and_records_scatter_about_it(records, spread):
+    value = jnp.log(jnp.linspace(0.02, 0.05, records))
+    estimate = Gaussian(value, jnp.full(records, 60.0))
+    model = bare(lambda: hierarchical._about_typical("sigma_typical", estimate, "s", {"s": jnp.asarray(spread)}))
+    names = ("sigma_typical", *["sigma_typical_records"] * (records > 1))
+
+    def placed(z: dict) -> jax.Array:
+        each, typical = substitute(model, data=z)()
+        return each if records == 1 else jnp.concatenate([jnp.reshape(typical, (1,)), each])
+
+    z = {f"{name}_z": jnp.full(1 if name == "sigma_typical" else records, 0.3) for name in names}
+    volume = np.concatenate([np.reshape(block, (-1, *np.shape(z[name])))
+                             for name, block in jax.jacobian(placed)(z).items()], axis=1)  # fmt: skip
+    there = np.asarray(placed(z))
+    expected = stats.norm.logpdf(there[0], *PRIORS["sigma_typical"].parameters)
+    if records > 1:
+        expected += stats.norm.logpdf(there[1:], there[0], spread).sum()
+    expected += np.log(np.abs(np.linalg.det(volume)))
+    sites = trace(substitute(model, data=z)).get_trace()
+    density = sum(np.sum(sites[f"{name}_density"]["fn"].log_factor) for name in names)
+    assert float(density) == pytest.approx(float(expected), rel=1e-9)
