@@ -105,12 +105,11 @@ def test_a_typical_noise_level_has_its_prior_and_records_scatter_about_it(record
     names = ("sigma_typical", *["sigma_typical_records"] * (records > 1))
 
     def placed(z: dict) -> jax.Array:
-        each, typical = substitute(model, data=z)()
+        each, typical = substitute(model, data=z)()  # pyright: ignore[reportGeneralTypeIssues]  (what the model returns)
         return each if records == 1 else jnp.concatenate([jnp.reshape(typical, (1,)), each])
 
     z = {f"{name}_z": jnp.full(1 if name == "sigma_typical" else records, 0.3) for name in names}
-    volume = np.concatenate([np.reshape(block, (-1, *np.shape(z[name])))
-                             for name, block in jax.jacobian(placed)(z).items()], axis=1)  # fmt: skip
+    volume = np.concatenate(list(jax.jacobian(placed)(z).values()), axis=1)
     there = np.asarray(placed(z))
     expected = stats.norm.logpdf(there[0], *PRIORS["sigma_typical"].parameters)
     if records > 1:
