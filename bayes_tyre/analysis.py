@@ -19,6 +19,7 @@ from bayes_tyre.inference import diagnostics, record_fits
 from bayes_tyre.inference.diagnostics import Diagnostics
 from bayes_tyre.inference.fit import ModelSettings, fit_hierarchical, used_points
 from bayes_tyre.inference.fit import fit_published as fit_printed_means
+from bayes_tyre.inference.identifiability import identify_published, identify_records
 from bayes_tyre.inference.record_fits import FitSettings
 from bayes_tyre.inference.sampling import SamplerSettings
 from bayes_tyre.laws import fancher
@@ -132,8 +133,8 @@ def fit(
     Returns
     -------
     xarray.DataTree
-        ArviZ's groups `posterior` and `sample_stats`, dims and units named; `attrs["verdict"]` is ``pass`` or
-        ``fail``, and `diagnose` says why.
+        ArviZ's groups `posterior` and `sample_stats`, dims and units named; `identifiability`: what the data said of
+        each quantity; `attrs["verdict"]` is ``pass`` or ``fail``, and `diagnose` says why.
 
     Raises
     ------
@@ -143,7 +144,7 @@ def fit(
     settings, model = settings or SamplerSettings(), model or ModelSettings()
     table = check_record_table(records)
     prepare_jax(max(settings.chains, _DEVICES))
-    tree = fit_hierarchical(table, settings, model)
+    tree = identify_records(fit_hierarchical(table, settings, model), table, model, summary.means)
     return _judged(tree, predictive.residual_autocorrelation(tree, used_points(table, model.region)))
 
 
@@ -157,7 +158,8 @@ def fit_published(settings: SamplerSettings | None = None) -> xr.DataTree:
     """
     settings = settings or SamplerSettings()
     prepare_jax(max(settings.chains, _DEVICES))
-    return _judged(fit_printed_means(tables.case_means(), settings), np.nan)
+    printed = tables.case_means()
+    return _judged(identify_published(fit_printed_means(printed, settings), printed, summary.means), np.nan)
 
 
 def read_posterior(folder: str | Path) -> xr.DataTree:

@@ -146,7 +146,9 @@ def test_the_ten_lines_of_the_readme_give_what_it_shows(tmp_path):
     section = README.read_text(encoding="utf-8").split("\n## In ten lines of Python\n")[1].split("\n## ")[0]
     (example,) = re.findall(r"```pycon\n(.*?)```", section, flags=re.DOTALL)
     assert example.count(">>> ") <= 10
-    (tmp_path / "example.txt").write_text(example, encoding="utf-8")
+    # And what the command's posterior holds beside the draws.
+    beside = ">>> sorted(posterior.children)\n['identifiability', 'posterior', 'sample_stats']\n"
+    (tmp_path / "example.txt").write_text(example + beside, encoding="utf-8")
     script = "import doctest; print(doctest.testfile('example.txt', False, optionflags=doctest.ELLIPSIS))"
     said = alone(script, tmp_path)
-    assert said == f"TestResults(failed=0, attempted={example.count('>>> ')})\n", said
+    assert said == f"TestResults(failed=0, attempted={example.count('>>> ') + 1})\n", said
