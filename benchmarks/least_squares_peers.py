@@ -1,4 +1,4 @@
-"""Least squares of k, C and beta record by record: ours against scipy and lmfit in a loop.
+"""Least squares of k, C, beta, and F_i where it is free, record by record: ours against scipy and lmfit in a loop.
 
 Run ``python benchmarks/least_squares_peers.py [--quick]``; prints a Markdown table. Compilation apart. The peers get
 numpy arrays, the start of the thesis (its line, beta 0.1 mm), log beta as unknown, and no work that the fit does not
@@ -30,7 +30,10 @@ BATCH = 256
 
 
 class Record(NamedTuple):
-    """Displacement (mm) and force (kN) of a record, and where a fit starts: k (kN/mm), C (kN), log beta (mm)."""
+    """Displacement (mm) and force (kN) of a record; the start: k (kN/mm), C (kN), log beta (mm), F_i (kN) where free.
+
+    F_i that is not free is the first force, as in the thesis.
+    """
 
     d: np.ndarray
     F: np.ndarray
@@ -45,37 +48,49 @@ class Cost(NamedTuple):
     estimates: np.ndarray
 
 
-def records_of(table: pd.DataFrame, kept: float) -> list[Record]:
-    """Return the first part of each record, with the thesis's start."""
+def records_of(table: pd.DataFrame, kept: float, level: bool) -> list[Record]:
+    """Return the first part of each record, with the thesis's start; `level`: F_i is free."""
     found = []
     for _, rows in table.groupby("record", sort=False):
         d, F = rows["displacement_mm"].to_numpy(), rows["force_kN"].to_numpy()
         last, begin = int(np.ceil(kept * len(d))) - 1, int(np.ceil(LINE_FROM * len(d))) - 1
         k = (F[last] - F[begin]) / (d[last] - d[begin])
-        found.append(Record(d[: last + 1], F[: last + 1], np.array([k, F[begin] - k * d[begin], np.log(BETA_MM)])))
+        start = [k, F[begin] - k * d[begin], np.log(BETA_MM), *[F[0]] * level]
+        found.append(Record(d[: last + 1], F[: last + 1], np.array(start)))
     return found
 
 
 def residual_of(record: Record) -> Callable[[np.ndarray], np.ndarray]:
-    """Return Equation 2 less the force as a function of k, C, log beta."""
-    d, distance, F_i, behind = record.d, np.abs(record.d - record.d[0]), record.F[0], record.F[0] - record.F
+    """Return Equation 2 less the force as a function of k, C, log beta, and F_i where the record has it free."""
+    d, F, distance, F_i, behind = (
+        record.d,
+        record.F,
+        np.abs(record.d - record.d[0]),
+        record.F[0],
+        record.F[0] - record.F,
+    )
 
     def residual(x: np.ndarray) -> np.ndarray:
         return (x[0] * d + (x[1] - F_i)) * (1.0 - np.exp(distance * -np.exp(-x[2]))) + behind
 
-    return residual
+    def with_level(x: np.ndarray) -> np.ndarray:
+        return (x[0] * d + (x[1] - x[3])) * (1.0 - np.exp(distance * -np.exp(-x[2]))) + (x[3] - F)
+
+    return with_level if len(record.start) > 3 else residual
 
 
 def jacobian_of(record: Record) -> Callable[[np.ndarray], np.ndarray]:
     """Return the derivative of `residual_of`."""
-    d, distance, F_i = record.d, np.abs(record.d - record.d[0]), record.F[0]
+    d, distance, level = record.d, np.abs(record.d - record.d[0]), len(record.start) > 3
 
     def jacobian(x: np.ndarray) -> np.ndarray:
-        rate, columns = np.exp(-x[2]), np.empty((len(d), 3))
+        rate, columns, F_i = np.exp(-x[2]), np.empty((len(d), len(x))), x[3] if level else record.F[0]
         decay = np.exp(distance * -rate)
         gone = 1.0 - decay
         columns[:, 0], columns[:, 1] = d * gone, gone
         columns[:, 2] = (x[0] * d + (x[1] - F_i)) * (distance * decay * -rate)
+        if level:
+            columns[:, 3] = decay
         return columns
 
     return jacobian
@@ -91,11 +106,12 @@ def by_scipy(record: Record, analytic: bool) -> np.ndarray:
 def by_lmfit(record: Record) -> np.ndarray:
     """Return k, C, beta by lmfit's `leastsq`."""
     parameters, residual = Parameters(), residual_of(record)
-    for name, value in zip(("k", "C", "log_beta"), record.start, strict=True):
+    names = ("k", "C", "log_beta", "F_i")[: len(record.start)]
+    for name, value in zip(names, record.start, strict=True):
         parameters.add(name, value=value)
 
     def of(parameters: Parameters) -> np.ndarray:
-        return residual(np.array([parameters[name].value for name in ("k", "C", "log_beta")]))
+        return residual(np.array([parameters[name].value for name in names]))
 
     found = minimize(of, parameters, method="leastsq").params
     return np.array([found["k"].value, found["C"].value, np.exp(found["log_beta"].value)])
@@ -118,6 +134,7 @@ def ours(records: list[Record], given: bool, runs: int) -> Cost:
     import jax.numpy as jnp
 
     from bayes_tyre.inference.least_squares import BETA, C, K, Problem, estimate_batch
+    from bayes_tyre.inference.parameters import F_I
 
     width = max(len(record.d) for record in records)
 
@@ -126,15 +143,15 @@ def ours(records: list[Record], given: bool, runs: int) -> Cost:
 
     d, F = rows(lambda r: r.d), rows(lambda r: r.F)
     used = np.arange(width) < np.array([len(r.d) for r in records])[:, None]
-    nan = np.full((len(records), 5), np.nan)
+    nan, free = np.full((len(records), 5), np.nan), (K, C, BETA, *[F_I] * (len(records[0].start) > 3))
     start = nan.copy()
-    start[:, [K, C, BETA]] = [[*r.start[:2], np.exp(r.start[2])] for r in records]
+    start[:, free] = [[*r.start[:2], np.exp(r.start[2]), *r.start[3:]] for r in records]
     starts = np.stack([start, nan], axis=1) if given else nan[:, None]
 
     def batch(first: int) -> np.ndarray:
         here = np.minimum(np.arange(first, first + min(BATCH, len(d))), len(d) - 1)
         problem = Problem(*(jnp.asarray(array[here]) for array in (d, F, used, nan, starts)))
-        value = np.asarray(jax.block_until_ready(estimate_batch(problem, (K, C, BETA)).value)[:, [K, C, BETA]])
+        value = np.asarray(jax.block_until_ready(estimate_batch(problem, free).value)[:, [K, C, BETA]])
         return value[: len(d) - first]
 
     batch(0)  # compiles
@@ -143,22 +160,23 @@ def ours(records: list[Record], given: bool, runs: int) -> Cost:
         return timed(lambda: np.concatenate(list(pool.map(batch, firsts))), len(d), runs)
 
 
-def whole(table: pd.DataFrame, region: str, runs: int) -> Cost:
+def whole(table: pd.DataFrame, region: str, level: bool, runs: int) -> Cost:
     """Return the cost of `fit_records`: a checked table in, a table with statuses and words out."""
     from bayes_tyre.inference.record_fits import FitSettings, fit_records
 
-    columns, settings = ["k_kN_per_mm", "C_kN", "beta_mm"], FitSettings(region=region)
+    free = ("k", "C", "beta", *["F_i"] * level)
+    columns, settings = ["k_kN_per_mm", "C_kN", "beta_mm"], FitSettings(region=region, free=free)
     fit_records(table, settings)  # compiles
     return timed(lambda: fit_records(table, settings)[columns].to_numpy(), table["record"].nunique(), runs)
 
 
-def told(title: str, table: pd.DataFrame, region: str, runs: int) -> None:
-    """Print what one set of records costs, and how far the estimates are apart."""
-    records = records_of(table, KEPT if region == "thesis" else 1.0)
+def told(title: str, table: pd.DataFrame, region: str, runs: int, level: bool = False) -> None:
+    """Print what one set of records costs, and how far the estimates are apart; `level`: F_i is free."""
+    records = records_of(table, KEPT if region == "thesis" else 1.0, level)
     some = records[:: max(1, len(records) // MEASURED)][:MEASURED]
     costs = {
         "bayes_tyre, arrays to estimates": ours(records, region == "thesis", runs),
-        "bayes_tyre, table to table": whole(table, region, runs),
+        "bayes_tyre, table to table": whole(table, region, level, runs),
         "scipy `least_squares(method='lm')`, analytic Jacobian": timed(
             lambda: np.stack([by_scipy(record, True) for record in some]), len(some), runs
         ),
@@ -197,7 +215,8 @@ def main() -> None:
         campaign = check_record_table(read_table(CAMPAIGN))
     told("Reconstructed campaign, region thesis", campaign, "thesis", runs=3)
     many = check_record_table(simulated(1_000 if quick else 10_000, 838))
-    told("Simulated, all points", many, "all", runs=2 if quick else 3)
+    told("Simulated, all points, F_i the first force", many, "all", runs=2 if quick else 3)
+    told("Simulated, all points, F_i free", many, "all", runs=2 if quick else 3, level=True)
 
 
 if __name__ == "__main__":
