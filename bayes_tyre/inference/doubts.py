@@ -141,13 +141,13 @@ def _silent(asked: dict[str, pd.DataFrame], populations: pd.DataFrame) -> Iterat
         if len(silent) and not name.endswith("_cell"):
             least = silent["contraction"].min()
             yield (
-                f"{_listed(silent['element'])}: the data did not speak: contraction {least:.2f} (below "
+                f"{_listed(silent['element'])}: the data did not speak: contraction {least:.3f} (below "
                 f"{CONTRACTION_LEAST}), the posterior is little more than the prior; {REMEDIES[_parameter(name)]}"
             )
     silent = populations[populations["contraction"] < CONTRACTION_LEAST]
     if len(silent):
         yield (
-            f"{_listed(silent['element'])}: the data hardly spoke: contraction {silent['contraction'].min():.2f} "
+            f"{_listed(silent['element'])}: the data hardly spoke: contraction {silent['contraction'].min():.3f} "
             f"(below {CONTRACTION_LEAST}); measure more cases or levels if the populations matter"
         )
 
@@ -162,5 +162,5 @@ def _moved(asked: pd.DataFrame, populations: pd.DataFrame) -> Iterator[str]:
         if len(moved):
             yield (
                 f"{_listed(moved['element'])}: the prior moves them: sensitivity up to "
-                f"{moved['prior_sensitivity'].iloc[0]:.2f} (above {SENSITIVE}); {remedy}"
+                f"{moved['prior_sensitivity'].iloc[0]:.3f} (above {SENSITIVE}); {remedy}"
             )
