@@ -12,6 +12,7 @@ from bayes_tyre.inference.motion_laws import FANCHER, MotionLaw
 from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.laws.fancher import Fancher, dissipated_energy_per_cycle, loop_energy
 from bayes_tyre.laws.kelvin_voigt import KelvinVoigt
+from bayes_tyre.laws.rigid_ring import RigidRing
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.motion import KN_PER_KG_MM_PER_S2
@@ -79,9 +80,9 @@ def losses(
     # wheel centre is taken at the middle: it is odd about it, to second order in the stroke.
     stroke = (flat(d + a) - flat(d - a)) / 2
     weight = wheel_centre_per_flat(rig, d) / jax.jvp(flat, (d,), (jnp.ones_like(d),))[1]
-    energy = weight * _loss_on_flat(law, flat(d), stroke)
     slope = jax.jvp(middle_line, (d,), (jnp.ones_like(d),))[1]
     omega = jnp.sqrt(slope / (jnp.asarray(m_kg) * KN_PER_KG_MM_PER_S2))
+    energy = weight * _loss_on_flat(law, flat(d), stroke, omega)
     energy = energy + jnp.pi * jnp.asarray(c_kN_s_per_mm) * omega * a**2
     viscous = energy / (jnp.pi * omega * a**2)
     settled = jnp.subtract(law.x, jnp.multiply(law.k, law.beta)) if isinstance(law, Fancher) else _settled(law)
@@ -92,12 +93,14 @@ def _settled(law: Any) -> Array:
     return jnp.asarray(getattr(law, "settled", 0.0), float)
 
 
-def _loss_on_flat(law: Any, middle_mm: Array, stroke_mm: Array) -> Array:
-    """Return what a cycle about a displacement loses on flat ground, J, by the law alone."""
+def _loss_on_flat(law: Any, middle_mm: Array, stroke_mm: Array, omega: Array) -> Array:
+    """Return what a cycle about a displacement loses on flat ground, J, by the law alone; at an angular frequency."""
     if isinstance(law, Fancher):
         return dissipated_energy_per_cycle(k=law.k, x=law.x, beta=law.beta, amplitude=stroke_mm)
     if isinstance(law, KelvinVoigt):
         return jnp.zeros(())
+    if isinstance(law, RigidRing):
+        return jnp.pi * stroke_mm**2 * jnp.imag(law.dynamic_stiffness(omega))
     return steady_loss(law, middle_mm, stroke_mm)
 
 
@@ -131,8 +134,8 @@ def losses_of_told(
 ) -> Losses:
     """Return what a cycle loses by a law's `told_parameters` in units, C as 0; other arguments as in `losses`.
 
-    A law with friction loses by that alone. Of one without, the spring of Kelvin and Voigt, the damper is the tyre's:
-    it loses what it does at the mass's natural frequency on k.
+    A law with friction loses by that alone. Of one without, Kelvin and Voigt's spring or the rigid ring, the damper
+    is the tyre's, beside the ring's own: it loses what they do at the mass's natural frequency on k.
     """
     m, c = told[-2], told[-1]
     return losses(rig, law.of_told(told), m, displacement_mm, amplitude_mm, 0.0 if law.has_friction else c)

@@ -19,6 +19,7 @@ from bayes_tyre.laws.bouc_wen import BoucWen
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.laws.kelvin_voigt import KelvinVoigt
 from bayes_tyre.laws.maxwell_slip import MaxwellSlip
+from bayes_tyre.laws.rigid_ring import RigidRing
 
 
 class Before(NamedTuple):
@@ -41,6 +42,9 @@ OF_TYRES: dict[str, Before] = {
     "settled": Before(np.log(0.2), 1.0, "0.03 to 1.4 kN: 0.1 to 10 % of a truck tyre's load as friction"),
     "beta": Before(np.log(0.1), 1.5, "0.005 to 1.9 mm: below the travel between two samples to half a step's travel"),
     "n": Before(0.0, 0.4, "0.46 to 2.2 about 1, where Bouc-Wen's law is Fancher's: slower or more sudden settling"),
+    "belt_frequency": Before(np.log(60.0), 0.4, "27 to 131 Hz: the belt's first swing, of heavy tyres to small ones"),
+    "belt_damping": Before(np.log(0.05), 0.7, "1.3 to 20 % of critical: rubber, as the axle's own damper"),
+    "sidewall_ratio": Before(np.log(4.0), 0.7, "1 to 16: more of the deflection is beneath the belt than beside it"),
 }
 #: What the estimate of any motion has behind the parameters of its tyre.
 OF_AXLE = ("m", "c")
@@ -97,6 +101,7 @@ class MotionLaw(eqx.Module):
 # differ by 0.003 of their noise, and a fit takes a seventh of the time.
 _bouc_wen = partial(BoucWen, substeps=1)
 _FRICTION = ("k", "settled", "beta")
+_RING = ("k", "belt_frequency", "belt_damping", "sidewall_ratio")
 FANCHER = MotionLaw("fancher", _FRICTION, ("k", "x", "beta"), Fancher)
 #: By name, the thesis's first.
 MOTION_LAWS: dict[str, MotionLaw] = {
@@ -106,6 +111,7 @@ MOTION_LAWS: dict[str, MotionLaw] = {
         MotionLaw("kelvin_voigt", ("k",), ("k",), KelvinVoigt),
         MotionLaw("bouc_wen", (*_FRICTION, "n"), (*_FRICTION, "n"), _bouc_wen),
         MotionLaw("maxwell_slip", _FRICTION, _FRICTION, MaxwellSlip),
+        MotionLaw("rigid_ring", _RING, _RING, RigidRing),
     )
 }
 

@@ -6,6 +6,7 @@ from jaxtyping import Array, ArrayLike, Float
 from bayes_tyre.inference.motion_load import load_share
 from bayes_tyre.inference.motion_unknowns import Unknowns, in_units
 from bayes_tyre.inference.motion_window import Window
+from bayes_tyre.laws.base import ScalarLike, StatefulLaw
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.motion import Body, Drive, Motion, Start, move, rest_displacement
@@ -44,7 +45,18 @@ def simulated(
         compression = d + jnp.asarray(drive.runout_mm)[0]
         flat = law.k * geometry.flat_ground_displacement(rig, compression) + law.C + unknowns.rest_friction_kN
         start = Start(d, ground.start_velocity_mm_per_s, flat * wheel_centre_per_flat(rig, compression))
-    return drive, move(rig, Body(law, unknowns.m_kg, unknowns.c_kN_s_per_mm), drive, start), level
+    return drive, move(rig, Body(law, axle_kg(rig, law, unknowns.m_kg), unknowns.c_kN_s_per_mm), drive, start), level
+
+
+def axle_kg(rig: Rig, law: StatefulLaw, m_kg: ScalarLike) -> Array:
+    """Return the mass at the wheel centre, kg, beside what a law carries along itself.
+
+    In every law m is all that moves slowly: so it means the same, and a record tells it as well. Where the law's own
+    mass were nearly all of that, a twentieth is left.
+    """
+    # Some 10 mm down: what rollers make of flat ground differs little about it.
+    at_wheel_centre = geometry.curvature_factor(rig) * float(geometry.sin_theta(rig, 10.0)) ** 2
+    return jnp.maximum(jnp.subtract(m_kg, at_wheel_centre * jnp.asarray(law.carried_kg)), 0.05 * jnp.asarray(m_kg))
 
 
 def lever(rig: Rig) -> float:

@@ -14,11 +14,13 @@ from bayes_tyre.record import WORDS
 RECORD_UNITS = {
     **{"k": "kN/mm", "beta": "mm", "J": "kN", "C": "kN", "F_i": "kN", "sigma": "kN"},
     **{"x": "kN", "settled": "kN", "n": "1", "m": "kg", "c": "kN s/mm", "energy_per_cycle": "J"},
+    **{"belt_frequency": "Hz", "belt_damping": "1", "sidewall_ratio": "1"},
 }
 #: Parameters that every case has; those that a case of motions on Fancher's law has; on whichever law.
 CASE_PARAMETERS = ("k", "beta")
 MOTION_CASE_PARAMETERS = ("k", "x", "beta", "m", "c", "energy_per_cycle")
-_CASE_PARAMETERS_OF_LAWS = ("k", "x", "settled", "beta", "n", "m", "c", "energy_per_cycle")
+_BELT = ("belt_frequency", "belt_damping", "sidewall_ratio")
+_CASE_PARAMETERS_OF_LAWS = ("k", "x", "settled", "beta", "n", *_BELT, "m", "c", "energy_per_cycle")
 #: Powers with which k and beta follow a factor on displacement.
 _POWERS = {"k": -1.0, "beta": 1.0}
 
@@ -28,7 +30,7 @@ def _quantities() -> dict[str, tuple[str | None, str]]:
     kept: dict[str, tuple[str | None, str]] = {name: ("record", unit) for name, unit in RECORD_UNITS.items()}
     kept |= {"discordant_probability": ("record", ""), "rho": ("record", "")}
     kept["x_case"] = ("case", "kN")
-    for name in (*CASE_PARAMETERS, "settled", "n", "m", "c"):
+    for name in (*CASE_PARAMETERS, "settled", "n", *_BELT, "m", "c"):
         kept[f"{name}_case"] = ("case", RECORD_UNITS[name])
         kept[f"{name}_cell"] = ("cell", RECORD_UNITS[name])
         for factor in ("speed", "load", "step", "direction_step"):

@@ -124,6 +124,25 @@ PRIORS: dict[str, Prior] = {
     "log_n_case_scale": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: what the words leave over"),
     "log_n_repeat_scatter": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: as hard to repeat as beta"),
     "log_n_scatter_spread": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
+    "belt_frequency_cell": Prior(
+        dist.LogNormal, (np.log(60.0), 0.4), "Hz", "27 to 131 Hz: the belt's first swing, of heavy tyres to small ones"
+    ),
+    "belt_damping_cell": Prior(dist.LogNormal, (np.log(0.05), 0.7), "", "1.3 to 20 % of critical: rubber"),
+    "sidewall_ratio_cell": Prior(
+        dist.LogNormal, (np.log(4.0), 0.7), "", "1 to 16: more of the deflection is beneath the belt than beside it"
+    ),
+    **{
+        f"log_{name}_{ending}": prior
+        for name in ("belt_frequency", "belt_damping", "sidewall_ratio")
+        for ending, prior in {
+            "speed_scale": Prior(dist.HalfNormal, (0.2,), "", "rolling changes a belt by tens of per cent at most"),
+            "load_scale": Prior(dist.HalfNormal, (0.2,), "", "a longer contact: tens of per cent at most"),
+            "step_scale": Prior(dist.HalfNormal, (0.2,), "", "the ring is linear: the step's size matters little"),
+            "case_scale": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: what the words leave over"),
+            "repeat_scatter": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: one belt, tested again"),
+            "scatter_spread": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
+        }.items()
+    },
 }
 
 

@@ -15,6 +15,7 @@ from bayes_tyre.laws.envelopes import LinearEnvelope
 from bayes_tyre.laws.fancher import Fancher, OneStep, Recursion
 from bayes_tyre.laws.kelvin_voigt import KelvinVoigt
 from bayes_tyre.laws.maxwell_slip import MaxwellSlip
+from bayes_tyre.laws.rigid_ring import RigidRing
 from bayes_tyre.rig.motion import Body, Start, energies, move
 
 LINES = LinearEnvelope(k=1.8, C=10.0, x=0.3)
@@ -24,9 +25,13 @@ STATEFUL = {
     "kelvin_voigt": KelvinVoigt(k=1.8, C=10.0),
     "bouc_wen": BoucWen(k=1.8, C=10.0, settled=0.2, beta=0.05, n=1.5),
     "maxwell_slip": MaxwellSlip(k=1.8, C=10.0, settled=0.2, beta=0.05),
+    "rigid_ring": RigidRing(k=1.8, C=10.0, belt_frequency=60.0, belt_damping=0.05, sidewall_ratio=4.0),
 }
 #: How far one move instead of many may be off, kN; the recursion depends on its points by its nature.
 ONE_MOVE_KN = {"fancher": 1e-13, "kelvin_voigt": 1e-13, "bouc_wen": 4e-4 * 0.2, "maxwell_slip": 1e-13}
+ONE_MOVE_KN["rigid_ring"] = 1e-12
+#: The law to which time matters: its force along a path without times is that of a slow one.
+OF_TIME = "rigid_ring"
 LAWS = {**STATEFUL, "one step": OneStep(k=1.8, C=10.0, beta=0.05)}
 PATH = np.array([0.2, 0.2, 0.3, 1.0, 1.0, 0.9, -0.4, -0.4, 0.1])
 
@@ -94,6 +99,21 @@ def test_a_move_is_the_same_in_one_step_or_in_many(law: StatefulLaw, tolerance):
     np.testing.assert_allclose(law.force(turns, 10.4), many, rtol=0, atol=tolerance)
 
 
+@every_stateful_law
+def test_a_law_of_displacement_alone_is_the_same_at_any_pace(law: StatefulLaw):
+    slow, quick = law.force(PATH, 9.7), law.force(PATH, 9.7, 1e-3)
+    assert bool(jnp.all(quick == slow)) == (law is not STATEFUL[OF_TIME])
+
+
+@every_stateful_law
+def test_a_move_in_no_time_to_the_same_place_changes_nothing(law: StatefulLaw):
+    state, F = law.step_in(law.init(0.2, 9.7), 0.3, 1e-3, 40.0)
+    again, same = law.step_in(state, 0.3, 0.0, 40.0)
+    assert same == F
+    for one, other in zip(jax.tree.leaves(state), jax.tree.leaves(again), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 @every_law
 def test_derivatives_are_those_of_finite_differences(law: Law):
     # Off the points where a path turns or an element yields, so that both sides have one derivative.
@@ -115,7 +135,7 @@ def test_derivatives_are_those_of_finite_differences(law: Law):
 
 
 @pytest.mark.parametrize("amplitude", [0.0, 0.3], ids=["standing", "rolling"])
-@pytest.mark.parametrize("name", ["fancher", "kelvin_voigt", "bouc_wen", "maxwell_slip"])
+@pytest.mark.parametrize("name", ["fancher", "kelvin_voigt", "bouc_wen", "maxwell_slip", "rigid_ring"])
 def test_an_axle_on_it_closes_its_energy_account(name, amplitude):
     law = replace(STATEFUL[name], C=C)
     drive, _ = driven(1000.0, 0.4, amplitude)
@@ -126,7 +146,10 @@ def test_an_axle_on_it_closes_its_energy_account(name, amplitude):
     assert closed < 1e-6 * abs(account.applied)
 
 
-@pytest.mark.parametrize(("name", "field"), [("kelvin_voigt", "k"), ("bouc_wen", "n"), ("maxwell_slip", "settled")])
+@pytest.mark.parametrize(
+    ("name", "field"),
+    [("kelvin_voigt", "k"), ("bouc_wen", "n"), ("maxwell_slip", "settled"), ("rigid_ring", "belt_damping")],
+)
 def test_numbers_that_make_energy_or_none_are_refused(name, field):
     law = STATEFUL[name]
     law.check()
