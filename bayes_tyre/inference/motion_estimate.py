@@ -2,6 +2,7 @@
 
 import functools
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -11,10 +12,12 @@ from jaxtyping import Array, Float
 from bayes_tyre.inference.motion_evidence import log_evidence
 from bayes_tyre.inference.motion_fit import ROUGH, Found, approach, find, settle, starts_of
 from bayes_tyre.inference.motion_laws import FANCHER, MotionLaw
+from bayes_tyre.inference.motion_nuts import SETTINGS, effective_draws, sampled
 from bayes_tyre.inference.motion_road import road_of, wave_count, with_noise, with_quick_road
 from bayes_tyre.inference.motion_unknowns import in_units
 from bayes_tyre.inference.motion_valley import Weighed, weighed_draws
 from bayes_tyre.inference.motion_window import Recorded, Window, window_of
+from bayes_tyre.inference.sampling import SamplerSettings
 from bayes_tyre.rig.axle import Rig
 
 #: The order of what is estimated with Fancher's law; units kN/mm, kN, mm, kg, kN s/mm. Others: `told_parameters`.
@@ -38,7 +41,8 @@ class MotionEstimate:
     log_mean, log_covariance:
         Of the natural logarithms of the law's `told_parameters`, shape (p,) and (p, p), priors included.
     method:
-        How they came about: `importance` from weighed draws, `laplace` from the peak where the draws are of no use.
+        How they came about: `importance` from weighed draws; `nuts` where their weights are of no use and the motion
+        fits; `laplace` from the peak where neither is.
     log_draws, weights:
         Draws of the same logarithms, shape (draws, p), and what each weighs, shape (draws,), their sum 1.
     found:
@@ -46,7 +50,7 @@ class MotionEstimate:
     window:
         What was fitted.
     pareto_k, effective_draws:
-        Of the weights: how heavy their tail is, and how many draws of equal weight would say as much.
+        How heavy the tail of the weights about the peak is; how many independent draws would say as much as these.
     log_evidence:
         Log density of the record's readings under law and priors, all unknowns integrated out (`motion_evidence`).
     status:
@@ -71,7 +75,9 @@ class MotionEstimate:
         return np.exp(self.log_mean)
 
 
-def estimate_motion(rig: Rig, recorded: Recorded, law: MotionLaw = FANCHER) -> MotionEstimate:
+def estimate_motion(
+    rig: Rig, recorded: Recorded, law: MotionLaw = FANCHER, sampler: SamplerSettings | None = SETTINGS
+) -> MotionEstimate:
     """Return the estimate of one record.
 
     Parameters
@@ -82,25 +88,53 @@ def estimate_motion(rig: Rig, recorded: Recorded, law: MotionLaw = FANCHER) -> M
         Its three channels, rest and ramp.
     law:
         Of the tyre.
+    sampler:
+        How much NUTS samples where weighed draws are of no use, which takes a minute or two; None: it does not.
     """
     window, found = fit_window(rig, window_of(rig, recorded, law=law))
     weighed = weighed_draws(rig, found.standard, found.covariance, window)
-    draws = np.asarray(log_parameters(rig, weighed.standard, jnp.asarray(window.prior), law))
-    trusted = weights_trusted(weighed)
-    mean, covariance = _moments(draws, weighed.weights) if trusted else laplace_moments(rig, found, window)
+    told = _told(rig, window, found, weighed, sampler)
+    if told.method == "laplace":
+        mean, covariance = laplace_moments(rig, found, window)
+    else:
+        mean, covariance = _moments(told.log_draws, told.weights)
     return MotionEstimate(
         log_mean=mean,
         log_covariance=covariance,
-        method="importance" if trusted else "laplace",
-        log_draws=draws,
-        weights=weighed.weights,
+        method=told.method,
+        log_draws=told.log_draws,
+        weights=told.weights,
         found=found,
         window=window,
         pareto_k=weighed.pareto_k,
-        effective_draws=weighed.effective,
-        log_evidence=log_evidence(window, found, weighed if trusted else None),
-        status=_status(found, weighed),
+        effective_draws=told.effective,
+        log_evidence=log_evidence(window, found, weighed if told.method == "importance" else None),
+        status="; ".join([*_reasons(found), *[_untrusted(weighed)] * (told.method == "laplace")]),
     )
+
+
+class _Told(NamedTuple):
+    """Draws of the logarithms of the law's `told_parameters`, what each weighs, and how they came about."""
+
+    log_draws: Float[np.ndarray, "draws p"]
+    weights: Float[np.ndarray, " draws"]
+    method: str
+    effective: float
+
+
+def _told(rig: Rig, window: Window, found: Found, weighed: Weighed, sampler: SamplerSettings | None) -> _Told:
+    """Return the draws about the peak; NUTS's where these are of no use and the motion fits its record."""
+    prior = jnp.asarray(window.prior)
+    method = "importance" if weights_trusted(weighed) else "laplace"
+    settled = method == "importance" or _reasons(found) or not np.isfinite(weighed.pareto_k)
+    if sampler is not None and not settled:
+        standard, divergent = sampled(rig, window, found, sampler)
+        logs = np.asarray(log_parameters(rig, standard, prior, window.law))
+        if effective := effective_draws(logs, divergent):
+            draws = logs.reshape(-1, logs.shape[-1])
+            return _Told(draws, np.full(len(draws), 1 / len(draws)), "nuts", effective)
+    draws = np.asarray(log_parameters(rig, weighed.standard, prior, window.law))
+    return _Told(draws, weighed.weights, method, weighed.effective)
 
 
 def fit_window(rig: Rig, window: Window) -> tuple[Window, Found]:
@@ -154,18 +188,19 @@ def _moments(
     return mean, (weights[:, None] * off).T @ off / (1 - np.sum(weights**2))
 
 
-def _status(found: Found, weighed: Weighed) -> str:
-    reasons = []
-    if not found.converged:
-        reasons.append("the fit did not converge")
-    if not weights_trusted(weighed):
-        reasons.append(
-            f"the posterior is not what was drawn from about its peak (Pareto k {weighed.pareto_k:.2g}, at most "
-            f"{PARETO_K_MOST:g}; {weighed.effective:.0f} effective draws, at least {EFFECTIVE_LEAST:g})"
-        )
+def _reasons(found: Found) -> list[str]:
+    """Return what there is to be said against a fit."""
+    reasons = [] if found.converged else ["the fit did not converge"]
     for name, square, alike in zip(
         ("acceleration", "laser", "load"), found.chi_squared, found.correlation, strict=True
     ):
         if square > 1 + MISFIT_MOST or alike > CORRELATION_MOST:
             reasons.append(f"{name} is off by {np.sqrt(square):.2g} times its noise, lag-1 autocorrelation {alike:.2g}")
-    return "; ".join(reasons)
+    return reasons
+
+
+def _untrusted(weighed: Weighed) -> str:
+    return (
+        f"the posterior is not what was drawn from about its peak (Pareto k {weighed.pareto_k:.2g}, at most "
+        f"{PARETO_K_MOST:g}; {weighed.effective:.0f} effective draws, at least {EFFECTIVE_LEAST:g})"
+    )

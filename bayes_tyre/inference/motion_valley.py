@@ -92,22 +92,54 @@ def weighed_draws(
     return Weighed(draws, np.exp(smooth), float(pareto_k), mean)
 
 
-@functools.partial(jax.jit, static_argnums=0)
-def _along(rig: Rig, window: Window, standard: Array, covariance: Array, unit: Array) -> tuple[Array, Array]:
-    """Return draws and their negative log posterior density but for a constant, from normal(0, 1) numbers."""
+class Valley(NamedTuple):
+    """Coordinates along the valley: of independent normal(0, 1) numbers, if it were as it is about the peak.
+
+    Attributes
+    ----------
+    peak:
+        The most probable unknowns.
+    steep, flat:
+        Directions, a column each, as long as their posterior standard deviations.
+    to_floor:
+        What residuals are multiplied with for a chord step towards the floor.
+    """
+
+    peak: Float[Array, " unknowns"]
+    steep: Float[Array, "unknowns steep"]
+    flat: Float[Array, "unknowns flat"]
+    to_floor: Float[Array, "unknowns residuals"]
+
+    def at(self, rig: Rig, window: Window, unit: Float[Array, " unknowns"]) -> Float[Array, " unknowns"]:
+        """Return unknowns at coordinates; the map leaves volumes as they are, but for a constant."""
+        flat = self.flat.shape[1]
+        return self.floor(rig, window, unit[-flat:]) + self.steep @ unit[:-flat]
+
+    def floor(self, rig: Rig, window: Window, unit: Float[Array, " flat"]) -> Float[Array, " unknowns"]:
+        """Return unknowns on the valley's floor at flat coordinates."""
+
+        def lower(_: object, at: Array) -> Array:
+            return at - self.to_floor @ residuals(rig, at, window)
+
+        return jax.lax.fori_loop(0, CHORD_STEPS, lower, self.peak + self.flat @ unit)
+
+
+def valley_about(rig: Rig, window: Window, standard: Array, covariance: Array) -> Valley:
+    """Return the coordinates along the valley about a peak with Laplace's covariance."""
     _, jacobian = value_and_jacobian(rig, standard, window)
     variance, directions = jnp.linalg.eigh(covariance)
     coordinates = directions * jnp.sqrt(variance)
     steep, flat = coordinates[:, :-FLAT], coordinates[:, -FLAT:]
-    to_floor = steep @ (jacobian @ steep).T
+    return Valley(standard, steep, flat, steep @ (jacobian @ steep).T)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _along(rig: Rig, window: Window, standard: Array, covariance: Array, unit: Array) -> tuple[Array, Array]:
+    """Return draws and their negative log posterior density but for a constant, from normal(0, 1) numbers."""
+    valley = valley_about(rig, window, standard, covariance)
 
     def draw(unit: Array) -> tuple[Array, Array]:
-        at = standard + flat @ unit[-FLAT:]
-
-        def lower(_: object, at: Array) -> Array:
-            return at - to_floor @ residuals(rig, at, window)
-
-        at = jax.lax.fori_loop(0, CHORD_STEPS, lower, at) + steep @ unit[:-FLAT]
+        at = valley.at(rig, window, unit)
         return at, 0.5 * jnp.sum(residuals(rig, at, window) ** 2)
 
     return jax.vmap(draw)(unit)

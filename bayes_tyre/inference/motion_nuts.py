@@ -1,0 +1,103 @@
+"""NUTS on one record's motion, for a posterior that draws about its peak do not cover."""
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import numpyro
+import xarray as xr
+from jaxtyping import Array, ArrayLike, Float
+
+from bayes_tyre.inference.cases import flat
+from bayes_tyre.inference.convergence import monitor
+from bayes_tyre.inference.diagnostics import ESS_LEAST_PER_CHAIN, R_HAT_MOST
+from bayes_tyre.inference.motion_fit import Found, value_and_jacobian
+from bayes_tyre.inference.motion_model import residuals
+from bayes_tyre.inference.motion_valley import Valley, valley_about
+from bayes_tyre.inference.motion_window import Window
+from bayes_tyre.inference.sampling import SamplerSettings, sample
+from bayes_tyre.rig.axle import Rig
+
+#: Coordinates are near to a standard normal's even where weights fail: a short warmup does.
+SETTINGS = SamplerSettings(chains=4, warmup=150, draws=200)
+
+
+class Sampled(NamedTuple):
+    """Draws of a record's unknowns.
+
+    Attributes
+    ----------
+    standard:
+        In standard deviations of their prior, shape (chains, draws, unknowns).
+    divergent:
+        Number of transitions that ended far off: above 0 parts of the posterior were not reached.
+    """
+
+    standard: Float[np.ndarray, "chains draws unknowns"]
+    divergent: int
+
+
+def sampled(rig: Rig, window: Window, found: Found, settings: SamplerSettings = SETTINGS) -> Sampled:
+    """Return NUTS draws of a record's unknowns, in coordinates along the valley of their density.
+
+    Parameters
+    ----------
+    rig:
+        Geometry; static.
+    window, found:
+        Of the record: readings and noise; peak and Laplace's covariance, positive definite.
+    settings:
+        How much to sample.
+    """
+    # JAX arrays are arguments of what is compiled: another record of the same length needs no compilation.
+    window = jax.tree.map(jnp.asarray, window)
+    valley = _about(rig, window, jnp.asarray(found.standard), jnp.asarray(found.covariance))
+
+    def posterior(window: Window, valley: Valley) -> None:
+        numpyro.factor("height", -_height(rig, window, valley, flat("along", valley.peak.shape)))
+
+    draws = sample(posterior, {"window": window, "valley": valley}, settings)
+    return Sampled(
+        np.asarray(_places(rig, window, valley, draws.sites["along"])), int(np.sum(draws.statistics["diverging"]))
+    )
+
+
+_about = jax.jit(valley_about, static_argnums=0)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _places(rig: Rig, window: Window, valley: Valley, along: Float[ArrayLike, "chains draws unknowns"]) -> Array:
+    return jnp.vectorize(lambda unit: valley.at(rig, window, unit), signature="(u)->(u)")(along)
+
+
+def _height(rig: Rig, window: Window, valley: Valley, unit: Float[Array, " unknowns"]) -> Float[Array, ""]:
+    """Return the negative log posterior density but for a constant, at coordinates along the valley.
+
+    Its gradient is by forward derivatives, all directions side by side, as in the fit: through four runs of the motion
+    reverse ones take minutes to compile.
+    """
+    flat = valley.flat.shape[1]
+
+    @jax.custom_vjp
+    def height(unit: Array) -> Array:
+        return 0.5 * jnp.sum(residuals(rig, valley.at(rig, window, unit), window) ** 2)
+
+    def forward(unit: Array) -> tuple[Array, Array]:
+        floor_moves = jax.jacfwd(lambda flat: valley.floor(rig, window, flat))(unit[-flat:])
+        off, jacobian = value_and_jacobian(rig, valley.at(rig, window, unit), window)
+        slope = jacobian.T @ off
+        return 0.5 * jnp.sum(off**2), jnp.concatenate([valley.steep.T @ slope, floor_moves.T @ slope])
+
+    height.defvjp(forward, lambda slope, change: (change * slope,))
+    return height(unit)
+
+
+def effective_draws(draws: Float[np.ndarray, "chains draws p"], divergent: int) -> float:
+    """Return the least effective number of draws over p numbers; 0 where chains differ, or some of them diverged."""
+    figures = monitor(xr.Dataset({"number": (("chain", "draw", "which"), draws)}))
+    r_hat, *effective = (np.asarray(figure["number"]) for figure in figures if figure is not None)
+    least = float(np.min(effective))
+    told = divergent == 0 and r_hat.max() <= R_HAT_MOST and least >= ESS_LEAST_PER_CHAIN * len(draws)
+    return least if told else 0.0
