@@ -29,6 +29,7 @@ from command_line import (
     tree_of,
     written,
 )
+from law_rankings import ranked
 from left_out import made_up
 from motion_studies import studied
 from quick_fits import put_draws_for_the_sampler, write_result
@@ -67,6 +68,7 @@ WRITERS: dict[str, Callable[[Path, Path], list[object]]] = {
     "simulate": lambda given, out: ["simulate", "--out", out, "--rate", "1000"],
     "audit": lambda given, out: ["audit", "--out", out],
     "study motion": lambda given, out: ["study", "motion", "--out", out, "--stationary", "1", "--rolling", "0"],
+    "study laws": lambda given, out: ["study", "laws", "--out", out, "--law", "fancher", "--records", "2"],
 }
 RIGS = {name: load_rig(name) for name in ("single", "dual")}
 SILENT = ("show",)
@@ -99,6 +101,7 @@ def quick(monkeypatch) -> None:
     monkeypatch.setattr(figures, "draw", lambda result: islice(every_figure(result), 2))
     monkeypatch.setattr(audit, "study_audit", lambda *_: audited(blind, replicates=1))
     monkeypatch.setattr(study, "study_motion", lambda records, *_: studied(records))
+    monkeypatch.setattr(study, "rank_laws", lambda true_laws, **_: ranked(true_laws))
     monkeypatch.setattr(audit_figures, "draw", lambda *of: islice(every_audit_figure(*of), 1))
     whole_plan = PLANS["quick"]
     monkeypatch.setitem(PLANS, "quick", lambda rate: whole_plan(rate)[:2])

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from command_line import environment, here, tree_of
+from law_rankings import ranked
 from motion_studies import motion_rows
 
 from bayes_tyre.studies.calibration import Calibration
@@ -105,11 +106,23 @@ def test_a_study_of_no_motion_is_a_usage_error(tmp_path):
     assert not (tmp_path / "made").exists()
 
 
+@pytest.mark.parametrize(("first", "code"), [(None, 0), ("maxwell_slip", 4)])
+def test_laws_are_ranked_and_a_wrong_order_is_a_code(tmp_path, monkeypatch, first, code):
+    monkeypatch.setattr(workflow, "rank_laws", lambda true_laws, **_: ranked(true_laws, first))
+    options = ["--law", "fancher", "--law", "rigid_ring", "--records", 3, "--seed", 5]
+    done = here("study", "laws", "--out", tmp_path / "made", *options)
+    assert done.exit_code == code, done.stderr
+    assert set(tree_of(tmp_path / "made")) == {"law_ranking.csv", "law_ranking_records.csv", "run.json"}
+    assert f"records of fancher: {first or 'fancher'} first" in done.stdout
+    told = json.loads((tmp_path / "made" / "run.json").read_text())["options"]
+    assert told == {"laws": ["fancher", "rigid_ring"], "records": 3, "seed": 5}
+
+
 def test_help_names_units_and_an_example_and_waits_for_no_library(tmp_path):
     script = """
 import sys
 from bayes_tyre.cli import app
-for words in ([], ["calibration"], ["outliers"], ["motion"]):
+for words in ([], ["calibration"], ["outliers"], ["motion"], ["laws"]):
     try:
         app(["study", *words, "--help"], prog_name="bayes-tyre")
     except SystemExit:
@@ -119,6 +132,6 @@ print([name for name in ("jax", "pandas", "scipy", "numpyro") if name in sys.mod
     command = [sys.executable, "-c", script]
     done = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True)
     assert done.stdout.endswith("[]\n")
-    for name in ("calibration", "outliers", "motion"):
+    for name in ("calibration", "outliers", "motion", "laws"):
         assert f"Example: bayes-tyre study {name} --out" in done.stdout
     assert "kN/mm" in done.stdout

@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from bayes_tyre.cli.messages import fault
+from bayes_tyre.cli.motion import Law
 from bayes_tyre.cli.shell import NOT_TRUSTED, Out, Quiet, Seed, guarded, progress, say
 
 #: Host devices that data sets are shared out among.
@@ -117,5 +118,43 @@ def motion(
         say(f"  {line}", quiet)
 
 
-for command in (calibration, outliers, motion):
+def laws(
+    out: Out,
+    law: Annotated[
+        list[Law] | None, typer.Option(help="Law to simulate with; may be given again. Every one by default.")
+    ] = None,
+    records: Annotated[
+        int, typer.Option(min=2, max=6, help="Standing records of each law, steps of 10 kN up and down in turn.")
+    ] = 4,
+    seed: Seed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Rank the force laws (k kN/mm, friction kN, beta mm, ...) on records simulated with each of them, as compare does.
+
+    Every law is fitted to the records of each, and ranked by what it predicts of a record left out. Writes
+    law_ranking.csv (a row a true and a fitted law: rank, log density, difference to the first and its standard error)
+    and law_ranking_records.csv (a row a record: log density, evidence, misfit of its acceleration, status). Exit code 4
+    where neither the true law nor one that contains it comes first within two standard errors.
+
+    Example: bayes-tyre study laws --out results/law_ranking --records 4
+    """
+    from bayes_tyre.runtime import prepare_jax
+
+    prepare_jax(DEVICES)
+    from bayes_tyre.inference.motion_laws import MOTION_LAWS
+    from bayes_tyre.studies.law_ranking import as_they_should, in_words
+    from bayes_tyre.workflow.study import write_law_ranking
+
+    names = list(dict.fromkeys(one.value for one in law)) if law else list(MOTION_LAWS)
+    options = {"laws": names, "records": records, "seed": seed}
+    with progress("ranking laws", len(names) * len(MOTION_LAWS), quiet) as on_progress:
+        found = write_law_ranking(out, names, records, seed, options, on_progress)
+    say(f"wrote {out / 'law_ranking.csv'} (simulated, not measured)", quiet)
+    for line in in_words(found.table):
+        say(f"  {line}", quiet)
+    if not as_they_should(found.table).all():
+        raise typer.Exit(NOT_TRUSTED)
+
+
+for command in (calibration, outliers, motion, laws):
     study.command()(guarded(command))

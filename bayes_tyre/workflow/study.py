@@ -1,6 +1,6 @@
 """The studies: computed, drawn and written."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from bayes_tyre.report.page import save
 from bayes_tyre.report.run import RUN_JSON, begin_run, write_run
 from bayes_tyre.report.study_figures import RankCurves, calibration_plot, outlier_plot
 from bayes_tyre.studies.calibration import Calibration, calibrate
+from bayes_tyre.studies.law_ranking import Ranked, rank_laws
 from bayes_tyre.studies.motion_study import MotionStudy, Tried, study_motion
 from bayes_tyre.studies.outliers import Outliers, study_outliers
 from bayes_tyre.studies.truths import study_priors
@@ -62,6 +63,25 @@ def write_motion_study(
     found = study_motion(records, seed, on_progress)
     write_table(found.records, out / "motion_records.csv")
     write_table(found.table, out / "motion_study.csv")
+    write_run(run, out)
+    return found
+
+
+def write_law_ranking(
+    out: Path,
+    true_laws: Sequence[str],
+    records: int,
+    seed: int,
+    options: Mapping[str, object],
+    on_progress: Callable[[int], None],
+) -> Ranked:
+    """Write `law_ranking.csv` and `law_ranking_records.csv` into `out`."""
+    prepare_folder(out)
+    run = begin_run("bayes-tyre study laws", options, seed, [], ORIGIN)
+    (out / RUN_JSON).unlink(missing_ok=True)
+    found = rank_laws(true_laws, records=records, seed=seed, on_progress=on_progress)
+    write_table(found.records, out / "law_ranking_records.csv")
+    write_table(found.table, out / "law_ranking.csv")
     write_run(run, out)
     return found
 

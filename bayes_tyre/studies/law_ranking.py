@@ -1,0 +1,186 @@
+"""Whether laws are told apart: records simulated with each law, fitted by all of them, ranked as `compare` ranks."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.leave_out import LeaveOneOut
+from bayes_tyre.inference.motion_estimate import MotionEstimate, estimate_motion
+from bayes_tyre.inference.motion_evidence import log_constant
+from bayes_tyre.inference.motion_hierarchy import Motions, Readings, fit_motions
+from bayes_tyre.inference.motion_laws import MOTION_LAWS, MotionLaw, motion_law
+from bayes_tyre.inference.motion_leave_out import leave_one_motion_out, with_motions
+from bayes_tyre.inference.motion_likelihood import hierarchy_moments, likelihood_of
+from bayes_tyre.inference.motion_model import axle_kg
+from bayes_tyre.inference.motion_window import Recorded
+from bayes_tyre.inference.sampling import SamplerSettings
+from bayes_tyre.laws.base import StatefulLaw
+from bayes_tyre.record import WORDS
+from bayes_tyre.report.comparison import STANDARD_ERRORS, compare
+from bayes_tyre.rig.axle import Rig, load_rig
+from bayes_tyre.signals.process import prepare
+from bayes_tyre.signals.words import Words
+from bayes_tyre.simulate.draw import draw_truth, stream
+from bayes_tyre.simulate.plan import Planned, quick_plan
+from bayes_tyre.simulate.simulator import simulate_record
+from bayes_tyre.simulate.truth import Truth
+from bayes_tyre.studies.motion_study import ORIGIN, recorded
+
+#: Laws that contain another, exactly or as a limit: of its records they may be as good.
+CONTAINS: dict[str, tuple[str, ...]] = {
+    "fancher": ("bouc_wen",),
+    "kelvin_voigt": ("fancher", "bouc_wen", "maxwell_slip", "rigid_ring"),
+}
+#: What the truth's draw does not have: a Bouc-Wen law well away from Fancher's n = 1, a truck tyre's belt.
+FURTHER = {"n": 2.0, "belt_frequency": 55.0, "belt_damping": 0.05, "sidewall_ratio": 4.0}
+CONFIGURATION = "single"
+#: Draws of a law's hierarchy, and of the fits again where importance sampling fails: averages are taken over them.
+SAMPLER = SamplerSettings(chains=2, warmup=300, draws=300)
+
+
+class Ranked(NamedTuple):
+    """What the study found: a row a true and a fitted law; and a row a true law, a fitted law and a record."""
+
+    table: pd.DataFrame
+    records: pd.DataFrame
+
+
+def planned(records: int) -> list[Planned]:
+    """Return plans of standing records: repeats of unloading from 30 kN and of loading from 20 kN, in turn."""
+    ends = (("unloading", 30.0), ("loading", 20.0))
+    mine = [plan for plan in quick_plan() if plan.case.configuration == CONFIGURATION]
+    cases = [[p for p in mine if (p.case.direction, p.case.initial_load_kN) == end] for end in ends]
+    in_turn = [plan for repeat in zip(*cases, strict=True) for plan in repeat]
+    if records > len(in_turn):
+        raise BadInput(f"{records} records are asked for; there are {len(in_turn)}")
+    return [plan._replace(duration_s=2.5, step_between_s=(1.0, 1.1)) for plan in in_turn[:records]]
+
+
+def simulated(law: MotionLaw, plan: Planned, rig: Rig, seed: int) -> Recorded:
+    """Return a record of a plan simulated with a law; load, axle and noise are the same with every law."""
+    truth = draw_truth(plan, rig, seed)
+    made = _made(law, truth)
+    # A law without friction rests on its line.
+    rest = truth.rest_friction_kN if law.has_friction else 0.0
+    truth = replace(truth, m_kg=float(axle_kg(rig, made, truth.m_kg)), rest_friction_kN=rest)
+    raw = simulate_record(truth, rig, made).raw
+    return recorded(prepare(raw, rig, Words(plan.record, plan.case, plan.repeat)))
+
+
+def _made(law: MotionLaw, truth: Truth) -> StatefulLaw:
+    k, x, beta = truth.k_kN_per_mm, truth.x_kN, truth.beta_mm
+    values = {"k": k, "x": x, "settled": x - k * beta, "beta": beta, **FURTHER}
+    return law.law(**{name: values[name] for name in law.told}, C=truth.C_kN)
+
+
+def rank_laws(
+    true_laws: Sequence[str],
+    laws: Sequence[str] = tuple(MOTION_LAWS),
+    records: int = 4,
+    seed: int = 0,
+    on_progress: Callable[[int], None] = lambda _: None,
+) -> Ranked:
+    """Return how laws rank on records simulated with each of the true ones.
+
+    Parameters
+    ----------
+    true_laws, laws:
+        Names of laws to simulate with, and to fit.
+    records:
+        Of each true law.
+    seed:
+        Of tyres, axles and noise.
+    on_progress:
+        Called with 1 after each law fitted to the records of a true one.
+
+    Raises
+    ------
+    BadInput
+        For an unknown law, or more records than there are.
+    """
+    rig, plans = load_rig(CONFIGURATION), planned(records)
+    of_seed = int(stream(seed, "law ranking").integers(2**32))
+    tables, estimates = [], []
+    for true in true_laws:
+        given = [simulated(motion_law(true), plan, rig, of_seed) for plan in plans]
+        found: dict[str, LeaveOneOut] = {}
+        for name in laws:
+            # Most laws are not the records': NUTS on each would say the same in hours.
+            each = [estimate_motion(rig, record, motion_law(name), sampler=None) for record in given]
+            found[name] = _left_out(rig, plans, each, motion_law(name))
+            for plan, estimate, of in zip(plans, each, found[name].elpd.elpd_i.to_numpy(), strict=True):
+                estimates.append(_estimate_row(true, name, plan, estimate, float(of)))
+            on_progress(1)
+        tables.append(_ranks(true, found, pd.DataFrame(estimates)))
+    return Ranked(pd.concat(tables, ignore_index=True), pd.DataFrame(estimates))
+
+
+def _left_out(rig: Rig, plans: list[Planned], estimates: list[MotionEstimate], law: MotionLaw) -> LeaveOneOut:
+    motions = _motions(rig, plans, estimates, law)
+    return leave_one_motion_out(with_motions(fit_motions(motions, SAMPLER), motions), SAMPLER)
+
+
+def _motions(rig: Rig, plans: list[Planned], estimates: list[MotionEstimate], law: MotionLaw) -> Motions:
+    """Return the estimates as the hierarchy takes them."""
+    rows = []
+    for estimate in estimates:
+        moments = estimate.log_mean, estimate.log_covariance
+        prior = np.asarray(estimate.window.prior)
+        likelihood = likelihood_of(rig, *moments, prior, trusted=not estimate.status, law=law)
+        constant = log_constant(rig, likelihood, estimate.window, estimate.log_evidence)
+        mean, covariance = hierarchy_moments(*moments, law)
+        rows.append((*likelihood, mean, np.diag(covariance), constant, estimate.effective_draws))
+    directions, target, mean, variance, constant, effective = map(np.array, zip(*rows, strict=True))
+    words = pd.DataFrame([{"record": p.record, **p.case._asdict(), "repeat": p.repeat} for p in plans])
+    words = words[["record", *WORDS]]
+    return Motions(words, directions, target, mean, variance, law, Readings(constant, effective))
+
+
+def _estimate_row(true: str, fitted: str, plan: Planned, estimate: MotionEstimate, elpd: float) -> dict[str, Any]:
+    squares = estimate.found.chi_squared
+    return {
+        **{"true_law": true, "fitted_law": fitted, "record": plan.record, "elpd": elpd},
+        **{"log_evidence": estimate.log_evidence, "chi_squared_acceleration": float(squares[0])},
+        **{"method": estimate.method, "status": estimate.status or "ok", "origin": ORIGIN},
+    }
+
+
+def _ranks(true: str, found: dict[str, LeaveOneOut], estimates: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of a true law: those of `compare`, and what may come first."""
+    table = compare(found, dict.fromkeys(found, "pass")).rename(columns={"model": "fitted_law"})
+    mine = estimates[(estimates["true_law"] == true) & (estimates["status"] != "ok")]
+    doubted = mine.groupby("fitted_law").size()
+    wanted = table["fitted_law"].isin((true, *CONTAINS.get(true, ())))
+    within = table["elpd_difference"].abs() <= STANDARD_ERRORS * table["difference_se"].fillna(0.0)
+    table.insert(0, "true_law", true)
+    return table[
+        ["true_law", "fitted_law", "rank", "elpd", "elpd_difference", "difference_se", "records", "pareto_k_max"]
+    ].assign(
+        doubted=[int(doubted.get(name, 0)) for name in table["fitted_law"]],
+        is_or_contains=wanted,
+        first_within_2_se=within | (table["rank"] == 1),
+        origin=ORIGIN,
+    )
+
+
+def as_they_should(table: pd.DataFrame) -> pd.Series:
+    """Return by true law whether it, or a law that contains it, ranks first within two standard errors."""
+    good = table["is_or_contains"] & table["first_within_2_se"]
+    return good.groupby(table["true_law"], sort=False).any()
+
+
+def in_words(table: pd.DataFrame) -> list[str]:
+    """Return a line a true law: its laws in their order, with their distance to the first in log density."""
+    right, lines = as_they_should(table), []
+    for true, rows in table.groupby("true_law", sort=False):
+        told = [
+            f"{row.fitted_law} ({row.elpd_difference:.1f} ± {row.difference_se:.1f})"
+            for row in rows.iloc[1:].itertuples(index=False)
+        ]
+        verdict = "" if right[true] else "; it should be first within two standard errors, or a law that contains it"
+        lines.append(f"records of {true}: {rows.iloc[0]['fitted_law']} first, then {', '.join(told)}{verdict}")
+    return lines
