@@ -29,6 +29,8 @@ FIT_FILES = {
     *("figures/prior_and_posterior_of_scales.png", "figures/rank_plot.png", "figures/pair_plot.png"),
 }
 TABLES = ("summary.csv", "cases.csv", "contrasts.csv", "repeats.csv")
+#: Far too few draws, the same wherever a fit is only run: the length of the warmup is part of what is compiled.
+FEW = ("--chains", 2, "--warmup", 130, "--draws", 170)
 SMALL = Plan(configurations=("single",), speeds=(0.0,), loads=(20.0,), repeats=3, points=30)
 
 

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+from command_line import FEW as FEW_DRAWS
 from command_line import TABLES, assert_refused, finish, here, small, start, tree_of, written
 
 from bayes_tyre.workflow import fit as workflow
@@ -15,7 +16,7 @@ from bayes_tyre.workflow import fit as workflow
 # Compilation and module fixtures: over 10 s for the file from cold.
 pytestmark = pytest.mark.slow
 
-FEW = ["--chains", 2, "--warmup", 130, "--draws", 170, "--seed", 5]
+FEW = [*FEW_DRAWS, "--seed", 5]
 SAME = (*TABLES, "diagnostics.json", "posterior.nc")
 #: What is there when a run is killed: in warmup; among the draws; between two files. (`test_checkpoint` has them all.)
 MOMENTS = (".checkpoint/chunk-000000.npz", ".checkpoint/chunk-000002.npz", "cases.csv")
@@ -33,12 +34,17 @@ def killed(process: subprocess.Popen[str], appears: Path) -> None:
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory) -> Path:
-    """Return a folder with a run left alone, `whole`, and `after/N`: the state after each kill, then all of it."""
+    """Return a folder with a run left alone, `whole`, and `after/N`: the state after each kill, then all of it.
+
+    The run that is `repeated` has a file in the place of its checkpoints, which stands for a disk that refuses them.
+    """
     folder = tmp_path_factory.mktemp("runs")
     written(small(), folder / "records.csv")
     done = finish(start("fit", "records.csv", "--out", "whole", *FEW, cwd=folder))
     assert done.returncode == 4, done.stderr
-    repeated = start("fit", "--from", "whole/run.json", "--out", "repeated", cwd=folder)
+    (folder / "repeated").mkdir()
+    (folder / "repeated" / ".checkpoint").write_text("in the way")
+    repeated = start("fit", "--from", "whole/run.json", "--out", "repeated", "--quiet", cwd=folder)
     for number, moment in enumerate(MOMENTS):
         resume = ["--resume"] if number else []
         killed(start("fit", "records.csv", "--out", "cut", *FEW, *resume, cwd=folder), folder / "cut" / moment)
@@ -48,6 +54,7 @@ def runs(tmp_path_factory) -> Path:
     assert done.returncode == 4, done.stderr
     done = finish(repeated)
     assert done.returncode == 4, done.stderr
+    (folder / "repeated said").write_text(done.stderr)
     return folder
 
 
@@ -204,12 +211,7 @@ def test_options_beside_from_are_a_contradiction(beside, named, runs, no_work, m
 
 
 def test_a_disk_without_room_for_checkpoints_ends_no_run(runs):
-    """Checkpoints lie in a folder of their own: a file in its place stands for a disk that refuses them."""
-    (runs / "refused").mkdir()
-    (runs / "refused" / ".checkpoint").write_text("in the way")
-    done = finish(start("fit", "records.csv", "--out", "refused", *FEW, "--quiet", cwd=runs))
-    assert done.returncode == 4, done.stderr
-    warnings = [line for line in done.stderr.splitlines() if "warning" in line]
+    warnings = [line for line in (runs / "repeated said").read_text().splitlines() if "warning" in line]
     assert len(warnings) == 1
-    assert warnings[0].startswith(f"bayes-tyre: warning: no more checkpoints ({Path('refused/.checkpoint')}")
-    assert (runs / "refused" / "cases.csv").read_bytes() == (runs / "whole" / "cases.csv").read_bytes()
+    assert warnings[0].startswith(f"bayes-tyre: warning: no more checkpoints ({Path('repeated/.checkpoint')}")
+    assert (runs / "repeated" / "cases.csv").read_bytes() == (runs / "whole" / "cases.csv").read_bytes()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from command_line import FIT_FILES, environment, finish, small, tree_of, written
+from command_line import FEW, FIT_FILES, environment, finish, small, tree_of, written
 
 pytestmark = pytest.mark.slow
 
@@ -56,11 +56,10 @@ def test_the_wheel_holds_all_data_and_everything_that_is_no_module(installed_whe
 def test_the_wheel_runs_the_commands_in_an_empty_folder(installed_wheel, tmp_path):
     written(small(), tmp_path / "records.csv")
     command = installed_wheel / "bin" / "bayes-tyre"
-    few = ("--chains", 2, "--warmup", 60, "--draws", 60)
     asked = {
         "published": (command, "published", "--out", "published"),
         "lsq": (sys.executable, "-m", "bayes_tyre", "lsq", "records.csv", "--out", "lsq"),
-        "fit": (command, "fit", "records.csv", "--out", "fit", *few),
+        "fit": (command, "fit", "records.csv", "--out", "fit", *FEW),
     }
     running = {name: start(*command, site=installed_wheel, cwd=tmp_path) for name, command in asked.items()}
     done = {name: finish(process) for name, process in running.items()}
