@@ -90,7 +90,7 @@ channels[["unit", "samples", "dt_s", "first", "last", "min", "max", "missing"]].
 # displacement. What cannot be used stands in `rejected.csv` with the reason; nothing is dropped in silence.
 
 # %%
-bayes_tyre("process", "raw", "--rig", "rig.toml", "--out", "records.csv", "--workers", "2")
+bayes_tyre("process", "raw", "--rig", "rig.toml", "--out", "records.csv", "--workers", "1")
 pd.read_csv(here / "rejected.csv")
 
 # %% [markdown]
