@@ -40,4 +40,7 @@ default_role = "code"
 
 nitpicky = True
 # Types of other projects: an inventory to link to would have to be fetched.
-nitpick_ignore_regex = [("py:.*", r"(pandas|xarray|numpy|jax|jaxtyping|equinox|numpyro|pydantic|pathlib)\..*")]
+nitpick_ignore_regex = [
+    ("py:.*", r"(pandas|xarray|numpy|jax|jaxtyping|equinox|numpyro|pydantic|pathlib)\..*"),
+    ("py:class", r"Array|ndarray"),  # what a property of jaxtyping's is left with
+]

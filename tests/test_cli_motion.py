@@ -49,10 +49,18 @@ def test_everything_that_fit_writes_is_there_and_the_estimates(done):
     out, ended = done
     assert ended.exit_code in (0, 4), ended.stderr
     written = {name for name in tree_of(out) if not name.startswith(".") and not name.endswith("/")}
-    assert {"posterior.nc", *TABLES, "diagnostics.json", "run.json", "estimates.csv", "rejected.csv"} <= written
-    figures = {"forest_of_cases", "posteriors_by_direction", "energy_per_cycle", "contrasts", "outlier_probabilities"}
+    own = {"estimates.csv", "rejected.csv", "motions_shown.csv"}
+    assert {"posterior.nc", *TABLES, "diagnostics.json", "run.json", *own} <= written
+    figures = {"forest_of_cases", "posteriors_by_direction", "energy_per_cycle", "contrasts"}
+    figures |= {"motion_worst", "motion_typical"}
     assert {f"figures/{name}.png" for name in figures} <= written
-    assert not {"figures/records_with_bands.png", "figures/residuals_against_displacement.png"} & written
+    assert not {"figures/records_with_bands.png", "figures/outlier_probabilities.png"} & written
+    shown = pd.read_csv(out / "motions_shown.csv")
+    assert set(shown["shown"]) == {"worst", "typical"}
+    left = shown.filter(like="left_over_").to_numpy()
+    # Some 8000 white residuals: their mean square is 1 with a standard error of 0.016, and each of the six channels'
+    # variances is known to some 4 % from its rest: 0.024 together, five times is 0.12.
+    assert np.nanmean(left**2) == pytest.approx(1.0, abs=0.12)
     assert {path.name for path in (out.parent / "pictures").iterdir()} == {
         f"{name.removeprefix('Dynamic').removesuffix('.lvm')}.png" for name in GOOD
     }

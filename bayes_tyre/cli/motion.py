@@ -35,6 +35,7 @@ class Law(StrEnum):
     kelvin_voigt = "kelvin_voigt"
     bouc_wen = "bouc_wen"
     maxwell_slip = "maxwell_slip"
+    rigid_ring = "rigid_ring"
 
 
 def motion(
@@ -73,7 +74,8 @@ def motion(
     """Identify k, x, beta (kN/mm, kN, mm), m (kg), c (kN s/mm) and energy lost (J) from the axle's own motion.
 
     Other laws have other parameters: kelvin_voigt k alone, bouc_wen k, settled (kN), beta and exponent n, maxwell_slip
-    k, settled and beta. compare says which of them predicts the same files best.
+    k, settled and beta, rigid_ring k and the belt's frequency (Hz), damping ratio and ratio of sidewall to residual
+    stiffness. compare says which of them predicts the same files best.
 
     Each raw file is fitted by itself, its motion simulated through step and ring-down; the estimates with their
     covariances then go into one hierarchy. Writes what fit writes, and estimates.csv (a row a record) and rejected.csv

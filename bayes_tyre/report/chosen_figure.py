@@ -5,9 +5,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.posterior import is_of_motions
-from bayes_tyre.report import summary
-from bayes_tyre.report.figures import ALWAYS, OF_MOTIONS, OF_RECORDS, Result
+from bayes_tyre.report.figures import ALWAYS, OF_MOTIONS, OF_RECORDS, OF_REPEATS, Result
 
 
 def chosen_figure(
@@ -36,15 +34,19 @@ def chosen_figure(
     Raises
     ------
     BadInput
-        For a name that there is not, and a figure of records without records.
+        For a name that there is not, a figure of records without records, and one of odd repeats where none is judged.
     """
-    motions = is_of_motions(tree["posterior"].to_dataset())
-    of_tree = {**ALWAYS, **OF_MOTIONS} if motions else ALWAYS
-    known = [*of_tree] if motions else [*of_tree, *OF_RECORDS]
+    result = Result(tree, verdict, table, printed, interval)
+    of_tree = {**ALWAYS, **OF_MOTIONS} if result.of_motions else ALWAYS
+    known = [*of_tree, *([] if result.of_motions else OF_RECORDS), *OF_REPEATS]
     if name not in known:
         raise BadInput(f"figure {name!r} is unknown; use one of {', '.join(known)}")
-    if name not in of_tree and ("record" not in tree["posterior"].dims or table is None):
-        raise BadInput(f"figure {name} shows records; give the posterior of records, and their table")
-    cases, repeats = summary.cases(tree, verdict, interval), summary.repeats(tree, verdict, interval)
-    result = Result(tree, verdict, cases, repeats, table, printed, interval)
-    return of_tree[name](result) if table is None or name in of_tree else OF_RECORDS[name](result, table)
+    if name in of_tree:
+        return of_tree[name](result)
+    if name in OF_REPEATS and result.judges:
+        return OF_REPEATS[name](result)
+    if name in OF_RECORDS and table is not None and "record" in tree["posterior"].dims:
+        return OF_RECORDS[name](result, table)
+    if name in OF_REPEATS and "record" in tree["posterior"].dims:
+        raise BadInput(f"figure {name}: this posterior judges no record; that takes repeats mixture, three of a case")
+    raise BadInput(f"figure {name} shows records; give the posterior of records, and their table")

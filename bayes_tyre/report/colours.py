@@ -56,6 +56,11 @@ def looks(configurations: Iterable[str]) -> dict[str, Look]:
     return {label: _look(places[label]) for label in labels}
 
 
+def looks_of_none(labels: Iterable[str]) -> dict[str, Look]:
+    """Return looks of what is no configuration, such as methods, in the order given: none is single's or dual's."""
+    return {label: _look(place) for place, label in enumerate(dict.fromkeys(labels), start=len(_OWN))}
+
+
 def _places(labels: Iterable[str]) -> dict[str, int]:
     """Return the place of each label: its own where it has one, and of the others the free ones in their order."""
     labels = list(labels)

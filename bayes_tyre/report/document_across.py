@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.posterior import CASE_PARAMETERS, case_parameters
+from bayes_tyre.inference.posterior import case_parameters
 from bayes_tyre.record import CASE_WORDS
 from bayes_tyre.report.contrasts import contrasts, tree_cases
 from bayes_tyre.report.document_losses import ENERGY
@@ -79,8 +79,8 @@ def _named(configuration: str, side: Side) -> str:
 
 
 def has_cases(tree: xr.DataTree) -> bool:
-    """Return whether a posterior has the parameters of its cases."""
-    return "posterior" in tree.children and all(f"{name}_case" in tree["posterior"] for name in CASE_PARAMETERS)
+    """Return whether a posterior has parameters of cases: k at least, beta only where its law has one."""
+    return "posterior" in tree.children and "k_case" in tree["posterior"]
 
 
 def _shared(first: xr.DataTree, other: xr.DataTree) -> list[str]:

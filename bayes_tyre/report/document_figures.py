@@ -64,6 +64,13 @@ HEADINGS = {
         "The loop that loses it",
         "The wider the loop, the more a cycle loses; the band is what is believable.",
     ),
+    "motion_worst": (
+        "The motion of the record that the fit follows worst",
+        "Left: the line should go through the points. Right: what is left over should be even noise, most of it in the "
+        "grey band; a wave says that the law misses something.",
+    ),
+    "motion_second_worst": ("The motion of the record that the fit follows next worst", "Read as the figure above."),
+    "motion_typical": ("The motion of a typical record", "Read as the figures of motions above it."),
     "outlier_probabilities": (
         "Which repeats are odd",
         "A record near 1 does not agree with the other repeats of its test.",
@@ -101,7 +108,8 @@ def pictures(result: Result, folder: Path) -> Iterator[Picture]:
             continue
         known.add(name)
         yield picture(name, figure)
-    yield from kept_pictures(folder, known)
+    kept = set(figures.OF_RECORDS) if result.table is None else set()
+    yield from kept_pictures(folder, set(HEADINGS) - kept | known)
 
 
 def kept_pictures(folder: Path, but: set[str]) -> Iterator[Picture]:

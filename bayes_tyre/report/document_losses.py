@@ -67,7 +67,7 @@ def losses_cautions(result: Reported) -> list[str]:
         f"The energy as that of another stroke, or as all that a tyre loses: it is what the fitted law loses in a "
         f"cycle of {_amplitude(result)}; the viscous damping c is not in it.",
         "The estimates if the tyre does not follow the law that was fitted to its motion: the verdict cannot tell. "
-        "Look at what the fit leaves over of each record (motion --figures DIR).",
+        "Look at what the fit leaves over: of a few records below, of each with motion --figures DIR.",
     ]
 
 

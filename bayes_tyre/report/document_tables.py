@@ -104,8 +104,11 @@ def contrasts_table(results: Sequence[Reported]) -> Table:
 
 
 def repeats_table(results: Sequence[Reported]) -> Table:
-    """Return the parameters of each record, and the probability that it is an outlier among its repeats."""
+    """Return the parameters of each record, and the probability that it is an outlier, of results that judge it."""
+    judged = [_judges(each.repeats) for each in results]
     caption = "Repeats: each record, and the probability that it does not agree with its repeats"
+    if not any(judged):
+        caption = "Repeats: each record (nothing here says whether one is odd: see the glossary)"
     return _table("repeats", caption, results, [each.repeats for each in results], ("record", *WORDS), _of_repeats)
 
 
@@ -122,7 +125,12 @@ def _ratios(parameter: str, _: pd.DataFrame) -> list[_Measure]:
 
 def _of_repeats(parameter: str, rows: pd.DataFrame) -> list[_Measure]:
     odd = _Measure(parameter, "outlier probability", "", _only("outlier_probability"))
-    return [*([odd] if rows.attrs["first"] == parameter else []), *_values(parameter, rows)]
+    return [*([odd] if rows.attrs["first"] == parameter and _judges(rows) else []), *_values(parameter, rows)]
+
+
+def _judges(repeats: pd.DataFrame) -> bool:
+    """Return whether any record has an outlier probability: a column without one would say nothing."""
+    return bool(repeats["outlier_probability"].notna().any())
 
 
 def _only(column: str) -> Callable[[pd.Series], Cell]:

@@ -16,6 +16,9 @@ PARAMETERS = {
     "x": ("x, kN", "Friction: half the distance between the lines of loading and unloading."),
     "settled": ("settled, kN", "Friction on which the force settles when a tyre is moved on."),
     "n": ("n", "How suddenly the force settles: 1 for Fancher's law."),
+    "belt_frequency": ("belt_frequency, Hz", "Undamped natural frequency of the belt, with the rim held."),
+    "belt_damping": ("belt_damping", "Damping ratio of the belt's swing."),
+    "sidewall_ratio": ("sidewall_ratio", "Stiffness of the sidewall over the stiffness between belt and road."),
     "m": ("m, kg", "Mass that moves with the wheel centre."),
     "c": ("c", "Viscous damping, in the unit that its column states."),
     "energy_per_cycle": ("Energy a cycle, J", "Energy lost in a cycle of loading and unloading, at the wheel centre."),
@@ -44,7 +47,8 @@ ALWAYS = {
     "directions, such as 20-30 against 30-20 kN. same initial load: such as 20-30 against 20-10 kN. pooled as "
     "published: means over unlike cases, as the source compares them.",
     "Outlier probability": "How probable it is that a repeat does not agree with the others of its case. Such a record "
-    "counts for less; none is dropped. Empty where fewer than three repeats leave nothing to judge by.",
+    "counts for less; none is dropped. Empty where fewer than three repeats leave nothing to judge by; no column where "
+    "the model does not ask (--repeats student or normal).",
     "Prior": "What was taken to be possible before the data. Where the data say little, it speaks for them.",
     "Verdict": "pass: R-hat at most 1.01 (chains agree), enough effective draws (ESS), no divergence, and no sign that "
     "the records cannot carry the model. fail: at least one of these is missing, and the reasons say which.",

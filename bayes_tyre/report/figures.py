@@ -16,7 +16,7 @@ from bayes_tyre.report.colours import Setting
 from bayes_tyre.report.contrast_figures import contrasts_by_case
 from bayes_tyre.report.contrasts import contrasts, tree_cases
 from bayes_tyre.report.density_figures import posteriors_by_direction, prior_and_posterior_of_scales
-from bayes_tyre.report.motion_figures import loops_by_direction
+from bayes_tyre.report.motion_figures import loops_by_direction, motion_figure
 from bayes_tyre.report.motion_loops import LAW, friction_loops
 from bayes_tyre.report.populations import Population, divergences, paired, populations
 from bayes_tyre.report.prior_records import prior_panels
@@ -29,7 +29,10 @@ from bayes_tyre.report.record_figures import (
 from bayes_tyre.report.sampler_figures import pair_plot, rank_plot
 from bayes_tyre.report.scales import scales
 
-ENERGY = "energy_per_cycle"
+ENERGY, CONTRASTS = "energy_per_cycle", "contrasts"
+OUTLIERS = "outlier_probabilities"
+#: Before the place of a record's picture among those shown.
+MOTION = "motion_"
 #: What the intervals of cases and contrasts are of, where a reader could take them for something else, by model.
 ABOUT_CASES = {"published": "They are of the value to expect; single printed values scatter about it."}
 ABOUT_CONTRASTS = {"published": "One value a case was printed: the model has one ratio for all cases of a direction."}
@@ -43,23 +46,47 @@ class Result:
     ----------
     tree, verdict:
         The posterior, and ``pass`` or ``fail``.
-    cases, repeats:
-        As `cases.csv` and `repeats.csv` hold them.
     table:
         The records it was fitted to; None without records.
     printed:
         Printed `k_kN_per_mm` and `beta_mm` by case; None where there are none to be held against.
     interval:
         Probability of every interval, equal-tailed.
+    motions:
+        Readings and fitted motion of a few records, as `bayes_tyre.report.motion_readings` has them; None without.
     """
 
     tree: xr.DataTree
     verdict: str
-    cases: pd.DataFrame
-    repeats: pd.DataFrame
-    table: pd.DataFrame | None
-    printed: pd.DataFrame | None
-    interval: float
+    table: pd.DataFrame | None = None
+    printed: pd.DataFrame | None = None
+    interval: float = 0.95
+    motions: pd.DataFrame | None = None
+
+    @cached_property
+    def cases(self) -> pd.DataFrame:
+        """As `cases.csv` holds them."""
+        return summary.cases(self.tree, self.verdict, self.interval)
+
+    @cached_property
+    def contrasts(self) -> pd.DataFrame:
+        """As `contrasts.csv` holds them."""
+        return contrasts(self.tree, self.verdict, self.interval)
+
+    @cached_property
+    def judged(self) -> pd.DataFrame:
+        """The words of each record, and the probability that it is discordant."""
+        return summary.judged_records(self.tree)
+
+    @property
+    def of_motions(self) -> bool:
+        """Whether it is a posterior of motions."""
+        return is_of_motions(self.tree["posterior"].to_dataset())
+
+    @property
+    def judges(self) -> bool:
+        """Whether its model says of any record how probable it is that it is discordant."""
+        return bool(self.judged["outlier_probability"].notna().any())
 
     @cached_property
     def setting(self) -> Setting:
@@ -80,13 +107,18 @@ class Result:
 
 def draw(result: Result) -> Iterator[tuple[str, Figure]]:
     """Yield the name and the figure of everything that can be drawn of a result, one after the other."""
-    further = OF_MOTIONS if is_of_motions(result.tree["posterior"].to_dataset()) else {}
-    for name, figure in {**ALWAYS, **further}.items():
-        yield name, figure(result)
+    for name, figure in {**ALWAYS, **(OF_MOTIONS if result.of_motions else {})}.items():
+        if name != CONTRASTS or len(result.contrasts):  # without cases that match its panels would be empty
+            yield name, figure(result)
     yield from _loops(result)
     if result.table is not None:
         for name, figure_of_records in OF_RECORDS.items():
             yield name, figure_of_records(result, result.table)
+    if result.judges:
+        yield OUTLIERS, OF_REPEATS[OUTLIERS](result)
+    if result.motions is not None:
+        for place, readings in result.motions.groupby("shown", sort=False):
+            yield f"{MOTION}{place}", motion_figure(readings, result.setting)
 
 
 def _posteriors(result: Result) -> Figure:
@@ -104,8 +136,7 @@ def _energy(result: Result) -> Figure:
 def _loops(result: Result) -> Iterator[tuple[str, Figure]]:
     """Yield the loop of a cycle, where the posterior is of motions on the law whose loop is known."""
     attributes = result.tree.attrs
-    of_motions = is_of_motions(result.tree["posterior"].to_dataset())
-    if of_motions and "amplitude_mm" in attributes and attributes.get("law", LAW) == LAW:
+    if result.of_motions and "amplitude_mm" in attributes and attributes.get("law", LAW) == LAW:
         loops = friction_loops(result.tree, result.interval)
         amplitude = float(attributes["amplitude_mm"])
         yield "loops_by_direction", loops_by_direction(loops, result.setting, amplitude, result.interval)
@@ -135,7 +166,7 @@ def _forest(result: Result) -> Figure:
 
 def _contrasts(result: Result) -> Figure:
     about = ABOUT_CONTRASTS.get(result.tree.attrs["model"], "")
-    return contrasts_by_case(contrasts(result.tree, result.verdict, result.interval), result.setting, about)
+    return contrasts_by_case(result.contrasts, result.setting, about)
 
 
 def _scales(result: Result) -> Figure:
@@ -166,26 +197,26 @@ def _residuals(result: Result, table: pd.DataFrame) -> Figure:
     return residuals_against_displacement(points, records, result.setting, AUTOCORRELATION_MOST)
 
 
-def _outliers(result: Result, _: pd.DataFrame | None = None) -> Figure:
-    return outlier_probabilities(result.repeats.drop_duplicates("record"), result.setting)
+def _outliers(result: Result) -> Figure:
+    return outlier_probabilities(result.judged, result.setting)
 
 
-#: The figures of any posterior, by the name of their file; those of motions; and those of force over displacement.
+#: The figures of any posterior, by the name of their file; those of motions; of force over displacement; and of repeats
+#: where the model judges them.
 ALWAYS: Mapping[str, Callable[[Result], Figure]] = {
     "posteriors_by_direction": _posteriors,
     "forest_of_cases": _forest,
-    "contrasts": _contrasts,
+    CONTRASTS: _contrasts,
     "prior_and_posterior_of_scales": _scales,
     "rank_plot": _ranks,
     "pair_plot": _pairs,
 }
 OF_MOTIONS: Mapping[str, Callable[[Result], Figure]] = {
     "energy_per_cycle": _energy,
-    "outlier_probabilities": _outliers,
 }
 OF_RECORDS: Mapping[str, Callable[[Result, pd.DataFrame], Figure]] = {
     "prior_predictive_curves": _priors,
     "records_with_bands": _bands,
     "residuals_against_displacement": _residuals,
-    "outlier_probabilities": _outliers,
 }
+OF_REPEATS: Mapping[str, Callable[[Result], Figure]] = {OUTLIERS: _outliers}

@@ -11,8 +11,10 @@ from bayes_tyre.formats.netcdf import write_tree
 from bayes_tyre.formats.tables import write_table
 from bayes_tyre.inference.diagnostics import Diagnostics
 from bayes_tyre.record_table import record_extras
-from bayes_tyre.report import contrasts, figures, summary
+from bayes_tyre.report import figures, summary
+from bayes_tyre.report.document_figures import HEADINGS
 from bayes_tyre.report.figures import Result
+from bayes_tyre.report.motion_readings import MOTIONS_CSV
 from bayes_tyre.report.page import save
 from bayes_tyre.report.run import RUN_JSON, Run, write_json, write_run
 
@@ -27,6 +29,7 @@ def write_fit(
     printed: pd.DataFrame | None = None,
     interval: float = 0.95,
     beside: Mapping[str, pd.DataFrame] | None = None,
+    motions: pd.DataFrame | None = None,
 ) -> None:
     """Write a posterior with its tables, diagnostics and figures into `out`.
 
@@ -42,24 +45,30 @@ def write_fit(
         Probability of every interval, equal-tailed.
     beside:
         Further tables, by the names of their files.
+    motions:
+        Readings and fitted motion of a few records, for their pictures (`bayes_tyre.report.motion_readings`).
     """
     prepare_folder(out)
     (out / RUN_JSON).unlink(missing_ok=True)  # an older run's: it must not vouch for half of a newer one
     verdict = diagnostics.verdict
     write_tree(tree, out / "posterior.nc")
     extras = record_extras(table) if table is not None else None
-    cases, repeats = summary.cases(tree, verdict, interval), summary.repeats(tree, verdict, interval, extras)
+    result = Result(tree, verdict, table, printed, interval, motions)
     write_table(summary.summary(tree, verdict, interval), out / "summary.csv")
-    write_table(cases, out / "cases.csv")
-    write_table(contrasts.contrasts(tree, verdict, interval), out / "contrasts.csv")
-    write_table(repeats, out / "repeats.csv")
+    write_table(result.cases, out / "cases.csv")
+    write_table(result.contrasts, out / "contrasts.csv")
+    write_table(summary.repeats(tree, verdict, interval, extras), out / "repeats.csv")
     for name, further in (beside or {}).items():
         write_table(further, out / name)
+    if motions is not None:
+        write_table(motions, out / MOTIONS_CSV)
     write_json(diagnostics._asdict(), out / "diagnostics.json")
-    _write_figures(Result(tree, verdict, cases, repeats, table, printed, interval), out / "figures")
+    _write_figures(result, out / "figures")
     write_run(run, out)
 
 
 def _write_figures(result: Result, folder: Path) -> None:
-    for name, figure in figures.draw(result):
-        save(figure, folder / f"{name}.png")
+    """Write the figures of a result; those that it has not, but an earlier one of the folder had, go."""
+    drawn = {name: save(figure, folder / f"{name}.png") for name, figure in figures.draw(result)}
+    for name in HEADINGS.keys() - drawn.keys():
+        (folder / f"{name}.png").unlink(missing_ok=True)

@@ -79,7 +79,8 @@ def load_deflection_loops(panels: Sequence[LoopPanel], setting: Setting, place: 
     left_out = "" if len(shown) == len(panels) else f" The first {len(shown)} of {len(panels)} cases."
     note = (
         f"Displacement and force {place}; energies at the wheel centre. Readings of all tests of a case; lines and law "
-        "are fitted to their average where they were averaged. Right: force less the law's middle line k d + C."
+        "are fitted to their average where they were averaged. Right: force less the law's middle line k d + C; "
+        "± behind a number: one standard error."
     )
     return page.finish(figure, setting, note + left_out)
 
@@ -94,7 +95,7 @@ def _entries(panels: Sequence[LoopPanel]) -> list[tuple[Any, str]]:
     if any(np.isfinite(panel.fit["x_kN"]) for panel in panels):
         entries.append((Line2D([], [], **_ENVELOPE), "envelopes, ± x"))
     if any(_between(panel.fit) for panel in panels):
-        entries.append((Patch(**_BETWEEN), "x between (95 %)"))
+        entries.append((Patch(**_BETWEEN), "x, 95 % interval"))
     return entries
 
 

@@ -5,67 +5,71 @@ import io
 import matplotlib.style
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from bayes_tyre.inference.motion_window import Window
 from bayes_tyre.report import case_lines, page
-from bayes_tyre.report.colours import INK, Look, Setting, looks
+from bayes_tyre.report.colours import INK, PALE, Look, Setting, looks
 from bayes_tyre.report.labels import configuration_label, interval_name, plain
+from bayes_tyre.report.motion_readings import CHANNELS
 from bayes_tyre.report.page import STYLE, WIDTH
 from bayes_tyre.report.process_figures import PEN
 
-_FITTED = "#0072B2"
 _TRUTH = {"color": INK, "linewidth": 0.8, "linestyle": "--"}
-_CHANNELS = ("acceleration (m/s²)", "laser (mm)", "cylinder load (kN)")
+#: Standard deviations on either side of 0 within which 95 % of normal residuals lie.
+_MOST_LIE = 1.96
+_EXPECTED = {"facecolor": (PALE, 0.25), "edgecolor": "none", "linewidth": 0}
 
 
 @matplotlib.style.context(STYLE)
-def motion_figure(
-    record: str, window: Window, expected: Float[np.ndarray, "3 blocks"], status: str, origin: str
-) -> Figure:
+def motion_figure(readings: pd.DataFrame, setting: Setting) -> Figure:
     """Return the picture of one record: readings and motion at the left, residuals in standard deviations at the right.
 
     Parameters
     ----------
-    record:
-        Its name.
-    window:
-        Readings that were fitted, and how noisy they are.
-    expected:
-        What the fitted motion would have the sensors read, m/s^2, mm, kN.
-    status:
-        What the check said of the estimate.
-    origin:
-        `measured` or `simulated`; it stands in the corner.
+    readings:
+        As `bayes_tyre.report.motion_readings.readings_table` gives them, and in each row the same `record`,
+        `configuration` and `status`, what the check said of the estimate.
+    setting:
+        What all figures of the result share; a record by itself has its origin alone.
     """
-    readings, weight = np.asarray(window.readings), np.asarray(window.weight)
-    time_s = (np.arange(readings.shape[1]) + 0.5) * float(window.block_s)
-    figure = page.page(8.5, 6.0)
+    record, configuration, status = (str(readings[name].iloc[0]) for name in ("record", "configuration", "status"))
+    colour = setting.looks([configuration])[configuration].colour
+    time_s = readings["time_s"].to_numpy()
+    figure = page.page(WIDTH, 6.0)
     axes = figure.subplots(3, 2, sharex=True, width_ratios=(1.4, 1.0))
-    for row, label, read, fitted, weighed in zip(axes, _CHANNELS, readings, expected, weight, strict=True):
-        there = weighed > 0
-        row[0].plot(time_s[there], read[there], ".", color="#9a9a9a", markersize=2)
-        row[0].plot(time_s[there], fitted[there], color=_FITTED, linewidth=0.8)
-        row[0].set_ylabel(label)
+    for row, channel in zip(axes, CHANNELS, strict=True):
+        read, fitted, left = (readings[name].to_numpy(float) for name in channel[1:])
+        row[0].plot(time_s, read, ".", color=PALE, markersize=2)
+        row[0].plot(time_s, fitted, color=colour, linewidth=0.9)
+        row[0].set_ylabel(channel.label)
+        row[1].axhspan(-_MOST_LIE, _MOST_LIE, **_EXPECTED)
         row[1].axhline(0.0, color=INK, linewidth=0.6)
-        row[1].plot(time_s[there], ((read - fitted) * weighed)[there], ".", color=INK, markersize=1.5)
-        row[1].set_ylabel("left over (sd of a reading)")
+        row[1].plot(time_s, left, ".", color=INK, markersize=1.5)
+        row[1].set_ylabel("left over\n(standard deviations)")
     for ax in axes[-1]:
         ax.set_xlabel("time from the window's start (s)")
-    figure.suptitle(plain(f"{record}, motion", 60), fontsize=9)
-    note = f"Grey: readings, means over {1e3 * float(window.block_s):g} ms. Line: fitted motion. Estimate: {status}."
-    return page.finish(figure, Setting(origin), plain(note, 400))
+    entries = [
+        (Line2D([], [], linestyle="", marker=".", color=PALE), "readings"),
+        (Line2D([], [], color=colour), f"fitted motion, {configuration_label(configuration)}"),
+        (Patch(**_EXPECTED), "where 95 % should lie"),
+    ]
+    page.legend(figure, entries)
+    block_ms = 1e3 * float(np.diff(time_s[:2])[0]) if len(time_s) > 1 else 0.0
+    note = (
+        f"Record {record}. Readings: means over {block_ms:.2g} ms. Left over: reading less fitted motion, in standard "
+        f"deviations. Check of the estimate: {status}."
+    )
+    return page.finish(figure, setting, plain(note, 600))
 
 
-def motion_png(record: str, window: Window, expected: Float[np.ndarray, "3 blocks"], status: str, origin: str) -> bytes:
+def motion_png(readings: pd.DataFrame, origin: str) -> bytes:
     """Return the picture of `motion_figure` as PNG; one thread at a time draws."""
     png = io.BytesIO()
     with PEN:
-        motion_figure(record, window, expected, status, origin).savefig(png, format="png")
+        motion_figure(readings, Setting(origin)).savefig(png, format="png")
     return png.getvalue()
 
 
@@ -132,8 +136,8 @@ def loop_figure(path: pd.DataFrame, amplitude_mm: float) -> Figure:
     axes = figure.subplots(1, 2)
     names = (("force_kN", "force less C, flat ground (kN)"), ("friction_kN", "force less k d + C, flat ground (kN)"))
     for ax, (column, label) in zip(axes, names, strict=True):
-        ax.plot(path["displacement_mm"], path[column], color=_FITTED)
-        ax.fill(path["displacement_mm"], path[column], facecolor=(_FITTED, 0.2), linewidth=0)
+        ax.plot(path["displacement_mm"], path[column], color=INK)
+        ax.fill(path["displacement_mm"], path[column], facecolor=(PALE, 0.3), linewidth=0)
         ax.set_xlabel("displacement from the middle, flat ground (mm)")
         ax.set_ylabel(label)
     note = (

@@ -9,6 +9,7 @@ from typing import Any
 import matplotlib.style
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
@@ -23,6 +24,15 @@ STYLE = str(Path(__file__).with_name("style.mplstyle"))
 WIDTH, TALLEST = 8.0, 30.0
 #: Height of a line of a note, inches; letters of a note that fit into an inch.
 _NOTE_LINE, _LETTERS = 0.14, 19
+#: Ticks in a decade of a logarithmic axis, from coarse to fine, and the fewest that an axis should have.
+_STEPS = (
+    (1.0,),
+    (1.0, 3.0),
+    (1.0, 2.0, 5.0),
+    (1.0, 1.5, 2.0, 3.0, 5.0, 7.0),
+    (1.0, 1.2, 1.4, 1.6, 2.0, 2.5, 3.0, 4.0, 6.0, 8.0),
+)
+_LEAST_TICKS = 3
 
 
 def wide(panels: int) -> float:
@@ -83,11 +93,27 @@ def log_axis(ax: Axes, low: float, high: float, crowd: float = 1.0) -> None:
     """Make the x axis logarithmic from `low` to `high` (> 0), with plain numbers on its ticks, fewer for more crowd."""
     ax.set_xscale("log")
     ax.set_xlim(low, high)
+    plain_ticks(ax.xaxis, log_steps(low, high, crowd))
+
+
+def log_steps(low: float, high: float, crowd: float = 1.0) -> tuple[float, ...]:
+    """Return the steps of a decade that give a logarithmic axis a few ticks, fewer for more crowd."""
     decades = crowd * math.log10(high / low)
-    steps = (1.0, 2.0, 5.0) if decades < 2.5 else (1.0, 3.0) if decades < 4 else (1.0,)
-    ax.xaxis.set_major_locator(LogLocator(subs=steps))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.xaxis.set_minor_formatter(NullFormatter())
+    coarse = 2 if decades < 2.5 else 1 if decades < 4 else 0
+    enough = (steps for steps in _STEPS[coarse:] if _ticks(low, high, steps) >= _LEAST_TICKS)
+    return next(enough, _STEPS[-1])
+
+
+def _ticks(low: float, high: float, steps: Sequence[float]) -> int:
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    return sum(bool(low <= step * 10.0**decade <= high) for decade in decades for step in steps)
+
+
+def plain_ticks(axis: Axis, steps: Sequence[float]) -> None:
+    """Put plain numbers on a logarithmic axis, at these steps of each decade."""
+    axis.set_major_locator(LogLocator(subs=steps))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 @matplotlib.style.context(STYLE)

@@ -52,7 +52,7 @@ def populations(tree: xr.DataTree) -> list[Population]:
     """
     posterior = tree["posterior"].to_dataset()
     found = []
-    for parameter in (*MOTION_PARAMETERS, "n"):
+    for parameter in (*MOTION_PARAMETERS, "n", "belt_frequency", "belt_damping", "sidewall_ratio"):
         if f"{parameter}_cell" in posterior:
             found += _cells(posterior, f"{parameter}_cell")
     for name, draws in posterior.data_vars.items():

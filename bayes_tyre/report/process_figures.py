@@ -16,7 +16,8 @@ from bayes_tyre.report.page import STYLE
 from bayes_tyre.signals.processed import Processed
 
 Samples = Float[np.ndarray, " samples"]
-_RAW, _USED, _MARK = "#9a9a9a", INK, "#0072B2"
+# The mark is neither single's colour nor dual's.
+_RAW, _USED, _MARK = "#9a9a9a", INK, "#009E73"
 # Long recordings are drawn as the extremes of so many stretches: nothing is lost to the eye.
 _STRETCHES = 1500
 _AROUND_S = 0.25

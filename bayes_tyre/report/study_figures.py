@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bayes_tyre.report import page
-from bayes_tyre.report.colours import INK, PALE, Setting, looks
+from bayes_tyre.report.colours import INK, PALE, Setting, looks_of_none
 from bayes_tyre.report.labels import plain
 from bayes_tyre.report.page import STYLE, WIDTH
 
@@ -20,7 +20,7 @@ ACROSS, ROW = 5, 1.15
 #: Simulated, whatever is shown.
 _SETTING = Setting("simulated")
 _BAND = {"facecolor": (PALE, 0.3), "edgecolor": "none", "linewidth": 0}
-_WRONG = "#D55E00"
+_WRONG = "#CC79A7"
 
 
 class RankCurves(NamedTuple):
@@ -86,7 +86,7 @@ def outlier_plot(table: pd.DataFrame) -> Figure:
     figure = page.page(WIDTH, 4.6)
     axes = figure.subplots(2, 4, sharex=True, sharey="row")
     columns = [(parameter, kind) for parameter in ("k", "beta") for kind in sorted(set(shown["kind"]))]
-    appearance = looks(shown["method"])
+    appearance = looks_of_none(shown["method"])
     for j, (parameter, kind) in enumerate(columns):
         panel = shown[(shown["parameter"] == parameter) & (shown["kind"] == kind)]
         for method, rows in panel.groupby("method", sort=False):
@@ -98,6 +98,7 @@ def outlier_plot(table: pd.DataFrame) -> Figure:
             axes[1, j].errorbar(x, 100 * rows["coverage"], 100 * np.array(either), linewidth=1, **line)
         axes[0, j].set_title(f"{parameter} of a case, {kind}", fontsize=8)
         axes[0, j].set_yscale("log")
+        page.plain_ticks(axes[0, j].yaxis, (1.0, 2.0, 5.0))
         axes[1, j].axhline(95.0, color=PALE, linewidth=0.8)
         axes[1, j].set_xlabel("discordant repeats (%)", fontsize=8)
     axes[0, 0].set_ylabel("relative error, rms (%)", fontsize=8)
@@ -106,6 +107,7 @@ def outlier_plot(table: pd.DataFrame) -> Figure:
     page.legend(figure, handles)
     note = (
         "Simulated campaigns of 12 cases x 3 repeats. Scattered: a discordant repeat has six times the usual scatter; "
-        "shifted: it is 20 to 40 % off. Bars: 95 %. The mean and the rules have Student's interval of the repeats kept."
+        "shifted: it is 20 to 40 % off. Bars: 95 % interval of what is shown. The mean and the rules have Student's "
+        "interval of the repeats kept."
     )
     return page.finish(figure, _SETTING, note)

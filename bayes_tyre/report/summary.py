@@ -18,7 +18,10 @@ STATISTICS = (
     *("mcse_mean", "ess_bulk", "ess_tail", "r_hat"),
 )
 #: Parameters of a record that `repeats.csv` shows, those of them that a posterior has.
-REPEAT_PARAMETERS = ("k", "x", "settled", "beta", "n", "J", "C", "sigma", "m", "c", "energy_per_cycle")
+REPEAT_PARAMETERS = (
+    *("k", "x", "settled", "beta", "n", "belt_frequency", "belt_damping", "sidewall_ratio"),
+    *("J", "C", "sigma", "m", "c", "energy_per_cycle"),
+)
 
 
 def describe(draws: xr.DataArray, interval: float = 0.95, figures: Figures | None = None) -> pd.DataFrame:
@@ -134,6 +137,14 @@ def outlier_probability(tree: xr.DataTree) -> pd.Series:
     probability = pd.Series(posterior["discordant_probability"].mean(("chain", "draw")).to_numpy())
     of_case = words.groupby(list(CASE_WORDS), dropna=False)["record"].transform("size")
     return probability.where(of_case >= JUDGEABLE_REPEATS)
+
+
+def judged_records(tree: xr.DataTree) -> pd.DataFrame:
+    """Return `record`, the words and `outlier_probability` of each record; no rows without records."""
+    posterior = tree["posterior"].to_dataset()
+    if "record" not in posterior.dims:
+        return pd.DataFrame(columns=["record", *WORDS, "outlier_probability"])
+    return _words_of(posterior, "record").assign(outlier_probability=outlier_probability(tree))
 
 
 def summary(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataFrame:

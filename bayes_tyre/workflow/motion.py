@@ -27,6 +27,7 @@ from bayes_tyre.workflow.each_file import Machines, each_file
 from bayes_tyre.workflow.fit import sampler_options
 from bayes_tyre.workflow.going_on import Watch, begin
 from bayes_tyre.workflow.motion_estimates import BY_LAW, OK, estimate_file, read_estimates
+from bayes_tyre.workflow.motions_shown import shown_motions
 from bayes_tyre.workflow.parts import Parts
 from bayes_tyre.workflow.process_tasks import Settings, plan_tasks
 from bayes_tyre.workflow.raw_records import REJECTED, none_usable, rejected
@@ -88,6 +89,8 @@ class Estimated:
         File and reason of those without one.
     files, middles:
         The file of each record, and where its cycle goes on.
+    shown:
+        Readings and fitted motion of a few records; None where they are not kept.
     """
 
     table: pd.DataFrame
@@ -95,6 +98,7 @@ class Estimated:
     rejected: pd.DataFrame
     files: list[Path]
     middles: list[Middle]
+    shown: pd.DataFrame | None = None
 
     @property
     def origin(self) -> str:
@@ -133,7 +137,8 @@ def estimate_files(
     middles = [
         Middle(rig, float(d)) for rig, d in zip(rigs, table["displacement_mm"], strict=True) if isinstance(rig, Rig)
     ]
-    return Estimated(table, motions, rows, [file for file, _, _ in kept], middles)
+    shown = shown_motions([part for _, _, part in kept])
+    return Estimated(table, motions, rows, [file for file, _, _ in kept], middles, shown)
 
 
 def fit_estimates(
@@ -172,7 +177,7 @@ def fit_estimates(
     tree = with_motions(with_figures(identify_motions(tree, estimated.motions, summary.means)), estimated.motions)
     diagnostics = with_estimates(diagnose(tree), estimated)
     beside = {ESTIMATES: estimated.table, REJECTED: estimated.rejected}
-    write_fit(tree, diagnostics, run, out, interval=plan.interval, beside=beside)
+    write_fit(tree, diagnostics, run, out, interval=plan.interval, beside=beside, motions=estimated.shown)
     checkpoints.clear()
     return diagnostics
 

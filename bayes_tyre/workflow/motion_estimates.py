@@ -1,23 +1,27 @@
 """A raw file in; its motion's estimate out as one row, kept as a part, and its picture."""
 
+import functools
 from pathlib import Path
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pandas as pd
+from jaxtyping import Array, Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.raw import read_raw
-from bayes_tyre.inference.motion_estimate import MotionEstimate, estimate_motion
+from bayes_tyre.inference.motion_estimate import CORRELATION_MOST, MISFIT_MOST, MotionEstimate, estimate_motion
 from bayes_tyre.inference.motion_evidence import log_constant
 from bayes_tyre.inference.motion_hierarchy import Motions, Readings
 from bayes_tyre.inference.motion_laws import FANCHER, MotionLaw, motion_law
 from bayes_tyre.inference.motion_likelihood import hierarchy_moments, likelihood_of
-from bayes_tyre.inference.motion_model import predicted
+from bayes_tyre.inference.motion_model import predicted, residuals
 from bayes_tyre.inference.motion_unknowns import Unknowns, in_units
-from bayes_tyre.inference.motion_window import Recorded
+from bayes_tyre.inference.motion_window import Recorded, Window
 from bayes_tyre.record import WORDS
+from bayes_tyre.report.motion_readings import COLUMNS, readings_table
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.motion import rest_displacement
@@ -32,6 +36,7 @@ from bayes_tyre.workflow.raw_records import attempted, origin_of_raw, usable
 #: What a law's parameters are called in the columns of estimates.
 _COLUMN = {
     **{"k": "k_kN_per_mm", "x": "x_kN", "settled": "settled_kN", "beta": "beta_mm", "n": "n"},
+    **{"belt_frequency": "belt_frequency_Hz", "belt_damping": "belt_damping", "sidewall_ratio": "sidewall_ratio"},
     **{"m": "m_kg", "c": "c_kN_s_per_mm"},
 }
 OK = "ok"
@@ -40,6 +45,9 @@ BY_LAW = "motion by "
 # What a part holds beside: of the hierarchy's logarithms, flat.
 _ROWS, _TARGET, _MEAN, _VARIANCE = "likelihood_rows", "likelihood_target", "log_mean", "log_variance"
 _CONSTANT, _EFFECTIVE = "log_constant", "effective_draws"
+#: And for the pictures of a few: how badly the motion fits, 1 where the check begins to object; the table of readings,
+#: flat; and what stands beside it.
+MISFIT, READINGS, TOLD = "misfit", "readings", ("record", "configuration", "status", "origin")
 
 
 def parameter_columns(law: MotionLaw = FANCHER) -> tuple[str, ...]:
@@ -76,14 +84,23 @@ def _done(task: Task) -> Done:
     unknowns = _unknowns(rig, estimate)
     origin = origin_of_raw(raw, task)
     row = {**words.row(), **_columns(rig, estimate, unknowns), "origin": origin}
+    readings = readings_table(estimate.window, *map(np.asarray, _fitted(rig, estimate.found.standard, estimate.window)))
     picture = None
     if task.picture is not None:
         from bayes_tyre.report.motion_figures import motion_png
 
-        road = estimate.window.road
-        expected = predicted(rig, unknowns, estimate.window, 0.0 if road is None else road.mean_mm)
-        picture = motion_png(words.record, estimate.window, np.asarray(expected), str(row["status"]), origin)
-    return Done(pd.DataFrame([row]), picture)
+        picture = motion_png(readings.assign(**{name: row[name] for name in TOLD}), origin)
+    return Done(pd.DataFrame([row | _kept(readings, estimate)]), picture)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _fitted(
+    rig: Rig, standard: Float[Array, " unknowns"], window: Window
+) -> tuple[Float[Array, "3 blocks"], Float[Array, "3 blocks"]]:
+    """Return what a record's sensors would read of its fitted motion, and the residuals that were judged."""
+    unknowns = in_units(rig, standard, window.prior, window.rolling, window.law)
+    expected = predicted(rig, unknowns, window, 0.0 if window.road is None else window.road.mean_mm)
+    return expected, residuals(rig, standard, window)[: expected.size].reshape(expected.shape)
 
 
 def _estimate(rig: Rig, recording: Recording, law: MotionLaw) -> MotionEstimate:
@@ -93,6 +110,12 @@ def _estimate(rig: Rig, recording: Recording, law: MotionLaw) -> MotionEstimate:
     ramp_s = step.ramp.start_s, step.ramp.end_s
     channels = read.acceleration_m_per_s2, read.laser_mm, read.load_kN
     return estimate_motion(rig, Recorded(read.dt_s, *channels, quiet=step.quiet, ramp_s=ramp_s, bodies=bodies), law)
+
+
+def _kept(readings: pd.DataFrame, estimate: MotionEstimate) -> dict[str, Any]:
+    found = estimate.found
+    shares = np.asarray(found.chi_squared) / (1 + MISFIT_MOST), np.asarray(found.correlation) / CORRELATION_MOST
+    return {MISFIT: float(np.nanmax(shares)), READINGS: readings[list(COLUMNS)].to_numpy(float).ravel().tolist()}
 
 
 def _unknowns(rig: Rig, estimate: MotionEstimate) -> Unknowns:

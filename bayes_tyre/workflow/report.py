@@ -20,6 +20,7 @@ from bayes_tyre.report.document_across import Side, across, has_cases
 from bayes_tyre.report.document_figures import kept_pictures, pictures
 from bayes_tyre.report.document_result import Reported, read_reported
 from bayes_tyre.report.figures import Result
+from bayes_tyre.report.motion_readings import MOTIONS_CSV, check_readings
 from bayes_tyre.report.run import RUN_JSON
 from bayes_tyre.workflow.fit import planned_in
 from bayes_tyre.workflow.result_names import names
@@ -102,9 +103,15 @@ def _drawn(folder: Path, result: Reported, tree: xr.DataTree, tell: Callable[[st
     table = None if of_motions else _records(folder, result, tell)
     # As when the fit drew them: only records made from the printed tables, and these, are held against print.
     printed = tables.case_means() if result.run["origin"] in ("reconstructed", "published") else None
-    drawn = Result(tree, result.verdict, result.cases, result.repeats, table, printed, result.interval)
+    drawn = Result(tree, result.verdict, table, printed, result.interval, _motions(folder))
     missing = table is None and not result.repeats.empty and not of_motions
     return Part(result, list(pictures(drawn, folder / "figures")), KEPT if missing else "")
+
+
+def _motions(folder: Path) -> pd.DataFrame | None:
+    """Return readings and fitted motion of a few records; None where the result is of no motions."""
+    path = folder / MOTIONS_CSV
+    return check_readings(read_table(path), str(path)) if path.is_file() else None
 
 
 def _records(folder: Path, result: Reported, tell: Callable[[str], None]) -> pd.DataFrame | None:

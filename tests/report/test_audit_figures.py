@@ -30,7 +30,7 @@ def test_every_figure_names_its_origin_and_keeps_within_the_page(drawn):
 def test_beta_is_drawn_against_the_truth_with_the_identity(drawn):
     thesis, *_, motion = drawn["beta_returned"].get_axes()
     assert (thesis.get_xscale(), thesis.get_yscale()) == ("log", "log")
-    d, beta = markers(motion, "o", "s", "^").T
+    d, beta = markers(motion, "o", "s", "^", "v").T
     np.testing.assert_allclose(beta, 1.02 * d)
     assert len(d) == len(SMALL.tyres())
     identity = [line for line in motion.lines if line.get_linestyle() == "--"]

@@ -169,6 +169,18 @@ def test_tables_hold_every_row_once_and_every_digit(two):
     assert all(row[k - 1].text for row in repeats.rows)
 
 
+def test_outlier_probabilities_have_no_column_where_nothing_judges_and_the_page_says_so(two):
+    nothing = two.repeats.assign(outlier_probability=np.nan)
+    silent = Reported(**{**vars(two), "repeats": nothing})
+    headings = [column.heading for column in tables.repeats_table([silent]).columns]
+    assert "outlier probability" not in headings
+    assert "k" in headings
+    assert "nothing here says whether one is odd" in tables.repeats_table([silent]).caption
+    beside = tables.repeats_table([two, silent])
+    assert [column.of for column in beside.columns if column.heading == "outlier probability"] == ["two"]
+    assert "student or normal" in page_of(silent)
+
+
 def test_two_results_stand_side_by_side_row_by_row(two, away):
     other = made(away / "later", {"single": 1.6, "dual": 2.0}, seed=8)
     table = tables.cases_table([two, other])

@@ -1,5 +1,8 @@
 """Every figure of a result, from its posterior to the page."""
 
+import dataclasses
+from collections.abc import Iterable
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,9 +15,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from simulated_records import Plan, simulate
 
+from bayes_tyre.errors import BadInput
 from bayes_tyre.record_table import record_words
-from bayes_tyre.report import colours, figures, summary
-from bayes_tyre.report.figures import ALWAYS, OF_RECORDS, Result
+from bayes_tyre.report import colours, figures, folder
+from bayes_tyre.report.chosen_figure import chosen_figure
+from bayes_tyre.report.figures import ALWAYS, CONTRASTS, OF_RECORDS, OUTLIERS, Result
 
 PLANS = {
     "one case": Plan(configurations=("single",), speeds=(0.0,), loads=(20.0,), steps=(10.0,), points=40),
@@ -25,8 +30,7 @@ PLANS = {
 
 
 def result(table: pd.DataFrame | None, tree: xr.DataTree, verdict: str = "pass") -> Result:
-    tables = summary.cases(tree, verdict), summary.repeats(tree, verdict)
-    return Result(tree, verdict, *tables, table, None, 0.95)
+    return Result(tree, verdict, table)
 
 
 def of_records(plan: Plan, columns: list[str] | None = None) -> Result:
@@ -36,14 +40,18 @@ def of_records(plan: Plan, columns: list[str] | None = None) -> Result:
     return result(table, posterior(scattered(words, seed=1), words), "fail")
 
 
+def but_ratios(names: Iterable[str]) -> list[str]:
+    """Return names of figures but those that not every result has: ratios, odd repeats."""
+    return [name for name in names if name not in (CONTRASTS, OUTLIERS)]
+
+
 @pytest.fixture(scope="module", params=PLANS)
 def every(request) -> dict[str, Figure]:
     return dict(figures.draw(of_records(PLANS[request.param])))
 
 
-def test_a_result_of_records_has_ten_figures_that_say_origin_and_verdict_and_keep_within_the_page(every):
-    assert list(every) == [*ALWAYS, *OF_RECORDS]
-    assert len(set(every)) == 10
+def test_figures_of_a_result_of_records_say_origin_and_verdict_and_keep_within_the_page(every):
+    assert but_ratios(every) == but_ratios([*ALWAYS, *OF_RECORDS])
     for name, figure in every.items():
         texts = said(figure)
         assert "data: simulated, not measured" in texts, name
@@ -66,7 +74,33 @@ def test_a_configuration_has_one_colour_in_all_figures_of_a_result(every):
 
 def test_records_without_a_word_have_all_figures_too():
     made = of_records(PLANS["one case"], ["record", "displacement_mm", "force_kN"])
-    assert [name for name, _ in figures.draw(made)] == [*ALWAYS, *OF_RECORDS]
+    drawn = [name for name, _ in figures.draw(made)]
+    assert but_ratios(drawn) == but_ratios([*ALWAYS, *OF_RECORDS])
+    assert drawn[-1] == OUTLIERS
+
+
+def test_ratios_are_drawn_where_cases_match_and_nowhere_else():
+    matched, alone = of_records(PLANS["five configurations"]), of_records(PLANS["one record"])
+    assert len(matched.contrasts) > 0
+    assert CONTRASTS in dict(figures.draw(dataclasses.replace(matched, table=None)))
+    assert len(alone.contrasts) == 0
+    assert CONTRASTS not in dict(figures.draw(dataclasses.replace(alone, table=None)))
+
+
+def test_odd_repeats_are_drawn_where_the_model_judges_any_and_nowhere_else(tmp_path, monkeypatch):
+    made = of_records(PLANS["one case"])
+    alone = of_records(PLANS["one record"])  # one repeat of a case has nothing to be judged by
+    posterior = made.tree["posterior"].to_dataset().drop_vars("discordant_probability")
+    normal = result(made.table, xr.DataTree.from_dict({"posterior": posterior}, name=made.tree.name))
+    normal.tree.attrs |= made.tree.attrs
+    assert [each.judges for each in (made, alone, normal)] == [True, False, False]
+    with pytest.raises(BadInput, match=f"{OUTLIERS}: this posterior judges no record"):
+        chosen_figure(normal.tree, "pass", OUTLIERS)
+    assert chosen_figure(made.tree, "pass", OUTLIERS).axes
+    monkeypatch.setattr(figures, "draw", lambda of: iter([(OUTLIERS, Figure())] if of.judges else []))
+    for each, there in ((made, True), (normal, False)):  # what the first has left the second takes away
+        folder._write_figures(each, tmp_path)
+        assert (tmp_path / f"{OUTLIERS}.png").exists() == there
 
 
 def test_printed_cases_have_the_figures_that_need_no_record():
@@ -74,7 +108,7 @@ def test_printed_cases_have_the_figures_that_need_no_record():
     cases = words.drop(columns=["record", "repeat"]).drop_duplicates().reset_index(drop=True)
     of_cases = {n: d for n, d in scattered(words, seed=2).items() if n.endswith(("_case", "_cell", "_scale"))}
     drawn = dict(figures.draw(result(None, posterior(of_cases, cases, origin="published"))))
-    assert list(drawn) == list(ALWAYS)
+    assert but_ratios(drawn) == but_ratios(ALWAYS)
     assert any("value to expect" in text for text in said(drawn["forest_of_cases"]))
 
 

@@ -11,15 +11,18 @@ from bayes_tyre.inference.motion_losses import Middle, with_losses
 from bayes_tyre.inference.posterior import is_of_motions, to_datatree
 from bayes_tyre.report import figures, summary
 from bayes_tyre.report.contrasts import contrasts
+from bayes_tyre.report.document_across import has_cases
 from bayes_tyre.report.figures import Result
 from bayes_tyre.rig.axle import load_rig
 
 WORDS = grid(repeats=1, speeds=(0.0,))
 TYPICAL = {"k": 1.8, "settled": 0.2, "beta": 0.08, "n": 1.4, "m": 285.0, "c": 0.0015}
+TYPICAL |= {"belt_frequency": 60.0, "belt_damping": 0.05, "sidewall_ratio": 4.0}
 SHOWN = {
     "kelvin_voigt": ["k", "m", "c", "energy_per_cycle"],
     "bouc_wen": ["k", "settled", "beta", "n", "m", "c", "energy_per_cycle"],
     "maxwell_slip": ["k", "settled", "beta", "m", "c", "energy_per_cycle"],
+    "rigid_ring": ["k", "belt_frequency", "belt_damping", "sidewall_ratio", "m", "c", "energy_per_cycle"],
 }
 
 
@@ -51,8 +54,9 @@ def test_tables_have_the_laws_own_parameters(tree):
 
 def test_energy_is_what_the_law_loses(tree):
     energy = float(tree["posterior"]["energy_per_cycle_case"].mean())
-    if tree.attrs["law"] == "kelvin_voigt":
-        # pi c omega a^2, omega by k at the wheel centre: between 60 and 110 rad/s for such a tyre and axle.
+    if not MOTION_LAWS[tree.attrs["law"]].has_friction:
+        # pi c omega a^2, omega by k at the wheel centre: between 60 and 110 rad/s for such a tyre and axle. So far
+        # below its frequency the ring's own damper adds some hundredths.
         assert np.pi * 0.0015 * 60 * 4 < energy < np.pi * 0.0015 * 110 * 4
     else:
         # Near 4 settled (a - beta) of a settled loop, on rollers that weigh the friction by about 1.
@@ -60,5 +64,6 @@ def test_energy_is_what_the_law_loses(tree):
 
 
 def test_every_figure_can_be_drawn(tree):
-    result = Result(tree, "pass", summary.cases(tree, "pass"), summary.repeats(tree, "pass"), None, None, 0.95)
+    assert has_cases(tree)  # so that the report draws them, and sets results side by side
+    result = Result(tree, "pass")
     assert "energy_per_cycle" in {name for name, _ in figures.draw(result)}

@@ -41,7 +41,7 @@ def test_every_table_has_the_parameters_of_motions(tree):
 
 
 def test_figures_have_a_panel_a_parameter_and_name_the_amplitude(tree):
-    result = Result(tree, "pass", summary.cases(tree, "pass"), summary.repeats(tree, "pass"), None, None, 0.95)
+    result = Result(tree, "pass")
     for name in ("forest_of_cases", "contrasts"):
         assert len(figures.ALWAYS[name](result).axes) == len(MOTION_CASE_PARAMETERS)
     energy = figures.OF_MOTIONS["energy_per_cycle"](result)

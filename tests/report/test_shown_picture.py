@@ -36,8 +36,8 @@ def test_a_figure_is_asked_for_by_its_name_and_says_its_notes(tree, tmp_path):
 def test_what_cannot_be_drawn_is_said(tree):
     with pytest.raises(BadInput, match=r"'contrast' is unknown; use one of .*contrasts"):
         bt.figure(tree, "contrast")
-    with pytest.raises(BadInput, match="outlier_probabilities shows records"):
-        bt.figure(tree, "outlier_probabilities")
+    with pytest.raises(BadInput, match="records_with_bands shows records"):
+        bt.figure(tree, "records_with_bands")
 
 
 def test_average_ratios_of_two_results_stand_side_by_side(tree):
