@@ -81,11 +81,11 @@ calibrate: install  ## Rank truths drawn from the priors among their posteriors'
 
 test: install  ## Run ruff, pyright, import-linter and every test
 	@$(MAKE) --no-print-directory lint
-	@$(BIN)/pytest -n 2 --dist loadfile
+	@$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 check: install  ## Run the fast part: ruff, pyright, import-linter, the tests not marked slow
 	@$(MAKE) --no-print-directory lint
-	@$(BIN)/pytest -n 2 --dist loadfile -m "not slow"
+	@$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not slow"
 
 fuzz: install  ## Give 100,000 mutated raw files to the reader (COUNT=...): results, or its one error
 	@PYTHONPATH=tests/formats $(BIN)/python tests/formats/fuzz_lvm.py $${COUNT:-100000}
