@@ -199,7 +199,9 @@ def _centre(data: RecordData, estimate: ls.Estimate) -> Float[Array, "4"]:
     sound = estimate.converged & (fitted[ls.K] > 0.01 * secant)
     k = jnp.where(sound, fitted[ls.K], secant)
     F_i = jnp.where(sound, fitted[ls.F_I], data.F_0)
-    J = jnp.where(sound, jnp.clip(k * data.d_0 + fitted[ls.C] - F_i, -data.span, data.span), 0.0)
+    # Offset and line may pull against each other: the offset is then larger than any change of force.
+    most = data.span + k * travel
+    J = jnp.where(sound, jnp.clip(k * data.d_0 + fitted[ls.C] - F_i, -most, most), 0.0)
     beta = jnp.clip(jnp.where(fitted[ls.BETA] > 0, fitted[ls.BETA], low), low, high)
     return jnp.stack([F_i, J, jnp.log(k), jnp.log(beta)])
 
@@ -267,7 +269,7 @@ class Picture(NamedTuple):
 
 def draw_picture(batch: Batch, levels: Levels, noise: str = "iid", whitening: Whitening | None = None) -> Picture:
     """Return the Gaussian picture of a batch's records, and of the cases they repeat; noise as `estimate_records`."""
-    records = _like_their_case(estimate_records(batch, noise, whitening), batch, levels, noise, whitening)
+    records = like_their_case(estimate_records(batch, noise, whitening), batch, levels, noise, whitening)
     return Picture(records, cases_of(records, levels))
 
 
@@ -278,8 +280,8 @@ def cases_of(records: RecordEstimates, levels: Levels) -> CaseEstimates:
     return case_estimates(np.asarray(records.centre[:, 2:]), variance, levels)
 
 
-def _like_their_case(
-    records: RecordEstimates, batch: Batch, levels: Levels, noise: str, whitening: Whitening | None
+def like_their_case(
+    records: RecordEstimates, batch: Batch, levels: Levels, noise: str = "iid", whitening: Whitening | None = None
 ) -> RecordEstimates:
     """Return the picture with records whose k and beta were traded drawn where the other records of their case lie.
 

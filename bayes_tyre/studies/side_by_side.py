@@ -28,6 +28,7 @@ from bayes_tyre.inference.picture import (
     RecordEstimates,
     cases_of,
     estimate_records,
+    like_their_case,
     record_data,
 )
 from bayes_tyre.inference.populations import population_starts, prior_sites
@@ -92,9 +93,11 @@ def observe(design: Design, force_kN: Float[np.ndarray, "sets records points"]) 
     estimates = jax.tree.map(lambda a: np.asarray(a).reshape(sets, records, *a.shape[1:]), estimates)
     found = []
     for i in range(sets):
-        own: RecordEstimates = jax.tree.map(lambda a, i=i: a[i], estimates)
-        picture = Picture(own, cases_of(own, design.levels))
-        found.append(DataSet(record_data(design.batch(force_kN[i])), picture, _starts(own, design.levels)))
+        batch = design.batch(force_kN[i])
+        own = like_their_case(jax.tree.map(lambda a, i=i: a[i], estimates), batch, design.levels)
+        found.append(
+            DataSet(record_data(batch), Picture(own, cases_of(own, design.levels)), _starts(own, design.levels))
+        )
     return jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *found)
 
 

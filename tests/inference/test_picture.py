@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from simulated_records import Plan, simulate
 
+from bayes_tyre.batch import Batch
 from bayes_tyre.inference.coordinates import place_pair
 from bayes_tyre.inference.fit import record_batch
 from bayes_tyre.inference.likelihood import DirectLikelihood
@@ -45,3 +46,13 @@ def test_a_record_that_leaves_beta_open_gets_a_finite_picture():
     for figures in picture:
         assert bool(jnp.all(jnp.isfinite(figures)))
     assert float(jnp.linalg.det(picture.precision[0])) > 0.0
+
+
+def test_an_offset_that_pulls_against_the_line_is_in_the_picture():
+    """It may be larger than any change of force; cut to that, the sampler found it thousands of widths away."""
+    u = 5.0 * np.linspace(0.0, 1.0, 40) ** 2
+    force = 20.0 + (-7.0 + 1.8 * u) * -np.expm1(-u / 0.2) + np.random.default_rng(2).normal(0, 0.005, 40)
+    picture = estimate_records(Batch(("x",), 10.0 + u[None], force[None], np.ones((1, 40), dtype=bool)))
+    assert np.abs(force - force[0]).max() < 6.0
+    # Errors of F_i and J are some 0.003 kN: 0.02 is beyond 6 of them.
+    np.testing.assert_allclose(picture.centre[0, :2], [20.0, -7.0], rtol=0, atol=0.02)
