@@ -16,6 +16,7 @@ from jaxtyping import Array, ArrayLike, Float
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables import read_table
 from bayes_tyre.inference import diagnostics, record_fits
+from bayes_tyre.inference.convergence import with_figures
 from bayes_tyre.inference.diagnostics import Diagnostics
 from bayes_tyre.inference.fit import ModelSettings, fit_hierarchical, used_points
 from bayes_tyre.inference.fit import fit_published as fit_printed_means
@@ -181,8 +182,8 @@ def diagnose(posterior: xr.DataTree) -> Diagnostics:
 
 
 def _judged(tree: xr.DataTree, residual_autocorrelation: float) -> xr.DataTree:
-    """Return the posterior carrying its verdict, and what of the verdict came from the records."""
-    judged = tree.copy()
+    """Return the posterior carrying its verdict, the figures behind it, and what of it came from the records."""
+    judged = with_figures(tree)
     judged.attrs[_AUTOCORRELATION] = residual_autocorrelation
     judged.attrs["verdict"] = diagnose(judged).verdict
     return judged
