@@ -21,10 +21,12 @@ COMMANDS = tuple(
 ON_TABLES: dict[str, tuple[str, ...]] = {"lsq": (), "fit": ()}
 ON_RESULTS: dict[str, tuple[str, ...]] = {"show": (), "predict": ("--case", "direction=unloading"), "report": ()}
 WORDS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN", "repeat"]
+#: Drawn where cases match; and where a record can be judged.
+CONTRASTS_PNG, OUTLIERS_PNG = "figures/contrasts.png", "figures/outlier_probabilities.png"
 FIT_FILES = {
     *("posterior.nc", "summary.csv", "cases.csv", "contrasts.csv", "repeats.csv", "diagnostics.json", "run.json"),
-    *("figures/posteriors_by_direction.png", "figures/forest_of_cases.png", "figures/contrasts.png"),
-    *("figures/records_with_bands.png", "figures/outlier_probabilities.png"),
+    *("figures/posteriors_by_direction.png", "figures/forest_of_cases.png", CONTRASTS_PNG),
+    *("figures/records_with_bands.png", OUTLIERS_PNG),
     *("figures/prior_predictive_curves.png", "figures/residuals_against_displacement.png"),
     *("figures/prior_and_posterior_of_scales.png", "figures/rank_plot.png", "figures/pair_plot.png"),
 }

@@ -94,7 +94,7 @@ def observe(design: Design, force_kN: Float[np.ndarray, "sets records points"]) 
     found = []
     for i in range(sets):
         batch = design.batch(force_kN[i])
-        own = like_their_case(jax.tree.map(lambda a, i=i: a[i], estimates), batch, design.levels)
+        own = like_their_case(jax.tree.map(lambda a, i=i: jnp.asarray(a[i]), estimates), batch, design.levels)
         found.append(
             DataSet(record_data(batch), Picture(own, cases_of(own, design.levels)), _starts(own, design.levels))
         )
