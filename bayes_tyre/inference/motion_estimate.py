@@ -42,7 +42,7 @@ class MotionEstimate:
         Of the natural logarithms of the law's `told_parameters`, shape (p,) and (p, p), priors included.
     method:
         How they came about: `importance` from weighed draws; `nuts` where their weights are of no use and the motion
-        fits; `laplace` from the peak where neither is.
+        fits a standing record; `laplace` from the peak otherwise.
     log_draws, weights:
         Draws of the same logarithms, shape (draws, p), and what each weighs, shape (draws,), their sum 1.
     found:
@@ -89,7 +89,7 @@ def estimate_motion(
     law:
         Of the tyre.
     sampler:
-        How much NUTS samples where weighed draws are of no use, which takes a minute or two; None: it does not.
+        How much NUTS samples of a standing record whose weighed draws are of no use, a minute or two; None: nothing.
     """
     window, found = fit_window(rig, window_of(rig, recorded, law=law))
     weighed = weighed_draws(rig, found.standard, found.covariance, window)
@@ -123,11 +123,14 @@ class _Told(NamedTuple):
 
 
 def _told(rig: Rig, window: Window, found: Found, weighed: Weighed, sampler: SamplerSettings | None) -> _Told:
-    """Return the draws about the peak; NUTS's where these are of no use and the motion fits its record."""
+    """Return the draws about the peak; NUTS's where these are of no use and the motion fits its standing record.
+
+    A rolling record has many times the unknowns: NUTS on it would take the better part of an hour.
+    """
     prior = jnp.asarray(window.prior)
     method = "importance" if weights_trusted(weighed) else "laplace"
-    settled = method == "importance" or _reasons(found) or not np.isfinite(weighed.pareto_k)
-    if sampler is not None and not settled:
+    worth_it = window.rolling is None and not _reasons(found) and np.isfinite(weighed.pareto_k)
+    if sampler is not None and method == "laplace" and worth_it:
         standard, divergent = sampled(rig, window, found, sampler)
         logs = np.asarray(log_parameters(rig, standard, prior, window.law))
         if effective := effective_draws(logs, divergent):
