@@ -2,16 +2,27 @@
 
 import sys
 import time
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bayes_tyre.cli.lsq import Region
+from bayes_tyre.cli.model_options import (
+    DisplacementScale,
+    HowLikely,
+    HowNoise,
+    HowRepeats,
+    InitialLoad,
+    Likelihood,
+    LoadOfCases,
+    Noise,
+    NoiseWindow,
+    Region,
+    Repeats,
+    UsedRegion,
+)
 from bayes_tyre.cli.shell import (
-    NOT_TRUSTED,
     RECORD_TABLE,
     Chains,
     Draws,
@@ -21,10 +32,10 @@ from bayes_tyre.cli.shell import (
     Resume,
     Seed,
     Warmup,
+    conclude,
     note,
     progress,
     read_records,
-    report_verdict,
     say,
     warn,
 )
@@ -39,68 +50,17 @@ if TYPE_CHECKING:
 BESIDE_FROM = ("out", "from_run", "resume", "quiet")
 
 
-class InitialLoad(StrEnum):
-    """What stands for the load in the model of the cases."""
-
-    nominal = "nominal"
-    actual = "actual"
-
-
-class LikelihoodKind(StrEnum):
-    """How the density of a record's forces is computed."""
-
-    compressed = "compressed"
-    direct = "direct"
-
-
-class Repeats(StrEnum):
-    """How the repeats of a case scatter about it."""
-
-    mixture = "mixture"
-    student = "student"
-    normal = "normal"
-
-
-class Noise(StrEnum):
-    """What the noise of a record is like."""
-
-    iid = "iid"
-    ar1 = "ar1"
-
-
 def fit(
     context: typer.Context,
     out: Out,
     records: Annotated[Path | None, RECORD_TABLE] = None,
-    region: Annotated[Region, typer.Option(help="all points of each record; or the thesis's first 70 %.")] = Region.all,
-    initial_load: Annotated[
-        InitialLoad,
-        typer.Option(
-            help="What k and beta may change with: each nominal initial_load_kN, or a slope over the force (kN) that "
-            "a case's records really started from."
-        ),
-    ] = InitialLoad.nominal,
-    displacement_scale_sd: Annotated[
-        float,
-        typer.Option(
-            min=0.0,
-            max=1.0,
-            help="Relative sd of a common, unknown factor on displacement (0.05: a gauge good to 5 %); it widens k and "
-            "beta and no ratio of two.",
-        ),
-    ] = 0.0,
-    likelihood: Annotated[
-        LikelihoodKind, typer.Option(help="compressed, whatever the number of points; or direct, point by point.")
-    ] = LikelihoodKind.compressed,
-    repeats: Annotated[
-        Repeats, typer.Option(help="How repeats scatter: usual and discordant ones, Student-t, or normal.")
-    ] = Repeats.mixture,
-    noise: Annotated[
-        Noise, typer.Option(help="Independent from point to point; or ar1: each point's follows the one before.")
-    ] = Noise.iid,
-    noise_window: Annotated[
-        int, typer.Option(min=1, help="Samples of the moving average that went over the noise alone; 1: none.")
-    ] = 1,
+    region: UsedRegion = Region.all,
+    initial_load: LoadOfCases = InitialLoad.nominal,
+    displacement_scale_sd: DisplacementScale = 0.0,
+    likelihood: HowLikely = Likelihood.compressed,
+    repeats: HowRepeats = Repeats.mixture,
+    noise: HowNoise = Noise.iid,
+    noise_window: NoiseWindow = 1,
     chains: Chains = 4,
     warmup: Warmup = 600,
     draws: Draws = 1500,
@@ -124,29 +84,30 @@ def fit(
     Example: bayes-tyre fit data/campaign/records.csv --out results/fit
     """
     _check_usage(context, records, from_run)
-    from bayes_tyre.workflow.fit import (  # imports JAX, which starts only when it computes
-        Plan,
-        Watch,
-        fit_table,
-        planned_in,
-    )
-
     if from_run is not None:
-        plan = planned_in(from_run, warn)
-    else:
-        from bayes_tyre.inference.fit import ModelSettings
-        from bayes_tyre.inference.sampling import SamplerSettings
+        from bayes_tyre.workflow.fit import planned_in
 
-        model = ModelSettings(
-            *(region.value, initial_load.value, displacement_scale_sd, likelihood.value),
-            *(repeats.value, noise.value, noise_window),
-        )
-        plan = Plan(Path(records or ""), SamplerSettings(chains, warmup, draws, seed), model, interval, units_checked)
-    table = _checked_table(plan)
+        _run(planned_in(from_run, warn), out, resume, quiet)
+        return
+    from bayes_tyre.inference.fit import ModelSettings
+    from bayes_tyre.inference.sampling import SamplerSettings
+    from bayes_tyre.workflow.fit import Plan
+
+    model = ModelSettings(
+        *(region.value, initial_load.value, displacement_scale_sd, likelihood.value),
+        *(repeats.value, noise.value, noise_window),
+    )
+    plan = Plan(Path(records or ""), SamplerSettings(chains, warmup, draws, seed), model, interval, units_checked)
+    _run(plan, out, resume, quiet)
+
+
+def _run(plan: "Plan", out: Path, resume: bool, quiet: bool) -> None:
+    """Fit as planned, tell how it goes, and end as the verdict says."""
     from bayes_tyre.record_table import origin_of
     from bayes_tyre.runtime import prepare_jax
+    from bayes_tyre.workflow.fit import Watch, fit_table  # imports JAX, which starts only when it computes
 
-    sampler = plan.sampler
+    table, sampler = _checked_table(plan), plan.sampler
     prepare_jax(sampler.chains)
     say(f"fitting {table['record'].nunique()} records (data: {origin_of(table)}), {sampler.chains} chains", quiet)
     began = time.monotonic()
@@ -154,9 +115,7 @@ def fit(
         watch = Watch(partial(note, quiet=quiet), warn, advance)
         diagnostics = fit_table(table, plan, out, sys.argv[1:], watch, resume=resume)
     say(f"done in {time.monotonic() - began:.0f} s", quiet)
-    report_verdict(diagnostics, out, quiet)
-    if diagnostics.verdict != "pass":
-        raise typer.Exit(NOT_TRUSTED)
+    conclude(diagnostics, out, quiet)
 
 
 def _check_usage(context: typer.Context, records: Path | None, from_run: Path | None) -> None:

@@ -1,20 +1,13 @@
 """`lsq`: Equation 2 fitted to each record by itself."""
 
 import math
-from enum import StrEnum
 from typing import Annotated
 
 import typer
 
+from bayes_tyre.cli.model_options import Region
 from bayes_tyre.cli.shell import NoSeed, Out, Quiet, Records, assignments, progress, read_records, say, warn
 from bayes_tyre.errors import BadInput
-
-
-class Region(StrEnum):
-    """Which points of a record least squares uses."""
-
-    all = "all"
-    thesis = "thesis"
 
 
 def _bounds(options: list[str]) -> dict[str, tuple[float, float]]:

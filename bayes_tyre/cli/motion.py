@@ -9,10 +9,9 @@ from typing import Annotated
 
 import typer
 
-from bayes_tyre.cli.fit import Repeats
+from bayes_tyre.cli.model_options import HowRepeats, Repeats
 from bayes_tyre.cli.raw import CasesTable, Cluster, RawFiles, RigName, Workers, check_machines
 from bayes_tyre.cli.shell import (
-    NOT_TRUSTED,
     Chains,
     Draws,
     Interval,
@@ -20,9 +19,9 @@ from bayes_tyre.cli.shell import (
     Quiet,
     Seed,
     Warmup,
+    conclude,
     note,
     progress,
-    report_verdict,
     say,
     warn,
 )
@@ -50,9 +49,7 @@ def motion(
             min=1e-3, max=100.0, help="Half the stroke at the wheel centre (mm) of the cycle that loses energy."
         ),
     ] = 1.0,
-    repeats: Annotated[
-        Repeats, typer.Option(help="How repeats scatter: usual and discordant ones, Student-t, or normal.")
-    ] = Repeats.mixture,
+    repeats: HowRepeats = Repeats.mixture,
     figures: Annotated[
         Path | None, typer.Option(help="Folder for a picture a record: readings, fitted motion, what is left over.")
     ] = None,
@@ -108,6 +105,4 @@ def motion(
         watch = Watch(partial(note, quiet=quiet), warn, advance)
         diagnostics = fit_estimates(estimated, plan, out, sys.argv[1:], watch, resume=resume)
     say(f"done in {time.monotonic() - began:.0f} s", quiet)
-    report_verdict(diagnostics, out, quiet)
-    if diagnostics.verdict != "pass":
-        raise typer.Exit(NOT_TRUSTED)
+    conclude(diagnostics, out, quiet)

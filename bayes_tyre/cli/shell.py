@@ -119,6 +119,13 @@ def assignments(options: list[str], flag: str) -> dict[str, float]:
     return values
 
 
+def conclude(diagnostics: "Diagnostics", out: Path, quiet: bool) -> None:
+    """Tell the verdict of what a fit wrote; end with code 4 where it is not `pass`."""
+    report_verdict(diagnostics, out, quiet)
+    if diagnostics.verdict != "pass":
+        raise typer.Exit(NOT_TRUSTED)
+
+
 def report_verdict(diagnostics: "Diagnostics", out: Path, quiet: bool) -> None:
     """Print where a fit was written, its verdict and where the data did not speak; reasons against it on stderr."""
     say(f"wrote {out}: verdict {diagnostics.verdict}", quiet)
