@@ -17,6 +17,7 @@ from bayes_tyre.inference.densities import (
 from bayes_tyre.inference.fit import ModelSettings, batch_and_levels, likelihood_of, whitening_for
 from bayes_tyre.inference.levels import Levels, find_levels
 from bayes_tyre.inference.motion_hierarchy import Motions
+from bayes_tyre.inference.motion_laws import OF_AXLE, OF_TYRES
 from bayes_tyre.inference.picture import record_data
 from bayes_tyre.inference.populations import motion_sites, prior_sites, published_sites
 from bayes_tyre.inference.posterior import to_datatree
@@ -37,9 +38,9 @@ PRIOR_DRAWS, _PRIOR_NUMBERS = 4000, 4_000_000
 DRAWS, _NOISES = 2000, 20
 
 _SAMPLE = ("chain", "draw")
-_LOGARITHMIC = tuple(
+_LOGARITHMIC = frozenset(
     f"{name}{ending}"
-    for name in ("k", "beta", "sigma", "x", "settled", "m", "c", "energy_per_cycle")
+    for name in (*OF_TYRES, *OF_AXLE, "x", "sigma", "energy_per_cycle")
     for ending in ("", "_case", "_mean")
 )
 

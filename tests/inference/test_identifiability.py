@@ -39,7 +39,10 @@ def normal(spread: float, seed: int) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("name", "scale"),
-    [("k_case", np.exp), ("sigma_typical", np.exp), ("J", lambda x: x), ("rho", np.tanh), ("log_k_speed", lambda x: x)],
+    [
+        *(("k_case", np.exp), ("sigma_typical", np.exp), ("J", lambda x: x), ("rho", np.tanh)),
+        *(("log_k_speed", lambda x: x), ("n_case", np.exp), ("belt_frequency_mean", np.exp)),
+    ],
 )
 def test_contraction_is_that_of_the_variance_on_the_scale_the_prior_is_given_on(name, scale):
     wide, narrow = normal(1.0, 1), normal(0.3, 2)
