@@ -268,8 +268,15 @@ def estimate_record(
 
 
 def estimate_batch(problems: Problem, free: tuple[int, ...]) -> Estimate:
-    """Return `estimate_record` of every record of a batch, compiled once a shape and set of free parameters."""
-    return _estimate_batch(problems, free, _beta_alone(problems, free))
+    """Return `estimate_record` of every record of a batch, compiled once a number of blocks and set of free parameters.
+
+    Filled up to whole blocks, by the last record: else every number of records would be compiled for anew.
+    """
+    count = len(problems.d)
+    rows = np.minimum(np.arange(count + -count % BLOCK), count - 1)
+    filled = jax.tree.map(lambda field: jnp.asarray(np.asarray(field)[rows]), problems)
+    estimates = _estimate_blocks(filled, free, _beta_alone(problems, free))
+    return jax.tree.map(lambda field: np.asarray(field)[:count], estimates)
 
 
 def _beta_alone(problems: Problem, free: tuple[int, ...]) -> bool:
@@ -280,16 +287,11 @@ def _beta_alone(problems: Problem, free: tuple[int, ...]) -> bool:
 
 
 @eqx.filter_jit
-def _estimate_batch(problems: Problem, free: tuple[int, ...], beta_alone: bool) -> Estimate:
+def _estimate_blocks(problems: Problem, free: tuple[int, ...], beta_alone: bool) -> Estimate:
     if not beta_alone:
         return jax.vmap(lambda problem: estimate_record(problem, free))(problems)
-    count = len(problems.d)
-    block = min(count, BLOCK)
-    # Filled up to whole blocks, by the last record: a smaller last one would be compiled as well.
-    short = -count % block
-    fields = (jnp.asarray(field) for field in problems[:5])
-    unbounded = Problem(*(jnp.concatenate([field, jnp.repeat(field[-1:], short, axis=0)]) for field in fields))
-    blocks = jax.tree.map(lambda field: field.reshape(-1, block, *field.shape[1:]), unbounded)
+    unbounded = Problem(*problems[:5])
+    blocks = jax.tree.map(lambda field: field.reshape(-1, BLOCK, *field.shape[1:]), unbounded)
     side_by_side = jax.vmap(lambda problem: estimate_record(problem, free, True, _RECORDS), axis_name=_RECORDS)
     estimates = jax.lax.map(side_by_side, blocks)
-    return jax.tree.map(lambda field: field.reshape(-1, *field.shape[2:])[:count], estimates)
+    return jax.tree.map(lambda field: field.reshape(-1, *field.shape[2:]), estimates)
