@@ -12,7 +12,7 @@ from bayes_tyre.inference.record_fits import fit_records
 from bayes_tyre.record_table import check_record_table
 
 # Compilation and module fixtures: over 10 s for the file from cold.
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quickly_compiled")]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")

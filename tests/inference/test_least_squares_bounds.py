@@ -9,8 +9,6 @@ from scipy import optimize
 
 from bayes_tyre.inference.parameters import BETA, D_I, F_I, PARAMETERS, C, K
 
-pytestmark = pytest.mark.usefixtures("quickly_compiled")
-
 INF = np.inf
 FITTED = (K, C, BETA)
 #: The fit without bounds is near k 1.6, C -1.6 (loading) or -2.4 (unloading), beta 0.1, F_i 14.

@@ -78,7 +78,6 @@ def recorded(name: str) -> tuple[Recorded, Truth]:
 
 # Fits five records by two or three laws each: over 10 s.
 @pytest.mark.slow
-@pytest.mark.usefixtures("quickly_compiled")
 @pytest.mark.parametrize("true", RIVALS)
 def test_the_law_of_a_record_has_the_evidence(true):
     record, truth = recorded(true)

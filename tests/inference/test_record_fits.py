@@ -11,7 +11,7 @@ from bayes_tyre.inference.record_fits import FitSettings, fit_records
 from bayes_tyre.record import ORIGIN_UNKNOWN, WORDS
 
 # Compilation and module fixtures: over 10 s for the file from cold.
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quickly_compiled")]
+pytestmark = pytest.mark.slow
 
 COLUMNS = [
     "record",

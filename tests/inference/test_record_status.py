@@ -15,7 +15,7 @@ from bayes_tyre.inference.record_fits import NUMBERS
 from bayes_tyre.inference.record_status import hopeless, status
 
 # Compilation and module fixtures: over 10 s for the file from cold.
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("quickly_compiled")]
+pytestmark = pytest.mark.slow
 
 TOO_FEW = "too few points: {} for {} parameters"
 NO_TRAVEL = "no travel: the displacement is constant"
