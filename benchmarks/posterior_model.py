@@ -1,7 +1,8 @@
 """The posterior of `bayes_tyre.inference.hierarchical.records_model`, written plainly for PyMC and for NumPyro.
 
-Centred, with the likelihood point by point on padded arrays, and the mixture of discordant repeats summed out. The
-priors are those of `bayes_tyre.inference.priors`, the levels those of `levels`.
+Centred but for sigma: the form that suits the peers best. The likelihood is point by point on padded arrays, and the
+mixture of discordant repeats is summed out. The priors are those of `bayes_tyre.inference.priors`, the levels those of
+`levels`.
 """
 
 from dataclasses import dataclass
@@ -47,7 +48,8 @@ class Data:
         F_i, J, log_k, log_beta = centre.T
         log_k_case, log_beta_case = np.asarray(self.picture.cases.median)
         cases = {"log_k_case": log_k_case, "log_beta_case": log_beta_case}
-        return {"F_i": F_i, "J": J, "log_k": log_k, "log_beta": log_beta, "log_sigma": log_sigma, **cases}
+        sigma = {"sigma_typical": np.exp(log_sigma.mean()), "sigma_coordinates": np.zeros(len(log_sigma))}
+        return {"F_i": F_i, "J": J, "log_k": log_k, "log_beta": log_beta, **sigma, **cases}
 
 
 def data_of(table: pd.DataFrame) -> Data:
@@ -72,9 +74,10 @@ class _PyMC:
 
     def prior(self, name: str) -> Any:
         family, (first, *rest) = PRIORS[name].family.__name__, PRIORS[name].parameters
+        start = self.starts.get(name)
         if family == "HalfNormal":
-            return pm.HalfNormal(name, first)
-        return (pm.LogNormal if family == "LogNormal" else pm.Beta)(name, first, *rest)
+            return pm.HalfNormal(name, first, initval=start)
+        return (pm.LogNormal if family == "LogNormal" else pm.Beta)(name, first, *rest, initval=start)
 
     def normal(self, name: str, mean: Any, sd: Any, size: int) -> Any:
         return pm.Normal(name, mean, sd, shape=size, initval=self.starts.get(name))
@@ -153,7 +156,8 @@ def _posterior(lang: Any, data: Data) -> None:
     F_i = lang.normal("F_i", data.F_0, data.span, count)
     J = lang.normal("J", 0.0, lang.prior("J_scale"), count)
     typical, spread = lang.prior("sigma_typical"), lang.prior("log_sigma_spread")
-    log_sigma = lang.normal("log_sigma", lang.log(typical), spread, count)
+    # Not centred: records are alike in their noise, and a spread near 0 would be a funnel.
+    log_sigma = lang.keep("log_sigma", lang.log(typical) + spread * lang.normal("sigma_coordinates", 0.0, 1.0, count))
     sigma, k, beta = (
         lang.keep(name, lang.exp(x)) for name, x in (("sigma", log_sigma), ("k", log_k), ("beta", log_beta))
     )
