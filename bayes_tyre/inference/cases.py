@@ -12,9 +12,9 @@ import numpyro
 from jaxtyping import Array, ArrayLike, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
+from bayes_tyre.inference.case_estimates import CaseEstimates
 from bayes_tyre.inference.coordinates import Gaussian, place, place_jointly
 from bayes_tyre.inference.levels import Levels
-from bayes_tyre.inference.picture import CaseEstimates
 from bayes_tyre.inference.populations import PARAMETERS, effect_scales
 from bayes_tyre.inference.priors import PRIORS
 

@@ -7,6 +7,7 @@ compiled once, and a run cut anywhere and continued from its state gives the bit
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -107,6 +108,13 @@ class Chains:
         self._mesh = Mesh(np.asarray(devices[: self._together]), (_CHAINS,))
         self._latent = self._find_latent()
         self._begin, self._advance, self._constrain = self._compile_together()
+
+    def given(self, arguments: Mapping[str, Any], starts: Mapping[str, Any]) -> "Chains":
+        """Return these chains, compiled as they are, of other data of the same shapes and from other starts."""
+        other = copy(self)
+        other._data = eqx.filter(dict(arguments), lambda leaf: isinstance(leaf, jax.Array))
+        other._starts = starts
+        return other
 
     def begin(self, seed: int) -> HMCState:
         """Return the state before the first iteration."""

@@ -1,6 +1,8 @@
 """From a table to a posterior: the two hierarchical fits, put together from their parts."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -8,17 +10,25 @@ import xarray as xr
 
 from bayes_tyre.batch import Batch, pad
 from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.chains import Chains
 from bayes_tyre.inference.hierarchical import NOISE, published_model, records_model
 from bayes_tyre.inference.levels import Levels, find_levels
 from bayes_tyre.inference.likelihood import DirectLikelihood, Likelihood, compress
 from bayes_tyre.inference.noise import Whitening, smoothed_noise
-from bayes_tyre.inference.picture import RecordData, RecordEstimates, draw_picture, record_data
+from bayes_tyre.inference.picture import (
+    Picture,
+    RecordData,
+    RecordEstimates,
+    blank_picture,
+    draw_picture,
+    record_data,
+)
 from bayes_tyre.inference.populations import population_starts, prior_sites, published_sites
 from bayes_tyre.inference.posterior import scale_displacement, to_datatree
 from bayes_tyre.inference.priors import prior_medians
 from bayes_tyre.inference.record_fits import LARGEST, REGIONS, THESIS_KEPT
 from bayes_tyre.inference.repeats import REPEATS
-from bayes_tyre.inference.sampling import SamplerSettings, sample
+from bayes_tyre.inference.sampling import SamplerSettings, run, sample
 from bayes_tyre.record import CASE_WORDS
 from bayes_tyre.record_table import origin_of, record_words
 
@@ -179,14 +189,20 @@ def fit_batch(
     settings, model:
         How much to sample, and of what.
     """
-    whitening = whitening_for(batch, model)
-    data, picture = record_data(batch), draw_picture(batch, levels, model.noise, whitening)
-    arguments = {
-        **{"likelihood": likelihood_of(data, model, whitening), "data": data, "picture": picture, "levels": levels},
-        **{"repeats": model.repeats, "noise": model.noise},
-    }
-    starts = population_starts(prior_sites(levels, model.repeats, model.noise), _starts(picture.records))
-    draws = sample(records_model, arguments, settings, starts)
+    whitening, data = whitening_for(batch, model), record_data(batch)
+    likelihood, sites = likelihood_of(data, model, whitening), prior_sites(levels, model.repeats, model.noise)
+
+    def arguments(picture: Picture) -> dict[str, Any]:
+        of_records = {"likelihood": likelihood, "data": data, "picture": picture}
+        return {**of_records, "levels": levels, "repeats": model.repeats, "noise": model.noise}
+
+    # Least squares and the chains are compiled side by side: these need to know the shapes of the picture alone.
+    with ThreadPoolExecutor(1) as beside:
+        drawing = beside.submit(draw_picture, batch, levels, model.noise, whitening)
+        blank, medians = arguments(blank_picture(len(batch.records), levels)), population_starts(sites, prior_medians())
+        chains = Chains(records_model, blank, settings.chains, settings.warmup, medians)
+        picture = drawing.result()
+    draws = run(chains.given(arguments(picture), population_starts(sites, _starts(picture.records))), settings)
     told = {name: str(getattr(model, name)) for name in ("repeats", "noise", "noise_window")}
     return to_datatree(draws.sites, draws.statistics, levels, words, {"model": "records", **told})
 

@@ -11,11 +11,11 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.case_estimates import CaseEstimates, case_estimates
 from bayes_tyre.inference.cases import case_level, flat
 from bayes_tyre.inference.coordinates import Gaussian, place_jointly
 from bayes_tyre.inference.levels import Levels, find_levels
 from bayes_tyre.inference.motion_laws import FANCHER, MotionLaw
-from bayes_tyre.inference.picture import CaseEstimates, case_estimates
 from bayes_tyre.inference.populations import motion_sites, population_starts, sample_populations
 from bayes_tyre.inference.posterior import to_datatree
 from bayes_tyre.inference.priors import prior_medians

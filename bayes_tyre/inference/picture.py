@@ -14,15 +14,15 @@ from jaxtyping import Array, Bool, Float
 
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference import least_squares as ls
+from bayes_tyre.inference.case_estimates import CaseEstimates, case_estimates
 from bayes_tyre.inference.coordinates import Gaussian
 from bayes_tyre.inference.levels import Levels
 from bayes_tyre.inference.noise import Whitening, innovations, lag_1
+from bayes_tyre.inference.populations import PARAMETERS
 from bayes_tyre.laws.fancher import equation_2_offset
 
 #: Widest standard deviations of log k and log beta that the picture of a record may have.
 _LOG_K_SD, _LOG_BETA_SD = 0.5, 1.0
-#: Scatter of repeats where no case has two of them; it counts with no weight.
-_UNKNOWN_SCATTER = 0.1
 #: A lag-1 autocorrelation that the picture may have: fits to a few points leave what no noise has.
 _LARGEST_RHO = 0.98
 #: Steps from the least-squares estimate to the one under correlated noise.
@@ -206,60 +206,6 @@ def _centre(data: RecordData, estimate: ls.Estimate) -> Float[Array, "4"]:
     return jnp.stack([F_i, J, jnp.log(k), jnp.log(beta)])
 
 
-class CaseEstimates(NamedTuple):
-    """What the records of each case say of its parameters, in the order of `populations.PARAMETERS`.
-
-    Attributes
-    ----------
-    median, variance:
-        Shape (parameters, cases): median of the logarithms, and the mean variance of one of them.
-    log_scatter:
-        What the repeats say of the logarithm of their scatter, by speed; shape (parameters, speeds).
-    """
-
-    median: Float[Array, "parameters cases"]
-    variance: Float[Array, "parameters cases"]
-    log_scatter: Gaussian
-
-
-def case_estimates(
-    values: Float[np.ndarray, "records parameters"], variances: Float[np.ndarray, "records parameters"], levels: Levels
-) -> CaseEstimates:
-    """Return what the records say of the logarithms of their cases; a discordant repeat moves no median."""
-    members = [levels.of_record == case for case in range(len(levels.cases))]
-    # A case without records has no estimate: any value will do, for it has no weight.
-    members = [member if member.any() else np.ones_like(member) for member in members]
-    median = np.array([np.median(values[member], axis=0) for member in members]).T
-    variance = np.array([np.mean(variances[member], axis=0) for member in members]).T
-    both = zip(values.T, variance, strict=True)
-    scatter = [_log_scatter([own[member] for member in members], of_one, levels) for own, of_one in both]
-    log_scatter = Gaussian(*(jnp.asarray(np.stack(of_each)) for of_each in zip(*scatter, strict=True)))
-    return CaseEstimates(jnp.asarray(median), jnp.asarray(variance), log_scatter)
-
-
-def _log_scatter(
-    by_case: list[np.ndarray], variance: np.ndarray, levels: Levels
-) -> tuple[Float[np.ndarray, " speeds"], Float[np.ndarray, " speeds"]]:
-    """Return estimates and precisions of the scatter of repeats by speed.
-
-    They are from the median over cases of their variance: robust to odd repeats.
-    """
-    spare = levels.repeats - 1
-    estimates, precisions = [], []
-    for speed in range(len(levels.speed.labels)):
-        cases = np.flatnonzero((levels.speed.of_case == speed) & (spare > 0))
-        if not len(cases):
-            estimates.append(np.log(_UNKNOWN_SCATTER))
-            precisions.append(0.0)
-            continue
-        # The median of a chi-squared number is 0.7 of its mean with two degrees of freedom, near it with others.
-        total = max(float(np.median([np.var(by_case[case], ddof=1) for case in cases])) / 0.7, 1e-6)
-        own = max(total - float(np.mean(variance[cases])), 0.1 * total)
-        estimates.append(0.5 * np.log(own))
-        precisions.append(2.0 * spare[cases].sum() * (own / total) ** 2)
-    return np.array(estimates), np.array(precisions)
-
-
 class Picture(NamedTuple):
     """The whole picture: of the records, and of the cases' k and beta."""
 
@@ -271,6 +217,14 @@ def draw_picture(batch: Batch, levels: Levels, noise: str = "iid", whitening: Wh
     """Return the Gaussian picture of a batch's records, and of the cases they repeat; noise as `estimate_records`."""
     records = like_their_case(estimate_records(batch, noise, whitening), batch, levels, noise, whitening)
     return Picture(records, cases_of(records, levels))
+
+
+def blank_picture(records: int, levels: Levels) -> Picture:
+    """Return a picture of nothing, of the shapes that `draw_picture` gives: what is compiled for it takes those."""
+    each, pairs = jnp.zeros(records), jnp.zeros((records, 2, 2))
+    cases, speeds = (jnp.zeros((len(PARAMETERS), n)) for n in (len(levels.cases), len(levels.speed.labels)))
+    blank = RecordEstimates(jnp.zeros((records, 4)), pairs, pairs, pairs, each, each, each)
+    return Picture(blank, CaseEstimates(cases, cases, Gaussian(speeds, speeds)))
 
 
 def cases_of(records: RecordEstimates, levels: Levels) -> CaseEstimates:

@@ -60,9 +60,6 @@ def sample(
 ) -> Draws:
     """Return NUTS draws of a NumPyro model.
 
-    Chains run in parallel where the host has a device for each (`bayes_tyre.runtime.prepare_jax`). A run that goes on
-    from a checkpoint gives the draws, to the bit, of one left alone.
-
     Parameters
     ----------
     model, arguments:
@@ -72,7 +69,15 @@ def sample(
     starts:
         Positive values near which the sites of the populations start; they share a dense block of the mass matrix.
     """
-    chains = Chains(model, arguments, settings.chains, settings.warmup, starts or {})
+    return run(Chains(model, arguments, settings.chains, settings.warmup, starts or {}), settings)
+
+
+def run(chains: Chains, settings: SamplerSettings) -> Draws:
+    """Return the draws of chains made for these settings.
+
+    Chains run in parallel where the host has a device for each (`bayes_tyre.runtime.prepare_jax`). A run that goes on
+    from a checkpoint gives the draws, to the bit, of one left alone.
+    """
     warmup, draws = _lengths(settings.warmup), _lengths(settings.draws)
     lengths, saved = warmup + draws, settings.checkpoints
     done = saved.load(chains.shapes, lengths) if saved else []

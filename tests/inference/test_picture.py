@@ -1,5 +1,6 @@
 """The Gaussian picture is the record's own likelihood near its peak."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -7,9 +8,9 @@ from simulated_records import Plan, simulate
 
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.coordinates import place_pair
-from bayes_tyre.inference.fit import record_batch
+from bayes_tyre.inference.fit import ModelSettings, batch_and_levels, record_batch
 from bayes_tyre.inference.likelihood import DirectLikelihood
-from bayes_tyre.inference.picture import estimate_records, record_data
+from bayes_tyre.inference.picture import blank_picture, draw_picture, estimate_records, record_data
 from bayes_tyre.record_table import check_record_table
 
 # Compilation and module fixtures: over 10 s for the file from cold.
@@ -56,3 +57,14 @@ def test_an_offset_that_pulls_against_the_line_is_in_the_picture():
     assert np.abs(force - force[0]).max() < 6.0
     # Errors of F_i and J are some 0.003 kN: 0.02 is beyond 6 of them.
     np.testing.assert_allclose(picture.centre[0, :2], [20.0, -7.0], rtol=0, atol=0.02)
+
+
+def test_a_blank_picture_has_the_shapes_of_a_drawn_one():
+    table, _ = simulate(Plan(("x", "y"), (0.0, 15.0), (20.0,), (5.0,), repeats=2, points=40), seed=1)
+    batch, _, levels = batch_and_levels(check_record_table(table), ModelSettings())
+    blank, drawn = blank_picture(len(batch.records), levels), draw_picture(batch, levels)
+    assert jax.tree.structure(blank) == jax.tree.structure(drawn)
+    assert jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype), blank) == (
+        jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype), drawn)
+    )
+    assert all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(drawn))

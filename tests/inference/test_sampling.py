@@ -80,6 +80,12 @@ def test_other_data_of_the_same_shape_need_no_compilation(monkeypatch):
     assert said[0] == said[1]
 
 
+def test_chains_made_for_other_data_give_the_draws_of_chains_made_for_these(drawn):
+    elsewhere = chains.Chains(model, {"y": DATA["y"] + 1.0}, 2, 130, dict.fromkeys(STARTS, 2.0))
+    assert_same(sampling.run(elsewhere.given(DATA, STARTS), SETTINGS), drawn)
+    assert not np.array_equal(sampling.run(elsewhere, SETTINGS).sites["mu"], drawn.sites["mu"])
+
+
 def test_progress_counts_every_iteration_of_a_chain():
     done: list[int] = []
     sample(model, DATA, SamplerSettings(chains=2, warmup=130, draws=110, seed=3, on_progress=done.append), STARTS)
