@@ -1,7 +1,7 @@
 """The motion of a record fitted: tyre, mass, damping and the load's step, from all three channels at once."""
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -105,32 +105,57 @@ def find(rig: Rig, window: Window, starts: Float[ArrayLike, "starts unknowns"]) 
     starts:
         In standard deviations, such as `starts_of`.
     """
-    return _settled(rig, window, _approached(rig, window, jnp.asarray(starts)), TOLERANCE)
+    best = _best_start(rig, window, jnp.asarray(starts))
+    return _judged(window, _tightened(rig, window, best, EASED[1:], (*[ROUGH] * len(EASED[2:]), TOLERANCE)))
 
 
+@functools.partial(jax.jit, static_argnums=0)
 def approach(rig: Rig, window: Window, starts: Float[ArrayLike, "starts unknowns"]) -> Float[Array, " unknowns"]:
     """Return where a fit is before its last stage; arguments as in `find`."""
-    return _approached_jit(rig, window, jnp.asarray(starts))
+    best, eased = _best_start(rig, window, jnp.asarray(starts)), EASED[1:-1]
+    return _tightened(rig, window, best, eased, [ROUGH] * len(eased)).standard
 
 
-def settle(rig: Rig, window: Window, standard: Float[Array, " unknowns"], tolerance: float = TOLERANCE) -> Found:
+@functools.partial(jax.jit, static_argnums=0)
+def settle(rig: Rig, window: Window, standard: Float[Array, " unknowns"], tolerance: ScalarLike = TOLERANCE) -> Found:
     """Return what the last stage finds, from unknowns that are near; `tolerance` in prior standard deviations."""
-    return _settled_jit(rig, window, standard, tolerance)
+    return _judged(window, _solve(rig, window, standard, MAX_STEPS, tolerance))
 
 
-def _approached(rig: Rig, window: Window, starts: Float[Array, "starts unknowns"]) -> Float[Array, " unknowns"]:
+class _Solved(NamedTuple):
+    """Where the solver is at its end, and what it knows there."""
+
+    standard: Float[Array, "*stages unknowns"]
+    residuals: Float[Array, "*stages residuals"]
+    jacobian: Float[Array, "*stages residuals unknowns"]
+    steps: Int[Array, "*stages"]
+    done: Bool[Array, "*stages"]
+
+
+def _best_start(rig: Rig, window: Window, starts: Float[Array, "starts unknowns"]) -> Float[Array, " unknowns"]:
+    """Return the lowest of where some steps from each start lead."""
     tried = jax.vmap(lambda start: _solve(rig, _eased(window, EASED[0]), start, TRIED_STEPS, ROUGH))(starts)
-
-    def tighten(standard: Array, share: Array) -> tuple[Array, None]:
-        return _solve(rig, _eased(window, share), standard, MAX_STEPS, ROUGH).standard, None
-
-    return jax.lax.scan(tighten, tried.standard[jnp.argmin(tried.height)], jnp.array(EASED[1:-1]))[0]
+    height = jnp.sum(tried.residuals**2, axis=1)
+    return tried.standard[jnp.argmin(jnp.where(jnp.isfinite(height), height, jnp.inf))]
 
 
-def _settled(rig: Rig, window: Window, standard: Float[Array, " unknowns"], tolerance: Any) -> Found:
-    last = _solve(rig, window, standard, MAX_STEPS, tolerance)
-    standard = last.standard
-    off, jacobian = value_and_jacobian(rig, standard, window)
+def _tightened(
+    rig: Rig, window: Window, standard: Float[Array, " unknowns"], shares: Sequence[float], tolerances: Sequence[float]
+) -> _Solved:
+    """Return the end of stages with so large shares of the weights, one after the other."""
+
+    def stage(standard: Array, share_and_tolerance: tuple[Array, Array]) -> tuple[Array, _Solved]:
+        share, tolerance = share_and_tolerance
+        solved = _solve(rig, _eased(window, share), standard, MAX_STEPS, tolerance)
+        return solved.standard, solved
+
+    _, stages = jax.lax.scan(stage, standard, (jnp.array(shares), jnp.array(tolerances)))
+    return jax.tree.map(lambda values: values[-1], stages)
+
+
+def _judged(window: Window, last: _Solved) -> Found:
+    """Return what the end of the last stage says of the unknowns and of the fit."""
+    off, jacobian = last.residuals, last.jacobian
     finite = jnp.all(jnp.isfinite(off)) & jnp.all(jnp.isfinite(jacobian))
     # The prior stands in its last rows: all directions have some information.
     covariance, gradient = jnp.linalg.inv(jacobian.T @ jacobian), jacobian.T @ off
@@ -139,7 +164,7 @@ def _settled(rig: Rig, window: Window, standard: Float[Array, " unknowns"], tole
     off = off[: weight.size].reshape(weight.shape)
     squares = jnp.sum(off**2, axis=1)
     return Found(
-        standard=standard,
+        standard=last.standard,
         covariance=covariance,
         chi_squared=squares / jnp.sum(weight > 0, axis=1),
         correlation=jnp.sum(off[:, 1:] * off[:, :-1], axis=1) / squares,
@@ -148,30 +173,23 @@ def _settled(rig: Rig, window: Window, standard: Float[Array, " unknowns"], tole
     )
 
 
-_approached_jit = jax.jit(_approached, static_argnums=0)
-_settled_jit = jax.jit(_settled, static_argnums=0)
-
-
-class _Solved(NamedTuple):
-    standard: Float[Array, " unknowns"]
-    height: Float[Array, ""]
-    steps: Int[Array, ""]
-    done: Bool[Array, ""]
-
-
 def _eased(window: Window, share: ScalarLike) -> Window:
     return window._replace(weight=jnp.asarray(window.weight) * share)
 
 
 def _solve(rig: Rig, window: Window, start: Float[Array, " unknowns"], steps: int, tolerance: Any) -> _Solved:
+    """Return the end of Levenberg-Marquardt.
+
+    Residuals and Jacobian there are the solver's own: worked out anew they would be one more program of the motion to
+    compile, and that takes longer than any fit.
+    """
     function = _with_jacobian(rig, window)
     # The prior's rows keep the condition of J^T J to some 1e9: exact enough, and a tenth of the time that QR takes.
     linear = lx.Normal(lx.Cholesky())
     solver = optx.LevenbergMarquardt(rtol=tolerance, atol=tolerance, linear_solver=linear)
     solution = optx.least_squares(lambda y, _: function(y), solver, start, max_steps=steps, throw=False)
-    height = jnp.sum(residuals(rig, solution.value, window) ** 2) / 2
-    done = solution.result == optx.RESULTS.successful
-    return _Solved(solution.value, jnp.where(jnp.isfinite(height), height, jnp.inf), solution.stats["num_steps"], done)
+    there, done = solution.state.f_info, solution.result == optx.RESULTS.successful
+    return _Solved(solution.value, there.residual, there.jac.as_matrix(), solution.stats["num_steps"], done)
 
 
 def value_and_jacobian(
