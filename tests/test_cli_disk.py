@@ -132,22 +132,22 @@ def test_every_command_that_writes_stands_in_the_table():
 
 
 @pytest.mark.parametrize("command", WRITERS)
-@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_a_disk_that_fills_is_told_in_one_line_and_nothing_half_written_is_left(
-    command, share, given, quick, monkeypatch, tmp_path
-):
+def test_a_disk_that_fills_is_told_in_one_line_and_nothing_half_written_is_left(command, given, quick, tmp_path):
     with pytest.MonkeyPatch.context() as whole_run:
         names = fill_the_disk_after(1000, whole_run)
         assert here(*WRITERS[command](given, tmp_path / "whole")).exit_code in (0, 4)
-    before, out = tree_of(given), tmp_path / "out"
-    finished = fill_the_disk_after(round(share * (len(names) - 1)), monkeypatch)
-    done = here(*WRITERS[command](given, out), "--quiet")
-    assert_refused(done.exit_code, done.stderr, str(out), os.strerror(errno.ENOSPC), "check the path and the disk")
-    left = {Path(name).name for name in tree_of(out) if not name.endswith("/")} if out.exists() else set()
-    assert left <= set(finished)
-    assert not [name for name in left if name.startswith(".")]
-    assert "run.json" not in left
-    assert tree_of(given) == before
+    before = tree_of(given)
+    for files in {round(share * (len(names) - 1)) for share in (0.0, 0.5, 1.0)}:
+        out = tmp_path / f"after {files}"
+        with pytest.MonkeyPatch.context() as filling:
+            finished = fill_the_disk_after(files, filling)
+            done = here(*WRITERS[command](given, out), "--quiet")
+        assert_refused(done.exit_code, done.stderr, str(out), os.strerror(errno.ENOSPC), "check the path and the disk")
+        left = {Path(name).name for name in tree_of(out) if not name.endswith("/")} if out.exists() else set()
+        assert left <= set(finished)
+        assert not [name for name in left if name.startswith(".")]
+        assert "run.json" not in left
+        assert tree_of(given) == before
 
 
 def test_the_installed_lsq_ends_in_one_line_where_the_disk_takes_no_more(given, tmp_path):

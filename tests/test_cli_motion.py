@@ -13,7 +13,7 @@ from bayes_tyre.simulate.plan import thesis_plan
 from bayes_tyre.workflow.simulate import write_simulated
 
 # Fits the motions of two files and samples: over 10 s.
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
 
 # Of one rig: each further one is compiled for anew.
 GOOD = ("DynamicS(0)20-30(1).lvm", "DynamicS(0)30-20(1).lvm")

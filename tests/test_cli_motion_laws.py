@@ -13,7 +13,7 @@ from bayes_tyre.simulate.plan import thesis_plan
 from bayes_tyre.workflow.simulate import write_simulated
 
 # Fits the motions of two files by two laws, and samples: over 10 s.
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
 
 GOOD = ("DynamicS(0)20-30(1).lvm", "DynamicS(0)30-20(1).lvm")
 FEW = ["--chains", 2, "--warmup", 150, "--draws", 100, "--workers", 1]

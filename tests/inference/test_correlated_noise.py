@@ -12,7 +12,7 @@ from bayes_tyre.inference.sampling import SamplerSettings
 from bayes_tyre.record_table import check_record_table
 from bayes_tyre.report.predictive import residual_autocorrelation
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
 
 SHORT = SamplerSettings(chains=2, warmup=400, draws=500, seed=1)
 POINTS, NOISE_KN, RHO, WINDOW = 150, 0.03, 0.8, 20

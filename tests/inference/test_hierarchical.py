@@ -17,6 +17,8 @@ from bayes_tyre.published import campaign, tables
 from bayes_tyre.record import CASE_WORDS
 from bayes_tyre.record_table import check_record_table
 
+pytestmark = pytest.mark.usefixtures("fully_compiled")
+
 #: A thousand draws tell where 2.5 % lie.
 SHORT = SamplerSettings(chains=2, warmup=350, draws=500, seed=1)
 #: For what is only looked at, not believed.

@@ -14,6 +14,8 @@ from bayes_tyre.inference.sampling import SamplerSettings
 from bayes_tyre.record_table import check_record_table
 from bayes_tyre.report.contrasts import contrasts
 
+pytestmark = pytest.mark.usefixtures("fully_compiled")
+
 #: Of log k, per 10 kN.
 SLOPE = 0.4
 FIRST_70_PER_CENT = {1: 1, 2: 2, 10: 7, 11: 8, 1198: 839}

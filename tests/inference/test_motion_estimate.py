@@ -23,6 +23,8 @@ from bayes_tyre.simulate.drive import SHAPES
 from bayes_tyre.simulate.plan import quick_plan
 from bayes_tyre.simulate.simulator import simulate_record
 
+pytestmark = pytest.mark.usefixtures("fully_compiled")
+
 RIG = load_rig("single")
 
 

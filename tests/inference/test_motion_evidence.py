@@ -18,6 +18,8 @@ from bayes_tyre.simulate.plan import quick_plan
 from bayes_tyre.simulate.truth import Truth
 from bayes_tyre.studies.law_ranking import FURTHER, simulated
 
+pytestmark = pytest.mark.usefixtures("fully_compiled")
+
 RIG = load_rig("single")
 #: Laws that contain one, exactly or as a limit (a belt of no mass is a spring), and those that come nearest of the
 #: others; `study laws` tries all of them.

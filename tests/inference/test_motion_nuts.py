@@ -13,7 +13,7 @@ from bayes_tyre.inference.motion_valley import valley_about
 from bayes_tyre.inference.sampling import SamplerSettings
 from bayes_tyre.simulate.plan import quick_plan
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
 
 
 @pytest.fixture(scope="module")

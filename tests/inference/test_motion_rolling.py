@@ -18,6 +18,8 @@ from bayes_tyre.simulate.draw import draw_truth
 from bayes_tyre.simulate.plan import thesis_plan
 from bayes_tyre.simulate.simulator import simulate_record
 
+pytestmark = pytest.mark.usefixtures("fully_compiled")
+
 RIG = load_rig("single")
 
 

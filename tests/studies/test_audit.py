@@ -13,6 +13,8 @@ from bayes_tyre.studies.audit_methods import AMPLITUDE_MM, energy_J, motion_valu
 from bayes_tyre.studies.audit_overview import follow, in_words, overview, sways
 from bayes_tyre.studies.audit_words import conclusion, lines
 
+pytestmark = pytest.mark.usefixtures("fully_compiled")
+
 PUBLISHED = [0.019, 0.02, 0.021, 0.5]
 
 

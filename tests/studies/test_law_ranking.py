@@ -9,6 +9,8 @@ from bayes_tyre.inference.motion_laws import MOTION_LAWS
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.studies.law_ranking import CONTAINS, as_they_should, in_words, planned, rank_laws, simulated
 
+pytestmark = pytest.mark.usefixtures("fully_compiled")
+
 
 # Fits two records by two laws, samples, and leaves each out: over 10 s.
 @pytest.mark.slow

@@ -12,6 +12,8 @@ from bayes_tyre.simulate.draw import draw_truth
 from bayes_tyre.studies.motion_mismatch import MISMATCHES, OF_ROLLING, CurvedFancher
 from bayes_tyre.studies.motion_study import ROLLING, STATIONARY, study_motion, summarise, tried
 
+pytestmark = pytest.mark.usefixtures("fully_compiled")
+
 RIG = load_rig("single")
 TYRE = {"k": 1.6, "C": 0.1, "x": 0.4, "beta": 0.09}
 

@@ -11,6 +11,8 @@ from bayes_tyre.studies.outliers import study_outliers
 from bayes_tyre.studies.side_by_side import Sampling, SideBySide
 from bayes_tyre.studies.truths import Planted, study_priors
 
+pytestmark = pytest.mark.usefixtures("fully_compiled")
+
 #: One compilation for the right model and for the planted errors, which are put into the truths.
 SETS = 12
 QUICK = Sampling(warmup=200, kept=39, thin=3)
