@@ -22,9 +22,12 @@ import json
 import os
 import subprocess
 import sys
+from base64 import b64encode
+from io import BytesIO
 from pathlib import Path
 
 import pandas as pd
+from IPython.display import display
 from PIL import Image
 
 here = Path("results/05_your_own_rig")
@@ -41,11 +44,15 @@ def bayes_tyre(*words: str) -> None:
     print(*filter(None, said), sep="\n")
 
 
-def figure(name: str) -> Image.Image:
-    """Return a figure that `fit` wrote, made small for the notebook."""
+# %%
+def figure(name: str) -> None:
+    """Show a figure that `fit` wrote, made small for the notebook, with what its data are."""
     picture = Image.open(here / "fit" / "figures" / f"{name}.png").convert("RGB")
     picture.thumbnail((800, 2000))
-    return picture.quantize(64)
+    origin = json.loads((here / "fit" / "run.json").read_text(encoding="utf-8"))["origin"]
+    said = f"Figure {name}, as it lies in fit/figures. data: {origin}, not measured"
+    picture.quantize(64).save(png := BytesIO(), format="png", optimize=True)
+    display({"text/plain": said, "image/png": b64encode(png.getvalue()).decode()}, raw=True)
 
 
 # %% [markdown]
