@@ -15,7 +15,7 @@ from bayes_tyre.report import case_lines, page
 from bayes_tyre.report.case_lines import Line
 from bayes_tyre.report.colours import INK, Look, Setting
 from bayes_tyre.report.columns import numbers, texts
-from bayes_tyre.report.labels import PARAMETERS, WIDE, configuration_label, interval_name, panels, plain
+from bayes_tyre.report.labels import PARAMETERS, USUAL, WIDE, configuration_label, interval_name, panels, plain
 from bayes_tyre.report.page import STYLE, TALLEST, WIDTH
 
 #: Height of a line in a list, inches; the room of the shortest list, lines.
@@ -50,7 +50,7 @@ def forest_of_cases(cases: pd.DataFrame, printed: pd.DataFrame | None, setting: 
     appearance = setting.looks(rows["configuration"])
     entries = [(look.interval_handle, configuration_label(name)) for name, look in appearance.items()]
     if printed is not None:
-        values = {name: numbers(printed, PARAMETERS[name][2]) for name in panels(())}
+        values = {name: numbers(printed, PARAMETERS[name][2]) for name in USUAL}
         rows = rows.merge(case_lines.numbered(case_lines.case_words(printed)).assign(**values), how="left")
         entries.append((Line2D([], [], **_PRINTED), "printed value"))
     room = max(LEAST, len(lines))

@@ -15,12 +15,12 @@ from bayes_tyre.report import case_lines, page
 from bayes_tyre.report.colours import INK, PALE, Look, Setting
 from bayes_tyre.report.columns import numbers, texts
 from bayes_tyre.report.labels import (
-    ALWAYS,
     PARAMETERS,
     WIDE,
     configuration_label,
     decimals,
     interval_name,
+    panels,
     plain,
     unit_name,
 )
@@ -55,7 +55,7 @@ def posteriors_by_direction(cells: pd.DataFrame, setting: Setting, interval: flo
     draws["value"] = numbers(cells, "value")
     draws = draws[draws["value"].notna() & draws["parameter"].isin(list(PARAMETERS))]
     directions = sorted(set(draws["direction"]), key=case_lines.direction_rank) or [""]
-    parameters = [p for p in PARAMETERS if (draws["parameter"] == p).any()] or list(ALWAYS)
+    parameters = panels(draws["parameter"])
     appearance = setting.looks(draws["configuration"])
     each = (2.3 if len(parameters) <= _TALL else 1.7) + 0.1 * len(appearance)
     figure = page.page(WIDTH, 1.0 + each * len(parameters))

@@ -63,9 +63,15 @@ def _amplitude(result: Reported) -> str:
 
 def losses_cautions(result: Reported) -> list[str]:
     """Return what not to believe of the losses."""
+    by_friction = any(not result.means(parameter).empty for parameter in FRICTION)
+    what = (
+        "the viscous damping c is not in it"
+        if by_friction
+        else "its dampers lose all of it, c among them, in a cycle as quick as the mass swings freely on k"
+    )
     return [
-        f"The energy as that of another stroke, or as all that a tyre loses: it is what the fitted law loses in a "
-        f"cycle of {_amplitude(result)}; the viscous damping c is not in it.",
+        "The energy as that of another stroke, or as all that a tyre loses: it is what the fitted law loses in a "
+        f"cycle of {_amplitude(result)}; {what}.",
         "The estimates if the tyre does not follow the law that was fitted to its motion: the verdict cannot tell. "
         "Look at what the fit leaves over: of a few records below, of each with motion --figures DIR.",
     ]

@@ -21,8 +21,8 @@ PARAMETERS = {
     "c": ("damping c", "kN s/mm", "c_kN_s_per_mm"),
     "energy_per_cycle": ("energy lost a cycle", "J", "energy_per_cycle_J"),
 }
-#: Those that every result has; and those that range over factors, so that an axis may be logarithmic.
-ALWAYS, WIDE = ("k", "beta"), ("beta", "x", "settled", "c", "energy_per_cycle")
+#: Those that the printed tables have too; and those that range over factors, so that an axis may be logarithmic.
+USUAL, WIDE = ("k", "beta"), ("beta", "x", "settled", "c", "energy_per_cycle")
 _CALLED = {"energy_per_cycle": "energy a cycle"}
 _ORIGINS = {
     "published": "published tables",
@@ -37,8 +37,8 @@ def called(parameter: str) -> str:
 
 
 def panels(found: Iterable[str]) -> list[str]:
-    """Return the parameters that have a panel of their own: those of every result, and what else is found."""
-    has = {*ALWAYS, *found}
+    """Return the parameters that have a panel of their own: those found, in their order; where none is, `USUAL`."""
+    has = set(found) & PARAMETERS.keys() or USUAL
     return [parameter for parameter in PARAMETERS if parameter in has]
 
 

@@ -1,5 +1,6 @@
 """The report's page of what `motion` wrote: k, friction and energy in the answer, its tables, two side by side."""
 
+import dataclasses
 import re
 from html import unescape
 from pathlib import Path
@@ -84,6 +85,15 @@ def test_the_page_names_what_it_is_of_and_what_not_to_believe(both):
     assert "Loss factor" in page
     assert "energy_per_cycle" not in page
     assert any("2 mm amplitude" in said and "another stroke" in said for said in map(plain, cautions(both)))
+
+
+def test_energy_is_said_to_be_by_friction_only_where_the_law_has_some(both):
+    friction = both.summary["parameter"].isin(["x_mean", "settled_mean"])
+    without = dataclasses.replace(both, summary=both.summary[~friction])
+    of_friction, of_dampers = (" ".join(map(plain, cautions(result))) for result in (both, without))
+    assert "the viscous damping c is not in it" in of_friction
+    assert "the viscous damping c is not in it" not in of_dampers
+    assert "its dampers lose all of it, c among them" in of_dampers
 
 
 def side(folder: Path) -> Side:

@@ -65,5 +65,8 @@ def test_energy_is_what_the_law_loses(tree):
 
 def test_every_figure_can_be_drawn(tree):
     assert has_cases(tree)  # so that the report draws them, and sets results side by side
-    result = Result(tree, "pass")
-    assert "energy_per_cycle" in {name for name, _ in figures.draw(result)}
+    drawn = dict(figures.draw(Result(tree, "pass")))
+    assert "energy_per_cycle" in drawn
+    # A panel for each parameter that the law has, and none for what it has not.
+    for name in ("forest_of_cases", "contrasts"):
+        assert sum(ax.get_visible() for ax in drawn[name].axes) == len(SHOWN[tree.attrs["law"]])
