@@ -2,7 +2,8 @@
 
 Run ``python benchmarks/posterior_peers.py [--quick]``; prints Markdown. Same model, data and priors. Ours is the
 compressed likelihood in its own coordinates; NumPyro, PyMC and nutpie (numba) get the direct likelihood in the form
-that suits them best (`posterior_model`), and start from the least-squares estimates. 4 chains, target acceptance 0.8.
+that suits them best (`posterior_model`), and start from the least-squares estimates. 4 chains. Target acceptance: 0.8,
+which is what each takes by itself, and ours as `fit` has it.
 The rate is of the worst of bulk and tail ESS over every parameter of the records, the cases and the populations. End
 to end: from the record table to the draws, all compilation included. Sampling alone: warmup and draws, compiled.
 """

@@ -12,6 +12,7 @@ import numpyro
 from jaxtyping import Array
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
+from bayes_tyre.inference.half_normal import HalfNormal
 from bayes_tyre.inference.levels import Levels
 from bayes_tyre.inference.priors import PRIORS
 
@@ -24,6 +25,8 @@ MOTION_PARAMETERS = ("k", "settled", "beta", "m", "c")
 JUDGEABLE_REPEATS = 3
 #: Names that end so are sampled where their level is, in coordinates that follow what is below it.
 _PLACED = ("_cell", "_typical")
+#: Laws that NUTS walks in coordinates other than NumPyro's.
+_SAMPLED_AS: Mapping[type[dist.Distribution], type[dist.Distribution]] = {dist.HalfNormal: HalfNormal}
 #: Sites that every record's prior goes through, whatever its words.
 _OF_RECORDS = ("J_scale", "sigma_typical")
 
@@ -73,7 +76,8 @@ def sample_populations(sites: Iterable[str]) -> dict[str, Array]:
     found: dict[str, Array] = {}
     for site, names in _by_family(sites).items():
         family, parameters = PRIORS[names[0]].family, np.transpose([PRIORS[name].parameters for name in names])
-        values = jnp.asarray(numpyro.sample(site, family(*map(jnp.asarray, parameters))))
+        sampled = _SAMPLED_AS.get(family, family)
+        values = jnp.asarray(numpyro.sample(site, sampled(*parameters)))
         found |= dict(zip(names, values, strict=True))
     for name, value in found.items():
         numpyro.deterministic(name, value)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.chains import CHUNK, Chains
+from bayes_tyre.inference.chains import CHUNK, TARGET_ACCEPTANCE, Chains
 from bayes_tyre.inference.checkpoint import Checkpoints
 
 
@@ -25,6 +25,8 @@ class SamplerSettings:
         Called with the number of iterations of a chain just done, warmup included.
     checkpoints:
         Where the run is saved as it goes on, and continued from where it was saved; None: nowhere.
+    acceptance:
+        Mean acceptance that steps are adapted to: the higher, the shorter they are.
 
     Raises
     ------
@@ -38,6 +40,7 @@ class SamplerSettings:
     seed: int = 0
     on_progress: Callable[[int], None] = field(default=lambda _: None, compare=False, repr=False)
     checkpoints: Checkpoints | None = field(default=None, compare=False, repr=False)
+    acceptance: float = TARGET_ACCEPTANCE
 
     def __post_init__(self) -> None:
         for name, least in (("chains", 1), ("warmup", 1), ("draws", 4)):
@@ -69,7 +72,8 @@ def sample(
     starts:
         Positive values near which the sites of the populations start; they share a dense block of the mass matrix.
     """
-    return run(Chains(model, arguments, settings.chains, settings.warmup, starts or {}), settings)
+    chains = Chains(model, arguments, settings.chains, settings.warmup, starts or {}, settings.acceptance)
+    return run(chains, settings)
 
 
 def run(chains: Chains, settings: SamplerSettings) -> Draws:
@@ -84,6 +88,8 @@ def run(chains: Chains, settings: SamplerSettings) -> Draws:
     settings.on_progress(sum(lengths[: len(done)]))
     state = done[-1].state if done else chains.begin(settings.seed)
     for number, length in enumerate(lengths[len(done) :], len(done)):
+        if number == len(warmup):
+            state = chains.warmed_up(state)
         chunk = chains.advance(state, length)
         state = chunk.state
         if number < len(warmup):

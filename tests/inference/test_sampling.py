@@ -4,8 +4,11 @@ import jax
 import numpy as np
 import numpyro
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpyro import distributions as dist
 from numpyro.infer import MCMC, NUTS
+from numpyro.infer.hmc import HMCState
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference import chains, sampling
@@ -96,3 +99,29 @@ def test_progress_counts_every_iteration_of_a_chain():
 def test_counts_too_small_are_refused(name, least):
     with pytest.raises(BadInput, match=f"{name} is {least - 1}; give at least {least}"):
         SamplerSettings(**{name: least - 1})
+
+
+@settings(deadline=None)
+@given(step=st.floats(1e-3, 2.0))
+def test_a_step_off_resonance_is_hardly_longer_and_stays_where_it_is(step):
+    off = float(chains.off_resonance(step))
+    assert step <= off <= 1.13 * step
+    assert float(chains.off_resonance(off)) == off
+    # No tree of 8 points or more spans from half a period to little more, when its half spans little less.
+    spans = off * (2.0 ** np.arange(3, chains.DEEPEST[1]) - 1)
+    assert not ((spans < np.pi) & (spans + off / 2 > np.pi)).any()
+
+
+def test_trees_of_a_step_on_resonance_go_round_and_round_and_those_off_it_do_not():
+    def standard_normal() -> None:
+        numpyro.sample("x", dist.Normal(0.0, 1.0).expand([400]).to_event(1))
+
+    made = chains.Chains(standard_normal, {}, 1, 1, {})
+    begun = made.begin(0)
+
+    def mean_steps(state: HMCState) -> float:
+        return float(made.advance(state, 60).statistics["n_steps"].mean())
+
+    on = begun._replace(adapt_state=begun.adapt_state._replace(step_size=np.array([0.2065])), i=np.array([1]))
+    assert mean_steps(on) > 60
+    assert mean_steps(made.warmed_up(on)) == 15
