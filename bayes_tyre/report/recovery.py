@@ -18,6 +18,10 @@ WHAT_IT_COMPARES = (
     "Equation 2, which is one step of the law: two curves, so the two betas differ even without noise."
 )
 WHAT_MOTIONS_COMPARE = "k, x, beta: of the law on flat ground, m and c at the wheel centre, in truth and result alike."
+WHAT_OTHER_LAWS_COMPARE = (
+    "The result's law has no friction x and is not the truth's: its k is the slope of its middle line on flat ground, "
+    "and its c loses what friction loses in the truth."
+)
 
 
 class Recovery(NamedTuple):
@@ -67,9 +71,11 @@ def of_least_squares(truth: pd.DataFrame, fits: pd.DataFrame) -> Recovery:
 def of_posterior(truth: pd.DataFrame, repeats: pd.DataFrame) -> Recovery:
     """Return medians and intervals of `repeats.csv` beside `truth.csv`; arguments and errors as `of_least_squares`."""
     _need(repeats, "repeats.csv", "parameter", "median", "lower", "upper", "interval")
-    compared = OF_MOTIONS if (repeats["parameter"] == "x").any() else PARAMETERS
+    there = set(repeats["parameter"])
+    # A motion may be fitted with a law that has no friction; what both have is compared.
+    compared = {name: column for name, column in OF_MOTIONS.items() if name in there} if "m" in there else PARAMETERS
     rows = {name: repeats[repeats["parameter"] == name].reset_index(drop=True) for name in compared}
-    if any(of.empty for of in rows.values()):
+    if "k" not in rows or any(of.empty for of in rows.values()):
         raise BadInput("repeats.csv: has no rows of k and beta; name what fit wrote of records")
     found = _worded(rows["k"], "repeats.csv").assign(status="ok")
     for name, of in rows.items():

@@ -16,6 +16,7 @@ from bayes_tyre.report.overview import shown
 from bayes_tyre.report.recovery import (
     WHAT_IT_COMPARES,
     WHAT_MOTIONS_COMPARE,
+    WHAT_OTHER_LAWS_COMPARE,
     Recovery,
     of_least_squares,
     of_posterior,
@@ -43,10 +44,15 @@ def print_recovery(folders: list[Path], truth: Path, console: Console | None = N
         (console if console.is_terminal else Console(file=console.file, width=10_000)).print(beside)
         for line in _said(recovery):
             console.print(Text(line), soft_wrap=True)
-    said = [WHAT_MOTIONS_COMPARE if "x" in recovery.parameters else WHAT_IT_COMPARES for _, recovery in found]
-    for line in dict.fromkeys(said):
+    for line in dict.fromkeys(_compared(recovery) for _, recovery in found):
         console.print()
         console.print(Text(line), soft_wrap=True)
+
+
+def _compared(recovery: Recovery) -> str:
+    if "m" not in recovery.parameters:
+        return WHAT_IT_COMPARES
+    return WHAT_MOTIONS_COMPARE if "x" in recovery.parameters else WHAT_OTHER_LAWS_COMPARE
 
 
 def recover(folder: Path, truth: pd.DataFrame) -> Recovery:

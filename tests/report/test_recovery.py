@@ -59,6 +59,17 @@ def test_a_posterior_beside_the_truth_says_how_many_intervals_hold_it():
     assert (found.lost, found.unknown) == (0, 0)
 
 
+def test_a_motion_on_a_law_without_friction_is_held_against_what_both_have(tmp_path):
+    k = repeats().query("parameter == 'k'")
+    pd.concat([k, k.assign(parameter="m", median=210.0), k.assign(parameter="c")]).to_csv(tmp_path / "repeats.csv")
+    TRUTH.assign(x_kN=0.4, m_kg=200.0, c_kN_s_per_mm=1.0).to_csv(tmp_path / "truth.csv", index=False)
+    said = printed(tmp_path, truth=tmp_path / "truth.csv")
+    assert "m: rms relative error 5.00 %, median +5.00 % (3 records)" in said
+    assert "c: rms" in said
+    assert "beta" not in said
+    assert "no friction x and is not the truth's" in said
+
+
 def test_records_without_a_truth_are_counted():
     assert of_least_squares(TRUTH.iloc[1:], fits()).unknown == 1
 
