@@ -22,13 +22,11 @@ import json
 import os
 import subprocess
 import sys
-from base64 import b64encode
-from io import BytesIO
 from pathlib import Path
 
 import pandas as pd
-from IPython.display import display
-from PIL import Image
+
+from bayes_tyre.report.picture import KeptPicture
 
 here = Path("results/05_your_own_rig")
 here.mkdir(parents=True, exist_ok=True)
@@ -42,17 +40,6 @@ def bayes_tyre(*words: str) -> None:
     done = subprocess.run(command, cwd=here, env=plain, capture_output=True, text=True, check=False)
     said = [done.stdout.strip(), *([done.stderr.strip(), f"code {done.returncode}"] if done.returncode else [])]
     print(*filter(None, said), sep="\n")
-
-
-# %%
-def figure(name: str) -> None:
-    """Show a figure that `fit` wrote, made small for the notebook, with what its data are."""
-    picture = Image.open(here / "fit" / "figures" / f"{name}.png").convert("RGB")
-    picture.thumbnail((800, 2000))
-    origin = json.loads((here / "fit" / "run.json").read_text(encoding="utf-8"))["origin"]
-    said = f"Figure {name}, as it lies in fit/figures. data: {origin}, not measured"
-    picture.quantize(64).save(png := BytesIO(), format="png", optimize=True)
-    display({"text/plain": said, "image/png": b64encode(png.getvalue()).decode()}, raw=True)
 
 
 # %% [markdown]
@@ -120,7 +107,7 @@ few = ["--chains", "2", "--warmup", "600", "--draws", "900", "--repeats", "norma
 bayes_tyre("fit", "records.csv", "--out", "fit", "--quiet", *few)
 diagnostics = json.loads((here / "fit" / "diagnostics.json").read_text(encoding="utf-8"))
 print("simulated, not measured; verdict:", diagnostics["verdict"])
-figure("posteriors_by_direction")
+KeptPicture(here / "fit", "posteriors_by_direction")
 
 # %% [markdown]
 # ## Which is stiffer, and how sure is that?
@@ -128,7 +115,7 @@ figure("posteriors_by_direction")
 # *Simulated, not measured.* Ratios with their intervals, and the probability at the right.
 
 # %%
-figure("contrasts")
+KeptPicture(here / "fit", "contrasts")
 
 # %% [markdown]
 # ## Do the fitted curves follow the records?
@@ -137,7 +124,7 @@ figure("contrasts")
 # pattern, mean that the law, the mass or the signs do not fit.
 
 # %%
-figure("records_with_bands")
+KeptPicture(here / "fit", "records_with_bands")
 
 # %% [markdown]
 # ## How near is it to the truth?

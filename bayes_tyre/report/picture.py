@@ -8,9 +8,13 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from bayes_tyre.report import page
+from bayes_tyre.report.labels import origin_note
+from bayes_tyre.report.run import RUN_JSON, read_run
 
 #: Dots an inch: a page of 8 inches is as wide as a notebook's column. So many colours keep every line's own exactly.
 DOTS, COLOURS = 100, 256
+#: Of a figure that was drawn larger: made small its lines have shades, which more colours would keep, and few see.
+KEPT_COLOURS = 64
 
 
 class Picture:
@@ -29,9 +33,7 @@ class Picture:
     def _repr_png_(self) -> bytes:
         kept = BytesIO()
         self.figure.savefig(kept, format="png", dpi=DOTS)
-        small = BytesIO()
-        Image.open(kept).convert("RGB").quantize(COLOURS).save(small, format="png", optimize=True)
-        return small.getvalue()
+        return _png(Image.open(kept).convert("RGB"), COLOURS)
 
     def __repr__(self) -> str:
         # The notes stand at the foot from the last line to the first, then the origin: see `page.finish`.
@@ -43,3 +45,38 @@ class Picture:
     def save(self, path: str | Path) -> Path:
         """Write it as PNG at 150 dots an inch, whole or not at all; return the path."""
         return page.save(self.figure, Path(path))
+
+
+class KeptPicture:
+    """A figure as it lies in the folder of a result, which notebooks show by themselves: nothing is drawn anew.
+
+    Parameters
+    ----------
+    folder:
+        That `fit` wrote.
+    name:
+        Of the figure, such as ``contrasts``.
+
+    Raises
+    ------
+    BadInput
+        If the folder holds no result of `fit`.
+    """
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self._path, self._origin = folder / "figures" / f"{name}.png", read_run(folder / RUN_JSON)["origin"]
+
+    def _repr_png_(self) -> bytes:
+        picture = Image.open(self._path).convert("RGB")
+        picture.thumbnail((round(page.WIDTH * DOTS), round(page.TALLEST * DOTS)))
+        return _png(picture, KEPT_COLOURS)
+
+    def __repr__(self) -> str:
+        return f"Figure {self._path.stem}.\n{origin_note(self._origin)}"
+
+
+def _png(picture: Image.Image, colours: int) -> bytes:
+    """Return a picture as a small PNG, the same bytes each time."""
+    small = BytesIO()
+    picture.quantize(colours).save(small, format="png", optimize=True)
+    return small.getvalue()

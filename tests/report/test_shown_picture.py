@@ -1,10 +1,14 @@
 """Figures as a notebook shows them: by their name, small, the same each time, with their notes as text."""
 
+from io import BytesIO
+
 import numpy as np
 import pandas as pd
 import pytest
 from drawings import contrasts, markers, said, sticking_out
 from hand_made_posteriors import grid, posterior, scattered
+from PIL import Image
+from quick_fits import write_result
 
 import bayes_tyre as bt
 from bayes_tyre.errors import BadInput
@@ -12,6 +16,7 @@ from bayes_tyre.published import checks, recompute, tables
 from bayes_tyre.report import reproduction_figures, results
 from bayes_tyre.report.average_contrast_figures import average_contrasts
 from bayes_tyre.report.colours import Setting
+from bayes_tyre.report.picture import KeptPicture
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +36,18 @@ def test_a_figure_is_asked_for_by_its_name_and_says_its_notes(tree, tmp_path):
     assert "data: simulated, not measured" in text
     assert text.index("Marker: median") < text.index("Bold: averages")
     assert picture.save(tmp_path / "one.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_figure_that_was_written_is_shown_small_and_says_what_its_data_are(tmp_path):
+    write_result(tmp_path / "fit")
+    kept = KeptPicture(tmp_path / "fit", "contrasts")
+    whole = Image.open(tmp_path / "fit/figures/contrasts.png")
+    shown = Image.open(BytesIO(kept._repr_png_()))
+    assert shown.size[0] == 800 < whole.size[0]
+    assert shown.size[1] / 800 == pytest.approx(whole.size[1] / whole.size[0], abs=0.002)
+    assert repr(kept) == "Figure contrasts.\ndata: simulated, not measured"
+    with pytest.raises(BadInput, match=r"name the run\.json in a folder that fit wrote"):
+        KeptPicture(tmp_path, "contrasts")
 
 
 def test_what_cannot_be_drawn_is_said(tree):
