@@ -13,7 +13,7 @@ os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_force_host_p
 # Most of the suite's time is compilation, of the same kernels each time: kept beside pytest's own cache.
 os.environ["JAX_COMPILATION_CACHE_DIR"] = str(Path(__file__).parents[1] / ".pytest_cache" / "jax")
 os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.3"
-# And of nearly all of them what takes long is not to run them: LLVM's optimisation left out, it is half as long.
+# Most take longer to compile than to run here; without LLVM's optimisation compiling takes half as long.
 os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = "1"
 install_import_hook("bayes_tyre", "beartype.beartype")
 # A shell that starts the tests in the background has them ignore Ctrl-C, and so would every command that they start.

@@ -42,15 +42,15 @@ class Noise(StrEnum):
     ar1 = "ar1"
 
 
-UsedRegion = Annotated[Region, typer.Option(help="all points of each record; or the thesis's first 70 %.")]
-LoadOfCases = Annotated[
+RegionOption = Annotated[Region, typer.Option(help="all points of each record; or the thesis's first 70 %.")]
+InitialLoadOption = Annotated[
     InitialLoad,
     typer.Option(
         help="What k and beta may change with: each nominal initial_load_kN, or a slope over the force (kN) that a "
         "case's records really started from."
     ),
 ]
-DisplacementScale = Annotated[
+DisplacementScaleOption = Annotated[
     float,
     typer.Option(
         min=0.0,
@@ -59,15 +59,15 @@ DisplacementScale = Annotated[
         "beta and no ratio of two.",
     ),
 ]
-HowLikely = Annotated[
+LikelihoodOption = Annotated[
     Likelihood, typer.Option(help="compressed, whatever the number of points; or direct, point by point.")
 ]
-HowRepeats = Annotated[
+RepeatsOption = Annotated[
     Repeats, typer.Option(help="How repeats scatter: usual and discordant ones, Student-t, or normal.")
 ]
-HowNoise = Annotated[
+NoiseOption = Annotated[
     Noise, typer.Option(help="Independent from point to point; or ar1: each point's follows the one before.")
 ]
-NoiseWindow = Annotated[
+NoiseWindowOption = Annotated[
     int, typer.Option(min=1, help="Samples of the moving average that went over the noise alone; 1: none.")
 ]

@@ -5,11 +5,11 @@ import time
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bayes_tyre.cli.model_options import HowRepeats, Repeats
+from bayes_tyre.cli.model_options import Repeats, RepeatsOption
 from bayes_tyre.cli.raw import CasesTable, Cluster, RawFiles, RigName, Workers, check_machines
 from bayes_tyre.cli.shell import (
     Chains,
@@ -25,6 +25,10 @@ from bayes_tyre.cli.shell import (
     say,
     warn,
 )
+
+if TYPE_CHECKING:
+    from bayes_tyre.workflow.each_file import Machines
+    from bayes_tyre.workflow.motion import MotionPlan
 
 
 class Law(StrEnum):
@@ -49,7 +53,7 @@ def motion(
             min=1e-3, max=100.0, help="Half the stroke at the wheel centre (mm) of the cycle that loses energy."
         ),
     ] = 1.0,
-    repeats: HowRepeats = Repeats.mixture,
+    repeats: RepeatsOption = Repeats.mixture,
     figures: Annotated[
         Path | None, typer.Option(help="Folder for a picture a record: readings, fitted motion, what is left over.")
     ] = None,
@@ -86,23 +90,31 @@ def motion(
 
     files, passed_over = raw_files(raw)  # before what takes seconds to import
     from bayes_tyre.inference.sampling import SamplerSettings
-    from bayes_tyre.runtime import prepare_jax
     from bayes_tyre.workflow.each_file import Machines
-    from bayes_tyre.workflow.going_on import Watch
-    from bayes_tyre.workflow.motion import MotionPlan, estimate_files, fit_estimates
+    from bayes_tyre.workflow.motion import MotionPlan
 
-    sampler = SamplerSettings(chains, warmup, draws, seed)
-    plan = MotionPlan(sampler, rig, cases, figures, law.value, amplitude, repeats.value, interval)
     for remark in passed_over:
         warn(remark)
-    prepare_jax(chains)
+    sampler = SamplerSettings(chains, warmup, draws, seed)
+    plan = MotionPlan(sampler, rig, cases, figures, law.value, amplitude, repeats.value, interval)
+    _run(files, plan, Machines(workers, cluster, resume), out, quiet)
+
+
+def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path, quiet: bool) -> None:
+    """Estimate each file, fit the estimates as planned, tell how it goes, and end as the verdict says."""
+    from bayes_tyre.runtime import prepare_jax
+    from bayes_tyre.workflow.going_on import Watch
+    from bayes_tyre.workflow.motion import estimate_files, fit_estimates
+
+    sampler = plan.sampler
+    prepare_jax(sampler.chains)
     began = time.monotonic()
     with progress("motion", len(files), quiet) as advance:
-        estimated = estimate_files(files, plan, Machines(workers, cluster, resume), out, advance)
+        estimated = estimate_files(files, plan, machines, out, advance)
     found, lost = len(estimated.table), len(estimated.rejected)
-    say(f"{found} records, {lost} rejected (data: {estimated.origin}), {chains} chains", quiet)
-    with progress("hierarchy", warmup + draws, quiet) as advance:
+    say(f"{found} records, {lost} rejected (data: {estimated.origin}), {sampler.chains} chains", quiet)
+    with progress("hierarchy", sampler.warmup + sampler.draws, quiet) as advance:
         watch = Watch(partial(note, quiet=quiet), warn, advance)
-        diagnostics = fit_estimates(estimated, plan, out, sys.argv[1:], watch, resume=resume)
+        diagnostics = fit_estimates(estimated, plan, out, sys.argv[1:], watch, resume=machines.resume)
     say(f"done in {time.monotonic() - began:.0f} s", quiet)
     conclude(diagnostics, out, quiet)

@@ -81,7 +81,8 @@ def test_a_parquet_file_cut_short_is_refused(tmp_path, hard_numbers):
 
 @pytest.mark.parametrize("rows", ["r,1,2,3\nr,2,3,4\n", "r,1,2,\nr,2,3,\n", "r,1,2\nr,1,2,3\n"])
 def test_rows_longer_than_the_header_are_refused_and_never_move_a_column(tmp_path, rows):
-    refusal(write(tmp_path / "records.csv", (HEADER + rows).encode()))
+    said = refusal(write(tmp_path / "records.csv", (HEADER + rows).encode()))
+    assert "holds 4 cells, the header 3" in said
 
 
 def test_a_suffix_in_capitals_is_read(tmp_path):
