@@ -15,6 +15,9 @@ from bayes_tyre.inference.chains import Chunk
 
 _IDENTITY, _STATE, _DRAWS, _STATISTICS = "identity", "state", "draws", "statistics"
 _NAME = "chunk-{:06d}.npz"
+#: Raised when a state or a draw comes to mean something else, such as other coordinates: these are kept as they are
+#: sampled.
+FORMAT, _FORMAT = 2, "format"
 
 
 @dataclass
@@ -41,7 +44,7 @@ class Checkpoints:
         if self._refused:
             return
         said = json.dumps(self.identity, sort_keys=True).encode()
-        arrays = {_IDENTITY: np.frombuffer(said, dtype=np.uint8)}
+        arrays = {_IDENTITY: np.frombuffer(said, dtype=np.uint8), _FORMAT: np.int64(FORMAT)}
         arrays |= {f"{_STATE}/{i}": np.asarray(leaf) for i, leaf in enumerate(jax.tree.leaves(chunk.state))}
         arrays |= {f"{_DRAWS}/{name}": values for name, values in chunk.unconstrained.items()}
         arrays |= {f"{_STATISTICS}/{name}": values for name, values in chunk.statistics.items()}
@@ -68,7 +71,7 @@ class Checkpoints:
         if not self.exist():
             return None
         try:
-            return json.loads(read_arrays(path)[_IDENTITY].tobytes())
+            return json.loads(_read(path)[_IDENTITY].tobytes())
         except (BadInput, KeyError, ValueError) as error:
             raise BadInput(
                 f"{path}: is no checkpoint that can be read ({str(error)[:200]}); leave out --resume to begin anew"
@@ -106,7 +109,7 @@ class Checkpoints:
             self.folder.rmdir()
 
     def _chunk(self, path: Path, like: Any, length: int) -> Chunk:
-        arrays = read_arrays(path)
+        arrays = _read(path)
         if json.loads(arrays[_IDENTITY].tobytes()) != json.loads(json.dumps(self.identity)):
             raise ValueError(f"{path}: is of another run")
         shapes, form = jax.tree.flatten(like)
@@ -118,6 +121,14 @@ class Checkpoints:
         if not fit or any(values.shape[1] != length for values in draws.values()):
             raise ValueError(f"{path}: does not fit the model")
         return Chunk(jax.tree.unflatten(form, leaves), draws, statistics)
+
+
+def _read(path: Path) -> dict[str, np.ndarray]:
+    """Return the arrays of a checkpoint; ValueError if it means by them something else than this version."""
+    arrays = read_arrays(path)
+    if _FORMAT not in arrays or arrays[_FORMAT] != FORMAT:
+        raise ValueError(f"{path}: its draws are another version's, in other coordinates")
+    return arrays
 
 
 def _named(arrays: Mapping[str, np.ndarray], kind: str) -> dict[str, np.ndarray]:

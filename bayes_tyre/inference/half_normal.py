@@ -18,13 +18,16 @@ Scale = np.ndarray | Array | float
 
 
 class _PositiveInScales(constraints.Constraint):
-    """Numbers above 0 whose size goes by a scale."""
+    """Numbers above 0 whose size goes by a scale, which must be a constant: it stays when a trace is over."""
 
     def __init__(self, scale: Scale) -> None:
         self.scale = scale
 
     def __call__(self, x: ArrayLike) -> Array:
         return jnp.asarray(x) > 0
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _PositiveInScales) and bool(np.array_equal(self.scale, other.scale))
 
     def feasible_like(self, prototype: ArrayLike) -> Array:
         return jnp.broadcast_to(self.scale, jnp.shape(prototype))

@@ -77,6 +77,7 @@ def sample_populations(sites: Iterable[str]) -> dict[str, Array]:
     for site, names in _by_family(sites).items():
         family, parameters = PRIORS[names[0]].family, np.transpose([PRIORS[name].parameters for name in names])
         sampled = _SAMPLED_AS.get(family, family)
+        # Parameters stay NumPy's: a law's support keeps them, and outlives the trace it is looked up in.
         values = jnp.asarray(numpyro.sample(site, sampled(*parameters)))
         found |= dict(zip(names, values, strict=True))
     for name, value in found.items():

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.chains import CHUNK, TARGET_ACCEPTANCE, Chains
+from bayes_tyre.inference.chains import CHUNK, TARGET_ACCEPTANCE, Chains, leave_resonance
 from bayes_tyre.inference.checkpoint import Checkpoints
 
 
@@ -31,7 +31,7 @@ class SamplerSettings:
     Raises
     ------
     BadInput
-        For counts too small to judge a chain by.
+        For counts too small to judge a chain by, or an acceptance that no step has.
     """
 
     chains: int = 4
@@ -46,6 +46,8 @@ class SamplerSettings:
         for name, least in (("chains", 1), ("warmup", 1), ("draws", 4)):
             if getattr(self, name) < least:
                 raise BadInput(f"{name} is {getattr(self, name)}; give at least {least}")
+        if not 0 < self.acceptance < 1:
+            raise BadInput(f"acceptance is {self.acceptance}; give a probability between 0 and 1")
 
 
 class Draws(NamedTuple):
@@ -89,7 +91,7 @@ def run(chains: Chains, settings: SamplerSettings) -> Draws:
     state = done[-1].state if done else chains.begin(settings.seed)
     for number, length in enumerate(lengths[len(done) :], len(done)):
         if number == len(warmup):
-            state = chains.warmed_up(state)
+            state = leave_resonance(state)
         chunk = chains.advance(state, length)
         state = chunk.state
         if number < len(warmup):

@@ -7,6 +7,7 @@ import matplotlib.style
 from matplotlib.figure import Figure
 from PIL import Image
 
+from bayes_tyre.errors import BadInput
 from bayes_tyre.report import page
 from bayes_tyre.report.labels import origin_note
 from bayes_tyre.report.run import RUN_JSON, read_run
@@ -60,11 +61,13 @@ class KeptPicture:
     Raises
     ------
     BadInput
-        If the folder holds no result of `fit`.
+        If the folder holds no result of `fit`, or not this figure.
     """
 
     def __init__(self, folder: Path, name: str) -> None:
         self._path, self._origin = folder / "figures" / f"{name}.png", read_run(folder / RUN_JSON)["origin"]
+        if not self._path.is_file():
+            raise BadInput(f"{self._path}: no such figure; name one that lies in {self._path.parent}")
 
     def _repr_png_(self) -> bytes:
         picture = Image.open(self._path).convert("RGB")

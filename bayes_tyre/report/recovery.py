@@ -18,7 +18,11 @@ WHAT_IT_COMPARES = (
     "Equation 2, which is one step of the law: two curves, so the two betas differ even without noise."
 )
 WHAT_MOTIONS_COMPARE = "k, x, beta: of the law on flat ground, m and c at the wheel centre, in truth and result alike."
-WHAT_OTHER_LAWS_COMPARE = (
+WHAT_OTHER_FRICTION_COMPARES = (
+    "The result's law is not the truth's: its k is the slope of its middle line on flat ground, its beta of another "
+    "curve, and for its friction the truth has no number."
+)
+WHAT_NO_FRICTION_COMPARES = (
     "The result's law has no friction x and is not the truth's: its k is the slope of its middle line on flat ground, "
     "and its c loses what friction loses in the truth."
 )

@@ -16,7 +16,8 @@ from bayes_tyre.report.overview import shown
 from bayes_tyre.report.recovery import (
     WHAT_IT_COMPARES,
     WHAT_MOTIONS_COMPARE,
-    WHAT_OTHER_LAWS_COMPARE,
+    WHAT_NO_FRICTION_COMPARES,
+    WHAT_OTHER_FRICTION_COMPARES,
     Recovery,
     of_least_squares,
     of_posterior,
@@ -52,7 +53,9 @@ def print_recovery(folders: list[Path], truth: Path, console: Console | None = N
 def _compared(recovery: Recovery) -> str:
     if "m" not in recovery.parameters:
         return WHAT_IT_COMPARES
-    return WHAT_MOTIONS_COMPARE if "x" in recovery.parameters else WHAT_OTHER_LAWS_COMPARE
+    if "x" in recovery.parameters:
+        return WHAT_MOTIONS_COMPARE
+    return WHAT_OTHER_FRICTION_COMPARES if "beta" in recovery.parameters else WHAT_NO_FRICTION_COMPARES
 
 
 def recover(folder: Path, truth: pd.DataFrame) -> Recovery:

@@ -18,7 +18,7 @@ from numpyro.handlers import trace
 from numpyro.infer import NUTS
 
 from bayes_tyre.batch import Batch
-from bayes_tyre.inference.chains import TARGET_ACCEPTANCE, off_resonance, start_near
+from bayes_tyre.inference.chains import TARGET_ACCEPTANCE, leave_resonance, start_near
 from bayes_tyre.inference.hierarchical import records_model
 from bayes_tyre.inference.levels import Levels
 from bayes_tyre.inference.likelihood import compress
@@ -227,8 +227,7 @@ class SideBySide:
 
         state = kernel.init(key, self.sampling.warmup, model_kwargs=arguments)
         state = jax.lax.fori_loop(0, self.sampling.warmup, lambda _, state: advance(state, None)[0], state)
-        step_size = off_resonance(state.adapt_state.step_size)
-        state = state._replace(adapt_state=state.adapt_state._replace(step_size=step_size))
+        state = leave_resonance(state)
         _, (z, statistics) = jax.lax.scan(to_next_kept, state, None, self.sampling.kept)
         draws = jax.lax.map(kernel.postprocess_fn((), arguments), z)
         named = {name: values for name, values in draws.items() if not name.endswith("_z")}

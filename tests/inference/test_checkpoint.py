@@ -90,6 +90,23 @@ def test_a_spoilt_checkpoint_is_told_and_the_one_before_it_used(how, tmp_path):
     assert said[0].endswith("; the run goes on from the checkpoint before it")
 
 
+@pytest.mark.parametrize("older", ["of another number", "of no number yet"])
+def test_draws_in_other_coordinates_are_refused_and_never_used(older, tmp_path, monkeypatch):
+    said: list[str] = []
+    with monkeypatch.context() as before:
+        before.setattr(checkpoint, "FORMAT", checkpoint.FORMAT - 1)
+        checkpoints = saved(tmp_path, said)
+    if older == "of no number yet":
+        for path in tmp_path.iterdir():
+            arrays = read_arrays(path)
+            del arrays["format"]
+            write_arrays(arrays, path)
+    with pytest.raises(BadInput, match=r"in other coordinates.*leave out --resume"):
+        checkpoints.identity_found()
+    assert checkpoints.load(chunk(0).state, [5] * 3) == []
+    assert "in other coordinates" in said[0]
+
+
 @pytest.mark.parametrize("how", SPOILT)
 def test_a_spoilt_first_checkpoint_is_refused_in_one_line(how, tmp_path):
     checkpoints = saved(tmp_path)

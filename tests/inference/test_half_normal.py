@@ -31,7 +31,7 @@ def test_its_density_is_scipys_and_its_coordinates_go_there_and_back(scale, shar
     law, value = HalfNormal(scale), share * scale
     assert law.log_prob(value) == pytest.approx(stats.halfnorm.logpdf(value, scale=scale), rel=1e-12, abs=1e-12)
     to_value = biject_to(law.support)
-    z = to_value._inverse(jnp.asarray(value))
+    z = to_value.inv(jnp.asarray(value))
     assert float(to_value(z)) == pytest.approx(value, rel=1e-9)
     assert bool(law.support(value))
     assert not bool(law.support(-value))
@@ -53,6 +53,12 @@ def test_nowhere_is_it_steeper_than_a_normal_where_the_logarithm_meets_a_wall():
 
     assert steepest(HalfNormal) <= 1.2
     assert steepest(dist.HalfNormal) > 1e3
+
+
+def test_supports_are_equal_where_their_scales_are():
+    assert HalfNormal(np.array([0.2, 3.0])).support == HalfNormal(np.array([0.2, 3.0])).support
+    assert HalfNormal(0.2).support != HalfNormal(0.3).support
+    assert HalfNormal(0.2).support != dist.HalfNormal(0.2).support
 
 
 def test_draws_are_of_the_law_that_was_asked_for():

@@ -12,6 +12,7 @@ from simulated_records import Plan, simulate
 from bayes_tyre.inference import hierarchical
 from bayes_tyre.inference.coordinates import Gaussian
 from bayes_tyre.inference.fit import record_batch
+from bayes_tyre.inference.half_normal import HalfNormal
 from bayes_tyre.inference.levels import Levels, find_levels
 from bayes_tyre.inference.likelihood import compress
 from bayes_tyre.inference.picture import draw_picture, record_data
@@ -95,6 +96,7 @@ def test_priors_of_a_family_are_sampled_together_each_with_its_own_density():
     assert float(together) == pytest.approx(float(sum(own)), abs=1e-9)
     for name in at_the_top(sites):
         assert float(found[name]["value"]) == pytest.approx(float(prior_medians()[name]))
+    assert isinstance(found["populations_HalfNormal"]["fn"], HalfNormal)  # in coordinates without a wall
 
 
 @pytest.mark.parametrize(("records", "spread"), [(1, 0.0), (5, 0.4)])

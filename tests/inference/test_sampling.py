@@ -1,5 +1,7 @@
 """Sampling chunk by chunk: NumPyro's own draws, whatever the chunks and the devices."""
 
+from dataclasses import replace
+
 import jax
 import numpy as np
 import numpyro
@@ -112,7 +114,8 @@ def test_a_step_off_resonance_is_hardly_longer_and_stays_where_it_is(step):
     assert not ((spans < np.pi) & (spans + off / 2 > np.pi)).any()
 
 
-def test_trees_of_a_step_on_resonance_go_round_and_round_and_those_off_it_do_not():
+@pytest.mark.parametrize(("step", "off"), [(0.43, 7), (0.2065, 15), (0.1005, 31)])
+def test_trees_of_a_step_on_resonance_go_round_and_round_and_those_off_it_do_not(step, off):
     def standard_normal() -> None:
         numpyro.sample("x", dist.Normal(0.0, 1.0).expand([400]).to_event(1))
 
@@ -122,6 +125,36 @@ def test_trees_of_a_step_on_resonance_go_round_and_round_and_those_off_it_do_not
     def mean_steps(state: HMCState) -> float:
         return float(made.advance(state, 60).statistics["n_steps"].mean())
 
-    on = begun._replace(adapt_state=begun.adapt_state._replace(step_size=np.array([0.2065])), i=np.array([1]))
-    assert mean_steps(on) > 60
-    assert mean_steps(made.warmed_up(on)) == 15
+    on = begun._replace(adapt_state=begun.adapt_state._replace(step_size=np.array([step])), i=np.array([1]))
+    assert mean_steps(on) > 2 * off
+    assert mean_steps(chains.leave_resonance(on)) == off
+
+
+def test_steps_leave_resonance_once_the_warmup_has_ended(monkeypatch):
+    steps: list[tuple[np.ndarray, np.ndarray]] = []
+    advance = chains.Chains.advance
+
+    def watched(self: chains.Chains, state: HMCState, iterations: int) -> chains.Chunk:
+        chunk = advance(self, state, iterations)
+        steps.append((np.asarray(state.adapt_state.step_size), np.asarray(chunk.state.adapt_state.step_size)))
+        return chunk
+
+    monkeypatch.setattr(chains.Chains, "advance", watched)
+    monkeypatch.setattr(chains, "off_resonance", lambda step: 1.1 * step)
+    sample(model, DATA, SETTINGS, STARTS)
+    # 130 and 110 iterations in chunks of 100: as it is into the last of the warmup, changed once for all draws.
+    np.testing.assert_array_equal(steps[1][0], steps[0][1])
+    np.testing.assert_allclose(steps[2][0], 1.1 * steps[1][1])
+    for _, after in steps[2:]:
+        np.testing.assert_array_equal(after, steps[2][0])
+
+
+def test_steps_are_adapted_to_the_acceptance_asked_for():
+    low, high = (sample(model, DATA, replace(SETTINGS, acceptance=asked), STARTS) for asked in (0.5, 0.95))
+    assert high.statistics["acceptance_rate"].mean() > low.statistics["acceptance_rate"].mean() + 0.1
+
+
+@pytest.mark.parametrize("acceptance", [0.0, 1.0, np.nan])
+def test_an_acceptance_that_no_step_has_is_refused(acceptance):
+    with pytest.raises(BadInput, match="give a probability between 0 and 1"):
+        SamplerSettings(acceptance=acceptance)

@@ -70,6 +70,17 @@ def test_a_motion_on_a_law_without_friction_is_held_against_what_both_have(tmp_p
     assert "no friction x and is not the truth's" in said
 
 
+def test_a_motion_on_a_law_of_other_friction_says_so(tmp_path):
+    k = repeats().query("parameter == 'k'")
+    of_law = [repeats(), *(k.assign(parameter=name) for name in ("settled", "m", "c"))]
+    pd.concat(of_law).to_csv(tmp_path / "repeats.csv")
+    TRUTH.assign(x_kN=0.4, m_kg=200.0, c_kN_s_per_mm=1.0).to_csv(tmp_path / "truth.csv", index=False)
+    said = printed(tmp_path, truth=tmp_path / "truth.csv")
+    assert "beta: rms" in said
+    assert "its beta of another curve" in said
+    assert "has no friction" not in said
+
+
 def test_records_without_a_truth_are_counted():
     assert of_least_squares(TRUTH.iloc[1:], fits()).unknown == 1
 

@@ -48,6 +48,8 @@ def test_a_figure_that_was_written_is_shown_small_and_says_what_its_data_are(tmp
     assert repr(kept) == "Figure contrasts.\ndata: simulated, not measured"
     with pytest.raises(BadInput, match=r"name the run\.json in a folder that fit wrote"):
         KeptPicture(tmp_path, "contrasts")
+    with pytest.raises(BadInput, match=r"energy_per_cycle\.png: no such figure"):
+        KeptPicture(tmp_path / "fit", "energy_per_cycle")
 
 
 def test_what_cannot_be_drawn_is_said(tree):
