@@ -1,7 +1,8 @@
-"""An axle on a tyre for tests of its motion, and what scipy makes of it, written out in plain numbers."""
+"""An axle on a tyre for tests of its motion, and what diffrax and scipy make of it, written out in plain numbers."""
 
 from typing import Any
 
+import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -33,14 +34,14 @@ class Spring(StatefulLaw):
         return d, self.k * d
 
 
-def applied(time_s: np.ndarray) -> np.ndarray:
+def applied(time_s: Any, xp: Any = np) -> Any:
     """30 kN down to 20 kN on the cylinder, and what that is at the wheel centre."""
-    s = np.clip((time_s - STEP_START_S) / RISE_S, 0, 1)
-    return (30.0 - 5.0 * (1 - np.cos(np.pi * s))) * (875 / 1300) + 2.518
+    s = xp.clip((time_s - STEP_START_S) / RISE_S, 0, 1)
+    return (30.0 - 5.0 * (1 - xp.cos(np.pi * s))) * (875 / 1300) + 2.518
 
 
-def runout(time_s: np.ndarray | float, amplitude: float) -> Any:
-    return amplitude * (np.sin(2 * np.pi * 2.9 * time_s) + 0.3 * np.sin(2 * np.pi * 11.6 * time_s + 1.0))
+def runout(time_s: Any, amplitude: float, xp: Any = np) -> Any:
+    return amplitude * (xp.sin(2 * np.pi * 2.9 * time_s) + 0.3 * xp.sin(2 * np.pi * 11.6 * time_s + 1.0))
 
 
 def driven(rate_Hz: float, duration_s: float, amplitude: float = 0.0, max_step_s: float = 2e-4) -> tuple[Drive, int]:
@@ -66,9 +67,9 @@ def motion(
     return body, drive, whole, whole.at_samples(substeps)
 
 
-# What scipy integrates is written out here anew, in plain numbers.
-def to_flat(e: float) -> tuple[float, float]:
-    sine = (HEIGHT - e) / np.hypot(HEIGHT - e, HALF)
+# What others integrate is written out here anew, in plain numbers.
+def to_flat(e: Any, xp: Any = np) -> tuple[Any, Any]:
+    sine = (HEIGHT - e) / xp.hypot(HEIGHT - e, HALF)
     return e * sine, FACTOR * sine
 
 
@@ -103,11 +104,23 @@ def fancher_by_scipy(times: np.ndarray, friction: float) -> np.ndarray:
         t, y, s = piece.t_events[0][0], piece.y_events[0][0] * [1, 0, 1], -s
 
 
-def spring_by_scipy(times: np.ndarray, start: float, amplitude: float) -> np.ndarray:
+def spring_by_diffrax(times: np.ndarray, start: float, amplitude: float) -> np.ndarray:
     """Return displacement and velocity of the axle on a linear spring over a runout."""
 
-    def rates(t, y):
-        d_flat, factor = to_flat(y[0] + runout(t, amplitude))
-        return [y[1], (applied(t) - factor * K * d_flat - DAMPING * y[1]) / (M * 1e-6)]
+    def rates(t, y, _):
+        d_flat, factor = to_flat(y[0] + runout(t, amplitude, jnp), jnp)
+        return jnp.stack([y[1], (applied(t, jnp) - factor * K * d_flat - DAMPING * y[1]) / (M * 1e-6)])
 
-    return solve_ivp(rates, (0, times[-1]), [start, 0.0], "DOP853", times, rtol=1e-12, atol=1e-12, max_step=1e-3).y
+    solved = diffrax.diffeqsolve(
+        diffrax.ODETerm(rates),
+        diffrax.Dopri8(),
+        times[0],
+        times[-1],
+        1e-5,
+        jnp.asarray([start, 0.0]),
+        saveat=diffrax.SaveAt(ts=jnp.asarray(times)),
+        # The load's second derivative jumps at both ends of its step: no step may pass over them unseen.
+        stepsize_controller=diffrax.PIDController(rtol=1e-12, atol=1e-12, dtmax=1e-3),
+        max_steps=100_000,
+    )
+    return np.asarray(solved.ys).T

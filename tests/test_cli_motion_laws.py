@@ -53,6 +53,15 @@ def test_the_tables_hold_the_laws_own_parameters(results):
     assert (estimates["status"] != "ok").all()
 
 
+def test_spring_and_damper_come_with_their_classic_estimate_from_the_free_vibration(raw, tmp_path):
+    done = here("motion", raw / GOOD[1], "--out", tmp_path, "--law", "kelvin_voigt", *FEW)
+    assert done.exit_code in (0, 4), done.stderr
+    row = pd.read_csv(tmp_path / "estimates.csv").iloc[0]
+    # In the records' friction small swings stay on the branches' steep beginnings: a stiffer spring, a stronger damper.
+    assert 1.0 < row["decay_k_kN_per_mm"] / row["k_kN_per_mm"] < 4.0
+    assert 1.0 < row["decay_c_kN_s_per_mm"] / row["c_kN_s_per_mm"] < 10.0
+
+
 def test_laws_are_ranked_and_that_of_the_simulation_is_first(results, tmp_path):
     done = here("compare", *results.values(), "--out", tmp_path, "--no-refit")
     assert done.exit_code in (0, 4), done.stderr

@@ -103,12 +103,13 @@ _bouc_wen = partial(BoucWen, substeps=1)
 _FRICTION = ("k", "settled", "beta")
 _RING = ("k", "belt_frequency", "belt_damping", "sidewall_ratio")
 FANCHER = MotionLaw("fancher", _FRICTION, ("k", "x", "beta"), Fancher)
+KELVIN_VOIGT = MotionLaw("kelvin_voigt", ("k",), ("k",), KelvinVoigt)
 #: By name, the thesis's first.
 MOTION_LAWS: dict[str, MotionLaw] = {
     law.name: law
     for law in (
         FANCHER,
-        MotionLaw("kelvin_voigt", ("k",), ("k",), KelvinVoigt),
+        KELVIN_VOIGT,
         MotionLaw("bouc_wen", (*_FRICTION, "n"), (*_FRICTION, "n"), _bouc_wen),
         MotionLaw("maxwell_slip", _FRICTION, _FRICTION, MaxwellSlip),
         MotionLaw("rigid_ring", _RING, _RING, RigidRing),

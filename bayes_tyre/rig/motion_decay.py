@@ -1,18 +1,23 @@
 """Stiffness and damping from a free vibration: the classic estimate of a spring and a damper, with no fit.
 
 The logarithmic decrement of successive swings and their period (Den Hartog, Mechanical Vibrations). Of a tyre with
-friction it says what spring and damper would ring alike, and not always the same: friction damps small swings more.
+friction it says what spring and damper would ring alike, and not always the same: small swings do not leave the steep
+beginnings of the law's branches, and ring faster and are damped more than large ones.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from scipy.signal import savgol_filter
 
 from bayes_tyre.rig.motion import KN_PER_KG_MM_PER_S2
 
 #: Turning points that a decrement needs: three swings, so that two of them can be compared twice.
 LEAST_TURNS = 4
+#: Readings are smoothed by cubics over this part of a period, which takes the same share of every swing, and thinned to
+#: so many a period; they are used for as long as they reach so many standard deviations of their noise.
+_SMOOTHED, _A_PERIOD, _ABOVE_NOISE = 0.2, 32, 10.0
 #: Swings of an undamped vibration may seem to grow by so much.
 ROUNDING = 1e-6
 
@@ -74,3 +79,38 @@ def free_vibration(
     omega = 2 * np.pi / period / np.sqrt(1 - ratio**2)
     mass = m_kg * KN_PER_KG_MM_PER_S2
     return Decay(*map(float, (mass * omega**2, 2 * ratio * mass * omega, omega / (2 * np.pi), decrement, ratio)))
+
+
+def ring_down(
+    time_s: Float[np.ndarray, " samples"], readings: Float[np.ndarray, " samples"], noise: float, m_kg: float
+) -> Decay:
+    """Return spring and damper from noisy readings of a free vibration, such as an accelerometer's after a load's step.
+
+    Acceleration and displacement swing alike, so that `readings` may be of either, in any unit.
+
+    Parameters
+    ----------
+    time_s, readings:
+        Evenly spaced, to the end of the vibration and beyond: the last quarter is taken for rest.
+    noise:
+        Standard deviation of a reading.
+    m_kg:
+        The mass, kg.
+
+    Raises
+    ------
+    ValueError
+        If too few swings stand out from the noise, or they do not decay.
+    """
+    about_rest = readings - readings[-len(readings) // 4 :].mean()
+    # Zeros behind the readings: a vibration of a few swings has a peak wider than the spacing of its spectrum. What
+    # has not two periods is none.
+    spectrum, slowest = np.abs(np.fft.rfft(about_rest, 8 * len(readings))), 2 * 8
+    period = 8 * len(readings) / (slowest + int(np.argmax(spectrum[slowest:])))
+    smooth = np.asarray(savgol_filter(about_rest, max(5, 2 * int(_SMOOTHED * period / 2) + 1), 3))
+    loud = np.flatnonzero(np.abs(smooth) > _ABOVE_NOISE * noise)
+    if not len(loud):
+        raise ValueError(f"never reaches {_ABOVE_NOISE:g} standard deviations of its noise; a decrement needs swings")
+    every = max(1, int(period / _A_PERIOD))
+    until = int(loud[-1]) + 1
+    return free_vibration(time_s[:until:every], smooth[:until:every], m_kg)

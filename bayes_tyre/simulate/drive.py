@@ -17,6 +17,7 @@ SHAPES: dict[str, Callable[[Times], Times]] = {
     "minimum jerk": lambda s: s**3 * (10 - 15 * s + 6 * s**2),
     "linear": lambda s: s,
     "first-order lag": lambda s: np.expm1(-4 * s) / np.expm1(-4.0),
+    "two stages": lambda s: (2 - np.cos(np.pi * np.minimum(2 * s, 1)) - np.cos(np.pi * np.maximum(2 * s - 1, 0))) / 4,
 }
 #: Rolling starts so long before the first sample, s, that what its start stirred up has all but died away.
 WARM_UP_S = 3.0

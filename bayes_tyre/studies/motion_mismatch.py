@@ -88,8 +88,12 @@ def _mass(truth: Truth, rig: Rig) -> Simulated:
     return replace(truth, m_kg=MASS * rig.axle.effective_mass_kg), None
 
 
-def _step(truth: Truth, _: Rig) -> Simulated:
+def _lag(truth: Truth, _: Rig) -> Simulated:
     return replace(truth, load_shape="first-order lag"), None
+
+
+def _stages(truth: Truth, _: Rig) -> Simulated:
+    return replace(truth, load_shape="two stages"), None
 
 
 #: By name: what is simulated in place of a truth.
@@ -99,7 +103,8 @@ MISMATCHES: dict[str, Callable[[Truth, Rig], Simulated]] = {
     "road's slope 0.5": _road,
     "stiffness grows 2 %/mm": _curved,
     "mass 5 % off": _mass,
-    "first-order lag": _step,
+    "first-order lag": _lag,
+    "load in two stages": _stages,
 }
 #: Those that only a rolling record has.
 OF_ROLLING = ("turns 0.5 % off", "road's slope 0.5")

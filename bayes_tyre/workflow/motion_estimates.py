@@ -15,7 +15,7 @@ from bayes_tyre.formats.raw import read_raw
 from bayes_tyre.inference.motion_estimate import CORRELATION_MOST, MISFIT_MOST, MotionEstimate, estimate_motion
 from bayes_tyre.inference.motion_evidence import log_constant
 from bayes_tyre.inference.motion_hierarchy import Motions, Readings
-from bayes_tyre.inference.motion_laws import FANCHER, MotionLaw, motion_law
+from bayes_tyre.inference.motion_laws import FANCHER, KELVIN_VOIGT, MotionLaw, motion_law
 from bayes_tyre.inference.motion_likelihood import hierarchy_moments, likelihood_of
 from bayes_tyre.inference.motion_model import predicted, residuals
 from bayes_tyre.inference.motion_unknowns import Unknowns, in_units
@@ -25,6 +25,7 @@ from bayes_tyre.report.motion_readings import COLUMNS, readings_table
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.motion import rest_displacement
+from bayes_tyre.rig.motion_decay import ring_down
 from bayes_tyre.rig.sensors import columns_of
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.signals.process import prepare
@@ -39,6 +40,8 @@ _COLUMN = {
     **{"belt_frequency": "belt_frequency_Hz", "belt_damping": "belt_damping", "sidewall_ratio": "sidewall_ratio"},
     **{"m": "m_kg", "c": "c_kN_s_per_mm"},
 }
+#: Beside the spring and damper that the motion is fitted with: those of its free vibration after the load's step.
+_BY_DECAY = ("decay_k_kN_per_mm", "decay_c_kN_s_per_mm")
 OK = "ok"
 #: Before the name of the law in the method that a task names.
 BY_LAW = "motion by "
@@ -59,9 +62,12 @@ def columns(law: MotionLaw) -> list[str]:
     """Return the columns of `estimates.csv`.
 
     `displacement_mm` is the middle of the step at the wheel centre, which a cycle goes about; `log_evidence` the log
-    density of the readings under the law, by which laws may be compared record by record.
+    density of the readings under the law, by which laws may be compared record by record. A spring and a damper have
+    two more, at the wheel centre: their classic estimate from the free vibration (`rig.motion_decay`), empty where the
+    tyre rolls or hardly swings.
     """
     values = [column for name in parameter_columns(law) for column in (name, f"{name}_se")]
+    values += _BY_DECAY if law is KELVIN_VOIGT else ()
     told = ["displacement_mm", "method", "pareto_k", "log_evidence", "status", "origin"]
     return ["record", *WORDS, *values, *told]
 
@@ -136,8 +142,24 @@ def _columns(rig: Rig, estimate: MotionEstimate, unknowns: Unknowns) -> dict[str
     likelihood = likelihood_of(rig, *moments, np.asarray(estimate.window.prior), trusted=not estimate.status, law=law)
     mean, covariance = hierarchy_moments(*moments, law)
     found[_CONSTANT] = log_constant(rig, likelihood, estimate.window, estimate.log_evidence)
+    if law is KELVIN_VOIGT:
+        found |= dict(zip(_BY_DECAY, _by_decay(estimate.window, unknowns), strict=True))
     arrays = {_ROWS: likelihood.rows, _TARGET: likelihood.target, _MEAN: mean, _VARIANCE: np.diag(covariance)}
     return found | {name: array.ravel().tolist() for name, array in arrays.items()}
+
+
+def _by_decay(window: Window, unknowns: Unknowns) -> tuple[float, float]:
+    """Return k, kN/mm, and c, kN s/mm, at the wheel centre from what the accelerometer read after the load's step."""
+    time_s = (np.arange(window.readings.shape[-1]) + 0.5) * float(window.block_s)
+    readings, weight = np.asarray(window.readings)[0], np.asarray(window.weight)[0]
+    free = (time_s > float(unknowns.start_s + unknowns.rise_s)) & (weight > 0)
+    if window.rolling is not None:
+        return np.nan, np.nan
+    try:
+        found = ring_down(time_s[free], readings[free], float(1 / np.median(weight[free])), float(unknowns.m_kg))
+    except ValueError:
+        return np.nan, np.nan
+    return found.k_kN_per_mm, found.c_kN_s_per_mm
 
 
 def read_estimates(parts: list[Path], law: MotionLaw = FANCHER) -> tuple[pd.DataFrame, Motions]:

@@ -11,7 +11,7 @@ from simulated_records import Plan, simulate
 from bayes_tyre.inference.fit import record_batch
 from bayes_tyre.inference.likelihood import CompressedLikelihood, DirectLikelihood, compress
 from bayes_tyre.inference.noise import smoothed_noise
-from bayes_tyre.inference.picture import RecordEstimates, estimate_records, record_data
+from bayes_tyre.inference.picture import RecordData, RecordEstimates, estimate_records, record_data
 from bayes_tyre.inference.priors import PRIORS
 from bayes_tyre.record_table import check_record_table
 
@@ -72,6 +72,18 @@ def test_gradients_agree_to_1e_6_of_their_size(records):
         theirs = jax.jacfwd(lambda t, s=sigma: direct(t, s).sum())(theta)
         size = jnp.max(jnp.abs(theirs), axis=1, keepdims=True)
         assert float(jnp.max(jnp.abs(ours - theirs) / (1.0 + size))) < 1e-6
+
+
+def test_a_record_of_150_000_points_costs_no_more_than_one_of_100():
+    def kept(points: int) -> list[tuple[int, ...]]:
+        u = jnp.linspace(0.0, 2.0, points)[None]
+        one = jnp.ones(1)
+        data = RecordData(u, 20.0 + 1.7 * u, jnp.ones_like(u, dtype=bool), one, 20.0 * one, 3.4 * one)
+        return [leaf.shape for leaf in jax.tree.leaves(compress(data))]
+
+    # A density is of the table and the unknowns alone: where the table is no larger, nothing is.
+    assert kept(150_000) == kept(100)
+    assert max(np.prod(shape) for shape in kept(100)) < 150_000
 
 
 def test_the_direct_likelihood_is_the_normal_density(records):

@@ -1,4 +1,4 @@
-"""The axle's motion: against scipy, at rest, at three sampling rates, its energy account, and what it refuses."""
+"""The axle's motion: against diffrax and scipy, at rest, at three sampling rates, its energies, what it refuses."""
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +23,7 @@ from moving_axle import (
     motion,
     moved,
     runout,
-    spring_by_scipy,
+    spring_by_diffrax,
     to_flat,
 )
 from scipy.interpolate import CubicHermiteSpline
@@ -44,10 +44,10 @@ from bayes_tyre.rig.motion import (
 
 
 @pytest.mark.parametrize("amplitude", [0.0, 0.3])
-def test_a_spring_and_a_damper_move_as_scipy_says(amplitude):
+def test_a_spring_and_a_damper_move_as_diffrax_says(amplitude):
     drive, substeps = driven(2000.0, 0.5, amplitude)
     start = float(at_rest(0.0))
-    d, v = spring_by_scipy(np.asarray(drive.time_s)[:: 2 * substeps], start, amplitude)
+    d, v = spring_by_diffrax(np.asarray(drive.time_s)[:: 2 * substeps], start, amplitude)
     d_flat, factor = to_flat(start + runout(0.0, amplitude))
     held = Start(start, 0.0, K * d_flat * factor)
     found = moved(Body(Spring(K), M, DAMPING), drive, held).at_samples(substeps)

@@ -7,7 +7,7 @@ from moving_axle import RIG, moved
 from bayes_tyre.laws.kelvin_voigt import KelvinVoigt
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.motion import Body, Drive, Start, node_times
-from bayes_tyre.rig.motion_decay import free_vibration
+from bayes_tyre.rig.motion_decay import free_vibration, ring_down
 
 M = 285.0
 
@@ -41,6 +41,28 @@ def test_an_axle_on_a_spring_rings_with_its_stiffness_and_damper():
     slope = (_force(rest + h) - _force(rest - h)) / (2 * h)
     assert decay.k_kN_per_mm == pytest.approx(slope, rel=1e-4)
     assert decay.c_kN_s_per_mm == pytest.approx(c, rel=1e-3)
+
+
+@pytest.mark.parametrize("ratio", [0.02, 0.06])
+def test_noisy_readings_give_back_their_spring_and_damper(ratio):
+    k, mass, noise = 1.9, M * 1e-6, 0.01
+    omega, t = np.sqrt(k / mass), np.arange(0.0, 0.6, 5e-4)
+    clean = 6.0 * np.exp(-ratio * omega * t) * np.cos(omega * np.sqrt(1 - ratio**2) * t + 0.4)
+    for seed in range(8):
+        readings = 9.8 + clean + noise * np.random.default_rng(seed).standard_normal(len(t))
+        found = ring_down(t, readings, noise, M)
+        # Errors scatter by 0.06 % of k and 0.1 % of the ratio at most: six standard deviations, 16 times two numbers.
+        assert found.k_kN_per_mm == pytest.approx(k, rel=0.0036)
+        assert found.damping_ratio == pytest.approx(ratio, rel=0.006)
+
+
+def test_readings_that_hardly_swing_are_refused():
+    t = np.arange(0.0, 0.5, 5e-4)
+    noise = 0.01 * np.random.default_rng(0).standard_normal(len(t))
+    with pytest.raises(ValueError, match="never reaches 10 standard deviations"):
+        ring_down(t, noise, 0.01, M)
+    with pytest.raises(ValueError, match="turning points"):
+        ring_down(t, noise + 3.0 * np.exp(-60 * t), 0.01, M)
 
 
 def test_what_is_no_free_vibration_is_refused():
