@@ -1,6 +1,7 @@
 """`motion`: raw files to a posterior of tyre, mass, damping and energy lost, with every table of `fit`."""
 
 import json
+import shutil
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,7 @@ from command_line import TABLES, WORDS, assert_refused, here, tree_of
 
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import thesis_plan
+from bayes_tyre.workflow import motion_estimates
 from bayes_tyre.workflow.simulate import write_simulated
 
 # Fits the motions of two files and samples: over 10 s.
@@ -126,8 +128,20 @@ def test_a_finished_run_is_not_done_again(done, raw):
     again = here("motion", raw, "--out", out, *FEW, "--amplitude", 2, "--resume")
     assert "this run is finished" in again.stderr
     assert {name: content for name, content in tree_of(out).items() if not name.startswith(".")} == before
-    other = here("motion", raw, "--out", out, *FEW, "--amplitude", 3, "--resume")
-    assert_refused(other.exit_code, other.stderr, "amplitude_mm")
+
+
+def test_other_options_of_the_hierarchy_use_the_estimates_that_are_kept(done, raw, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    shutil.copytree(done[0], out)
+    with monkeypatch.context() as kept:
+        kept.setattr(motion_estimates, "_done", lambda _: pytest.fail("estimated again"))
+        other = here("motion", raw, "--out", out, *FEW, "--amplitude", 3, "--resume")
+    assert other.exit_code in (0, 4), other.stderr
+    assert "option amplitude_mm was 2.0, is 3.0; the result is written anew" in other.stderr
+    assert json.loads((out / "run.json").read_text())["options"]["amplitude_mm"] == 3.0
+    assert (out / "estimates.csv").read_bytes() == (done[0] / "estimates.csv").read_bytes()
+    energies = [pd.read_csv(folder / "cases.csv").query("parameter == 'energy_per_cycle'") for folder in (done[0], out)]
+    assert (energies[1]["median"].to_numpy() > energies[0]["median"].to_numpy()).all()
 
 
 def test_with_no_usable_file_there_are_reasons_alone(raw, tmp_path):

@@ -67,7 +67,9 @@ def motion(
     resume: Annotated[
         bool,
         typer.Option(
-            "--resume", help="Estimate only records that are missing or have changed, then go on from the checkpoint."
+            "--resume",
+            help="Estimate only records that are missing or have changed, then go on from the checkpoint; with other "
+            "--draws, --amplitude and the like the hierarchy is fitted anew.",
         ),
     ] = False,
     quiet: Quiet = False,

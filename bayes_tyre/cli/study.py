@@ -88,7 +88,7 @@ def motion(
         typer.Option(
             min=0,
             help="So many records of each kind further with each of: turns 0.5 % off, a road of another spectrum, "
-            "stiffness growing by 2 %/mm, mass 5 % off, another load step's shape.",
+            "stiffness growing by 2 %/mm, mass 5 % off, two other shapes of the load's step.",
         ),
     ] = 0,
     seed: Seed = 0,

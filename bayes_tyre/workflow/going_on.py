@@ -33,8 +33,16 @@ class Watch:
     on_progress: Callable[[int], None] = lambda _: None
 
 
-def begin(out: Path, run: Run, watch: Watch, resume: bool) -> Checkpoints | Diagnostics:
+def begin(out: Path, run: Run, watch: Watch, resume: bool, *, over: bool = False) -> Checkpoints | Diagnostics:
     """Return where a run is saved on the way; or its verdict, where it is to be gone on with and is finished.
+
+    Parameters
+    ----------
+    out, run, watch, resume:
+        The folder, the run, who is told, and whether to go on with what is in the folder.
+    over:
+        Whether, to go on, another run's finished result is written over: of a command that keeps its dearest part
+        elsewhere, and whose draws are soon made anew.
 
     Raises
     ------
@@ -42,7 +50,7 @@ def begin(out: Path, run: Run, watch: Watch, resume: bool) -> Checkpoints | Diag
         To go on, if what is in the folder is of another run.
     """
     checkpoints = Checkpoints(out / CHECKPOINTS, run.identity, watch.warn)
-    if resume and (finished := _finished(out, run, checkpoints, watch.note)):
+    if resume and (finished := _finished(out, run, checkpoints, watch.note, over)):
         return finished
     if not resume and checkpoints.exist():
         watch.note(f"{checkpoints.folder}: an unfinished run is overwritten; --resume would have gone on from it")
@@ -50,7 +58,9 @@ def begin(out: Path, run: Run, watch: Watch, resume: bool) -> Checkpoints | Diag
     return checkpoints
 
 
-def _finished(out: Path, run: Run, checkpoints: Checkpoints, note: Callable[[str], None]) -> Diagnostics | None:
+def _finished(
+    out: Path, run: Run, checkpoints: Checkpoints, note: Callable[[str], None], over: bool
+) -> Diagnostics | None:
     """Return the verdict in a folder that holds this very run, finished; None where it is to be gone on with.
 
     Raises
@@ -69,6 +79,9 @@ def _finished(out: Path, run: Run, checkpoints: Checkpoints, note: Callable[[str
             note(f"{out}: this run is finished; nothing is done again")
             checkpoints.clear()
             return _read_diagnostics(out)
+        if found is None and over:
+            note(f"{result}: is of another run: {other}; the result is written anew")
+            return None
         if found is None:
             _refuse_other(result, other)
     if found is None:

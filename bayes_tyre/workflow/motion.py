@@ -162,12 +162,12 @@ def fit_estimates(
     Raises
     ------
     BadInput
-        To resume, if what is in the folder is of another run.
+        To resume, if the folder holds checkpoints of another run; a finished result of other options is written anew.
     """
     watch, origin = watch or Watch(), estimated.origin
     call = shlex.join(["bayes-tyre", *command])
     run = begin_run(call, plan.options, plan.sampler.seed, [*estimated.files, *_told_files(plan)], origin)
-    checkpoints = begin(out, run, watch, resume)
+    checkpoints = begin(out, run, watch, resume, over=True)  # the estimates are kept: to sample again is quick
     if isinstance(checkpoints, Diagnostics):
         return checkpoints
     settings = replace(plan.sampler, checkpoints=checkpoints, on_progress=watch.on_progress)
