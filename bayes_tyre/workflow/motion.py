@@ -207,5 +207,6 @@ def with_estimates(diagnostics: Diagnostics, estimated: Estimated) -> Diagnostic
     )
     if 2 * len(bad) < len(estimated.table):
         return diagnostics._replace(remarks=(*remarks, said))
-    reason = f"{said}: these are {len(bad)} of {len(estimated.table)} records; record them again, or check the rig file"
+    share = f"these are {len(bad)} of {len(estimated.table)} records"
+    reason = f"{said}: {share}; record them again, check the rig file, or try another --law"
     return diagnostics._replace(verdict="fail", reasons=(*diagnostics.reasons, reason), remarks=tuple(remarks))
