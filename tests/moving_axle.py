@@ -23,7 +23,7 @@ HEIGHT, HALF, FACTOR = geometry.centre_height_mm(RIG), 253.0, geometry.curvature
 
 
 class Spring(StatefulLaw):
-    """A linear spring: no memory, so that scipy can integrate it straight through."""
+    """A linear spring: no memory, so that others can integrate it straight through."""
 
     k: ScalarLike
 

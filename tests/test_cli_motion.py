@@ -137,11 +137,20 @@ def test_other_options_of_the_hierarchy_use_the_estimates_that_are_kept(done, ra
         kept.setattr(motion_estimates, "_done", lambda _: pytest.fail("estimated again"))
         other = here("motion", raw, "--out", out, *FEW, "--amplitude", 3, "--resume")
     assert other.exit_code in (0, 4), other.stderr
-    assert "option amplitude_mm was 2.0, is 3.0; the result is written anew" in other.stderr
+    assert "option amplitude_mm was 2.0, is 3.0: the draws are made anew" in other.stderr
     assert json.loads((out / "run.json").read_text())["options"]["amplitude_mm"] == 3.0
     assert (out / "estimates.csv").read_bytes() == (done[0] / "estimates.csv").read_bytes()
     energies = [pd.read_csv(folder / "cases.csv").query("parameter == 'energy_per_cycle'") for folder in (done[0], out)]
     assert (energies[1]["median"].to_numpy() > energies[0]["median"].to_numpy()).all()
+
+
+@pytest.mark.parametrize(("option", "value"), [("law", "kelvin_voigt"), ("rig", "dual")])
+def test_to_resume_with_another_law_or_rig_is_refused_before_the_estimates_are_lost(done, raw, option, value):
+    out, _ = done
+    before = tree_of(out)
+    other = here("motion", raw, "--out", out, *FEW, "--amplitude", 2, "--resume", f"--{option}", value)
+    assert_refused(other.exit_code, other.stderr, f"option {option} was", f"is {value}", "give another --out")
+    assert tree_of(out) == before
 
 
 def test_with_no_usable_file_there_are_reasons_alone(raw, tmp_path):

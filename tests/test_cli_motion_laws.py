@@ -57,7 +57,7 @@ def test_spring_and_damper_come_with_their_classic_estimate_from_the_free_vibrat
     done = here("motion", raw / GOOD[1], "--out", tmp_path, "--law", "kelvin_voigt", *FEW)
     assert done.exit_code in (0, 4), done.stderr
     row = pd.read_csv(tmp_path / "estimates.csv").iloc[0]
-    # In the records' friction small swings stay on the branches' steep beginnings: a stiffer spring, a stronger damper.
+    # On the steep beginnings of the records' branches small swings meet a stiffer spring than the fit's.
     assert 1.0 < row["decay_k_kN_per_mm"] / row["k_kN_per_mm"] < 4.0
     assert 1.0 < row["decay_c_kN_s_per_mm"] / row["c_kN_s_per_mm"] < 10.0
 

@@ -13,11 +13,12 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.arrays import read_arrays, write_arrays
 from bayes_tyre.inference.chains import Chunk
 
-_IDENTITY, _STATE, _DRAWS, _STATISTICS = "identity", "state", "draws", "statistics"
+_IDENTITY, _FORMAT, _STATE, _DRAWS, _STATISTICS = "identity", "format", "state", "draws", "statistics"
 _NAME = "chunk-{:06d}.npz"
 #: Raised when a state or a draw comes to mean something else, such as other coordinates: these are kept as they are
 #: sampled.
-FORMAT, _FORMAT = 2, "format"
+FORMAT = 2
+_OTHER_FORMAT = "was saved by a version whose states and draws mean something else"
 
 
 @dataclass
@@ -65,17 +66,21 @@ class Checkpoints:
         Raises
         ------
         BadInput
-            If it cannot be read.
+            If it cannot be read, or means something else by its arrays.
         """
         path = self.folder / _NAME.format(0)
         if not self.exist():
             return None
         try:
-            return json.loads(_read(path)[_IDENTITY].tobytes())
+            arrays = read_arrays(path)
+            found = json.loads(arrays[_IDENTITY].tobytes())
         except (BadInput, KeyError, ValueError) as error:
             raise BadInput(
                 f"{path}: is no checkpoint that can be read ({str(error)[:200]}); leave out --resume to begin anew"
             ) from None
+        if not _of_this_format(arrays):
+            raise BadInput(f"{path}: {_OTHER_FORMAT}; leave out --resume to begin anew")
+        return found
 
     def load(self, like: Any, lengths: list[int]) -> list[Chunk]:
         """Return the chunks of this run from its beginning on, up to the first that is missing, torn or another's.
@@ -109,7 +114,9 @@ class Checkpoints:
             self.folder.rmdir()
 
     def _chunk(self, path: Path, like: Any, length: int) -> Chunk:
-        arrays = _read(path)
+        arrays = read_arrays(path)
+        if not _of_this_format(arrays):
+            raise ValueError(f"{path}: {_OTHER_FORMAT}")
         if json.loads(arrays[_IDENTITY].tobytes()) != json.loads(json.dumps(self.identity)):
             raise ValueError(f"{path}: is of another run")
         shapes, form = jax.tree.flatten(like)
@@ -123,12 +130,8 @@ class Checkpoints:
         return Chunk(jax.tree.unflatten(form, leaves), draws, statistics)
 
 
-def _read(path: Path) -> dict[str, np.ndarray]:
-    """Return the arrays of a checkpoint; ValueError if it means by them something else than this version."""
-    arrays = read_arrays(path)
-    if _FORMAT not in arrays or arrays[_FORMAT] != FORMAT:
-        raise ValueError(f"{path}: its draws are another version's, in other coordinates")
-    return arrays
+def _of_this_format(arrays: Mapping[str, np.ndarray]) -> bool:
+    return _FORMAT in arrays and int(arrays[_FORMAT]) == FORMAT
 
 
 def _named(arrays: Mapping[str, np.ndarray], kind: str) -> dict[str, np.ndarray]:

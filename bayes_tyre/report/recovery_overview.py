@@ -1,4 +1,4 @@
-"""The table of a result beside the truth, for the terminal: record by record, then how far off k and beta are."""
+"""The table of a result beside the truth, for the terminal: record by record, then how far off it is."""
 
 import json
 import math

@@ -1,8 +1,8 @@
-"""Stiffness and damping from a free vibration: the classic estimate of a spring and a damper, with no fit.
+"""Stiffness and damping from a free vibration: the classic estimate of a spring and a damper on a known mass.
 
 The logarithmic decrement of successive swings and their period (Den Hartog, Mechanical Vibrations). Of a tyre with
-friction it says what spring and damper would ring alike, and not always the same: small swings do not leave the steep
-beginnings of the law's branches, and ring faster and are damped more than large ones.
+friction it says what spring and damper would ring alike, others at each amplitude: small swings stay on the steep
+beginnings of the law's branches, and ring faster than large ones.
 """
 
 from typing import NamedTuple

@@ -41,26 +41,32 @@ def begin(out: Path, run: Run, watch: Watch, resume: bool, *, over: bool = False
     out, run, watch, resume:
         The folder, the run, who is told, and whether to go on with what is in the folder.
     over:
-        Whether, to go on, another run's finished result is written over: of a command that keeps its dearest part
-        elsewhere, and whose draws are soon made anew.
+        Whether, to go on, what another run left is written over with a warning: of a command that keeps its dearest
+        part elsewhere, and whose draws are soon made anew.
 
     Raises
     ------
     BadInput
-        To go on, if what is in the folder is of another run.
+        To go on, if what is in the folder is of another run and not to be written over.
     """
     checkpoints = Checkpoints(out / CHECKPOINTS, run.identity, watch.warn)
-    if resume and (finished := _finished(out, run, checkpoints, watch.note, over)):
-        return finished
+    try:
+        if resume and (finished := _finished(out, run, checkpoints, watch.note)):
+            return finished
+    except BadInput as error:
+        if not over:
+            raise
+        what, _, _ = str(error).rpartition(";")  # behind it stands what would be done if it were refused
+        watch.warn(f"{what}: the draws are made anew")
+        checkpoints.clear()
+        return checkpoints
     if not resume and checkpoints.exist():
         watch.note(f"{checkpoints.folder}: an unfinished run is overwritten; --resume would have gone on from it")
         checkpoints.clear()
     return checkpoints
 
 
-def _finished(
-    out: Path, run: Run, checkpoints: Checkpoints, note: Callable[[str], None], over: bool
-) -> Diagnostics | None:
+def _finished(out: Path, run: Run, checkpoints: Checkpoints, note: Callable[[str], None]) -> Diagnostics | None:
     """Return the verdict in a folder that holds this very run, finished; None where it is to be gone on with.
 
     Raises
@@ -79,9 +85,6 @@ def _finished(
             note(f"{out}: this run is finished; nothing is done again")
             checkpoints.clear()
             return _read_diagnostics(out)
-        if found is None and over:
-            note(f"{result}: is of another run: {other}; the result is written anew")
-            return None
         if found is None:
             _refuse_other(result, other)
     if found is None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder, remove_leftovers
 from bayes_tyre.formats.tables import write_table
 from bayes_tyre.inference.convergence import with_figures
@@ -21,7 +22,7 @@ from bayes_tyre.inference.sampling import SamplerSettings
 from bayes_tyre.record_table import origin_of
 from bayes_tyre.report import summary
 from bayes_tyre.report.folder import write_fit
-from bayes_tyre.report.run import RUN_JSON, begin_run
+from bayes_tyre.report.run import RUN_JSON, begin_run, read_run
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.workflow.each_file import Machines, each_file
 from bayes_tyre.workflow.fit import sampler_options
@@ -114,10 +115,13 @@ def estimate_files(
     Raises
     ------
     BadInput
-        If rig, cases, cluster or `out` are of no use, before the work; if no file is, after `rejected.csv` was written.
+        If rig, cases, cluster or `out` are of no use, or, to resume, a result there has another law or rig, before the
+        work; if no file is of use, after `rejected.csv` was written.
     """
     law = motion_law(plan.law)
     check_folder(out)
+    if machines.resume:
+        _refuse_other_estimates(out, plan)
     if plan.pictures:
         check_folder(plan.pictures, "--figures")
     tasks = plan_tasks(files, Settings(plan.rig, plan.cases, f"{BY_LAW}{plan.law}", plan.pictures))
@@ -162,7 +166,7 @@ def fit_estimates(
     Raises
     ------
     BadInput
-        To resume, if the folder holds checkpoints of another run; a finished result of other options is written anew.
+        If the folder is of no use.
     """
     watch, origin = watch or Watch(), estimated.origin
     call = shlex.join(["bayes-tyre", *command])
@@ -180,6 +184,20 @@ def fit_estimates(
     write_fit(tree, diagnostics, run, out, interval=plan.interval, beside=beside, motions=estimated.shown)
     checkpoints.clear()
     return diagnostics
+
+
+def _refuse_other_estimates(out: Path, plan: MotionPlan) -> None:
+    """Raise if the folder's result rests on estimates by another law or rig: they would be gone with it."""
+    result = out / RUN_JSON
+    if not result.is_file():
+        return
+    was = read_run(result, "motion")["options"]
+    for name in ("law", "rig", "cases"):
+        if was.get(name) != plan.options[name]:
+            raise BadInput(
+                f"{result}: is of another run: option {name} was {was.get(name)}, is {plan.options[name]}; "
+                "give another --out, or leave out --resume to begin anew"
+            )
 
 
 def _told_files(plan: MotionPlan) -> list[Path]:

@@ -44,7 +44,7 @@ _COLUMN = {
 _BY_DECAY = ("decay_k_kN_per_mm", "decay_c_kN_s_per_mm")
 OK = "ok"
 #: Before the name of the law in the method that a task names.
-BY_LAW = "motion by "
+BY_LAW = "motion on "
 # What a part holds beside: of the hierarchy's logarithms, flat.
 _ROWS, _TARGET, _MEAN, _VARIANCE = "likelihood_rows", "likelihood_target", "log_mean", "log_variance"
 _CONSTANT, _EFFECTIVE = "log_constant", "effective_draws"

@@ -91,7 +91,7 @@ def test_a_spoilt_checkpoint_is_told_and_the_one_before_it_used(how, tmp_path):
 
 
 @pytest.mark.parametrize("older", ["of another number", "of no number yet"])
-def test_draws_in_other_coordinates_are_refused_and_never_used(older, tmp_path, monkeypatch):
+def test_draws_that_mean_something_else_are_refused_and_never_used(older, tmp_path, monkeypatch):
     said: list[str] = []
     with monkeypatch.context() as before:
         before.setattr(checkpoint, "FORMAT", checkpoint.FORMAT - 1)
@@ -101,10 +101,10 @@ def test_draws_in_other_coordinates_are_refused_and_never_used(older, tmp_path, 
             arrays = read_arrays(path)
             del arrays["format"]
             write_arrays(arrays, path)
-    with pytest.raises(BadInput, match=r"in other coordinates.*leave out --resume"):
+    with pytest.raises(BadInput, match=r"mean something else; leave out --resume"):
         checkpoints.identity_found()
     assert checkpoints.load(chunk(0).state, [5] * 3) == []
-    assert "in other coordinates" in said[0]
+    assert "mean something else; the run goes on from the checkpoint before it" in said[0]
 
 
 @pytest.mark.parametrize("how", SPOILT)

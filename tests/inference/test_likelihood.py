@@ -74,7 +74,7 @@ def test_gradients_agree_to_1e_6_of_their_size(records):
         assert float(jnp.max(jnp.abs(ours - theirs) / (1.0 + size))) < 1e-6
 
 
-def test_a_record_of_150_000_points_costs_no_more_than_one_of_100():
+def test_a_record_of_150_000_points_is_kept_in_no_more_numbers_than_one_of_100():
     def kept(points: int) -> list[tuple[int, ...]]:
         u = jnp.linspace(0.0, 2.0, points)[None]
         one = jnp.ones(1)

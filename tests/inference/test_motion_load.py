@@ -14,11 +14,16 @@ TIME_S = np.linspace(0.0, 0.04, 201)
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_shapes_that_cylinders_have_are_in_the_family_and_a_valve_that_halts_is_not(name):
+def test_shapes_that_cylinders_have_are_in_the_family_and_two_stages_are_not(name):
     wanted = SHAPES[name](TIME_S / 0.04)
     share = jax.jit(lambda shape: load_share(jnp.asarray(TIME_S), 0.0, 0.04, shape))
     found = least_squares(lambda shape: np.asarray(share(shape)) - wanted, np.zeros(SHAPE_TERMS))
-    assert (np.abs(found.fun).max() < 5e-3) == (name != "two stages")
+    farthest = np.abs(found.fun).max()
+    if name == "two stages":
+        # A solver that stalled would leave as much as the raised cosine that it starts from does.
+        assert 0.01 < farthest < 0.9 * np.abs(SHAPES["raised cosine"](TIME_S / 0.04) - wanted).max()
+    else:
+        assert farthest < 5e-3
     if name == "raised cosine":
         np.testing.assert_allclose(found.x, 0.0, atol=1e-6)
 
