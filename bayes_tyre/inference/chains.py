@@ -28,6 +28,9 @@ CHUNK = 100
 #: About the best of Hoffman and Gelman (2014, The No-U-Turn Sampler). Stan and NumPyro take 0.8 for models with necks;
 #: in the coordinates of `coordinates` and `half_normal` none is left that would need shorter steps.
 TARGET_ACCEPTANCE = 0.65
+#: For motions. A single one's valley bends, and its neighbours in a hierarchy of few: with longer steps one trajectory
+#: of a few thousand diverged.
+CAREFUL_ACCEPTANCE = 0.8
 #: Standard deviation of the starts' logarithm about the values given; half the range, unconstrained, of the others.
 START_SPREAD, START_RADIUS = 0.2, 0.5
 #: Starts tried before a density that is zero at all of them is the sampler's to say.

@@ -200,7 +200,7 @@ def fit_batch(
     with ThreadPoolExecutor(1) as beside:
         drawing = beside.submit(draw_picture, batch, levels, model.noise, whitening)
         blank, medians = arguments(blank_picture(len(batch.records), levels)), population_starts(sites, prior_medians())
-        chains = Chains(records_model, blank, settings.chains, settings.warmup, medians, settings.acceptance)
+        chains = Chains(records_model, blank, settings.chains, settings.warmup, medians)
         picture = drawing.result()
     draws = run(chains.given(arguments(picture), population_starts(sites, _starts(picture.records))), settings)
     told = {name: str(getattr(model, name)) for name in ("repeats", "noise", "noise_window")}

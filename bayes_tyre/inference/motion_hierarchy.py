@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.case_estimates import CaseEstimates, case_estimates
 from bayes_tyre.inference.cases import case_level, flat
+from bayes_tyre.inference.chains import CAREFUL_ACCEPTANCE
 from bayes_tyre.inference.coordinates import Gaussian, place_jointly
 from bayes_tyre.inference.levels import Levels, find_levels
 from bayes_tyre.inference.motion_laws import FANCHER, MotionLaw
@@ -161,6 +162,6 @@ def fit_motions(
         "law": motions.law,
     }
     starts = population_starts(motion_sites(levels, repeats, motions.law.parameters), prior_medians())
-    draws = sample(motions_model, arguments, settings or SamplerSettings(), starts)
+    draws = sample(motions_model, arguments, settings or SamplerSettings(), starts, CAREFUL_ACCEPTANCE)
     attributes = {"model": "motion", "repeats": repeats, "law": motions.law.name}
     return to_datatree(draws.sites, draws.statistics, levels, motions.words, attributes)

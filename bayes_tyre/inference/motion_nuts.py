@@ -11,6 +11,7 @@ import xarray as xr
 from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.cases import flat
+from bayes_tyre.inference.chains import CAREFUL_ACCEPTANCE
 from bayes_tyre.inference.convergence import monitor
 from bayes_tyre.inference.diagnostics import ESS_LEAST_PER_CHAIN, R_HAT_MOST
 from bayes_tyre.inference.motion_fit import Found, value_and_jacobian
@@ -20,9 +21,8 @@ from bayes_tyre.inference.motion_window import Window
 from bayes_tyre.inference.sampling import SamplerSettings, sample
 from bayes_tyre.rig.axle import Rig
 
-#: Coordinates are near to a standard normal's even where weights fail: a short warmup does. But the valley's floor
-#: bends, and steps as long as a hierarchy's leave it.
-SETTINGS = SamplerSettings(chains=4, warmup=150, draws=200, acceptance=0.8)
+#: Coordinates are near to a standard normal's even where weights fail: a short warmup does.
+SETTINGS = SamplerSettings(chains=4, warmup=150, draws=200)
 
 
 class Sampled(NamedTuple):
@@ -59,7 +59,7 @@ def sampled(rig: Rig, window: Window, found: Found, settings: SamplerSettings = 
     def posterior(window: Window, valley: Valley) -> None:
         numpyro.factor("height", -_height(rig, window, valley, flat("along", valley.peak.shape)))
 
-    draws = sample(posterior, {"window": window, "valley": valley}, settings)
+    draws = sample(posterior, {"window": window, "valley": valley}, settings, acceptance=CAREFUL_ACCEPTANCE)
     return Sampled(
         np.asarray(_places(rig, window, valley, draws.sites["along"])), int(np.sum(draws.statistics["diverging"]))
     )

@@ -25,13 +25,11 @@ class SamplerSettings:
         Called with the number of iterations of a chain just done, warmup included.
     checkpoints:
         Where the run is saved as it goes on, and continued from where it was saved; None: nowhere.
-    acceptance:
-        Mean acceptance that steps are adapted to: the higher, the shorter they are.
 
     Raises
     ------
     BadInput
-        For counts too small to judge a chain by, or an acceptance that no step has.
+        For counts too small to judge a chain by.
     """
 
     chains: int = 4
@@ -40,14 +38,11 @@ class SamplerSettings:
     seed: int = 0
     on_progress: Callable[[int], None] = field(default=lambda _: None, compare=False, repr=False)
     checkpoints: Checkpoints | None = field(default=None, compare=False, repr=False)
-    acceptance: float = TARGET_ACCEPTANCE
 
     def __post_init__(self) -> None:
         for name, least in (("chains", 1), ("warmup", 1), ("draws", 4)):
             if getattr(self, name) < least:
                 raise BadInput(f"{name} is {getattr(self, name)}; give at least {least}")
-        if not 0 < self.acceptance < 1:
-            raise BadInput(f"acceptance is {self.acceptance}; give a probability between 0 and 1")
 
 
 class Draws(NamedTuple):
@@ -62,6 +57,7 @@ def sample(
     arguments: Mapping[str, Any],
     settings: SamplerSettings,
     starts: Mapping[str, Any] | None = None,
+    acceptance: float = TARGET_ACCEPTANCE,
 ) -> Draws:
     """Return NUTS draws of a NumPyro model.
 
@@ -73,8 +69,10 @@ def sample(
         How much to sample.
     starts:
         Positive values near which the sites of the populations start; they share a dense block of the mass matrix.
+    acceptance:
+        Mean acceptance that steps are adapted to: the higher, the shorter they are.
     """
-    chains = Chains(model, arguments, settings.chains, settings.warmup, starts or {}, settings.acceptance)
+    chains = Chains(model, arguments, settings.chains, settings.warmup, starts or {}, acceptance)
     return run(chains, settings)
 
 

@@ -1,7 +1,5 @@
 """NUTS on one record's motion: its gradient, its draws beside weighed ones, and when an estimate rests on it."""
 
-from dataclasses import replace
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +10,7 @@ from bayes_tyre.inference import motion_estimate, motion_nuts
 from bayes_tyre.inference.motion_estimate import MotionEstimate, estimate_motion, log_parameters
 from bayes_tyre.inference.motion_nuts import Sampled, effective_draws, sampled
 from bayes_tyre.inference.motion_valley import valley_about
+from bayes_tyre.inference.sampling import SamplerSettings
 from bayes_tyre.simulate.plan import quick_plan
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
@@ -26,7 +25,7 @@ def estimate() -> MotionEstimate:
 
 @pytest.fixture(scope="module")
 def drawn(estimate) -> Sampled:
-    return sampled(RIG, estimate.window, estimate.found, replace(motion_nuts.SETTINGS, chains=2, warmup=80, draws=80))
+    return sampled(RIG, estimate.window, estimate.found, SamplerSettings(chains=2, warmup=80, draws=80))
 
 
 def logarithms(standard: np.ndarray, estimate: MotionEstimate) -> np.ndarray:
