@@ -4,11 +4,12 @@ Arrays hold all parameters at once, in the order given: what two or five of them
 """
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, override
 
 import jax.numpy as jnp
 import numpy as np
 import numpyro
+from jax.scipy.stats import norm
 from jaxtyping import Array, ArrayLike, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
@@ -37,16 +38,24 @@ def _keep_each(name: str, parameters: Sequence[str], values: Array) -> None:
         keep(name.replace("*", parameter), value)
 
 
+class _Flat(dist.ImproperUniform):
+    """Flat over the real numbers; NumPyro's looks at every value whether it is one, a few kernels a gradient."""
+
+    @override
+    def log_prob(self, value: ArrayLike) -> Array:
+        return jnp.zeros(())
+
+
 def flat(site: str, shape: tuple[int, ...]) -> Array:
     """Sample coordinates with a flat density: priors and likelihood enter on the placed values, as factors."""
-    return jnp.asarray(numpyro.sample(site, dist.ImproperUniform(dist.constraints.real, (), shape)))
+    return jnp.asarray(numpyro.sample(site, _Flat(dist.constraints.real, (), shape)))
 
 
 def placed(site: str, estimate: Gaussian, above: ArrayLike, scale: ArrayLike) -> Array:
     """Sample unknowns that are Normal(above, scale), in coordinates that follow the scale and the estimate."""
     above, scale = jnp.asarray(above), jnp.asarray(scale)
     unknown = place(flat(f"{site}_z", estimate.value.shape), estimate, above, scale)
-    numpyro.factor(f"{site}_density", dist.Normal(0.0, scale).log_prob(unknown.deviation) + unknown.log_volume)
+    numpyro.factor(f"{site}_density", norm.logpdf(unknown.deviation, 0.0, scale) + unknown.log_volume)
     return unknown.value
 
 
@@ -129,7 +138,7 @@ def case_structure(
     pieces = jnp.split(flat("words_z", (sum(terms.lengths),)), np.cumsum(terms.lengths)[:-1])
     z = jnp.stack([jnp.pad(piece, (0, scale.shape[1] - len(piece))) for piece in pieces])
     words = place_jointly(z, terms.design, estimate, terms.above, scale)
-    numpyro.factor("words_density", dist.Normal(0.0, scale).log_prob(words.deviation))
+    numpyro.factor("words_density", norm.logpdf(words.deviation, 0.0, scale))
     numpyro.factor("words_volume", words.log_volume)
     for parameter, value in zip(parameters, words.value, strict=True):
         keep(f"{parameter}_cell", jnp.exp(value[: len(levels.cell.labels)]))

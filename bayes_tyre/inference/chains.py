@@ -19,9 +19,11 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, ArrayLike
 from numpyro import handlers
 from numpyro.distributions import biject_to
-from numpyro.infer import NUTS
-from numpyro.infer.hmc import HMCState
+from numpyro.infer.hmc import HMCState, hmc
 from numpyro.infer.initialization import init_to_feasible, init_to_uniform
+from numpyro.infer.util import constrain_fn, potential_energy
+
+from bayes_tyre.inference.blocks import DENSE, Blocks
 
 #: Iterations in a call, at most: between two calls a run can be watched, saved and continued.
 CHUNK = 100
@@ -46,6 +48,8 @@ _RESONANT = (0.985, 1.035)
 _FEWEST_POINTS = 8
 #: Fields of NumPyro's state by ArviZ's name.
 STATISTICS = {"diverging": "diverging", "energy": "energy", "n_steps": "num_steps", "acceptance_rate": "accept_prob"}
+#: How what runs once is compiled: in two thirds of the time.
+_RUN_ONCE = {"xla_backend_optimization_level": 0}
 
 _CHAINS = "chains"
 
@@ -58,7 +62,7 @@ class Chunk(NamedTuple):
     state:
         Of each chain after them.
     unconstrained:
-        Draws by site as the sampler sees them, shape (chains, iterations, ...).
+        Draws as the sampler sees them, shape (chains, iterations, unknowns), in one or two blocks.
     statistics:
         By ArviZ's name, shape (chains, iterations).
     """
@@ -132,17 +136,15 @@ class Chains:
     ) -> None:
         self.chains, self._warmup = chains, warmup
         self._data, self._fixed = eqx.partition(dict(arguments), lambda leaf: isinstance(leaf, jax.Array))
-        self._model, self._starts = model, starts
-        self._kernel = NUTS(
-            model,
-            target_accept_prob=acceptance,
-            max_tree_depth=DEEPEST,  # pyright: ignore[reportArgumentType]
-            dense_mass=[tuple(starts)] if starts else False,  # pyright: ignore[reportArgumentType]
-        )
+        self._model, self._starts, self._acceptance = model, starts, acceptance
+        # Traced once for all that is compiled: tracing a hierarchy takes as long as compiling many a model.
+        self._potential = jax.jit(self._potential_energy)
+        self._init_kernel, self._sample_kernel = hmc(potential_fn_gen=lambda data: partial(self._potential, data))
         devices = jax.local_devices()
         self._together = max(n for n in range(1, min(chains, len(devices)) + 1) if chains % n == 0)
         self._mesh = Mesh(np.asarray(devices[: self._together]), (_CHAINS,))
         self._latent = self._find_latent()
+        self._blocks = Blocks({name: shape for name, (shape, _) in self._latent.items()}, tuple(starts))
         self._begin, self._advance, self._constrain = self._compile_together()
 
     def given(self, arguments: Mapping[str, Any], starts: Mapping[str, Any]) -> "Chains":
@@ -156,7 +158,7 @@ class Chains:
         """Return the state before the first iteration."""
         keys = jax.random.split(jax.random.PRNGKey(seed), self.chains)  # raw: a state, and its checkpoint, is arrays
         for tried in range(_STARTS_TRIED):
-            state = self._in_turns(self._begin, (keys, self.starts(seed, tried)), self._data)
+            state = self._in_turns(self._begin, (keys, self._blocks.pack(self.starts(seed, tried))), self._data)
             if np.isfinite(np.asarray(state.potential_energy)).all():
                 break
         return state
@@ -206,9 +208,9 @@ class Chains:
 
     def _compile_together(self) -> list[Callable[[Any, Any], Any]]:
         """Return what begins, advances and constrains, compiled side by side: half of a run's seconds go into it."""
-        begin, advance, constrain = map(self._mapped, (self._init, self._sample, self._sites))
-        keys = jax.random.split(jax.random.PRNGKey(0), self.chains)
-        fresh = keys, self.starts(0)
+        begin, advance, constrain = map(self._mapped, (self._init, self._sample, self._constrained))
+        keys = jax.eval_shape(lambda: jax.random.split(jax.random.PRNGKey(0), self.chains))
+        fresh = keys, self._blocks.pack(self.starts(0))
         # The kernel's own closures are made as it is traced, which a continued run does nowhere else.
         self.shapes: HMCState = jax.eval_shape(begin, fresh, self._data)
 
@@ -217,31 +219,45 @@ class Chains:
 
         state = jax.tree.map(together, self.shapes)
         chunk = jax.tree.map(lambda leaf: together(leaf, CHUNK), self.shapes.z)
-        lowered = [
-            begin.lower(jax.tree.map(together, fresh), self._data),
-            advance.lower(state, (self._data, np.int64(0))),
-            constrain.lower(chunk, self._data),
-        ]
         with ThreadPoolExecutor() as pool:
-            return list(pool.map(lambda program: program.compile(), lowered))
+            # What takes longest first, and each as soon as it is lowered.
+            advancing = pool.submit(advance.lower(state, (self._data, np.int64(0))).compile)
+            lowered = begin.lower(jax.tree.map(together, fresh), self._data)
+            beginning = pool.submit(lowered.compile, compiler_options=_RUN_ONCE)
+            constraining = pool.submit(constrain.lower(chunk, self._data).compile)
+        return [compiling.result() for compiling in (beginning, advancing, constraining)]
+
+    def _potential_energy(self, data: Any, z: dict[str, jax.Array]) -> jax.Array:
+        return potential_energy(self._model, (), self._arguments(data), self._blocks.unpack(z))
 
     def _init(self, fresh: tuple[jax.Array, dict[str, jax.Array]], data: Any) -> HMCState:
         key, start = fresh
-        return self._kernel.init(key, self._warmup, init_params=start, model_kwargs=self._arguments(data))
+        return self._init_kernel(
+            start,
+            self._warmup,
+            dense_mass=[(DENSE,)] if DENSE in start else [],  # pyright: ignore[reportArgumentType]
+            target_accept_prob=self._acceptance,
+            max_tree_depth=DEEPEST,  # pyright: ignore[reportArgumentType]
+            model_args=(data,),
+            rng_key=jax.random.split(key)[0],  # as NumPyro's own kernel does: the draws are then the same
+        )
 
     def _sample(self, state: HMCState, data_and_iterations: tuple[Any, jax.Array]) -> Any:
         data, iterations = data_and_iterations
-        arguments = self._arguments(data)
 
         def step(i: jax.Array, so_far: tuple[HMCState, Any]) -> tuple[HMCState, Any]:
-            state = self._kernel.sample(so_far[0], (), arguments)
+            state = self._sample_kernel(so_far[0], (data,))
             return state, jax.tree.map(lambda kept, one: kept.at[i].set(one), so_far[1], _kept(state))
 
         room = jax.tree.map(lambda one: jnp.zeros((CHUNK, *one.shape), one.dtype), _kept(state))
         return jax.lax.fori_loop(0, iterations, step, (state, room))
 
-    def _sites(self, unconstrained: Any, data: Any) -> Any:
-        return jax.vmap(self._kernel.postprocess_fn((), self._arguments(data)))(unconstrained)
+    def _constrained(self, unconstrained: Any, data: Any) -> Any:
+        def one(z: dict[str, jax.Array]) -> dict[str, jax.Array]:
+            at = self._blocks.unpack(z)
+            return constrain_fn(self._model, (), self._arguments(data), at, return_deterministic=True)
+
+        return jax.vmap(one)(unconstrained)
 
     def _arguments(self, data: Any) -> Any:
         return eqx.combine(data, self._fixed)

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import jax.numpy as jnp
 import numpy as np
 import numpyro
+from jax.scipy.stats import norm
 from jaxtyping import Array, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
@@ -111,8 +112,8 @@ def records_model(
     populations = sample_populations(prior_sites(levels, repeats, noise))
     theta = _record_level(picture, levels, repeats, populations)
     F_i, J, log_k, log_beta = theta.T
-    numpyro.factor("F_i_prior", dist.Normal(data.F_0, data.span).log_prob(F_i))
-    numpyro.factor("J_prior", dist.Normal(0.0, populations["J_scale"]).log_prob(J))
+    numpyro.factor("F_i_prior", norm.logpdf(F_i, data.F_0, data.span))
+    numpyro.factor("J_prior", norm.logpdf(J, 0.0, populations["J_scale"]))
     rho = _autocorrelation(picture.records, populations) if noise == "ar1" else None
     numpyro.factor("force", likelihood(theta, _noise(picture.records, rho, populations), rho))
 

@@ -91,10 +91,11 @@ class RecordEstimates(NamedTuple):
 
 def record_data(batch: Batch) -> RecordData:
     """Return a batch of records as the models take it."""
-    d, F = jnp.asarray(batch.displacement_mm), jnp.asarray(batch.force_kN)
-    present = jnp.asarray(batch.present)
-    span = jnp.max(jnp.where(present, jnp.abs(F - F[:, :1]), 0.0), axis=1)
-    return RecordData(d - d[:, :1], F, present, d[:, 0], F[:, 0], jnp.where(span > 0, span, 1.0))
+    # In NumPy: JAX would compile each step by itself.
+    d, F = batch.displacement_mm, batch.force_kN
+    span = np.max(np.where(batch.present, np.abs(F - F[:, :1]), 0.0), axis=1)
+    data = RecordData(d - d[:, :1], F, batch.present, d[:, 0], F[:, 0], np.where(span > 0, span, 1.0))
+    return jax.tree.map(jnp.asarray, data)
 
 
 def force_curve(u: Float[Array, " points"], theta: Float[Array, "4"]) -> Float[Array, " points"]:
@@ -122,9 +123,11 @@ def estimate_records(
         Where to draw the picture in beta; None: at its estimate.
     """
     data = record_data(batch)
-    nan = jnp.full((len(batch.records), 5), jnp.nan)
-    fixed = nan if beta_mm is None else nan.at[:, ls.BETA].set(beta_mm)
-    problem = ls.Problem(jnp.asarray(batch.displacement_mm), data.F, data.present, fixed, nan[:, None])
+    nan = np.full((len(batch.records), 5), np.nan)
+    fixed = nan.copy()
+    if beta_mm is not None:
+        fixed[:, ls.BETA] = beta_mm
+    problem = ls.Problem(*map(jnp.asarray, (batch.displacement_mm, data.F, data.present, fixed, nan[:, None])))
     free = (ls.K, ls.C, ls.BETA, ls.F_I) if beta_mm is None else (ls.K, ls.C, ls.F_I)
     estimate = ls.estimate_batch(problem, free)
     return _estimate_records(data, estimate, noise == "ar1", whitening)
@@ -221,10 +224,10 @@ def draw_picture(batch: Batch, levels: Levels, noise: str = "iid", whitening: Wh
 
 def blank_picture(records: int, levels: Levels) -> Picture:
     """Return a picture of nothing, of the shapes that `draw_picture` gives: what is compiled for it takes those."""
-    each, pairs = jnp.zeros(records), jnp.zeros((records, 2, 2))
-    cases, speeds = (jnp.zeros((len(PARAMETERS), n)) for n in (len(levels.cases), len(levels.speed.labels)))
-    blank = RecordEstimates(jnp.zeros((records, 4)), pairs, pairs, pairs, each, each, each)
-    return Picture(blank, CaseEstimates(cases, cases, Gaussian(speeds, speeds)))
+    each, pairs = np.zeros(records), np.zeros((records, 2, 2))
+    cases, speeds = (np.zeros((len(PARAMETERS), n)) for n in (len(levels.cases), len(levels.speed.labels)))
+    blank = RecordEstimates(np.zeros((records, 4)), pairs, pairs, pairs, each, each, each)
+    return jax.tree.map(jnp.asarray, Picture(blank, CaseEstimates(cases, cases, Gaussian(speeds, speeds))))
 
 
 def cases_of(records: RecordEstimates, levels: Levels) -> CaseEstimates:

@@ -4,11 +4,12 @@ One has no place in the table, for it takes its scale from each record: F_i is n
 record's change of force as its standard deviation. That is wider than any error of a first sample.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
+from scipy import special
 
 
 class Prior(NamedTuple):
@@ -145,8 +146,15 @@ PRIORS: dict[str, Prior] = {
     },
 }
 
+#: Median of each family, by its arguments. NumPyro's quantiles would be compiled for, one by one, before a fit begins.
+_MEDIANS: dict[type[dist.Distribution], Callable[..., float]] = {
+    dist.LogNormal: lambda location, _: np.exp(location),
+    dist.HalfNormal: lambda scale: scale * special.ndtri(0.75),
+    dist.Normal: lambda location, _: location,
+    dist.Beta: lambda one, other: special.betaincinv(one, other, 0.5),
+}
+
 
 def prior_medians() -> dict[str, np.ndarray]:
-    """Return about the median of each prior, by site: of draws, since not every family has its quantiles."""
-    key = jax.random.key(0)
-    return {name: np.asarray(np.median(prior.distribution().sample(key, (999,)))) for name, prior in PRIORS.items()}
+    """Return the median of each prior, by site."""
+    return {name: np.asarray(_MEDIANS[prior.family](*prior.parameters)) for name, prior in PRIORS.items()}

@@ -4,8 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpyro
 from jax.scipy.special import gammaln
+from jax.scipy.stats import norm
 from jaxtyping import Array, Float
-from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
 from bayes_tyre.inference.cases import Populations
 from bayes_tyre.inference.levels import Levels
@@ -34,7 +34,7 @@ def repeats_about_cases(
     """
 
     def about_case(widening: float) -> Float[Array, " records"]:
-        return dist.Normal(0.0, widening * scatter).log_prob(deviation).sum(axis=1)
+        return norm.logpdf(deviation, 0.0, widening * scatter).sum(axis=1)
 
     if kind == "normal":
         numpyro.factor("repeats", about_case(1.0))

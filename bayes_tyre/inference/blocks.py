@@ -1,0 +1,52 @@
+"""The unknowns of a model in one vector or two: NUTS would do with each site by itself what it can do with all at once.
+
+Wherever a trajectory takes a step or a tree is joined, a leaf costs some kernels; a hierarchy has a dozen sites.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+#: Names of the vectors: of the unknowns whose block of the mass matrix is dense, and of all others.
+DENSE, DIAGONAL = "dense", "diagonal"
+
+
+class Blocks(NamedTuple):
+    """Which sites' unknowns stand one after the other in each vector.
+
+    Attributes
+    ----------
+    shapes:
+        Of each site, unconstrained.
+    dense:
+        The sites in the dense block, in order; the others follow in that of their names, as in NumPyro's mass matrix.
+    """
+
+    shapes: Mapping[str, tuple[int, ...]]
+    dense: tuple[str, ...]
+
+    @property
+    def sites(self) -> dict[str, list[str]]:
+        """The sites of each vector; none is without any."""
+        both = {DENSE: list(self.dense), DIAGONAL: sorted(self.shapes.keys() - set(self.dense))}
+        return {block: names for block, names in both.items() if names}
+
+    def pack(self, values: Mapping[str, Float[np.ndarray, "chains *site"]]) -> dict[str, np.ndarray]:
+        """Return the vectors, shape (chains, unknowns)."""
+        return {
+            block: np.concatenate([values[name].reshape(len(values[name]), -1) for name in names], axis=1)
+            for block, names in self.sites.items()
+        }
+
+    def unpack(self, vectors: Mapping[str, Float[Array, " unknowns"]]) -> dict[str, Array]:
+        """Return the unknowns of one chain by site."""
+        found = {}
+        for block, names in self.sites.items():
+            ends = np.cumsum([math.prod(self.shapes[name]) for name in names])
+            pieces = jnp.split(vectors[block], ends[:-1])
+            found |= {name: jnp.reshape(piece, self.shapes[name]) for name, piece in zip(names, pieces, strict=True)}
+        return found
