@@ -160,13 +160,36 @@ def _repeat_scatter(
     return scatter[:, levels.speed.of_case]
 
 
-def case_level(
-    levels: Levels, estimates: CaseEstimates, populations: Populations, parameters: Sequence[str] = PARAMETERS
-) -> tuple[Float[Array, "parameters cases"], Float[Array, "parameters cases"]]:
-    """Return log k and log beta of each case, and the scatter of its repeats about them.
+class AboutWords(NamedTuple):
+    """What the words say of the logarithms of the cases' values, and how cases and repeats scatter about it.
 
-    A case is what its words predict, and a remainder. Where a remainder cannot be told from the scatter of repeats or
-    from the words, there is none.
+    Attributes
+    ----------
+    words:
+        What the words predict.
+    remainder:
+        Standard deviation of the cases about it: a parameter whose cases have no remainder has 0.
+    scatter:
+        Standard deviation of repeats about their case.
+    estimate:
+        What the records say of each case, beside its words.
+    has_remainder:
+        Indices of the parameters whose cases have one.
+    """
+
+    words: Float[Array, "parameters cases"]
+    remainder: Float[Array, "parameters 1"]
+    scatter: Float[Array, "parameters cases"]
+    estimate: Gaussian
+    has_remainder: Sequence[int]
+
+
+def about_words(
+    levels: Levels, estimates: CaseEstimates, populations: Populations, parameters: Sequence[str] = PARAMETERS
+) -> AboutWords:
+    """Return what the words say of each case, with the scales of what they leave over.
+
+    Where a remainder cannot be told from the scatter of repeats or from the words, there is none.
     """
     scatter = _repeat_scatter(levels, estimates.log_scatter, populations, parameters)
     repeats = np.maximum(levels.repeats, _ALMOST_NONE)
@@ -176,11 +199,27 @@ def case_level(
     if rest:
         of_rest = _of_each("log_*_case_scale", [parameters[index] for index in rest], populations)
         remainder = of_rest if len(rest) == len(parameters) else remainder.at[np.array(rest)].set(of_rest)
-    about_words = Gaussian(estimates.median, 1.0 / (variance + remainder**2))
-    mean = case_structure(levels, about_words, populations, parameters)
+    near_words = Gaussian(estimates.median, 1.0 / (variance + remainder**2))
+    words = case_structure(levels, near_words, populations, parameters)
+    return AboutWords(words, remainder, scatter, Gaussian(estimates.median, 1.0 / variance), rest)
+
+
+def case_level(
+    levels: Levels, estimates: CaseEstimates, populations: Populations, parameters: Sequence[str] = PARAMETERS
+) -> tuple[Float[Array, "parameters cases"], Float[Array, "parameters cases"]]:
+    """Return log k and log beta of each case, and the scatter of its repeats about them.
+
+    A case is what its words predict, and a remainder if it has one.
+    """
+    mean, remainder, scatter, estimate, rest = about_words(levels, estimates, populations, parameters)
     if rest:
         here = np.array(rest) if len(rest) < len(parameters) else slice(None)
-        own = Gaussian(estimates.median[here], 1.0 / variance[here])
+        own = Gaussian(estimate.value[here], estimate.precision[here])
         mean = mean.at[here].set(placed("case", own, mean[here], remainder[here]))
-    _keep_each("*_case", parameters, jnp.exp(mean))
+    keep_cases(parameters, mean)
     return mean, scatter
+
+
+def keep_cases(parameters: Sequence[str], log_values: Float[Array, "parameters cases"]) -> None:
+    """Keep the values of the cases among the posterior's quantities."""
+    _keep_each("*_case", parameters, jnp.exp(log_values))

@@ -228,7 +228,7 @@ class Chains:
         return [compiling.result() for compiling in (beginning, advancing, constraining)]
 
     def _potential_energy(self, data: Any, z: dict[str, jax.Array]) -> jax.Array:
-        return potential_energy(self._model, (), self._arguments(data), self._blocks.unpack(z))
+        return jnp.asarray(potential_energy(self._model, (), self._arguments(data), self._blocks.unpack(z)))
 
     def _init(self, fresh: tuple[jax.Array, dict[str, jax.Array]], data: Any) -> HMCState:
         key, start = fresh

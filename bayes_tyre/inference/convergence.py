@@ -1,8 +1,5 @@
 """How the sampler did, parameter by parameter and chain by chain."""
 
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from typing import Any, NamedTuple
 
 import arviz as az
@@ -40,16 +37,10 @@ class Worst(NamedTuple):
 def monitor(posterior: xr.Dataset) -> Figures:
     """Return the convergence figures of each element of a posterior, dims chain, draw, ..."""
 
-    def quietly(figure: Callable[[xr.Dataset], xr.Dataset]) -> xr.Dataset:
-        # A probability that is 1 in every draw does not vary, and a stuck chain varies only against the others.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return figure(posterior)
-
-    figures = [partial(az.ess, method="bulk"), partial(az.ess, method="tail", prob=TAILS)]
-    # Side by side: they sort and transform, which NumPy does without holding up other threads.
-    with ThreadPoolExecutor() as pool:
-        found = list(pool.map(quietly, [az.rhat, *figures] if posterior.sizes["chain"] > 1 else figures))
-    return Figures(found[0] if len(found) > 2 else None, *found[-2:])
+    # A probability that is 1 in every draw does not vary, and a stuck chain varies only against the others.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        r_hat = az.rhat(posterior) if posterior.sizes["chain"] > 1 else None
+        return Figures(r_hat, az.ess(posterior, method="bulk"), az.ess(posterior, method="tail", prob=TAILS))
 
 
 def with_figures(tree: xr.DataTree) -> xr.DataTree:

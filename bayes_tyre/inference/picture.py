@@ -94,8 +94,8 @@ def record_data(batch: Batch) -> RecordData:
     # In NumPy: JAX would compile each step by itself.
     d, F = batch.displacement_mm, batch.force_kN
     span = np.max(np.where(batch.present, np.abs(F - F[:, :1]), 0.0), axis=1)
-    data = RecordData(d - d[:, :1], F, batch.present, d[:, 0], F[:, 0], np.where(span > 0, span, 1.0))
-    return jax.tree.map(jnp.asarray, data)
+    numbers = d - d[:, :1], F, batch.present, d[:, 0], F[:, 0], np.where(span > 0, span, 1.0)
+    return RecordData(*map(jnp.asarray, numbers))
 
 
 def force_curve(u: Float[Array, " points"], theta: Float[Array, "4"]) -> Float[Array, " points"]:
@@ -224,10 +224,10 @@ def draw_picture(batch: Batch, levels: Levels, noise: str = "iid", whitening: Wh
 
 def blank_picture(records: int, levels: Levels) -> Picture:
     """Return a picture of nothing, of the shapes that `draw_picture` gives: what is compiled for it takes those."""
-    each, pairs = np.zeros(records), np.zeros((records, 2, 2))
-    cases, speeds = (np.zeros((len(PARAMETERS), n)) for n in (len(levels.cases), len(levels.speed.labels)))
-    blank = RecordEstimates(np.zeros((records, 4)), pairs, pairs, pairs, each, each, each)
-    return jax.tree.map(jnp.asarray, Picture(blank, CaseEstimates(cases, cases, Gaussian(speeds, speeds))))
+    shapes = (records, 4), *[(records, 2, 2)] * 3, *[(records,)] * 3
+    blank = RecordEstimates(*(jnp.asarray(np.zeros(shape)) for shape in shapes))
+    cases, speeds = (jnp.asarray(np.zeros((len(PARAMETERS), n))) for n in (len(levels.cases), len(levels.speed.labels)))
+    return Picture(blank, CaseEstimates(cases, cases, Gaussian(speeds, speeds)))
 
 
 def cases_of(records: RecordEstimates, levels: Levels) -> CaseEstimates:

@@ -122,7 +122,7 @@ def log_likelihood(
 def log_repeats(design: Design, truths: Truths) -> Float[np.ndarray, " sets"]:
     """Return the log density of log k and log beta of all records about their cases, usual and discordant, at truths.
 
-    As `bayes_tyre.inference.repeats.repeats_about_cases` has it, written out once more.
+    As `bayes_tyre.inference.repeats.about_cases` has it, written out once more.
     """
     levels = design.levels
 

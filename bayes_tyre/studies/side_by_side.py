@@ -31,8 +31,9 @@ from bayes_tyre.inference.picture import (
     like_their_case,
     record_data,
 )
-from bayes_tyre.inference.populations import population_starts, prior_sites
+from bayes_tyre.inference.populations import PARAMETERS, population_starts, prior_sites
 from bayes_tyre.inference.priors import PRIORS, Prior, prior_medians
+from bayes_tyre.inference.repeats import about_cases, judgeable
 from bayes_tyre.studies.design import Design
 
 #: Data sets a device takes between two reports of progress; records that least squares takes at a time.
@@ -141,8 +142,21 @@ def _with_log_densities(**arguments: Any) -> None:
     """Model the records, and keep the log densities of all forces and of all repeats about their cases."""
     with trace() as sites:
         records_model(**arguments)
-    for name, factor in (("log_likelihood", "force"), ("log_repeats", "repeats")):
-        numpyro.deterministic(name, jnp.sum(sites[factor]["fn"].log_factor))
+    numpyro.deterministic("log_likelihood", jnp.sum(sites["force"]["fn"].log_factor))
+    numpyro.deterministic("log_repeats", _log_repeats(sites, arguments["levels"]))
+
+
+def _log_repeats(sites: Mapping[str, Any], levels: Levels) -> Array:
+    """Return the log density of all repeats about their cases, of which the model has cases integrated out."""
+    values = {name: jnp.asarray(site["value"]) for name, site in sites.items()}
+    deviation, scatter = [], []
+    for parameter in PARAMETERS:
+        deviation.append(jnp.log(values[parameter] / values[f"{parameter}_case"][levels.of_record]))
+        typical = f"log_{parameter}_repeat_scatter"
+        of_case = values[f"{typical}_by_speed"][levels.speed.of_case] if levels.speed.varies else values[typical]
+        scatter.append(jnp.broadcast_to(of_case, len(levels.cases))[levels.of_record])
+    of_records, scales = (jnp.stack(each, axis=1) for each in (deviation, scatter))
+    return jnp.sum(about_cases(of_records, scales, judgeable("mixture", levels), values).log_density)
 
 
 class SideBySide:

@@ -2,9 +2,8 @@
 
 import jax.numpy as jnp
 import numpy as np
-from numpyro.handlers import trace
 
-from bayes_tyre.inference.repeats import repeats_about_cases
+from bayes_tyre.inference.repeats import about_cases
 from bayes_tyre.studies.calibration import log_likelihood, log_repeats, rank_truths
 from bayes_tyre.studies.design import quick_design
 from bayes_tyre.studies.truths import Planted, draw_truths, simulate_forces, study_priors
@@ -42,6 +41,5 @@ def test_the_density_of_repeats_at_truths_is_that_of_the_model():
         deviation = np.stack([np.log(truths[name][i] / truths[f"{name}_case"][i][case]) for name in both], axis=1)
         scatter = np.stack([truths[f"log_{name}_repeat_scatter_by_speed"][i][speed] for name in both], axis=1)
         populations = {"discordant_weight": jnp.asarray(truths["discordant_weight"][i])}
-        with trace() as sites:
-            repeats_about_cases(jnp.asarray(deviation), jnp.asarray(scatter), "mixture", populations)
-        np.testing.assert_allclose(found, jnp.sum(sites["repeats"]["fn"].log_factor), rtol=1e-9)
+        of_model = about_cases(jnp.asarray(deviation), jnp.asarray(scatter), "mixture", populations)
+        np.testing.assert_allclose(found, jnp.sum(of_model.log_density), rtol=1e-9)
