@@ -77,7 +77,7 @@ def _records_of_cases_summed_out(
     share = remainder**2 * estimate.precision / (1.0 + remainder**2 * estimate.precision)
     offset = share * (estimate.value - words)
     pair = _place_records(picture.records, levels, words + offset, jnp.sqrt(scatter**2 + share / estimate.precision))
-    weight = populations.get("discordant_weight", 0.0)
+    weight = populations["discordant_weight"] if len(members.choices) > 1 else 0.0
     found = sum_out(pair.deviation, offset, scatter, remainder, weight, members)
     numpyro.factor("repeats", found.log_density)
     if len(members.choices) > 1:

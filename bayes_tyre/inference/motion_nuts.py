@@ -73,26 +73,25 @@ def _places(rig: Rig, window: Window, valley: Valley, along: Float[ArrayLike, "c
     return jnp.vectorize(lambda unit: valley.at(rig, window, unit), signature="(u)->(u)")(along)
 
 
+@functools.partial(jax.custom_vjp, nondiff_argnums=(0,))
 def _height(rig: Rig, window: Window, valley: Valley, unit: Float[Array, " unknowns"]) -> Float[Array, ""]:
     """Return the negative log posterior density but for a constant, at coordinates along the valley.
 
     Its gradient is by forward derivatives, all directions side by side, as in the fit: through four runs of the motion
     reverse ones take minutes to compile.
     """
+    return 0.5 * jnp.sum(residuals(rig, valley.at(rig, window, unit), window) ** 2)
+
+
+def _height_and_slope(rig: Rig, window: Window, valley: Valley, unit: Array) -> tuple[Array, Array]:
     flat = valley.flat.shape[1]
+    floor_moves = jax.jacfwd(lambda flat: valley.floor(rig, window, flat))(unit[-flat:])
+    off, jacobian = value_and_jacobian(rig, valley.at(rig, window, unit), window)
+    slope = jacobian.T @ off
+    return 0.5 * jnp.sum(off**2), jnp.concatenate([valley.steep.T @ slope, floor_moves.T @ slope])
 
-    @jax.custom_vjp
-    def height(unit: Array) -> Array:
-        return 0.5 * jnp.sum(residuals(rig, valley.at(rig, window, unit), window) ** 2)
 
-    def forward(unit: Array) -> tuple[Array, Array]:
-        floor_moves = jax.jacfwd(lambda flat: valley.floor(rig, window, flat))(unit[-flat:])
-        off, jacobian = value_and_jacobian(rig, valley.at(rig, window, unit), window)
-        slope = jacobian.T @ off
-        return 0.5 * jnp.sum(off**2), jnp.concatenate([valley.steep.T @ slope, floor_moves.T @ slope])
-
-    height.defvjp(forward, lambda slope, change: (change * slope,))
-    return height(unit)
+_height.defvjp(_height_and_slope, lambda _, slope, change: (None, None, change * slope))
 
 
 def effective_draws(draws: Float[np.ndarray, "chains draws p"], divergent: int) -> float:

@@ -41,10 +41,12 @@ def test_a_figure_is_asked_for_by_its_name_and_says_its_notes(tree, tmp_path):
 def test_a_figure_that_was_written_is_shown_small_and_says_what_its_data_are(tmp_path):
     write_result(tmp_path / "fit")
     kept = KeptPicture(tmp_path / "fit", "contrasts")
-    whole = Image.open(tmp_path / "fit/figures/contrasts.png")
-    shown = Image.open(BytesIO(kept._repr_png_()))
-    assert shown.size[0] == 800 < whole.size[0]
-    assert shown.size[1] / 800 == pytest.approx(whole.size[1] / whole.size[0], abs=0.002)
+    with (
+        Image.open(tmp_path / "fit/figures/contrasts.png") as whole,
+        Image.open(BytesIO(kept._repr_png_())) as shown,
+    ):
+        assert shown.size[0] == 800 < whole.size[0]
+        assert shown.size[1] / 800 == pytest.approx(whole.size[1] / whole.size[0], abs=0.002)
     assert repr(kept) == "Figure contrasts.\ndata: simulated, not measured"
     with pytest.raises(BadInput, match=r"name the run\.json in a folder that fit wrote"):
         KeptPicture(tmp_path, "contrasts")
