@@ -1,9 +1,8 @@
 """The posterior by the compressed likelihood is the one by the direct one, for each kind of noise."""
 
-import arviz as az
-import numpy as np
 import pytest
 import xarray as xr
+from means_agree import assert_means_agree
 from simulated_records import Plan, simulate
 
 from bayes_tyre.inference.fit import ModelSettings, fit_hierarchical
@@ -26,10 +25,4 @@ def test_means_agree_within_their_monte_carlo_errors(noise):
 
     one, other = posterior("compressed"), posterior("direct")
     assert not one["k"].equals(other["k"])  # rounded otherwise, they went other ways
-    error = np.sqrt(az.mcse(one) ** 2 + az.mcse(other) ** 2)
-    off = (one.mean(("chain", "draw")) - other.mean(("chain", "draw"))) / error
-    values = np.concatenate([np.atleast_1d(each).ravel() for each in off.data_vars.values()])
-    # Some 120 means; with errors known to a tenth, one beyond 5 of them comes up in 1 of 1000 seeds.
-    assert len(values) > 100
-    assert np.isfinite(values).all()
-    assert np.abs(values).max() < 5
+    assert_means_agree(one, other, least=100)

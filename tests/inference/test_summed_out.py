@@ -11,6 +11,7 @@ import pytest
 import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from means_agree import assert_means_agree
 from numpyro.infer.util import constrain_fn
 from scipy import stats
 from simulated_records import Plan, simulate
@@ -186,12 +187,6 @@ def test_the_posterior_is_that_of_cases_that_are_sampled(monkeypatch):
     summed = posterior()
     monkeypatch.setattr(summed_out, "MOST_REPEATS", 0)
     sampled = posterior()
-    error = np.sqrt(az.mcse(summed) ** 2 + az.mcse(sampled) ** 2)
-    off = (summed.mean(("chain", "draw")) - sampled.mean(("chain", "draw"))) / error
-    values = np.concatenate([np.atleast_1d(each).ravel() for each in off.data_vars.values()])
-    # Some 230 means; with errors known to a tenth, one beyond 5 of them comes up in 1 of 1000 seeds.
-    assert len(values) > 200
-    assert np.isfinite(values).all()
-    assert np.abs(values).max() < 5
-    # What the draws of the cases are for: a discordant repeat no longer makes two modes of its case.
+    assert_means_agree(summed, sampled, least=200)
+    # What it is for: an odd repeat no longer makes two modes of its case. Of 4000 draws, 2460 to 4010 for six seeds.
     assert float(az.ess(summed["beta_case"]).min()) > 1500
