@@ -166,7 +166,7 @@ class AboutWords(NamedTuple):
     Attributes
     ----------
     words:
-        What the words predict.
+        What the words predict of the logarithms.
     remainder:
         Standard deviation of the cases about it: a parameter whose cases have no remainder has 0.
     scatter:

@@ -20,7 +20,8 @@ from bayes_tyre.inference.likelihood import DirectLikelihood, Likelihood
 from bayes_tyre.inference.motion_hierarchy import Motions, log_likelihood
 from bayes_tyre.inference.picture import RecordData
 from bayes_tyre.inference.posterior import as_measured
-from bayes_tyre.inference.prior_predictive import is_of_logarithm, prior_law
+from bayes_tyre.inference.prior_predictive import is_of_logarithm
+from bayes_tyre.inference.priors import prior_law
 
 #: Numbers that the densities of the draws taken together may hold at once: memory stays, however many draws.
 _TOGETHER = 2_000_000

@@ -1,24 +1,16 @@
 """What the priors alone say: of single scales, and of whole records drawn down the hierarchy with no data."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
-from scipy import stats
 
 from bayes_tyre.inference.levels import Levels
 from bayes_tyre.inference.populations import PARAMETERS, prior_sites
-from bayes_tyre.inference.priors import DISCORDANT_WIDENING, PRIORS
+from bayes_tyre.inference.priors import DISCORDANT_WIDENING, PRIORS, prior_law
 from bayes_tyre.laws.fancher import equation_2_offset
-
-_IN_SCIPY: dict[type[dist.Distribution], Callable[..., Any]] = {
-    dist.LogNormal: lambda location, scale: stats.lognorm(scale, scale=np.exp(location)),
-    dist.HalfNormal: lambda scale: stats.halfnorm(scale=scale),
-    dist.Beta: stats.beta,
-    dist.Normal: stats.norm,
-}
 
 
 class Start(NamedTuple):
@@ -43,12 +35,6 @@ class RecordStarts(NamedTuple):
     F_0: Float[np.ndarray, " records"]
     span: Float[np.ndarray, " records"]
     d_0: Float[np.ndarray, " records"]
-
-
-def prior_law(site: str) -> Any:
-    """Return a prior of `PRIORS` as a frozen law of SciPy: with quantiles, and with nothing for JAX to compile."""
-    prior = PRIORS[site]
-    return _IN_SCIPY[prior.family](*prior.parameters)
 
 
 def is_of_logarithm(site: str) -> bool:

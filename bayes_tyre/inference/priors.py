@@ -5,11 +5,11 @@ record's change of force as its standard deviation. That is wider than any error
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
-from scipy import special
+from scipy import stats
 
 
 class Prior(NamedTuple):
@@ -146,15 +146,20 @@ PRIORS: dict[str, Prior] = {
     },
 }
 
-#: Median of each family, by its arguments. NumPyro's quantiles would be compiled for, one by one, before a fit begins.
-_MEDIANS: dict[type[dist.Distribution], Callable[..., float]] = {
-    dist.LogNormal: lambda location, _: np.exp(location),
-    dist.HalfNormal: lambda scale: scale * special.ndtri(0.75),
-    dist.Normal: lambda location, _: location,
-    dist.Beta: lambda one, other: special.betaincinv(one, other, 0.5),
+_IN_SCIPY: dict[type[dist.Distribution], Callable[..., Any]] = {
+    dist.LogNormal: lambda location, scale: stats.lognorm(scale, scale=np.exp(location)),
+    dist.HalfNormal: lambda scale: stats.halfnorm(scale=scale),
+    dist.Beta: stats.beta,
+    dist.Normal: stats.norm,
 }
+
+
+def prior_law(site: str) -> Any:
+    """Return a prior of `PRIORS` as a frozen law of SciPy: with quantiles, and with nothing for JAX to compile."""
+    prior = PRIORS[site]
+    return _IN_SCIPY[prior.family](*prior.parameters)
 
 
 def prior_medians() -> dict[str, np.ndarray]:
     """Return the median of each prior, by site."""
-    return {name: np.asarray(_MEDIANS[prior.family](*prior.parameters)) for name, prior in PRIORS.items()}
+    return {name: np.asarray(prior_law(name).median()) for name in PRIORS}

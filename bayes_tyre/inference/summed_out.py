@@ -68,11 +68,11 @@ class SummedOut(NamedTuple):
     Attributes
     ----------
     log_density:
-        Of their values.
+        Of the logarithms of their values.
     log_choice:
         Log probability of each choice, given their values.
     mean, sd:
-        Of the case's value about what its words predict, given the repeats' values and the choice.
+        Of the logarithm of the case's value about what its words predict, given the repeats' values and the choice.
     """
 
     log_density: Float[Array, " cases"]
@@ -103,6 +103,9 @@ def sum_out(
         Prior probability that a repeat is discordant; 0 where all are usual.
     members:
         Of the cases.
+
+    Source: the normal hierarchy with known scales, Gelman et al. (2013), Bayesian Data Analysis, section 5.4, for each
+    choice; the choices weigh as in any mixture of normals.
     """
     here = jnp.asarray(members.present)
     own = jnp.where(here, deviation.T[:, members.records], 0.0)
@@ -132,7 +135,10 @@ def sum_out(
 def draw_cases(
     found: SummedOut, choosing: Float[Array, " cases"], z: Float[Array, "parameters cases"]
 ) -> Float[Array, "parameters cases"]:
-    """Return the case's values about what their words predict, drawn given the repeats', by standard normals."""
+    """Return the logarithms of the cases' values about what their words predict, drawn given the repeats'.
+
+    `choosing` and `z` are standard normals: one picks the choice, the others the values.
+    """
     upto = jnp.cumsum(jnp.exp(found.log_choice), axis=0)
     chosen = jnp.minimum(jnp.sum(upto < ndtr(choosing), axis=0), len(upto) - 1)
     mean, sd = (jnp.take_along_axis(each, chosen[None, None, :], axis=0)[0] for each in (found.mean, found.sd))

@@ -6,8 +6,8 @@ import arviz as az
 import numpy as np
 from jaxtyping import Float
 
-from bayes_tyre.inference.prior_predictive import is_of_logarithm, prior_law
-from bayes_tyre.inference.priors import PRIORS
+from bayes_tyre.inference.prior_predictive import is_of_logarithm
+from bayes_tyre.inference.priors import PRIORS, prior_law
 from bayes_tyre.report.populations import Population
 
 #: Points of a density over all that is shown, and as many over the posterior's draws.

@@ -11,11 +11,10 @@ from bayes_tyre.inference.prior_predictive import (
     Start,
     is_of_logarithm,
     prior_draws,
-    prior_law,
     prior_parameters,
     prior_records,
 )
-from bayes_tyre.inference.priors import DISCORDANT_WIDENING, PRIORS
+from bayes_tyre.inference.priors import DISCORDANT_WIDENING, PRIORS, prior_law
 from bayes_tyre.record_table import record_words
 
 DRAWS = 40_000

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bayes_tyre.inference.prior_predictive import prior_draws, prior_law
-from bayes_tyre.inference.priors import PRIORS
+from bayes_tyre.inference.prior_predictive import prior_draws
+from bayes_tyre.inference.priors import PRIORS, prior_law
 from bayes_tyre.report.populations import Population
 from bayes_tyre.report.scales import Scale, scales
 
