@@ -7,10 +7,12 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
+from scipy import stats
 
 from bayes_tyre.inference.coordinates import Gaussian
 from bayes_tyre.inference.levels import Levels
+from bayes_tyre.inference.priors import DISCORDANT_WIDENING, prior_law
 
 #: Scatter of repeats where no case has two of them; it counts with no weight.
 _UNKNOWN_SCATTER = 0.1
@@ -21,30 +23,51 @@ class CaseEstimates(NamedTuple):
 
     Attributes
     ----------
-    median, variance:
-        Shape (parameters, cases): median of the logarithms, and the mean variance of one of them.
+    middle, variance:
+        Shape (parameters, cases): mean of the logarithms of those that look usual, and of the variance of one of them.
     log_scatter:
         What the repeats say of the logarithm of their scatter, by speed; shape (parameters, speeds).
+    discordant:
+        Shape (records,): which records look discordant.
     """
 
-    median: Float[Array, "parameters cases"]
+    middle: Float[Array, "parameters cases"]
     variance: Float[Array, "parameters cases"]
     log_scatter: Gaussian
+    discordant: Bool[Array, " records"]
 
 
 def case_estimates(
     values: Float[np.ndarray, "records parameters"], variances: Float[np.ndarray, "records parameters"], levels: Levels
 ) -> CaseEstimates:
-    """Return what the records say of the logarithms of their cases; a discordant repeat moves no median."""
+    """Return what the records say of the logarithms of their cases; a discordant repeat moves none."""
     members = [levels.of_record == case for case in range(len(levels.cases))]
     # A case without records has no estimate: any value will do, for it has no weight.
     members = [member if member.any() else np.ones_like(member) for member in members]
-    median = np.array([np.median(values[member], axis=0) for member in members]).T
+    median = np.array([np.median(values[member], axis=0) for member in members])
     variance = np.array([np.mean(variances[member], axis=0) for member in members]).T
     both = zip(values.T, variance, strict=True)
     scatter = [_log_scatter([own[member] for member in members], of_one, levels) for own, of_one in both]
     log_scatter = Gaussian(*(jnp.asarray(np.stack(of_each)) for of_each in zip(*scatter, strict=True)))
-    return CaseEstimates(jnp.asarray(median), jnp.asarray(variance), log_scatter)
+    typical = np.exp(log_scatter.value)[:, levels.speed.of_case[levels.of_record]].T
+    discordant = _look_discordant(values - median[levels.of_record], variances, typical)
+    usual = [member & ~discordant if (member & ~discordant).any() else member for member in members]
+    middle, variance = (np.array([np.mean(of[member], axis=0) for member in usual]).T for of in (values, variances))
+    return CaseEstimates(jnp.asarray(middle), jnp.asarray(variance), log_scatter, jnp.asarray(discordant))
+
+
+def _look_discordant(
+    deviation: Float[np.ndarray, "records parameters"],
+    variance: Float[np.ndarray, "records parameters"],
+    scatter: Float[np.ndarray, "records parameters"],
+) -> Bool[np.ndarray, " records"]:
+    """Return which records are likelier discordant than usual, by how far they lie from the median of their case."""
+    usual, widened = (
+        stats.norm.logpdf(deviation, 0.0, np.sqrt((widening * scatter) ** 2 + variance)).sum(axis=1)
+        for widening in (1.0, DISCORDANT_WIDENING)
+    )
+    weight = prior_law("discordant_weight").mean()
+    return np.log(weight) + widened > np.log1p(-weight) + usual
 
 
 def _log_scatter(

@@ -199,25 +199,19 @@ def about_words(
     if rest:
         of_rest = _of_each("log_*_case_scale", [parameters[index] for index in rest], populations)
         remainder = of_rest if len(rest) == len(parameters) else remainder.at[np.array(rest)].set(of_rest)
-    near_words = Gaussian(estimates.median, 1.0 / (variance + remainder**2))
+    near_words = Gaussian(estimates.middle, 1.0 / (variance + remainder**2))
     words = case_structure(levels, near_words, populations, parameters)
-    return AboutWords(words, remainder, scatter, Gaussian(estimates.median, 1.0 / variance), rest)
+    return AboutWords(words, remainder, scatter, Gaussian(estimates.middle, 1.0 / variance), rest)
 
 
-def case_level(
-    levels: Levels, estimates: CaseEstimates, populations: Populations, parameters: Sequence[str] = PARAMETERS
-) -> tuple[Float[Array, "parameters cases"], Float[Array, "parameters cases"]]:
-    """Return log k and log beta of each case, and the scatter of its repeats about them.
-
-    A case is what its words predict, and a remainder if it has one.
-    """
-    mean, remainder, scatter, estimate, rest = about_words(levels, estimates, populations, parameters)
-    if rest:
-        here = np.array(rest) if len(rest) < len(parameters) else slice(None)
-        own = Gaussian(estimate.value[here], estimate.precision[here])
-        mean = mean.at[here].set(placed("case", own, mean[here], remainder[here]))
-    keep_cases(parameters, mean)
-    return mean, scatter
+def sample_cases(site: str, about: AboutWords) -> Float[Array, "parameters cases"]:
+    """Sample the logarithms of the cases' values: what their words predict, and a remainder where they have one."""
+    rest = about.has_remainder
+    if not rest:
+        return about.words
+    here = np.array(rest) if len(rest) < len(about.words) else slice(None)
+    own = Gaussian(about.estimate.value[here], about.estimate.precision[here])
+    return about.words.at[here].set(placed(site, own, about.words[here], about.remainder[here]))
 
 
 def keep_cases(parameters: Sequence[str], log_values: Float[Array, "parameters cases"]) -> None:

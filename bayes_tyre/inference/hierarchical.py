@@ -13,24 +13,14 @@ from jax.scipy.stats import norm
 from jaxtyping import Array, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
-from bayes_tyre.inference.cases import (
-    Populations,
-    about_words,
-    case_level,
-    case_structure,
-    flat,
-    keep,
-    keep_cases,
-    placed,
-)
+from bayes_tyre.inference.cases import Populations, case_structure, flat, keep, placed
 from bayes_tyre.inference.coordinates import Gaussian, Placed, place_pair
 from bayes_tyre.inference.levels import Levels
 from bayes_tyre.inference.likelihood import Likelihood
 from bayes_tyre.inference.picture import Picture, RecordData, RecordEstimates
 from bayes_tyre.inference.populations import PARAMETERS, prior_sites, published_sites, sample_populations
 from bayes_tyre.inference.priors import PRIORS
-from bayes_tyre.inference.repeats import judgeable, repeats_about_cases
-from bayes_tyre.inference.summed_out import Members, discordant_probability, draw_cases, find_members, sum_out
+from bayes_tyre.inference.records_of_cases import records_about_cases
 
 #: What the noise of a record is like.
 NOISE = ("iid", "ar1")
@@ -40,56 +30,18 @@ def _record_level(
     picture: Picture, levels: Levels, repeats: str, populations: Populations
 ) -> Float[Array, "records 4"]:
     """Return each record's (F_i, J, log k, log beta), with the density of the last two about their case."""
-    estimates, kind = picture.records, judgeable(repeats, levels)
-    members = find_members(levels, kind)
-    if members is None:
-        case, by_case = case_level(levels, picture.cases, populations)
-        pair = _place_records(estimates, levels, case, by_case)
-        repeats_about_cases(pair.deviation, by_case.T[levels.of_record], kind, populations)
-    else:
-        pair = _records_of_cases_summed_out(picture, levels, members, populations)
+    estimates = picture.records
+
+    def place(above: Float[Array, "records 2"], scale: Float[Array, "records 2"]) -> Placed:
+        return place_pair(flat("shape_z", above.shape), estimates.centre[:, 2:], estimates.precision, above, scale)
+
+    pair, _ = records_about_cases(place, levels, picture.cases, repeats, populations)
     numpyro.factor("shape_volume", pair.log_volume)
     centre = estimates.centre
     deviation = jnp.einsum("rij,rj->ri", estimates.slope, pair.value - centre[:, 2:])
     coordinates = flat("level_z", deviation.shape)
     level = centre[:, :2] + deviation + jnp.einsum("rij,rj->ri", estimates.factor, coordinates)
     return jnp.concatenate([level, pair.value], axis=1)
-
-
-def _place_records(
-    estimates: RecordEstimates,
-    levels: Levels,
-    above: Float[Array, "parameters cases"],
-    scale: Float[Array, "parameters cases"],
-) -> Placed:
-    """Return log k and log beta of each record, in coordinates that follow its estimate and its case."""
-    by_record = (values.T[levels.of_record] for values in (above, scale))
-    z = flat("shape_z", (len(levels.of_record), len(above)))
-    return place_pair(z, estimates.centre[:, 2:], estimates.precision, *by_record)
-
-
-def _records_of_cases_summed_out(
-    picture: Picture, levels: Levels, members: Members, populations: Populations
-) -> Placed:
-    """Return log k and log beta of each record, their cases integrated out and drawn beside them."""
-    words, remainder, scatter, estimate, rest = about_words(levels, picture.cases, populations)
-    # What words and records together say of a case: near it, the records' coordinates hardly depend on their case.
-    share = remainder**2 * estimate.precision / (1.0 + remainder**2 * estimate.precision)
-    offset = share * (estimate.value - words)
-    pair = _place_records(picture.records, levels, words + offset, jnp.sqrt(scatter**2 + share / estimate.precision))
-    weight = populations["discordant_weight"] if len(members.choices) > 1 else 0.0
-    found = sum_out(pair.deviation, offset, scatter, remainder, weight, members)
-    numpyro.factor("repeats", found.log_density)
-    if len(members.choices) > 1:
-        keep("discordant_probability", discordant_probability(found, members, levels))
-    if rest:
-        choosing, z = (
-            jnp.asarray(numpyro.sample(name, dist.Normal(0.0, 1.0).expand(shape).to_event()))
-            for name, shape in (("choice_z", (len(levels.cases),)), ("case_z", words.shape))
-        )
-        words = words + draw_cases(found, choosing, z)
-    keep_cases(PARAMETERS, words)
-    return pair
 
 
 def _about_typical(

@@ -12,15 +12,16 @@ from jaxtyping import Array, Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.case_estimates import CaseEstimates, case_estimates
-from bayes_tyre.inference.cases import case_level, flat
+from bayes_tyre.inference.cases import flat
 from bayes_tyre.inference.chains import CAREFUL_ACCEPTANCE
-from bayes_tyre.inference.coordinates import Gaussian, place_jointly
+from bayes_tyre.inference.coordinates import Gaussian, Placed, place_jointly
 from bayes_tyre.inference.levels import Levels, find_levels
 from bayes_tyre.inference.motion_laws import FANCHER, MotionLaw
 from bayes_tyre.inference.populations import motion_sites, population_starts, sample_populations
 from bayes_tyre.inference.posterior import to_datatree
 from bayes_tyre.inference.priors import prior_medians
-from bayes_tyre.inference.repeats import REPEATS, judgeable, repeats_about_cases
+from bayes_tyre.inference.records_of_cases import records_about_cases
+from bayes_tyre.inference.repeats import REPEATS
 from bayes_tyre.inference.sampling import SamplerSettings, sample
 
 
@@ -101,15 +102,17 @@ def motions_model(
         Whose parameters the estimates are of.
     """
     populations = sample_populations(motion_sites(levels, repeats, law.parameters))
-    case, by_case = case_level(levels, cases, populations, law.parameters)
-    _keep_with_x("_case", jnp.exp(case), law)
-    above, scale = case.T[levels.of_record], by_case.T[levels.of_record]
-    # Whitened by its rows an estimate is of independent numbers, each a mixture of the logarithms: coordinates
-    # follow the scatter of repeats where a record says little, and the record where it says much.
-    placed = place_jointly(flat("records_z", above.shape), rows, Gaussian(target, jnp.ones_like(target)), above, scale)
+
+    def place(above: Float[Array, "records p"], scale: Float[Array, "records p"]) -> Placed:
+        # Whitened by its rows an estimate is of independent numbers, each a mixture of the logarithms: coordinates
+        # follow the scatter of repeats where a record says little, and the record where it says much.
+        z = flat("records_z", above.shape)
+        return place_jointly(z, rows, Gaussian(target, jnp.ones_like(target)), above, scale)
+
+    placed, log_cases = records_about_cases(place, levels, cases, repeats, populations, law.parameters)
+    _keep_with_x("_case", jnp.exp(log_cases), law)
     numpyro.factor("records_volume", placed.log_volume)
     numpyro.factor("estimates", log_likelihood(placed.value, rows, target))
-    repeats_about_cases(placed.deviation, scale, judgeable(repeats, levels), populations)
     values = jnp.exp(placed.value).T
     for name, value in zip(law.parameters, values, strict=True):
         numpyro.deterministic(name, value)

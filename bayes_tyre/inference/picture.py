@@ -227,7 +227,8 @@ def blank_picture(records: int, levels: Levels) -> Picture:
     shapes = (records, 4), *[(records, 2, 2)] * 3, *[(records,)] * 3
     blank = RecordEstimates(*(jnp.asarray(np.zeros(shape)) for shape in shapes))
     cases, speeds = (jnp.asarray(np.zeros((len(PARAMETERS), n))) for n in (len(levels.cases), len(levels.speed.labels)))
-    return Picture(blank, CaseEstimates(cases, cases, Gaussian(speeds, speeds)))
+    none = jnp.asarray(np.zeros(records, dtype=bool))
+    return Picture(blank, CaseEstimates(cases, cases, Gaussian(speeds, speeds), none))
 
 
 def cases_of(records: RecordEstimates, levels: Levels) -> CaseEstimates:

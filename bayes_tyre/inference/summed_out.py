@@ -44,12 +44,13 @@ class Members(NamedTuple):
 
 
 def find_members(levels: Levels, kind: str) -> Members | None:
-    """Return the members of the cases, for repeats that scatter as a ``mixture`` or ``normal``; None if not summable.
+    """Return the members of the cases, for repeats that scatter as a ``mixture``; None if not summable.
 
-    Choices of more repeats than `MOST_REPEATS` are too many, and a Student-t has no closed form.
+    Choices of more repeats than `MOST_REPEATS` are too many. A Student-t has no closed form, and normal repeats have
+    no modes that it would be needed for.
     """
     most = int(levels.repeats.max())
-    if kind not in ("mixture", "normal") or (kind == "mixture" and most > MOST_REPEATS):
+    if kind != "mixture" or most > MOST_REPEATS:
         return None
     records = np.zeros((len(levels.cases), most), dtype=int)
     present = np.zeros(records.shape, dtype=bool)
@@ -58,24 +59,20 @@ def find_members(levels: Levels, kind: str) -> Members | None:
         members = np.flatnonzero(levels.of_record == case)
         records[case, : len(members)], present[case, : len(members)] = members, True
         place[members] = np.arange(len(members))
-    choices = list(product((False, True), repeat=most)) if kind == "mixture" else [(False,) * most]
-    return Members(records, present, place, np.array(choices, dtype=bool))
+    return Members(records, present, place, np.array(list(product((False, True), repeat=most)), dtype=bool))
 
 
 class SummedOut(NamedTuple):
-    """The repeats of each case, whatever its value and whichever of them are discordant.
+    """What the values of a case's repeats leave open: its own value, and which of them are discordant.
 
     Attributes
     ----------
-    log_density:
-        Of the logarithms of their values.
     log_choice:
-        Log probability of each choice, given their values.
+        Log probability of each choice.
     mean, sd:
-        Of the logarithm of the case's value about what its words predict, given the repeats' values and the choice.
+        Of the logarithm of the case's value about what its words predict, given the choice.
     """
 
-    log_density: Float[Array, " cases"]
     log_choice: Float[Array, "choices cases"]
     mean: Float[Array, "choices parameters cases"]
     sd: Float[Array, "choices parameters cases"]
@@ -86,10 +83,10 @@ def sum_out(
     offset: Float[Array, "parameters cases"],
     scatter: Float[Array, "parameters cases"],
     remainder: Float[Array, "parameters #cases"],
-    weight: Float[Array, ""] | float,
+    weight: Float[Array, ""],
     members: Members,
 ) -> SummedOut:
-    """Return the repeats of each case with its value and their discordance summed out.
+    """Return what the values of the repeats say of each choice with the case's value integrated out, and of that.
 
     Parameters
     ----------
@@ -100,36 +97,40 @@ def sum_out(
         Standard deviation of usual repeats about their case; and of cases about what their words predict, 0 where a
         case is no more than these.
     weight:
-        Prior probability that a repeat is discordant; 0 where all are usual.
+        Prior probability that a repeat is discordant.
     members:
         Of the cases.
 
     Source: the normal hierarchy with known scales, Gelman et al. (2013), Bayesian Data Analysis, section 5.4, for each
     choice; the choices weigh as in any mixture of normals.
     """
-    here = jnp.asarray(members.present)
-    own = jnp.where(here, deviation.T[:, members.records], 0.0)
+    own = jnp.where(jnp.asarray(members.present), deviation.T[:, members.records], 0.0)
     widening = np.where(members.choices, DISCORDANT_WIDENING, 1.0)
-    # Axes: choices, parameters, cases, repeats.
-    precision = here / (widening[:, None, None, :] * scatter[..., None]) ** 2
-    total = jnp.sum(precision, axis=-1)
-    known = jnp.asarray(members.present.any(axis=1))
-    mean = jnp.sum(precision * own, axis=-1) / jnp.where(known, total, 1.0)
-    within = jnp.sum(precision * (own - mean[..., None]) ** 2, axis=-1)
-    gain = 1.0 + remainder**2 * total
+    # Axes: choices, parameters, cases, repeats. A repeat counts as so many usual ones.
+    counts = (members.present / widening[:, None, :] ** 2)[:, None]
+    count = counts.sum(axis=-1)
+    mean = jnp.sum(counts * own, axis=-1) / np.where(count > 0, count, 1.0)
+    within = jnp.sum(counts * (own - mean[..., None]) ** 2, axis=-1)
+    precision = count / scatter**2
+    gain = 1.0 + remainder**2 * precision
     middle = offset + mean
-    log_scales = members.present.sum(axis=1) * jnp.log(scatter) + (np.log(widening) @ members.present.T)[:, None, :]
-    of_each = -0.5 * (within + total * middle**2 / gain + jnp.log(gain)) - log_scales
+    of_each = -0.5 * (within / scatter**2 + precision * middle**2 / gain + jnp.log(gain))
     # Counted beforehand: as a product of two matrices XLA 0.12 got it wrong on CPUs when a hundred draws went together.
     discordant, usual = (choices.astype(float) @ members.present.T for choices in (members.choices, ~members.choices))
-    prior = xlogy(discordant, weight) + xlog1py(usual, -weight)
+    log_widening = len(scatter) * np.log(DISCORDANT_WIDENING) * discordant
     # A repeat that is not there is never discordant.
     impossible = np.where((members.choices @ (~members.present).T) > 0, -np.inf, 0.0)
-    log_joint = jnp.sum(of_each, axis=1) + prior + impossible
-    log_density = logsumexp(log_joint, axis=0)
-    volume = 0.5 * np.log(2.0 * np.pi) * members.present.sum(axis=1) * len(scatter)
+    prior = xlogy(discordant, weight) + xlog1py(usual, -weight)
+    log_joint = jnp.sum(of_each, axis=1) + prior + (impossible - log_widening)
     variance = remainder**2 / gain
-    return SummedOut(log_density - volume, log_joint - log_density, variance * total * middle, jnp.sqrt(variance))
+    return SummedOut(log_joint - logsumexp(log_joint, axis=0), variance * precision * middle, jnp.sqrt(variance))
+
+
+def chosen(found: SummedOut, discordant: Bool[Array, " records"], members: Members) -> Float[Array, " cases"]:
+    """Return the log probability of the choice that calls just these records discordant, given the repeats' values."""
+    here = jnp.asarray(members.present) & discordant[members.records]
+    number = here @ 2 ** np.arange(here.shape[1])[::-1]  # choices count up as binary numbers do
+    return jnp.take_along_axis(found.log_choice, number[None, :], axis=0)[0]
 
 
 def draw_cases(

@@ -1,7 +1,5 @@
 """Cases with their repeats summed out: SciPy's normals of all repeats together, choice by choice."""
 
-from itertools import product
-
 import arviz as az
 import jax
 import jax.numpy as jnp
@@ -13,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from means_agree import assert_means_agree
 from numpyro.infer.util import constrain_fn
+from repeats_by_hand import PARAMETERS, Numbers, by_hand, some_numbers
 from scipy import stats
 from simulated_records import Plan, simulate
 
@@ -27,6 +26,7 @@ from bayes_tyre.inference.priors import DISCORDANT_WIDENING, prior_medians
 from bayes_tyre.inference.sampling import SamplerSettings
 from bayes_tyre.inference.summed_out import (
     SummedOut,
+    chosen,
     discordant_probability,
     draw_cases,
     find_members,
@@ -34,7 +34,6 @@ from bayes_tyre.inference.summed_out import (
 )
 from bayes_tyre.record_table import check_record_table
 
-PARAMETERS = 2
 EIGHT_CASES = Plan(("x",), (0.0, 25.0), (20.0, 30.0), (-5.0, 5.0), discordant=("x (0)20-25(2)",))
 
 
@@ -44,52 +43,22 @@ def levels_of(*repeats: int) -> Levels:
     return find_levels(pd.DataFrame({"configuration": [f"case {case}" for case in cases]}))
 
 
-class Numbers:
-    """Values of what `sum_out` takes."""
-
-    def __init__(self, levels: Levels, seed: int, ratio: float = 1.0) -> None:
-        random, cases = np.random.default_rng(seed), len(levels.cases)
-        self.scatter = ratio * random.uniform(0.05, 0.2, (PARAMETERS, cases))
-        self.deviation = random.normal(0.0, 0.2, (len(levels.of_record), PARAMETERS)) * ratio
-        self.offset = random.normal(0.0, 0.3, (PARAMETERS, cases))
-        self.remainder = random.uniform(0.0, 0.5, (PARAMETERS, 1)) * random.integers(0, 2, (PARAMETERS, 1))
-        self.weight = random.uniform(0.01, 0.4)
-
-    def summed(self, levels: Levels, kind: str) -> SummedOut:
-        members = find_members(levels, kind)
-        assert members is not None
-        numbers = (self.deviation, self.offset, self.scatter, self.remainder)
-        deviation, offset, scatter, remainder = map(jnp.asarray, numbers)
-        weight = self.weight if kind == "mixture" else 0.0
-        return sum_out(deviation, offset, scatter, remainder, weight, members)
-
-
-def by_hand(numbers: Numbers, levels: Levels, case: int, kind: str) -> dict[tuple[bool, ...], float]:
-    """Return the log density of a case's repeats together with each choice of discordant ones."""
-    members = np.flatnonzero(levels.of_record == case)
-    found = {}
-    for choice in product((False, True) if kind == "mixture" else (False,), repeat=len(members)):
-        odd = np.array(choice)
-        total = np.sum(np.where(odd, np.log(numbers.weight), np.log1p(-numbers.weight))) if kind == "mixture" else 0.0
-        for i in range(PARAMETERS):
-            own = np.diag((np.where(odd, DISCORDANT_WIDENING, 1.0) * numbers.scatter[i, case]) ** 2)
-            about_words = numbers.offset[i, case] + numbers.deviation[members, i]
-            total += stats.multivariate_normal.logpdf(about_words, cov=own + numbers.remainder[i, 0] ** 2)
-        found[choice] = float(total)
-    return found
+def summed(numbers: Numbers, levels: Levels) -> SummedOut:
+    members = find_members(levels, "mixture")
+    assert members is not None
+    return sum_out(*jax.tree.map(jnp.asarray, numbers), members)
 
 
 @settings(deadline=None, max_examples=25)
-@given(seed=st.integers(0, 2**32 - 1), kind=st.sampled_from(["mixture", "normal"]))
-def test_density_and_choices_are_those_of_all_repeats_together(seed, kind):
+@given(seed=st.integers(0, 2**32 - 1))
+def test_choices_are_those_of_all_repeats_together(seed):
     levels = levels_of(3, 1, 2)
-    numbers = Numbers(levels, seed)
-    found, members = numbers.summed(levels, kind), find_members(levels, kind)
+    numbers = some_numbers(levels, seed)
+    found, members = summed(numbers, levels), find_members(levels, "mixture")
     assert members is not None
     for case, count in enumerate(levels.repeats):
-        expected = by_hand(numbers, levels, case, kind)
+        expected = by_hand(numbers, levels, case)
         total = np.logaddexp.reduce(list(expected.values()))
-        assert found.log_density[case] == pytest.approx(total, rel=1e-9, abs=1e-9)
         for number, choice in enumerate(members.choices):
             log_choice = float(found.log_choice[number, case])
             if choice[count:].any():  # a repeat that is not there
@@ -101,17 +70,16 @@ def test_density_and_choices_are_those_of_all_repeats_together(seed, kind):
 
 def test_a_scatter_far_smaller_than_what_lies_about_the_words_loses_no_digits():
     levels = levels_of(3)
-    near, far = (Numbers(levels, 5, ratio) for ratio in (1.0, 1e-9))
+    near, far = (some_numbers(levels, 5, ratio) for ratio in (1.0, 1e-9))
     far.remainder[:] = near.remainder[:] = 1e3  # what the words say then hardly matters, near or far
-    scaled = far.summed(levels, "mixture").log_density + np.log(1e-9) * 2 * PARAMETERS
-    np.testing.assert_allclose(scaled, near.summed(levels, "mixture").log_density, atol=1e-5)
+    np.testing.assert_allclose(summed(far, levels).log_choice, summed(near, levels).log_choice, atol=1e-5)
 
 
 def test_a_case_is_drawn_as_its_repeats_leave_it():
     levels = levels_of(3)
-    numbers = Numbers(levels, 3)
+    numbers = some_numbers(levels, 3)
     numbers.remainder[:] = 0.3
-    found, random = numbers.summed(levels, "mixture"), np.random.default_rng(7)
+    found, random = summed(numbers, levels), np.random.default_rng(7)
     z = random.standard_normal((20_000, 1 + PARAMETERS))
     drawn = np.asarray(jax.vmap(lambda z: draw_cases(found, z[:1], z[1:, None]))(jnp.asarray(z)))[:, :, 0]
     # On a grid: the words' normal times the density of repeats, each usual or discordant, about each pair of values.
@@ -140,20 +108,34 @@ def test_a_case_is_drawn_as_its_repeats_leave_it():
 
 def test_each_record_has_its_own_probability():
     levels = levels_of(3, 2, 3)
-    numbers, members = Numbers(levels, 4), find_members(levels, "mixture")
+    numbers, members = some_numbers(levels, 4), find_members(levels, "mixture")
     assert members is not None
-    found = np.asarray(discordant_probability(numbers.summed(levels, "mixture"), members, levels))
+    found = np.asarray(discordant_probability(summed(numbers, levels), members, levels))
     for record, case in enumerate(levels.of_record):
-        joint = by_hand(numbers, levels, case, "mixture")
+        joint = by_hand(numbers, levels, case)
         place = int(np.flatnonzero(np.flatnonzero(levels.of_record == case) == record)[0])
         odd = np.logaddexp.reduce([value for choice, value in joint.items() if choice[place]])
         assert found[record] == pytest.approx(np.exp(odd - np.logaddexp.reduce(list(joint.values()))), rel=1e-7)
 
 
-def test_students_and_too_many_repeats_are_not_summed_out():
+@settings(deadline=None, max_examples=25)
+@given(odd=st.lists(st.booleans(), min_size=6, max_size=6))
+def test_the_choice_that_some_records_look_is_found(odd):
+    levels = levels_of(3, 1, 2)
+    members, looks = find_members(levels, "mixture"), jnp.asarray(odd)
+    assert members is not None
+    found = chosen(summed(some_numbers(levels, 0), levels), looks, members)
+    for case, count in enumerate(levels.repeats):
+        of_case = np.array(odd)[levels.of_record == case]
+        same = [np.array_equal(choice[:count], of_case) and not choice[count:].any() for choice in members.choices]
+        assert sum(same) == 1
+        assert found[case] == summed(some_numbers(levels, 0), levels).log_choice[same.index(True), case]
+
+
+def test_only_mixtures_of_few_repeats_are_summed_out():
     assert find_members(levels_of(3), "student") is None
+    assert find_members(levels_of(3), "normal") is None
     assert find_members(levels_of(summed_out.MOST_REPEATS + 1, 3), "mixture") is None
-    assert find_members(levels_of(summed_out.MOST_REPEATS + 1, 3), "normal") is not None
     assert find_members(levels_of(summed_out.MOST_REPEATS, 3), "mixture") is not None
 
 
