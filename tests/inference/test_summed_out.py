@@ -46,7 +46,8 @@ def levels_of(*repeats: int) -> Levels:
 def summed(numbers: Numbers, levels: Levels) -> SummedOut:
     members = find_members(levels, "mixture")
     assert members is not None
-    return sum_out(*jax.tree.map(jnp.asarray, numbers), members)
+    deviation, offset, scatter, remainder, weight = map(jnp.asarray, numbers)
+    return sum_out(deviation, offset, scatter, remainder, weight, members)
 
 
 @settings(deadline=None, max_examples=25)
