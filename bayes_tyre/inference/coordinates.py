@@ -10,6 +10,7 @@ Source: the idea of Papaspiliopoulos, Roberts & Skold (2007), "A general framewo
 hierarchical models", Statistical Science 22, taken from one partial centring to one that follows the scales.
 """
 
+import math
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -57,29 +58,66 @@ def place(
     return Placed(above + deviation, deviation, jnp.log(scale) - 0.5 * jnp.log(gain))
 
 
-def place_pair(
-    z: Float[Array, "units 2"],
-    estimate: Float[Array, "units 2"],
-    precision: Float[Array, "units 2 2"],
-    above: Float[Array, "units 2"],
-    scale: Float[Array, "units 2"],
+def place_few(
+    z: Float[Array, "units n"],
+    estimate: Float[Array, "units n"],
+    precision: Float[Array, "units n n"],
+    above: Float[Array, "units n"],
+    scale: Float[Array, "units n"],
 ) -> Placed:
-    """Return pairs of unknowns at z, as `place` does for scalars; the 2 x 2 algebra is written out.
+    """Return a few unknowns of each unit at z, as `place` does for scalars.
 
-    Batched 2 x 2 Cholesky factors would go through LAPACK one by one.
+    Parameters
+    ----------
+    z:
+        Standard coordinates.
+    estimate, precision:
+        What the data say; along what has no precision an estimate may be anything.
+    above, scale:
+        The level above: Normal(above, scale), each by itself.
     """
-    pull = scale * jnp.einsum("uij,uj->ui", precision, estimate - above)
-    a, c = 1.0 + precision[:, 0, 0] * scale[:, 0] ** 2, 1.0 + precision[:, 1, 1] * scale[:, 1] ** 2
-    b = precision[:, 0, 1] * scale[:, 0] * scale[:, 1]
-    determinant = a * c - b**2
-    mean = jnp.stack([c * pull[:, 0] - b * pull[:, 1], a * pull[:, 1] - b * pull[:, 0]], axis=1) / determinant[:, None]
-    # [[a, b], [b, c]] is R R^T with R = [[r, 0], [b / r, s]]; inv(R)^T z has it as its precision.
-    r = jnp.sqrt(a)
-    s = jnp.sqrt(determinant) / r
-    second = z[:, 1] / s
-    first = (z[:, 0] - b / r * second) / r
-    deviation = scale * (mean + jnp.stack([first, second], axis=1))
-    return Placed(above + deviation, deviation, jnp.sum(jnp.log(scale), axis=1) - 0.5 * jnp.log(determinant))
+    return _place_by_pull(z, jnp.einsum("uij,uj->ui", precision, estimate - above), precision, above, scale)
+
+
+def place_whitened(
+    z: Float[Array, "units n"],
+    rows: Float[Array, "units n n"],
+    target: Float[Array, "units n"],
+    above: Float[Array, "units n"],
+    scale: Float[Array, "units n"],
+) -> Placed:
+    """Return a few unknowns of each unit at z, as `place_few`, where rows @ unknowns estimate independent numbers.
+
+    Their standard deviations are 1; a row of zeros says nothing.
+    """
+    off = target - jnp.einsum("uij,uj->ui", rows, above)
+    pull, precision = jnp.einsum("uij,ui->uj", rows, off), jnp.einsum("uij,uik->ujk", rows, rows)
+    return _place_by_pull(z, pull, precision, above, scale)
+
+
+def _place_by_pull(z: Array, pull: Array, precision: Array, above: Array, scale: Array) -> Placed:
+    """Return unknowns that the data pull from the level above; Cholesky's factor and both its solves are written out.
+
+    LAPACK would be called once a unit.
+    """
+    count, scales = z.shape[1], scale.T
+    root, half = [], []
+    for i in range(count):
+        row = []
+        for j in range(i):
+            taken = sum((a * b for a, b in zip(row, root[j], strict=False)), jnp.zeros(()))
+            row.append((precision[:, i, j] * scales[i] * scales[j] - taken) / root[j][j])
+        row.append(jnp.sqrt(1.0 + precision[:, i, i] * scales[i] ** 2 - sum((a**2 for a in row), jnp.zeros(()))))
+        before = sum((a * h for a, h in zip(row, half, strict=False)), jnp.zeros(()))
+        half.append((pull[:, i] * scales[i] - before) / row[i])
+        root.append(row)
+    own: list[Array] = []
+    for i in reversed(range(count)):
+        behind = sum((root[j][i] * own[count - 1 - j] for j in range(i + 1, count)), jnp.zeros(()))
+        own.append((half[i] + z[:, i] - behind) / root[i][i])
+    deviation = scale * jnp.stack(own[::-1], axis=1)
+    log_volume = jnp.sum(jnp.log(scale), axis=1) - jnp.log(math.prod(root[i][i] for i in range(count)))
+    return Placed(above + deviation, deviation, log_volume)
 
 
 def place_jointly(

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
 from bayes_tyre.inference.cases import Populations, case_structure, flat, keep, placed
-from bayes_tyre.inference.coordinates import Gaussian, Placed, place_pair
+from bayes_tyre.inference.coordinates import Gaussian, Placed, place_few
 from bayes_tyre.inference.levels import Levels
 from bayes_tyre.inference.likelihood import Likelihood
 from bayes_tyre.inference.picture import Picture, RecordData, RecordEstimates
@@ -33,7 +33,7 @@ def _record_level(
     estimates = picture.records
 
     def place(above: Float[Array, "records 2"], scale: Float[Array, "records 2"]) -> Placed:
-        return place_pair(flat("shape_z", above.shape), estimates.centre[:, 2:], estimates.precision, above, scale)
+        return place_few(flat("shape_z", above.shape), estimates.centre[:, 2:], estimates.precision, above, scale)
 
     pair, _ = records_about_cases(place, levels, picture.cases, repeats, populations)
     numpyro.factor("shape_volume", pair.log_volume)

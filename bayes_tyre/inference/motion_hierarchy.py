@@ -14,7 +14,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.case_estimates import CaseEstimates, case_estimates
 from bayes_tyre.inference.cases import flat
 from bayes_tyre.inference.chains import CAREFUL_ACCEPTANCE
-from bayes_tyre.inference.coordinates import Gaussian, Placed, place_jointly
+from bayes_tyre.inference.coordinates import Placed, place_whitened
 from bayes_tyre.inference.levels import Levels, find_levels
 from bayes_tyre.inference.motion_laws import FANCHER, MotionLaw
 from bayes_tyre.inference.populations import motion_sites, population_starts, sample_populations
@@ -107,7 +107,7 @@ def motions_model(
         # Whitened by its rows an estimate is of independent numbers, each a mixture of the logarithms: coordinates
         # follow the scatter of repeats where a record says little, and the record where it says much.
         z = flat("records_z", above.shape)
-        return place_jointly(z, rows, Gaussian(target, jnp.ones_like(target)), above, scale)
+        return place_whitened(z, rows, target, above, scale)
 
     placed, log_cases = records_about_cases(place, levels, cases, repeats, populations, law.parameters)
     _keep_with_x("_case", jnp.exp(log_cases), law)

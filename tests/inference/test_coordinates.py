@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bayes_tyre.inference.coordinates import Gaussian, place, place_jointly, place_pair
+from bayes_tyre.inference.coordinates import Gaussian, place, place_few, place_jointly, place_whitened
 
 scales = st.floats(1e-4, 1e3)
 numbers = st.floats(-5.0, 5.0)
@@ -41,25 +41,36 @@ def test_the_volume_of_a_placed_scalar_is_its_derivative(scale, precision):
     assert float(jnp.log(jax.grad(value)(jnp.array(0.7)))) == pytest.approx(float(placed.log_volume[0]), abs=1e-12)
 
 
+@pytest.mark.parametrize("count", [1, 2, 5])
 @pytest.mark.parametrize("seed", range(8))
-def test_a_placed_pair_is_standard_normal_in_its_coordinates_with_the_volume_of_its_map(seed):
+def test_a_few_placed_are_standard_normal_in_their_coordinates_with_the_volume_of_their_map(seed, count):
     rng = np.random.default_rng(seed)
-    root = rng.normal(size=(2, 2)) * 10.0 ** rng.uniform(-1, 2)
-    precision, estimate = jnp.asarray(root @ root.T), jnp.asarray(rng.normal(size=2))
-    above, scale = jnp.asarray(rng.normal(size=2)), jnp.asarray(10.0 ** rng.uniform(-2, 1, size=2))
+    rows = jnp.asarray(rng.normal(size=(count, count)) * 10.0 ** rng.uniform(-1, 2))
+    precision, estimate = rows.T @ rows, jnp.asarray(rng.normal(size=count))
+    above, scale = jnp.asarray(rng.normal(size=count)), jnp.asarray(10.0 ** rng.uniform(-2, 1, size=count))
 
     def placed(z):
-        return place_pair(z[None], estimate[None], precision[None], above[None], scale[None])
+        return place_few(z[None], estimate[None], precision[None], above[None], scale[None])
 
     def log_density(z):
         value = placed(z).value[0]
         data = -0.5 * (value - estimate) @ precision @ (value - estimate)
         return data - 0.5 * jnp.sum(((value - above) / scale) ** 2)
 
-    z = jnp.asarray(rng.normal(size=2))
-    assert float(log_density(z) - log_density(jnp.zeros(2))) == pytest.approx(-0.5 * float(z @ z), rel=1e-6)
+    z = jnp.asarray(rng.normal(size=count))
+    assert float(log_density(z) - log_density(jnp.zeros(count))) == pytest.approx(-0.5 * float(z @ z), rel=1e-6)
     jacobian = jax.jacfwd(lambda z: placed(z).value[0])(z)
     assert float(jnp.linalg.slogdet(jacobian)[1]) == pytest.approx(float(placed(z).log_volume[0]), abs=1e-9)
+    whitened = place_whitened(z[None], rows[None], (rows @ estimate)[None], above[None], scale[None])
+    for one, other in zip(whitened, placed(z), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-10)
+
+
+def test_of_a_few_that_nothing_is_said_of_each_is_at_its_level_and_as_wide_as_that():
+    z, above, scale = jnp.array([[1.0, -2.0, 0.5]]), jnp.array([[3.0, 4.0, 5.0]]), jnp.array([[0.1, 1e-200, 10.0]])
+    placed = place_whitened(z, jnp.zeros((1, 3, 3)), jnp.zeros((1, 3)), above, scale)
+    np.testing.assert_allclose(placed.deviation, scale * z)
+    assert float(placed.log_volume[0]) == pytest.approx(float(jnp.sum(jnp.log(scale))))
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -7,7 +7,7 @@ import pytest
 from simulated_records import Plan, simulate
 
 from bayes_tyre.batch import Batch
-from bayes_tyre.inference.coordinates import place_pair
+from bayes_tyre.inference.coordinates import place_few
 from bayes_tyre.inference.fit import ModelSettings, batch_and_levels, record_batch
 from bayes_tyre.inference.likelihood import DirectLikelihood
 from bayes_tyre.inference.picture import blank_picture, draw_picture, estimate_records, record_data
@@ -25,7 +25,7 @@ def test_the_likelihood_is_standard_normal_in_the_picture_of_long_records():
     wide = jnp.full_like(picture.centre[:, 2:], 1e6)
 
     def log_density(z):
-        pair = place_pair(z[:, 2:], picture.centre[:, 2:], picture.precision, jnp.zeros_like(wide), wide).value
+        pair = place_few(z[:, 2:], picture.centre[:, 2:], picture.precision, jnp.zeros_like(wide), wide).value
         deviation = jnp.einsum("rij,rj->ri", picture.slope, pair - picture.centre[:, 2:])
         level = picture.centre[:, :2] + deviation + jnp.einsum("rij,rj->ri", picture.factor, z[:, :2])
         return direct(jnp.concatenate([level, pair], axis=1), jnp.exp(picture.log_sigma))
