@@ -46,7 +46,7 @@ class Data:
         """Return where every peer starts: the least-squares estimates."""
         centre, log_sigma = np.asarray(self.picture.records.centre), np.asarray(self.picture.records.log_sigma)
         F_i, J, log_k, log_beta = centre.T
-        log_k_case, log_beta_case = np.asarray(self.picture.cases.median)
+        log_k_case, log_beta_case = np.asarray(self.picture.cases.middle)
         cases = {"log_k_case": log_k_case, "log_beta_case": log_beta_case}
         sigma = {"sigma_typical": np.exp(log_sigma.mean()), "sigma_coordinates": np.zeros(len(log_sigma))}
         return {"F_i": F_i, "J": J, "log_k": log_k, "log_beta": log_beta, **sigma, **cases}
