@@ -31,8 +31,8 @@ from bayes_tyre.inference.summed_out import (
     sum_out,
 )
 
+# What places the records' logarithms, given the level that each lies about and its standard deviation there.
 Place = Callable[[Float[Array, "records parameters"], Float[Array, "records parameters"]], Placed]
-"""What places the records' logarithms, given the level that each lies about and its standard deviation there."""
 
 
 def records_about_cases(
