@@ -88,7 +88,7 @@ check: install  ## Run the fast part: ruff, pyright, import-linter, the tests no
 	@$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not slow"
 
 fuzz: install  ## Give 100,000 mutated raw files to the reader (COUNT=...): results, or its one error
-	@PYTHONPATH=tests/formats $(BIN)/python tests/formats/fuzz_lvm.py $${COUNT:-100000}
+	@PYTHONPATH=tests $(BIN)/python -m helpers.fuzz_lvm $${COUNT:-100000}
 
 lint: install
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/pyright && $(BIN)/lint-imports

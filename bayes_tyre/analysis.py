@@ -15,24 +15,26 @@ from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables import read_table
-from bayes_tyre.inference import diagnostics, record_fits
-from bayes_tyre.inference.convergence import with_figures
-from bayes_tyre.inference.diagnostics import Diagnostics
-from bayes_tyre.inference.fit import ModelSettings, fit_hierarchical, used_points
-from bayes_tyre.inference.fit import fit_published as fit_printed_means
-from bayes_tyre.inference.identifiability import identify_published, identify_records
-from bayes_tyre.inference.record_fits import FitSettings
-from bayes_tyre.inference.sampling import SamplerSettings
+from bayes_tyre.inference.diagnostics import verdict as diagnostics
+from bayes_tyre.inference.diagnostics.convergence import with_figures
+from bayes_tyre.inference.diagnostics.power_scaling import identify_published, identify_records
+from bayes_tyre.inference.diagnostics.verdict import Diagnostics
+from bayes_tyre.inference.least_squares import table as record_fits
+from bayes_tyre.inference.least_squares.table import FitSettings
+from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, fit_hierarchical, used_points
+from bayes_tyre.inference.sampling.hierarchical_fit import fit_published as fit_printed_means
+from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.laws import fancher
 from bayes_tyre.published import campaign, tables
 from bayes_tyre.published.campaign import Reconstruction
 from bayes_tyre.record_table import check_record_table
-from bayes_tyre.report import contrasts as ratios
-from bayes_tyre.report import prediction, predictive, summary
-from bayes_tyre.report.case_choice import parse_wish
-from bayes_tyre.report.chosen_figure import chosen_figure
-from bayes_tyre.report.picture import Picture
-from bayes_tyre.report.prediction import Prediction
+from bayes_tyre.report.figures.chosen_figure import chosen_figure
+from bayes_tyre.report.figures.notebook_display import Picture
+from bayes_tyre.results import contrasts as ratios
+from bayes_tyre.results import posterior_predictive as predictive
+from bayes_tyre.results import prediction, summary
+from bayes_tyre.results.case_selection import parse_wish
+from bayes_tyre.results.prediction import Prediction
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.workflow.predict import read_result
 

@@ -133,8 +133,8 @@ def ours(records: list[Record], given: bool, runs: int) -> Cost:
     import jax
     import jax.numpy as jnp
 
-    from bayes_tyre.inference.least_squares import BETA, C, K, Problem, estimate_batch
-    from bayes_tyre.inference.parameters import F_I
+    from bayes_tyre.inference.least_squares.estimate import BETA, C, K, Problem, estimate_batch
+    from bayes_tyre.inference.least_squares.parameters import F_I
 
     width = max(len(record.d) for record in records)
 
@@ -162,7 +162,7 @@ def ours(records: list[Record], given: bool, runs: int) -> Cost:
 
 def whole(table: pd.DataFrame, region: str, level: bool, runs: int) -> Cost:
     """Return the cost of `fit_records`: a checked table in, a table with statuses and words out."""
-    from bayes_tyre.inference.record_fits import FitSettings, fit_records
+    from bayes_tyre.inference.least_squares.table import FitSettings, fit_records
 
     free = ("k", "C", "beta", *["F_i"] * level)
     columns, settings = ["k_kN_per_mm", "C_kN", "beta_mm"], FitSettings(region=region, free=free)

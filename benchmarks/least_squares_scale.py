@@ -71,7 +71,7 @@ def measure(path: Path) -> dict[str, float]:
 
     timed("import", imported)
     from bayes_tyre.formats.tables import read_table, write_table
-    from bayes_tyre.inference.record_fits import fit_records
+    from bayes_tyre.inference.least_squares.table import fit_records
     from bayes_tyre.record_table import check_record_table
 
     table = timed("read", lambda: read_table(path))

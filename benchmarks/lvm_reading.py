@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bayes_tyre.formats.lvm_write import write_lvm
+from bayes_tyre.formats.lvm.write import write_lvm
 from bayes_tyre.record import Channel, RawSignals
 
 ROWS, CHANNELS, RUNS = 150_000, 7, 15
@@ -39,9 +39,9 @@ for _ in range(runs):
     cpu.append(time.process_time() - used)
 print(min(wall), min(cpu), peak() - before)
 """
-_OURS = (
-    "from pathlib import Path\nfrom bayes_tyre.formats.lvm import read_lvm\nread = lambda name: read_lvm(Path(name))"
-)
+_OURS = """from pathlib import Path
+from bayes_tyre.formats.lvm.reader import read_lvm
+read = lambda name: read_lvm(Path(name))"""
 _PEER = "import lvm_read\nread = lambda name: lvm_read.read(name, read_from_pickle=False, dump_file=False)"
 
 

@@ -1,8 +1,8 @@
-"""The posterior of `bayes_tyre.inference.hierarchical.records_model`, written plainly for PyMC and for NumPyro.
+"""The posterior of `bayes_tyre.inference.model.models.records_model`, written plainly for PyMC and for NumPyro.
 
 Centred but for sigma: the form that suits the peers best. The likelihood is point by point on padded arrays, and the
-mixture of discordant repeats is summed out. The priors are those of `bayes_tyre.inference.priors`, the levels those of
-`levels`.
+mixture of discordant repeats is summed out. The priors are those of `bayes_tyre.inference.model.priors`, the
+levels those of `levels`.
 """
 
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ import pytensor.tensor as pt
 from numpyro import distributions as dist
 
 from bayes_tyre.batch import Batch
-from bayes_tyre.inference.fit import record_batch
-from bayes_tyre.inference.levels import Levels, find_levels
-from bayes_tyre.inference.picture import Picture, draw_picture
-from bayes_tyre.inference.priors import DISCORDANT_WIDENING, PRIORS
+from bayes_tyre.inference.model.factors import Levels, find_levels
+from bayes_tyre.inference.model.laplace import Picture, draw_picture
+from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING, PRIORS
+from bayes_tyre.inference.sampling.hierarchical_fit import record_batch
 from bayes_tyre.record_table import record_words
 
 

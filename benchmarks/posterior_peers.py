@@ -48,8 +48,8 @@ class Summary(NamedTuple):
 
 def ours(table: pd.DataFrame, warmup: int, draws: int) -> Run:
     """Return our run: sampling alone is from the first of its chunks of iterations to the last."""
-    from bayes_tyre.inference.fit import fit_hierarchical
-    from bayes_tyre.inference.sampling import SamplerSettings
+    from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
+    from bayes_tyre.inference.sampling.run import SamplerSettings
 
     stamps: list[float] = []
     settings = SamplerSettings(CHAINS, warmup, draws, on_progress=lambda _: stamps.append(time.perf_counter()))

@@ -43,7 +43,7 @@ def commands() -> list[Help]:
 
 def prior_rows() -> list[tuple[str, ...]]:
     """Return a row a prior: its name, law, median with its range and unit, and the reason for its width."""
-    from bayes_tyre.inference.priors import PRIORS, prior_law
+    from bayes_tyre.inference.model.priors import PRIORS, prior_law
 
     rows = []
     for name, prior in PRIORS.items():

@@ -20,12 +20,12 @@
 
 # %%
 import pandas as pd
+from support import reproduction_figures
 
 import bayes_tyre as bt
-from bayes_tyre.inference.record_fits import FitSettings
+from bayes_tyre.inference.least_squares.table import FitSettings
 from bayes_tyre.published import campaign, checks, recompute, tables
-from bayes_tyre.report import reproduction_figures
-from bayes_tyre.report.picture import Picture
+from bayes_tyre.report.figures.notebook_display import Picture
 
 pd.set_option("display.max_colwidth", 90)
 

@@ -25,12 +25,12 @@
 
 # %%
 import pandas as pd
+from support import average_contrast_figures, level_figures, results
+from support.level_means import level_means
 
 import bayes_tyre as bt
 from bayes_tyre.published import tables
-from bayes_tyre.report import average_contrast_figures, level_figures, results
-from bayes_tyre.report.level_means import level_means
-from bayes_tyre.report.picture import Picture
+from bayes_tyre.report.figures.notebook_display import Picture
 
 pd.set_option("display.max_columns", 20)
 

@@ -21,11 +21,11 @@
 
 # %%
 import pandas as pd
+from support import results, rule, rule_figures
+from support.without_record import case_without
 
 import bayes_tyre as bt
-from bayes_tyre.report import results, rule, rule_figures
-from bayes_tyre.report.picture import Picture
-from bayes_tyre.report.without_record import case_without
+from bayes_tyre.report.figures.notebook_display import Picture
 
 campaign = bt.reconstruct_campaign()
 fits = bt.fit_least_squares(campaign.records)

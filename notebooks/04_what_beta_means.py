@@ -30,8 +30,8 @@ import textwrap
 import pandas as pd
 
 from bayes_tyre.published.tables import characteristic_deflection
-from bayes_tyre.report import audit_figures
-from bayes_tyre.report.picture import Picture
+from bayes_tyre.report.figures import audit as audit_figures
+from bayes_tyre.report.figures.notebook_display import Picture
 from bayes_tyre.rig import axle, geometry
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.signals import inertia, process, thesis, words

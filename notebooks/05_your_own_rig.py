@@ -26,7 +26,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from bayes_tyre.report.picture import KeptPicture
+from bayes_tyre.report.figures.notebook_display import KeptPicture
 
 here = Path("results/05_your_own_rig")
 here.mkdir(parents=True, exist_ok=True)

@@ -23,18 +23,21 @@
 from pathlib import Path
 
 import pandas as pd
+from support import motion_truth
 
 from bayes_tyre.formats.raw import read_raw
-from bayes_tyre.inference.motion_estimate import estimate_motion
-from bayes_tyre.inference.motion_window import Recorded
+from bayes_tyre.inference.motion.record.estimate import estimate_motion
+from bayes_tyre.inference.motion.record.window import Recorded
 from bayes_tyre.laws.fancher import dissipated_energy_per_cycle, loop_energy
-from bayes_tyre.report import motion_figures, motion_loops, motion_truth, process_figures
-from bayes_tyre.report.picture import Picture
+from bayes_tyre.report.figures import motion as motion_figures
+from bayes_tyre.report.figures import process as process_figures
+from bayes_tyre.report.figures.notebook_display import Picture
+from bayes_tyre.results import hysteresis_loops as motion_loops
 from bayes_tyre.rig import axle, geometry, sensors
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.signals import inertia, process, words
 from bayes_tyre.simulate.plan import quick_plan
-from bayes_tyre.workflow.simulate import write_simulated
+from bayes_tyre.workflow.raw.simulate import write_simulated
 
 # %% [markdown]
 # ## What is lost in a cycle?

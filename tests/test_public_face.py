@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from command_line import environment, small, written
-from hand_made_posteriors import grid, posterior, scattered
+from helpers.command_line import environment, small, written
+from helpers.hand_made_posteriors import grid, posterior, scattered
 
 import bayes_tyre as bt
 from bayes_tyre import analysis

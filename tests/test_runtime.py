@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from command_line import environment
+from helpers.command_line import environment
 
 from bayes_tyre.runtime import cache_folder
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from command_line import FEW, FIT_FILES, environment, finish, small, tree_of, written
+from helpers.command_line import FEW, FIT_FILES, environment, finish, small, tree_of, written
 
 pytestmark = pytest.mark.slow
 

@@ -5,22 +5,22 @@ from typing import Annotated
 
 import typer
 
-from bayes_tyre.cli.audit import audit
-from bayes_tyre.cli.calibrate import calibrate
-from bayes_tyre.cli.compare import compare
-from bayes_tyre.cli.fit import fit
-from bayes_tyre.cli.inspect import inspect
-from bayes_tyre.cli.load_deflection import load_deflection
-from bayes_tyre.cli.lsq import lsq
-from bayes_tyre.cli.motion import motion
-from bayes_tyre.cli.predict import predict
-from bayes_tyre.cli.process import process
-from bayes_tyre.cli.published import campaign, published
-from bayes_tyre.cli.report import report
+from bayes_tyre.cli.commands.audit import audit
+from bayes_tyre.cli.commands.calibrate import calibrate
+from bayes_tyre.cli.commands.compare import compare
+from bayes_tyre.cli.commands.fit import fit
+from bayes_tyre.cli.commands.inspect import inspect
+from bayes_tyre.cli.commands.load_deflection import load_deflection
+from bayes_tyre.cli.commands.lsq import lsq
+from bayes_tyre.cli.commands.motion import motion
+from bayes_tyre.cli.commands.predict import predict
+from bayes_tyre.cli.commands.process import process
+from bayes_tyre.cli.commands.published import campaign, published
+from bayes_tyre.cli.commands.report import report
+from bayes_tyre.cli.commands.show import show
+from bayes_tyre.cli.commands.simulate import simulate
+from bayes_tyre.cli.commands.study import study
 from bayes_tyre.cli.shell import Command, guarded
-from bayes_tyre.cli.show import show
-from bayes_tyre.cli.simulate import simulate
-from bayes_tyre.cli.study import study
 
 app = typer.Typer(
     name="bayes-tyre",

@@ -21,7 +21,7 @@ from bayes_tyre.errors import BadInput
 if TYPE_CHECKING:
     import pandas as pd
 
-    from bayes_tyre.inference.diagnostics import Diagnostics
+    from bayes_tyre.inference.diagnostics.verdict import Diagnostics
 
 BAD_INPUT, NOT_TRUSTED = 3, 4
 RESUME = "--resume"

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.lvm import COMMENT, read_lvm
-from bayes_tyre.formats.lvm_channels import Roles, Said, build_channels, named_twice
-from bayes_tyre.formats.lvm_source import shown
+from bayes_tyre.formats.lvm.channels import Roles, Said, build_channels, named_twice
+from bayes_tyre.formats.lvm.reader import COMMENT, read_lvm
+from bayes_tyre.formats.lvm.source import shown
 from bayes_tyre.formats.tables import read_table
 from bayes_tyre.formats.x_column import grows, is_time, seconds_per_unit, unit_in
 from bayes_tyre.record import RawSignals

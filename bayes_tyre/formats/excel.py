@@ -9,7 +9,7 @@ from pathlib import Path
 import openpyxl
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.lvm_source import reason, shown
+from bayes_tyre.formats.lvm.source import reason, shown
 from bayes_tyre.formats.sheet import Row, read_sheet
 from bayes_tyre.record import RawSignals
 

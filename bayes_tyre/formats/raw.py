@@ -7,7 +7,7 @@ from pathlib import Path
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.column_signals import numbered, read_columns
 from bayes_tyre.formats.excel import read_excel
-from bayes_tyre.formats.lvm import read_lvm
+from bayes_tyre.formats.lvm.reader import read_lvm
 from bayes_tyre.formats.tdms import read_tdms
 from bayes_tyre.record import RawSignals
 

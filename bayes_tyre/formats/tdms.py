@@ -10,8 +10,8 @@ from nptdms import TdmsChannel, TdmsFile, TdmsGroup
 from nptdms.log import log_manager
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.lvm_channels import said_once
-from bayes_tyre.formats.lvm_source import reason, shown
+from bayes_tyre.formats.lvm.channels import said_once
+from bayes_tyre.formats.lvm.source import reason, shown
 from bayes_tyre.formats.x_column import is_time, seconds_per_unit
 from bayes_tyre.record import Channel, RawSignals
 

@@ -5,7 +5,7 @@ from typing import Literal, NamedTuple
 import pandas as pd
 
 from bayes_tyre.embedded import data_path
-from bayes_tyre.formats.lvm import read_lvm
+from bayes_tyre.formats.lvm.reader import read_lvm
 from bayes_tyre.record import CASE_WORDS, NUMBER_COLUMNS
 from bayes_tyre.rig.calibration import mend_signs
 

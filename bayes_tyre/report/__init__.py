@@ -1,1 +1,1 @@
-"""Tables and figures of a posterior: `summary` computes, `figures` only draws."""
+"""Figures, the HTML report and terminal tables: draws and words, computes nothing."""

@@ -15,11 +15,11 @@ from jaxtyping import Float
 from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
 from scipy.stats import norm
 
-from bayes_tyre.inference.diagnostics import BFMI_LEAST
-from bayes_tyre.inference.populations import JUDGEABLE_REPEATS, PARAMETERS
-from bayes_tyre.inference.priors import DISCORDANT_WIDENING
+from bayes_tyre.inference.diagnostics.verdict import BFMI_LEAST
+from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS, PARAMETERS
+from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
+from bayes_tyre.studies.batched_nuts import Sampled, Sampling, SideBySide, observe
 from bayes_tyre.studies.design import Design, calibration_design
-from bayes_tyre.studies.side_by_side import Sampled, Sampling, SideBySide, observe
 from bayes_tyre.studies.truths import NOTHING, Planted, Truths, draw_truths, simulate_forces, study_priors
 from bayes_tyre.studies.uniformity import ranks, uniformity_table
 
@@ -122,7 +122,7 @@ def log_likelihood(
 def log_repeats(design: Design, truths: Truths) -> Float[np.ndarray, " sets"]:
     """Return the log density of log k and log beta of all records about their cases, usual and discordant, at truths.
 
-    As `bayes_tyre.inference.repeats.about_cases` has it, written out once more.
+    As `bayes_tyre.inference.model.repeat_distribution.about_cases` has it, written out once more.
     """
     levels = design.levels
 

@@ -8,8 +8,8 @@ import pandas as pd
 from jaxtyping import Float
 
 from bayes_tyre.batch import Batch
-from bayes_tyre.inference.levels import Levels, find_levels
-from bayes_tyre.inference.picture import RecordData
+from bayes_tyre.inference.model.factors import Levels, find_levels
+from bayes_tyre.inference.model.laplace import RecordData
 from bayes_tyre.record import CASE_WORDS, Case
 
 #: Travel of every record, mm, and the displacement it starts from.

@@ -8,19 +8,19 @@ import numpy as np
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.leave_out import LeaveOneOut
-from bayes_tyre.inference.motion_estimate import MotionEstimate, estimate_motion
-from bayes_tyre.inference.motion_evidence import log_constant
-from bayes_tyre.inference.motion_hierarchy import Motions, Readings, fit_motions
-from bayes_tyre.inference.motion_laws import MOTION_LAWS, MotionLaw, motion_law
-from bayes_tyre.inference.motion_leave_out import leave_one_motion_out, with_motions
-from bayes_tyre.inference.motion_likelihood import hierarchy_moments, likelihood_of
-from bayes_tyre.inference.motion_model import axle_kg
-from bayes_tyre.inference.motion_window import Recorded
-from bayes_tyre.inference.sampling import SamplerSettings
+from bayes_tyre.inference.diagnostics.leave_one_out import LeaveOneOut
+from bayes_tyre.inference.motion.hierarchy.leave_one_out import leave_one_motion_out, with_motions
+from bayes_tyre.inference.motion.hierarchy.model import Motions, Readings, fit_motions
+from bayes_tyre.inference.motion.laws import MOTION_LAWS, MotionLaw, motion_law
+from bayes_tyre.inference.motion.record.estimate import MotionEstimate, estimate_motion
+from bayes_tyre.inference.motion.record.evidence import log_constant
+from bayes_tyre.inference.motion.record.forward_model import axle_kg
+from bayes_tyre.inference.motion.record.likelihood import hierarchy_moments, likelihood_of
+from bayes_tyre.inference.motion.record.window import Recorded
+from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.laws.base import StatefulLaw
 from bayes_tyre.record import WORDS
-from bayes_tyre.report.comparison import STANDARD_ERRORS, compare
+from bayes_tyre.results.model_comparison import STANDARD_ERRORS, compare
 from bayes_tyre.rig.axle import Rig, load_rig
 from bayes_tyre.signals.process import prepare
 from bayes_tyre.signals.words import Words

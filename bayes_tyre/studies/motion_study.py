@@ -10,8 +10,8 @@ import pandas as pd
 from scipy import stats
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.motion_estimate import MOTION_PARAMETERS, MotionEstimate, estimate_motion
-from bayes_tyre.inference.motion_window import Recorded
+from bayes_tyre.inference.motion.record.estimate import MOTION_PARAMETERS, MotionEstimate, estimate_motion
+from bayes_tyre.inference.motion.record.window import Recorded
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.signals.process import prepare
 from bayes_tyre.signals.processed import Recording

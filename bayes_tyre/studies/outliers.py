@@ -12,10 +12,10 @@ import pandas as pd
 from jaxtyping import Bool, Float
 from scipy.stats import binomtest
 
+from bayes_tyre.studies.batched_nuts import DataSet, Sampling, SideBySide, observe
 from bayes_tyre.studies.calibration import AT_ONCE, judge_sampling
 from bayes_tyre.studies.design import START_MM, Design, outlier_design
 from bayes_tyre.studies.repeat_means import RULES, Told, mean_of_repeats
-from bayes_tyre.studies.side_by_side import DataSet, Sampling, SideBySide, observe
 from bayes_tyre.studies.truths import Truths, simulate_forces
 
 #: Shares of discordant repeats.

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
-from bayes_tyre.inference.populations import JUDGEABLE_REPEATS, PARAMETERS, prior_sites
-from bayes_tyre.inference.priors import DISCORDANT_WIDENING, PRIORS, Prior
+from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS, PARAMETERS, prior_sites
+from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING, PRIORS, Prior
 from bayes_tyre.studies.design import START_MM, Design
 
 #: Priors of a calibration where they are not those of `PRIORS`: about truck tyres that a record can tell of. The wide

@@ -15,7 +15,7 @@ from bayes_tyre.record import Channel
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.rig.calibration import Line, fit_line, quantisation_step, residual_rms, with_best_signs
 from bayes_tyre.rig.sensors import Sensor, columns_of, sensors_of
-from bayes_tyre.workflow.inspect import path_text
+from bayes_tyre.workflow.raw.inspect import path_text
 
 Readings = Float[np.ndarray, " rows"]
 #: Steps of the digitiser that a line may leave (root mean square): of two rounded readings it leaves less than one.

@@ -11,13 +11,13 @@ import xarray as xr
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder, whole_file
 from bayes_tyre.formats.tables import read_table, write_table
-from bayes_tyre.inference.leave_out import LeaveOneOut, leave_one_record_out
-from bayes_tyre.inference.motion_leave_out import leave_one_motion_out
-from bayes_tyre.inference.posterior import is_of_motions
-from bayes_tyre.inference.sampling import SamplerSettings
+from bayes_tyre.inference.diagnostics.leave_one_out import LeaveOneOut, leave_one_record_out
+from bayes_tyre.inference.motion.hierarchy.leave_one_out import leave_one_motion_out
+from bayes_tyre.inference.sampling.datatree import is_of_motions
+from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record_table import check_record_table
-from bayes_tyre.report.comparison import by_record, compare, sentence
-from bayes_tyre.report.run import RUN_JSON
+from bayes_tyre.results.model_comparison import by_record, compare, sentence
+from bayes_tyre.results.provenance import RUN_JSON
 from bayes_tyre.workflow.fit import Plan, planned_in
 from bayes_tyre.workflow.predict import Result, read_posterior, read_result
 from bayes_tyre.workflow.result_names import names

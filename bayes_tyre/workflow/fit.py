@@ -10,18 +10,23 @@ import pandas as pd
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder
-from bayes_tyre.inference.convergence import with_figures
-from bayes_tyre.inference.diagnostics import Diagnostics, diagnose
-from bayes_tyre.inference.fit import ModelSettings, fit_hierarchical, fit_published, used_points
-from bayes_tyre.inference.identifiability import identify_published, identify_records
-from bayes_tyre.inference.sampling import SamplerSettings
+from bayes_tyre.inference.diagnostics.convergence import with_figures
+from bayes_tyre.inference.diagnostics.power_scaling import identify_published, identify_records
+from bayes_tyre.inference.diagnostics.verdict import Diagnostics, diagnose
+from bayes_tyre.inference.sampling.hierarchical_fit import (
+    ModelSettings,
+    fit_hierarchical,
+    fit_published,
+    used_points,
+)
+from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.published import tables
 from bayes_tyre.record_table import origin_of
-from bayes_tyre.report import summary
-from bayes_tyre.report.folder import write_fit
-from bayes_tyre.report.predictive import residual_autocorrelation
-from bayes_tyre.report.run import begin_run, read_run, sha256, versions
-from bayes_tyre.workflow.going_on import Watch, begin
+from bayes_tyre.results import summary
+from bayes_tyre.results.posterior_predictive import residual_autocorrelation
+from bayes_tyre.results.provenance import begin_run, read_run, sha256, versions
+from bayes_tyre.workflow.execution.resume import Watch, begin
+from bayes_tyre.workflow.result_folder import write_fit
 
 _SAMPLER = ("chains", "warmup", "draws")
 

@@ -7,7 +7,7 @@ import pandas as pd
 
 from bayes_tyre.formats.files import prepare_folder
 from bayes_tyre.formats.tables import write_table
-from bayes_tyre.inference.record_fits import FitSettings, fit_records
+from bayes_tyre.inference.least_squares.table import FitSettings, fit_records
 
 
 def fit_least_squares(

@@ -16,8 +16,8 @@ from bayes_tyre.formats.files import check_folder, whole_file, write_text
 from bayes_tyre.formats.netcdf import read_tree
 from bayes_tyre.formats.tables import write_table
 from bayes_tyre.record import Case
-from bayes_tyre.report.case_choice import Wish
-from bayes_tyre.report.prediction import Prediction, predict, predictable_cases
+from bayes_tyre.results.case_selection import Wish
+from bayes_tyre.results.prediction import Prediction, predict, predictable_cases
 
 NAME = "prediction.csv"
 #: Said at the top of the TOML; the labels in it come from files, and are never put into a comment.
@@ -111,7 +111,7 @@ def write_prediction(
 ) -> tuple[Prediction, tuple[Path, Path]]:
     """Predict, and write curves to `out` (`.csv`) and parameters beside it (`.toml`), both or none; return both paths.
 
-    Arguments are those of `bayes_tyre.report.prediction.predict`.
+    Arguments are those of `bayes_tyre.results.prediction.predict`.
     """
     with _named(result.path):
         prediction = predict(

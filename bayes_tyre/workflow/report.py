@@ -11,17 +11,17 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, write_text
 from bayes_tyre.formats.netcdf import read_tree
 from bayes_tyre.formats.tables import read_table
-from bayes_tyre.inference.fit import used_points
-from bayes_tyre.inference.posterior import is_of_motions
+from bayes_tyre.inference.sampling.datatree import is_of_motions
+from bayes_tyre.inference.sampling.hierarchical_fit import used_points
 from bayes_tyre.published import tables
 from bayes_tyre.record_table import check_record_table
-from bayes_tyre.report.document import Part, document
-from bayes_tyre.report.document_across import Side, across, has_cases
-from bayes_tyre.report.document_figures import kept_pictures, pictures
-from bayes_tyre.report.document_result import Reported, read_reported
-from bayes_tyre.report.figures import Result
-from bayes_tyre.report.motion_readings import MOTIONS_CSV, check_readings
-from bayes_tyre.report.run import RUN_JSON
+from bayes_tyre.report.figures.catalogue import Result
+from bayes_tyre.report.html.between_results import Side, across, has_cases
+from bayes_tyre.report.html.figures import kept_pictures, pictures
+from bayes_tyre.report.html.load import Reported, read_reported
+from bayes_tyre.report.html.page import Part, document
+from bayes_tyre.results.motion_traces import MOTIONS_CSV, check_readings
+from bayes_tyre.results.provenance import RUN_JSON
 from bayes_tyre.workflow.fit import planned_in
 from bayes_tyre.workflow.result_names import names
 

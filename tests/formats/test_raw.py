@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from lvm_dialects import FILES, OTHERS, SAME
+from helpers.lvm_dialects import FILES, OTHERS, SAME
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.raw import READERS, raw_files, read_raw

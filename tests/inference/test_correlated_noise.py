@@ -1,82 +1,90 @@
-"""Records whose noise is not independent: intervals hold the truth when told so, and the verdict asks for it."""
+"""Noise that is not independent: whitened by its covariance, and told by its lag-1 autocorrelation."""
 
+import jax.numpy as jnp
 import numpy as np
-import pandas as pd
 import pytest
-from scipy.stats import binom
-from simulated_records import Plan, simulate
+from scipy import stats
+from scipy.linalg import toeplitz
 
-from bayes_tyre.inference.diagnostics import diagnose
-from bayes_tyre.inference.fit import ModelSettings, fit_hierarchical
-from bayes_tyre.inference.sampling import SamplerSettings
-from bayes_tyre.record_table import check_record_table
-from bayes_tyre.report.predictive import residual_autocorrelation
-
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
-
-SHORT = SamplerSettings(chains=2, warmup=400, draws=500, seed=1)
-POINTS, NOISE_KN, RHO, WINDOW = 150, 0.03, 0.8, 20
-
-
-def autoregressive(rng: np.random.Generator) -> np.ndarray:
-    noise = rng.standard_normal(POINTS)
-    for t in range(1, POINTS):
-        noise[t] = RHO * noise[t - 1] + np.sqrt(1.0 - RHO**2) * noise[t]
-    return noise
-
-
-def smoothed(rng: np.random.Generator) -> np.ndarray:
-    return np.convolve(rng.standard_normal(POINTS + WINDOW - 1), np.ones(WINDOW), "valid") / np.sqrt(WINDOW)
-
-
-def noisy(kind, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return 48 records with this noise, and their truth."""
-    table, truth = simulate(Plan(points=POINTS, noise_kN=1e-12), seed)
-    rng = np.random.default_rng(seed)
-    table["force_kN"] += NOISE_KN * np.concatenate([kind(rng) for _ in range(len(truth))])
-    return check_record_table(table), truth
-
-
-def covered(tree, truth: pd.DataFrame) -> int:
-    """Return in how many records the 95 % intervals of k and beta hold the truth, both counted."""
-    posterior, hits = tree["posterior"].to_dataset(), 0
-    for name in ("k", "beta"):
-        lower, upper = posterior[name].quantile([0.025, 0.975], ("chain", "draw")).to_numpy()
-        hits += int(((lower <= truth[name].to_numpy()) & (truth[name].to_numpy() <= upper)).sum())
-    return hits
-
-
-def _rho_and_sigma_come_back(posterior) -> None:
-    # Over 48 records of 150 points the standard error of a common rho is 0.6 / sqrt(7200) = 0.007, of log sigma three
-    # times 1 / sqrt(14400) = 0.025; six of them.
-    assert np.tanh(posterior["atanh_rho_typical"].median().item()) == pytest.approx(RHO, abs=0.045)
-    assert posterior["sigma_typical"].median().item() == pytest.approx(NOISE_KN, rel=0.15)
-
-
-@pytest.mark.parametrize(
-    ("kind", "model"),
-    [(autoregressive, ModelSettings(noise="ar1")), (smoothed, ModelSettings(noise_window=WINDOW))],
-    ids=["autoregressive", "smoothed"],
+from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.correlated_noise import (
+    INDEPENDENT_PART,
+    MOST_POINTS,
+    innovations,
+    lag_1,
+    smoothed_noise,
+    whiten,
 )
-def test_intervals_hold_the_truth_when_the_noise_is_told(kind, model):
-    table, truth = noisy(kind, seed=11)
-    tree = fit_hierarchical(table, SHORT, model)
-    hits, of = covered(tree, truth), 2 * len(truth)
-    # Were coverage exactly 95 %, fewer than 85 or all of 96 would come up with probability 1.6 % and 0.7 %.
-    assert binom.cdf(84, of, 0.95) + binom.pmf(of, of, 0.95) < 0.025
-    assert 85 <= hits < of
-    # Whitened, 48 records of 150 points leave a median lag-1 autocorrelation near 0: its standard error is 0.015.
-    assert abs(residual_autocorrelation(tree, table)) < 0.1
-    assert not any("residuals" in reason for reason in diagnose(tree, residual_autocorrelation(tree, table)).reasons)
-    if model.noise == "ar1":
-        _rho_and_sigma_come_back(tree["posterior"].to_dataset())
+
+POINTS = 60
 
 
-def test_independent_noise_in_their_place_is_too_sure_and_the_verdict_says_what_to_do():
-    table, truth = noisy(autoregressive, seed=11)
-    tree = fit_hierarchical(table, SHORT)
-    # With a lag-1 autocorrelation of 0.8 a record holds a ninth of the points it seems to: intervals a third as wide.
-    assert covered(tree, truth) < 75
-    found = diagnose(tree, residual_autocorrelation(tree, table))
-    assert found.verdict == "fail"
-    assert any("--noise ar1" in reason for reason in found.reasons)
+def normal_density(residual: np.ndarray, covariance: np.ndarray) -> float:
+    """Return the log density of a normal number of mean zero."""
+    _, log_determinant = np.linalg.slogdet(2.0 * np.pi * covariance)
+    return -0.5 * float(residual @ np.linalg.solve(covariance, residual) + log_determinant)
+
+
+def moving_average_covariance(window: int, points: int) -> np.ndarray:
+    """Return the covariance of a moving average of white noise, from the average itself, scaled to variance 1."""
+    average = np.array([np.convolve(row, np.ones(window), "valid") for row in np.eye(points + window - 1)]).T
+    return average @ average.T / window
+
+
+@pytest.mark.parametrize("window", [2, 7, 50])
+@pytest.mark.parametrize("kept", [20, POINTS])
+def test_smoothed_noise_has_the_density_of_its_covariance(window, kept):
+    residual = np.random.default_rng(window).standard_normal(POINTS)
+    present = np.arange(POINTS) < kept
+    whitening = smoothed_noise(POINTS, window)
+    white = np.asarray(whitening.whiten(jnp.asarray(np.where(present, residual, 0.0)), jnp.asarray(present)))
+    ours = stats.norm.logpdf(white[:kept]).sum() + float(whitening.log_volume(jnp.array([kept]))[0])
+    covariance = moving_average_covariance(window, kept) + INDEPENDENT_PART * np.eye(kept)
+    theirs = normal_density(residual[:kept], covariance)
+    # The covariance is all but singular: its smallest eigenvalues lose digits.
+    assert ours == pytest.approx(theirs, rel=1e-6)
+    assert not white[kept:].any()
+
+
+@pytest.mark.parametrize("rho", [-0.5, 0.0, 0.9])
+def test_innovations_have_the_density_of_autoregressive_noise(rho):
+    residual = np.random.default_rng(1).standard_normal(POINTS)
+    new = np.asarray(innovations(jnp.asarray(residual), jnp.ones(POINTS, bool), jnp.asarray(rho)))
+    ours = stats.norm.logpdf(new).sum() - 0.5 * (POINTS - 1) * np.log(1.0 - rho**2)
+    theirs = normal_density(residual, toeplitz(rho ** np.arange(POINTS)))
+    assert ours == pytest.approx(theirs, rel=1e-10)
+
+
+def test_lag_1_leaves_padding_out():
+    residual = np.concatenate([[1.0, 2.0, 4.0, 1.0], np.full(3, 99.0)])
+    centred = residual[:4] - 2.0
+    found = lag_1(jnp.asarray(residual), jnp.asarray(np.arange(7) < 4))
+    assert float(found) == pytest.approx(np.sum(centred[1:] * centred[:-1]) / np.sum(centred**2))
+
+
+def test_whitened_residuals_are_white():
+    rng = np.random.default_rng(2)
+    records, points = 40, 400
+    present = np.ones((records, points), bool)
+    noise = np.empty((records, points))
+    noise[:, 0] = rng.standard_normal(records)
+    for t in range(1, points):
+        noise[:, t] = 0.8 * noise[:, t - 1] + 0.6 * rng.standard_normal(records)
+    smooth = np.array(
+        [np.convolve(rng.standard_normal(points + 19), np.ones(20) / 20, "valid") for _ in range(records)]
+    )
+    rho = np.full(records, 0.8)
+    for correlated, white in ((noise, whiten(noise, present, rho)), (smooth, whiten(smooth, present, window=20))):
+        before, after = (
+            np.mean([float(lag_1(jnp.asarray(row), jnp.ones(points, bool))) for row in each])
+            for each in (correlated, white)
+        )
+        # The mean lag-1 autocorrelation of 40 white records of 400 points has a standard error of 0.05 / sqrt(40).
+        assert before > 0.7
+        assert abs(after) < 5 * 0.05 / np.sqrt(40)
+    assert whiten(noise, present) is noise
+
+
+def test_a_record_too_long_for_its_covariance_is_refused_with_the_remedy():
+    with pytest.raises(BadInput, match="keep every n-th point"):
+        smoothed_noise(MOST_POINTS + 1, 5)

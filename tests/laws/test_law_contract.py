@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from moving_axle import DAMPING, RIG, C, M, at_rest, driven
+from helpers.moving_axle import DAMPING, RIG, C, M, at_rest, driven
 
 from bayes_tyre.laws.base import Law, StatefulLaw
 from bayes_tyre.laws.bouc_wen import BoucWen

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from moving_axle import motion
+from helpers.moving_axle import motion
 from scipy.integrate import solve_ivp
 
 from bayes_tyre.laws.fancher import loop_energy

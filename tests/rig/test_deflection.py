@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from slow_tests import DUAL, SINGLE, Tyre, from_the_rig, on_flat_ground
+from helpers.slow_tests import DUAL, SINGLE, Tyre, from_the_rig, on_flat_ground
 
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.rig.load_deflection import deflection_of

@@ -4,8 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jaxtyping import Array
-from moving_axle import (
+from helpers.moving_axle import (
     BETA,
     DAMPING,
     FACTOR,
@@ -26,6 +25,7 @@ from moving_axle import (
     spring_by_diffrax,
     to_flat,
 )
+from jaxtyping import Array
 from scipy.interpolate import CubicHermiteSpline
 
 from bayes_tyre.laws.fancher import Fancher

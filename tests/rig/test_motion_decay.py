@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from moving_axle import RIG, moved
+from helpers.moving_axle import RIG, moved
 
 from bayes_tyre.laws.kelvin_voigt import KelvinVoigt
 from bayes_tyre.rig import geometry

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from helpers.readme_rigs import readme_rig, readme_texts
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from readme_rigs import readme_rig, readme_texts
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput

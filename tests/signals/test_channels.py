@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from steps_made import RIG, plain, raw_of
+from helpers.steps_made import RIG, plain, raw_of
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.record import RawSignals

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from steps_made import RIGS, simulated
+from helpers.steps_made import RIGS, simulated
 
 from bayes_tyre.signals.integrate import anchored_path, integrated
 from bayes_tyre.signals.process import prepare

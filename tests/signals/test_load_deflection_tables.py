@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from slow_tests import Tyre, campaign, on_flat_ground, path
+from helpers.slow_tests import Tyre, campaign, on_flat_ground, path
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.signals.load_deflection import averaged, check_load_deflection, suspicious_units, with_deflection

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from readme_rigs import readme_rig
-from steps_made import planned
+from helpers.readme_rigs import readme_rig
+from helpers.steps_made import planned
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.record import RawSignals

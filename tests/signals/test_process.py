@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from steps_made import RIGS, simulated
+from helpers.steps_made import RIGS, simulated
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.laws.fancher import Fancher

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from steps_made import RIG, plain
+from helpers.steps_made import RIG, plain
 
 from bayes_tyre.signals.runout import nominal_bodies, remove_runout
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from steps_made import RIGS, plain, simulated
+from helpers.steps_made import RIGS, plain, simulated
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.signals.channels import find_channels

@@ -6,7 +6,7 @@ from typing import Any
 import jax
 import numpy as np
 import pytest
-from moving_axle import Spring
+from helpers.moving_axle import Spring
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.laws.fancher import Fancher

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from audit_made_up import RIG, SMALL, audited, blind, right
+from helpers.audit_made_up import RIG, SMALL, audited, blind, right
 
 from bayes_tyre.signals.channels import find_channels
 from bayes_tyre.signals.steps import find_step

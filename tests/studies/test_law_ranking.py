@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from law_rankings import ranked
+from helpers.law_rankings import ranked
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.motion_laws import MOTION_LAWS
+from bayes_tyre.inference.motion.laws import MOTION_LAWS
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.studies.law_ranking import CONTAINS, as_they_should, in_words, planned, rank_laws, simulated
 

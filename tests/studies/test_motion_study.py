@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from motion_studies import motion_rows
+from helpers.motion_studies import motion_rows
 
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.rig.axle import load_rig

@@ -5,10 +5,10 @@ They stand in one file because they share a compilation, which is half of the ti
 
 import pytest
 
+from bayes_tyre.studies.batched_nuts import Sampling, SideBySide
 from bayes_tyre.studies.calibration import Calibration, calibrate
 from bayes_tyre.studies.design import quick_design
 from bayes_tyre.studies.outliers import study_outliers
-from bayes_tyre.studies.side_by_side import Sampling, SideBySide
 from bayes_tyre.studies.truths import Planted, study_priors
 
 pytestmark = pytest.mark.usefixtures("fully_compiled")

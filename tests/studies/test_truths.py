@@ -6,10 +6,10 @@ from numpyro import distributions as dist
 from numpyro.handlers import seed, trace
 from scipy.stats import kstest
 
-from bayes_tyre.inference.levels import Levels
-from bayes_tyre.inference.priors import PRIORS, Prior
+from bayes_tyre.inference.model.factors import Levels
+from bayes_tyre.inference.model.priors import PRIORS, Prior
+from bayes_tyre.studies.batched_nuts import with_priors
 from bayes_tyre.studies.design import Design, calibration_design, outlier_design, quick_design
-from bayes_tyre.studies.side_by_side import with_priors
 from bayes_tyre.studies.truths import NOTHING, Planted, Truths, draw_truths, simulate_forces, study_priors
 
 SETS = 2000

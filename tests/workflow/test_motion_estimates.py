@@ -3,11 +3,11 @@
 import numpy as np
 import pandas as pd
 import pytest
-from hand_made_posteriors import grid
+from helpers.hand_made_posteriors import grid
 
-from bayes_tyre.inference.diagnostics import Diagnostics
-from bayes_tyre.inference.motion_hierarchy import Motions
-from bayes_tyre.workflow.motion import Estimated, with_estimates
+from bayes_tyre.inference.diagnostics.verdict import Diagnostics
+from bayes_tyre.inference.motion.hierarchy.model import Motions
+from bayes_tyre.workflow.raw.motion import Estimated, with_estimates
 
 WORDS = grid(repeats=2, speeds=(0.0,))
 SOUND = Diagnostics("pass", (), 1.0, 500.0, 500.0, 0, 0.9, 100, 4, np.nan, ("said before",))

@@ -1,0 +1,79 @@
+"""`inspect`: what raw files hold, a row a channel and segment."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from bayes_tyre.cli.shell import NoSeed, Quiet, progress, say, warn
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Columns of a table that goes to no terminal: wide enough that nothing is cut.
+_WIDE = 10_000
+
+
+def inspect(
+    raw: Annotated[
+        list[Path],
+        typer.Argument(metavar="RAW", help="Raw files (.lvm, .tdms, .xlsx, .csv, .parquet), or folders of them."),
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="File to write (.csv or .parquet); default: to the terminal.")
+    ] = None,
+    seed: NoSeed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Say what raw files hold: a row a channel and segment, in the units of the file, such as (mm, kN); X in s.
+
+    Columns: file, segment, channel, unit, samples, dt_s, first, last, min, max, missing. X is no channel. What is odd
+    about a file, such as fewer samples than its header promises, goes to stderr, a line each. So does a file that
+    cannot be read: the others are listed all the same, but nothing is written to --out, and the exit code is 3.
+
+    Example: bayes-tyre inspect data/sample/appendix_b1.lvm --out results/channels.csv
+    """
+    del seed
+    from bayes_tyre.errors import BadInput
+    from bayes_tyre.formats.raw import raw_files
+    from bayes_tyre.workflow.raw.inspect import inspect_raw
+
+    files, passed_over = raw_files(raw)
+    with progress("inspect", len(files), quiet) as advance:
+        table, remarks, faults = inspect_raw(files, out, advance)
+    if len(files) == len(faults) == 1:
+        raise BadInput(faults[0])
+    for remark in [*passed_over, *remarks, *faults]:
+        warn(remark)
+    if (out is None or faults) and len(table) and not quiet:
+        _print(table)
+    if faults:
+        unwritten = "" if out is None else f", so that {out} is not written"
+        raise BadInput(f"{len(faults)} of {len(files)} files cannot be read{unwritten}; mend them, or name the others")
+    if out is not None:
+        say(f"wrote {out}", quiet)
+
+
+def _print(table: "pd.DataFrame") -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=_WIDE)
+    shown = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
+    texts = ("file", "channel", "unit")
+    for name in table.columns:
+        shown.add_column(name, justify="left" if name in texts else "right", overflow="fold")
+    for row in table.itertuples(index=False):
+        shown.add_row(*(Text(_cell(value)) for value in row))
+    console.print(shown)
+
+
+def _cell(value: object) -> str:
+    """Return a cell as text: what would steer a terminal is escaped, a number that is not there is blank."""
+    if isinstance(value, float):
+        return "" if value != value else f"{value:.6g}"
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(value))

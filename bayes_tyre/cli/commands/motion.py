@@ -1,0 +1,122 @@
+"""`motion`: tyre, mass and damping from raw signals by the motion itself, all records together."""
+
+import sys
+import time
+from enum import StrEnum
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from bayes_tyre.cli.model_options import Repeats, RepeatsOption
+from bayes_tyre.cli.raw import CasesTable, Cluster, RawFiles, RigName, Workers, check_machines
+from bayes_tyre.cli.shell import (
+    Chains,
+    Draws,
+    Interval,
+    Out,
+    Quiet,
+    Seed,
+    Warmup,
+    conclude,
+    note,
+    progress,
+    say,
+    warn,
+)
+
+if TYPE_CHECKING:
+    from bayes_tyre.workflow.execution.batch import Machines
+    from bayes_tyre.workflow.raw.motion import MotionPlan
+
+
+class Law(StrEnum):
+    """Force laws of a tyre that a motion can be fitted with."""
+
+    fancher = "fancher"
+    kelvin_voigt = "kelvin_voigt"
+    bouc_wen = "bouc_wen"
+    maxwell_slip = "maxwell_slip"
+    rigid_ring = "rigid_ring"
+
+
+def motion(
+    raw: RawFiles,
+    out: Out,
+    rig: RigName = None,
+    cases: CasesTable = None,
+    law: Annotated[Law, typer.Option(help="Force law of the tyre.")] = Law.fancher,
+    amplitude: Annotated[
+        float,
+        typer.Option(
+            min=1e-3, max=100.0, help="Half the stroke at the wheel centre (mm) of the cycle that loses energy."
+        ),
+    ] = 1.0,
+    repeats: RepeatsOption = Repeats.mixture,
+    figures: Annotated[
+        Path | None, typer.Option(help="Folder for a picture a record: readings, fitted motion, what is left over.")
+    ] = None,
+    chains: Chains = 4,
+    warmup: Warmup = 600,
+    draws: Draws = 1500,
+    seed: Seed = 0,
+    interval: Interval = 0.95,
+    workers: Workers = None,
+    cluster: Cluster = None,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume",
+            help="Estimate only records that are missing or have changed, then go on from the checkpoint; with other "
+            "--draws, --amplitude and the like the hierarchy is fitted anew.",
+        ),
+    ] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Identify k, x, beta (kN/mm, kN, mm), m (kg), c (kN s/mm) and energy lost (J) from the axle's own motion.
+
+    Other laws have other parameters: kelvin_voigt k alone, bouc_wen k, settled (kN), beta and exponent n, maxwell_slip
+    k, settled and beta, rigid_ring k and the belt's frequency (Hz), damping ratio and ratio of sidewall to residual
+    stiffness. compare says which of them predicts the same files best.
+
+    Each raw file is fitted by itself, its motion simulated through step and ring-down; the estimates with their
+    covariances then go into one hierarchy. Writes what fit writes, and estimates.csv (a row a record) and rejected.csv
+    (file, reason); with no usable file only the latter, and exit 3. Ends with code 4 when the diagnostics say that the
+    result is not to be trusted. Estimates are kept, file by file, in .estimates.csv.parts, for --resume.
+
+    Example: bayes-tyre motion data/raw --out results/motion --figures results/motion/records
+    """
+    check_machines(workers, cluster)
+    from bayes_tyre.formats.raw import raw_files
+
+    files, passed_over = raw_files(raw)  # before what takes seconds to import
+    from bayes_tyre.inference.sampling.run import SamplerSettings
+    from bayes_tyre.workflow.execution.batch import Machines
+    from bayes_tyre.workflow.raw.motion import MotionPlan
+
+    for remark in passed_over:
+        warn(remark)
+    sampler = SamplerSettings(chains, warmup, draws, seed)
+    plan = MotionPlan(sampler, rig, cases, figures, law.value, amplitude, repeats.value, interval)
+    _run(files, plan, Machines(workers, cluster, resume), out, quiet)
+
+
+def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path, quiet: bool) -> None:
+    """Estimate each file, fit the estimates as planned, tell how it goes, and end as the verdict says."""
+    from bayes_tyre.runtime import prepare_jax
+    from bayes_tyre.workflow.execution.resume import Watch
+    from bayes_tyre.workflow.raw.motion import estimate_files, fit_estimates
+
+    sampler = plan.sampler
+    prepare_jax(sampler.chains)
+    began = time.monotonic()
+    with progress("motion", len(files), quiet) as advance:
+        estimated = estimate_files(files, plan, machines, out, advance)
+    found, lost = len(estimated.table), len(estimated.rejected)
+    say(f"{found} records, {lost} rejected (data: {estimated.origin}), {sampler.chains} chains", quiet)
+    with progress("hierarchy", sampler.warmup + sampler.draws, quiet) as advance:
+        watch = Watch(partial(note, quiet=quiet), warn, advance)
+        diagnostics = fit_estimates(estimated, plan, out, sys.argv[1:], watch, resume=machines.resume)
+    say(f"done in {time.monotonic() - began:.0f} s", quiet)
+    conclude(diagnostics, out, quiet)

@@ -1,0 +1,40 @@
+"""`show`: the short table of results on disk."""
+
+from contextlib import nullcontext, redirect_stdout
+from io import StringIO
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bayes_tyre.cli.shell import NoSeed
+
+
+def show(
+    results: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Folders that fit, motion or published --posterior wrote; with --truth fit, motion or lsq."
+        ),
+    ],
+    truth: Annotated[
+        Path | None,
+        typer.Option(help="truth.csv of simulate: print k and beta of each record beside it, and the errors in %."),
+    ] = None,
+    seed: NoSeed = 0,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing: only see whether all is there.")] = False,
+) -> None:
+    """Print k (kN/mm) and beta (mm) by configuration and direction, with intervals, from results on disk.
+
+    Example: bayes-tyre show results/published/posterior results/fit
+    """
+    del seed
+    with redirect_stdout(StringIO()) if quiet else nullcontext():
+        if truth is not None:
+            from bayes_tyre.report.terminal.recovery_table import print_recovery
+
+            print_recovery(results, truth)
+            return
+        from bayes_tyre.report.terminal.results_table import print_overview
+
+        print_overview(results)

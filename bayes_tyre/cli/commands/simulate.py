@@ -1,0 +1,52 @@
+"""`simulate`: raw files of known truth."""
+
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+
+from bayes_tyre.cli.shell import Out, Quiet, Seed, progress, say
+
+
+class Plan(StrEnum):
+    """What to simulate."""
+
+    QUICK = "quick"
+    THESIS = "thesis"
+
+
+def simulate(
+    out: Out,
+    plan: Annotated[
+        Plan,
+        typer.Option(
+            help="quick: 24 stationary records of 4.5 s. thesis: the test plan, 288 of 15 s (3 GB at 10 kHz)."
+        ),
+    ] = Plan.QUICK,
+    seed: Seed = 0,
+    rate: Annotated[float, typer.Option(min=1000, max=100_000, help="Sampling rate, Hz.")] = 10_000.0,
+    rig: Annotated[
+        str | None, typer.Option(help="Rig: single, dual, or a TOML file; default: the one the configuration names.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Simulate step-load tests: raw files (V, m/s^2, mm, kN) of an axle moving on tyres of known k (kN/mm), x, beta.
+
+    Writes a file a record, named and laid out as the source's, and truth.csv (a row a file, every true parameter).
+    The same plan, rate, rig and seed give the same files.
+
+    Example: bayes-tyre simulate --out data/simulated --plan quick
+    """
+    from bayes_tyre.runtime import prepare_jax
+
+    prepare_jax()
+    from bayes_tyre.rig.axle import load_rig
+    from bayes_tyre.simulate.plan import PLANS
+    from bayes_tyre.workflow.raw.simulate import size_of, write_simulated
+
+    records = PLANS[plan.value](rate)
+    rigs = {record.case.configuration: load_rig(rig or record.case.configuration) for record in records}
+    say(f"simulating {len(records)} records, about {size_of(records) / 1e6:.0f} MB", quiet)
+    with progress("simulating", len(records), quiet) as on_progress:
+        truth = write_simulated(records, rigs, seed, out, on_progress)
+    say(f"wrote {len(records)} .lvm files (simulated, not measured) and {truth}", quiet)

@@ -1,0 +1,160 @@
+"""`study`: what shows that the posterior is right."""
+
+from typing import Annotated
+
+import typer
+
+from bayes_tyre.cli.commands.motion import Law
+from bayes_tyre.cli.messages import fault
+from bayes_tyre.cli.shell import NOT_TRUSTED, Out, Quiet, Seed, guarded, progress, say
+
+#: Host devices that data sets are shared out among.
+DEVICES = 2
+
+study = typer.Typer(
+    name="study",
+    help="Show that the posterior is right, on simulated data of known k (kN/mm) and beta (mm).",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+
+def calibration(
+    out: Out,
+    datasets: Annotated[int, typer.Option(min=20, help="Simulated data sets, each fitted.")] = 500,
+    seed: Seed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Rank truths drawn from the priors (k kN/mm, beta mm, J kN, ...) among their posteriors' draws.
+
+    Writes calibration.csv (coverage of 50, 80 and 95 % intervals, p-value of uniform ranks), ranks.csv, datasets.csv,
+    priors.csv and figures/. Exit code 4 where a parameter is not calibrated.
+
+    Example: bayes-tyre study calibration --out results/calibration --datasets 500
+    """
+    from bayes_tyre.runtime import prepare_jax
+
+    prepare_jax(DEVICES)
+    from bayes_tyre.workflow.studies.study import write_calibration
+
+    options = {"datasets": datasets, "seed": seed}
+    with progress("calibrating", datasets, quiet) as on_progress:
+        found = write_calibration(out, datasets, seed, options, on_progress)
+    failed = found.datasets["sampling"] != "ok"
+    say(f"wrote {out / 'calibration.csv'} (simulated, not measured)", quiet)
+    say(f"  sampling failed in {failed.sum()} of {datasets} data sets; they count all the same", quiet)
+    wrong = found.table.loc[~found.table["calibrated"], "parameter"]
+    say(f"  calibrated: {len(found.table) - len(wrong)} of {len(found.table)} parameters", quiet)
+    for name in wrong:
+        fault(f"{name}: ranks of truths are not uniform; see {out / 'figures' / 'calibration.png'}")
+    if len(wrong):
+        raise typer.Exit(NOT_TRUSTED)
+
+
+def outliers(
+    out: Out,
+    campaigns: Annotated[int, typer.Option(min=4, help="Simulated campaigns with each share of odd repeats.")] = 200,
+    seed: Seed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Compare the posterior with the source's rule for repeats that differ, and with the plain mean (k kN/mm, beta mm).
+
+    Writes outliers.csv (relative error, coverage of 95 % intervals), datasets.csv and figures/.
+
+    Example: bayes-tyre study outliers --out results/outliers --campaigns 200
+    """
+    from bayes_tyre.runtime import prepare_jax
+
+    prepare_jax(DEVICES)
+    from bayes_tyre.studies.outliers import SHARES, in_words
+    from bayes_tyre.workflow.studies.study import write_outliers
+
+    options = {"campaigns": campaigns, "seed": seed}
+    with progress("fitting campaigns", len(SHARES) * campaigns, quiet) as on_progress:
+        found = write_outliers(out, campaigns, seed, options, on_progress)
+    failed = found.datasets["sampling"] != "ok"
+    say(f"wrote {out / 'outliers.csv'} (simulated, not measured)", quiet)
+    say(f"  sampling failed in {failed.sum()} of {len(failed)} campaigns; they count all the same", quiet)
+    for line in in_words(found.table):
+        say(f"  {line}", quiet)
+
+
+def motion(
+    out: Out,
+    stationary: Annotated[int, typer.Option(min=0, help="Stationary records of known truth.")] = 12,
+    rolling: Annotated[int, typer.Option(min=0, help="Rolling records of known truth, 15 to 35 km/h.")] = 12,
+    mismatch: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            help="So many records of each kind further with each of: turns 0.5 % off, a road of another spectrum, "
+            "stiffness growing by 2 %/mm, mass 5 % off, two other shapes of the load's step.",
+        ),
+    ] = 0,
+    seed: Seed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Fit motions of known k (kN/mm), x (kN), beta (mm), m (kg), c (kN s/mm): error, bias, coverage, mismatch.
+
+    Writes motion_records.csv (a row a record and parameter: truth, estimate, standard deviation, 95 % interval, Pareto
+    k, seconds, status) and motion_study.csv (errors in %, coverage with its interval, how many records were doubted).
+
+    Example: bayes-tyre study motion --out results/motion_study --rolling 24 --mismatch 2
+    """
+    if stationary + rolling + mismatch == 0:
+        raise typer.BadParameter("no record is asked for: --stationary, --rolling or --mismatch must be above 0")
+    from bayes_tyre.runtime import prepare_jax
+
+    prepare_jax()
+    from bayes_tyre.studies.motion_study import in_words, tried
+    from bayes_tyre.workflow.studies.study import write_motion_study
+
+    options = {"stationary": stationary, "rolling": rolling, "mismatch": mismatch, "seed": seed}
+    records = tried(stationary, rolling, seed, mismatch)
+    with progress("fitting motions", len(records), quiet) as on_progress:
+        found = write_motion_study(out, records, seed, options, on_progress)
+    say(f"wrote {out / 'motion_study.csv'} (simulated, not measured)", quiet)
+    for line in in_words(found.table):
+        say(f"  {line}", quiet)
+
+
+def laws(
+    out: Out,
+    law: Annotated[
+        list[Law] | None, typer.Option(help="Law to simulate with; may be given again. Every one by default.")
+    ] = None,
+    records: Annotated[
+        int, typer.Option(min=2, max=6, help="Standing records of each law, steps of 10 kN up and down in turn.")
+    ] = 4,
+    seed: Seed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Rank the force laws (k kN/mm, friction kN, beta mm, ...) on records simulated with each of them, as compare does.
+
+    Every law is fitted to the records of each, and ranked by what it predicts of a record left out. Writes
+    law_ranking.csv (a row a true and a fitted law: rank, log density, difference to the first and its standard error)
+    and law_ranking_records.csv (a row a record: log density, evidence, misfit of its acceleration, status). Exit code 4
+    where neither the true law nor one that contains it comes first within two standard errors.
+
+    Example: bayes-tyre study laws --out results/law_ranking --records 4
+    """
+    from bayes_tyre.runtime import prepare_jax
+
+    prepare_jax(DEVICES)
+    from bayes_tyre.inference.motion.laws import MOTION_LAWS
+    from bayes_tyre.studies.law_ranking import as_they_should, in_words
+    from bayes_tyre.workflow.studies.study import write_law_ranking
+
+    names = list(dict.fromkeys(one.value for one in law)) if law else list(MOTION_LAWS)
+    options = {"laws": names, "records": records, "seed": seed}
+    with progress("ranking laws", len(names) * len(MOTION_LAWS), quiet) as on_progress:
+        found = write_law_ranking(out, names, records, seed, options, on_progress)
+    say(f"wrote {out / 'law_ranking.csv'} (simulated, not measured)", quiet)
+    for line in in_words(found.table):
+        say(f"  {line}", quiet)
+    if not as_they_should(found.table).all():
+        raise typer.Exit(NOT_TRUSTED)
+
+
+for command in (calibration, outliers, motion, laws):
+    study.command()(guarded(command))

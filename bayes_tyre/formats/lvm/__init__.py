@@ -1,0 +1,1 @@
+"""LabVIEW's `.lvm` text files: read and written."""

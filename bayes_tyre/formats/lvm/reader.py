@@ -1,0 +1,205 @@
+"""LabVIEW measurement text files (`.lvm`), in every dialect that was met, and text files of numbers without a header.
+
+Strict about structure: a cell that is no number, a row with cells too many, a header without rows is an error that
+names the line. Generous about dialect: separators, decimal signs, X columns, repeated headers, rows without one.
+Source of the format: NI, "Specification for the LabVIEW Measurement File (.lvm)", and files that do not keep to it.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.lvm.channels import (
+    Roles,
+    build_channels,
+    find_roles,
+    is_x,
+    named_twice,
+    said_once,
+    what_is_said,
+)
+from bayes_tyre.formats.lvm.commas import check_declared, check_rows
+from bayes_tyre.formats.lvm.header import (
+    Section,
+    cut_header,
+    find_sections,
+    header_ends,
+    is_blank,
+    without_special_blocks,
+)
+from bayes_tyre.formats.lvm.plain import find_plain_table
+from bayes_tyre.formats.lvm.source import Source, shown
+from bayes_tyre.formats.lvm.table import Numbers, Rows, read_numbers
+from bayes_tyre.formats.lvm.tail import end_of_whole_rows
+from bayes_tyre.formats.x_column import grows, is_time
+from bayes_tyre.record import Channel, RawSignals
+
+COMMENT = "comment"
+_UTF8_MARK = b"\xef\xbb\xbf"
+#: A file of more is another kind of file, or one to cut in pieces.
+_MOST_SEGMENTS = 10_000
+_SIGNS = ".,"
+_FIRST_ROWS = 50
+_HEAD = 1 << 16
+
+
+def read_lvm(path: Path) -> RawSignals:
+    """Return what a LabVIEW measurement file holds, or a text file of numbers without a header.
+
+    X comes from the X column (s); in files without one, or with other rates than its own, from X0 and Delta_X.
+    Channels of a table without names are `column 2` and so on. `remarks` says what differs from the header, where X
+    goes back, and whether a half-written last row was left out.
+
+    Raises
+    ------
+    BadInput
+        If the file is missing or no text, has no rows, a row with too many cells, or a cell that is no number.
+    """
+    source = without_special_blocks(_load(path))
+    ends = header_ends(source.data)
+    if not ends:
+        section = find_plain_table(source)
+        channels, remarks = _read(source, section, is_last=True)
+        if not channels:
+            raise BadInput(f"{path}: holds no whole row of numbers; the recording may have been cut short")
+        return RawSignals((channels,), tuple(remarks))
+    if len(ends) > 2 * _MOST_SEGMENTS:
+        raise BadInput(f"{path}: has {len(ends)} headers, more than {2 * _MOST_SEGMENTS}; cut it in pieces")
+    sections = find_sections(source, ends)
+    segments, remarks = [], []
+    for i, section in enumerate(sections, start=1):
+        channels, odd = _read(source, section, is_last=i == len(sections))
+        remarks += [f"segment {i}: {text}" if len(sections) > 1 else text for text in odd]
+        segments += [channels] if channels else []
+    if not segments:
+        raise BadInput(f"{path}: a header and no rows below it; the recording may have been cut short")
+    notes = [note for section in sections for note in section.header.get("Notes", []) if note]
+    return RawSignals(tuple(segments), tuple(remarks), tuple(dict.fromkeys(notes)))
+
+
+def _load(path: Path) -> Source:
+    if not path.is_file():
+        raise BadInput(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; check the path")
+    data = path.read_bytes()
+    if data.find(b"\0", 0, _HEAD) >= 0:
+        raise BadInput(f"{path}: holds zero bytes: no text, or UTF-16; save it as tab-separated text in UTF-8")
+    if data.startswith(_UTF8_MARK):
+        data = data[len(_UTF8_MARK) :]
+    if b"\n" not in data:
+        data = data.replace(b"\r", b"\n")
+    return Source(path, data)
+
+
+def _read(source: Source, section: Section, is_last: bool) -> tuple[tuple[Channel, ...], list[str]]:
+    """Return the channels of one table, none if it has no rows, and what is odd about it."""
+    remarks: list[str] = []
+    stop, names = section.stop, section.names
+    if is_last:
+        stop, unfinished = cut_header(source, section.start, stop)
+        remarks += ["the file ends in an unfinished header: left out"] if unfinished else []
+    if names is None and section.start < stop:
+        names = _numbered(source, section.start, stop, section.separator)
+    names = names or []
+    text_from = next((i for i in range(len(names) - 1, 0, -1) if names[i].lower() == COMMENT), None)
+    if not remarks:
+        stop, half = end_of_whole_rows(source, section.start, stop, section.separator, text_from)
+        remarks += ["the last row is half written: left out"] if half else []
+    last = len(names) if text_from is None else text_from
+    if not last or is_blank(source.data, section.start, stop):
+        return (), ["a header and no rows below it: left out"]
+    check_declared(source, section.separator, _declared_sign(section))
+    check_rows(source, _first_rows(source, section.start, stop), section.separator, text_from)
+    signs = _signs(source, section, stop)
+    numbers = read_numbers(
+        Rows(source, section.start, stop, section.separator, len(names), [*range(last)], names, text_from, signs)
+    )
+    numbers = _without_blank_end(numbers)
+    said = _declared_sign(section)
+    if said in set(_SIGNS) and said != numbers.decimal:
+        remarks.append(f"the header says decimals have a {said!r}, the rows have a {numbers.decimal!r}")
+    channels, odd = _channels(source, section, names[:last], numbers)
+    return channels, remarks + odd
+
+
+def _numbered(source: Source, start: int, stop: int, separator: str) -> list[str]:
+    """Return names for the columns of rows that have none above."""
+    lines = [line for _, line in _first_rows(source, start, stop)]
+    counts = [len(line.split()) if separator == " " else line.count(separator.encode()) + 1 for line in lines]
+    most = max(counts, default=0)
+    return [f"column {i}" for i in range(1, most + 1)]
+
+
+def _first_rows(source: Source, start: int, stop: int) -> list[tuple[int, bytes]]:
+    """Return the first lines between two bytes, each with the byte at which it begins."""
+    lines, at = [], start
+    while at < stop and len(lines) < _FIRST_ROWS:
+        begin, (line, at) = at, source.line(at)
+        lines.append((begin, line))
+    return lines
+
+
+def _declared_sign(section: Section) -> str:
+    return (section.header.get("Decimal_Separator") or [""])[0]
+
+
+def _signs(source: Source, section: Section, stop: int) -> str:
+    """Return the decimal signs to try: what the header says first, else what the first rows have."""
+    if section.separator == ",":
+        return "."
+    said = _declared_sign(section)
+    if said not in set(_SIGNS):
+        start = source.data[section.start : min(stop, section.start + 1000)]
+        said = "," if b"," in start and b"." not in start else "."
+    return said + _SIGNS.replace(said, "")
+
+
+def _without_blank_end(numbers: Numbers) -> Numbers:
+    """Return columns without the rows at their end that are blank in all of them."""
+    rows = len(numbers.columns[0])
+    if not rows or not all(np.isnan(column[-1]) for column in numbers.columns):
+        return numbers
+    blank = np.logical_and.reduce([np.isnan(column) for column in numbers.columns])
+    keep = rows - int(np.argmin(blank[::-1])) if not blank.all() else 0
+    return numbers._replace(columns=[column[:keep] for column in numbers.columns])
+
+
+def _channels(
+    source: Source, section: Section, names: list[str], numbers: Numbers
+) -> tuple[tuple[Channel, ...], list[str]]:
+    header, columns, remarks = section.header, numbers.columns, []
+    if header:
+        roles = find_roles(names, len(names), (header.get("X_Columns") or [""])[0])
+    else:
+        roles = _plain_roles(names, columns)
+    if None in roles.x and is_x(names[0]) and not np.isnan(columns[0]).all():
+        if np.isnan(columns[-1]).all() and len(columns) > 1:
+            raise source.fault(section.start, "rows lack the blank X cell that the header promises; mend the file")
+        remarks.append("the header says there is no X, yet its column holds numbers: time is from X0 and Delta_X")
+    channels, odd = build_channels(names, roles, columns, what_is_said(header, roles), section.valid_for)
+    return channels, [*remarks, *odd, *_against_header(header, channels)]
+
+
+def _plain_roles(names: list[str], columns: list[np.ndarray]) -> Roles:
+    """Return what the columns of a table without a header are: the first is X if it is named so, or grows."""
+    if len(columns) > 1 and (is_time(names[0]) or grows(columns[0])):
+        return find_roles(names, len(names), "One")
+    none = find_roles(names, len(names), "No")
+    if len(columns) > 1 and none.shift and np.isnan(columns[0]).all():
+        return Roles(none.channels[1:], none.x[1:])
+    return none
+
+
+def _against_header(header: dict[str, list[str]], channels: tuple[Channel, ...]) -> list[str]:
+    """Say where the header promises something else than was found."""
+    promised = (header.get("Channels") or [""])[0]
+    remarks = []
+    if promised.isdigit() and promised != str(len(channels)):
+        remarks.append(f"the header promises {promised} channels, the table has {len(channels)}")
+    differ = [(one, one.declared_samples) for one in channels if one.declared_samples not in (None, len(one.values))]
+    remarks += said_once([(one.name, f"{len(one.values)} samples, the header promises {said}") for one, said in differ])
+    other = sorted({cell for cell in header.get("X_Dimension", []) if cell.lower() not in ("", "time")})
+    remarks += [f"X is {', '.join(map(shown, other[:3]))}, not time"] if other else []
+    infinite = [(one.name, int(np.isinf(one.values).sum())) for one in channels]
+    remarks += said_once([(name, f"infinite readings: {count}" if count else "") for name, count in infinite])
+    return remarks + named_twice(channels)

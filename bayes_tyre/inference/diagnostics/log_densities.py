@@ -1,0 +1,139 @@
+"""The log prior and log likelihood of every draw, which sampling itself does not keep: what power-scaling needs.
+
+The prior here is that of the top level alone: cells, scales and whatever else has a place of its own in `PRIORS`. What
+a level below has, such as a case about its words or a record about its case, is what the hierarchy learns, neither
+prior nor likelihood: Kallioinen et al. (2024), "Detecting and diagnosing prior and likelihood sensitivity with
+power-scaling", Statistics and Computing 34, section 2.3, scale hierarchical models so.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Float
+from scipy import stats
+
+from bayes_tyre.inference.model.laplace import RecordData
+from bayes_tyre.inference.model.likelihood import DirectLikelihood, Likelihood
+from bayes_tyre.inference.model.prior_predictive import is_of_logarithm
+from bayes_tyre.inference.model.priors import prior_law
+from bayes_tyre.inference.motion.hierarchy.model import Motions, log_likelihood
+from bayes_tyre.inference.sampling.datatree import as_measured
+
+#: Numbers that the densities of the draws taken together may hold at once: memory stays, however many draws.
+_TOGETHER = 2_000_000
+#: Of a table entry of the compressed likelihood, per record: coefficients times products.
+_GATHERED = 100
+_SAMPLE = ("chain", "draw")
+
+
+def log_prior(posterior: xr.Dataset, sites: Sequence[str], data: RecordData | None = None) -> xr.Dataset:
+    """Return the log density of each top-level prior at each draw, a variable a site; dims chain, draw (and cell).
+
+    A prior spread on a logarithm has its density per unit of that: raised to a power it keeps its median and changes
+    its width. A factor on displacement has no part in it: it is told, not sampled.
+
+    Parameters
+    ----------
+    posterior:
+        As `bayes_tyre.inference.sampling.datatree.to_datatree` or `scale_displacement` gives it.
+    sites:
+        The model's sites in `PRIORS`; those that the posterior lacks are passed over.
+    data:
+        The records, for the prior of their F_i; None: there are none.
+    """
+    measured = as_measured(posterior)
+    found = {}
+    for site in sites:
+        if site not in measured:
+            continue
+        values = measured[site].to_numpy()
+        with np.errstate(divide="ignore", invalid="ignore"):  # a draw that is no number is told by the verdict
+            density = prior_law(site).logpdf(values) + (np.log(values) if is_of_logarithm(site) else 0.0)
+        found[site] = measured[site].copy(data=density)
+    if data is not None:
+        F_i = measured["F_i"].transpose(*_SAMPLE, "record").to_numpy()
+        density = stats.norm.logpdf(F_i, np.asarray(data.F_0), np.asarray(data.span)).sum(axis=2)
+        found["F_i"] = xr.DataArray(density, dims=_SAMPLE)
+    return _bare(found)
+
+
+def log_likelihood_of_records(posterior: xr.Dataset, likelihood: Likelihood) -> xr.Dataset:
+    """Return the log density of each record's forces at each draw: `force`, dims chain, draw, record.
+
+    ArviZ's `loo` on it leaves a record out and keeps the record's own parameters, which predicts nothing:
+    `bayes_tyre.inference.diagnostics.leave_one_out` integrates them out.
+    """
+    measured = as_measured(posterior)
+
+    def flat(name: str) -> np.ndarray:
+        values = measured[name].transpose(*_SAMPLE, "record").to_numpy()
+        return values.reshape(-1, values.shape[2])
+
+    theta = np.stack([flat("F_i"), flat("J"), np.log(flat("k")), np.log(flat("beta"))], axis=2)
+    rho = jnp.asarray(flat("rho")) if "rho" in measured else None
+    work = likelihood.data.u.size if isinstance(likelihood, DirectLikelihood) else theta.shape[1] * _GATHERED
+    together = max(1, min(len(theta), _TOGETHER // work))
+    density = _at_each(likelihood, jnp.asarray(theta), jnp.asarray(flat("sigma")), rho, together)
+    shape = [measured.sizes[dim] for dim in (*_SAMPLE, "record")]
+    force = measured["sigma"].transpose(*_SAMPLE, "record").copy(data=np.asarray(density).reshape(shape))
+    return _bare({"force": force})
+
+
+@eqx.filter_jit
+def _at_each(
+    likelihood: Likelihood,
+    theta: Float[Array, "draws records 4"],
+    sigma: Float[Array, "draws records"],
+    rho: Float[Array, "draws records"] | None,
+    together: int,
+) -> Float[Array, "draws records"]:
+    return jax.lax.map(lambda one: likelihood(*one), (theta, sigma, rho), batch_size=together)
+
+
+def log_likelihood_of_motions(posterior: xr.Dataset, motions: Motions) -> xr.Dataset:
+    """Return the log density of each record's readings at each draw but for a constant: `motion`, dims ..., record.
+
+    Parameters
+    ----------
+    posterior, motions:
+        Of `bayes_tyre.inference.motion.hierarchy.model.fit_motions`, and what it took.
+    """
+    of_record = [posterior[name].transpose(*_SAMPLE, "record").to_numpy() for name in motions.law.parameters]
+    rows, target = jnp.asarray(motions.rows), jnp.asarray(motions.target)
+    density = log_likelihood(jnp.log(jnp.stack(of_record, axis=-1)), rows, target)
+    like = posterior["k"].transpose(*_SAMPLE, "record")
+    return _bare({"motion": like.copy(data=np.asarray(density))})
+
+
+def log_likelihood_of_print(posterior: xr.Dataset, printed: Mapping[str, np.ndarray]) -> xr.Dataset:
+    """Return the log density of each printed case mean at each draw: `printed_k`, `printed_beta`, dims ..., case.
+
+    Parameters
+    ----------
+    posterior:
+        Of `bayes_tyre.inference.model.models.published_model`.
+    printed:
+        ``k`` (kN/mm) and ``beta`` (mm) by case.
+    """
+    found = {}
+    for parameter, values in printed.items():
+        expected = posterior[f"{parameter}_case"].transpose(*_SAMPLE, "case")
+        scatter = posterior[f"published_scatter_{parameter}"].to_numpy()[:, :, None]
+        # The case's value is the mean of a log-normal number.
+        middle = np.log(expected.to_numpy()) - 0.5 * scatter**2
+        density = stats.norm.logpdf(np.log(values), middle, scatter) - np.log(values)
+        found[f"printed_{parameter}"] = expected.copy(data=density)
+    return _bare(found)
+
+
+def _bare(found: Mapping[str, xr.DataArray]) -> xr.Dataset:
+    """Return the densities without units, and without the words along their cases and records."""
+    named = xr.Dataset(dict(found))
+    bare = named.drop_vars([name for name in named.coords if name not in named.dims])
+    for name in bare.data_vars:
+        bare[name].attrs = {}
+    return bare

@@ -1,0 +1,242 @@
+"""What the data said of each quantity, and what its prior did: contraction, and sensitivity to both."""
+
+import warnings
+from collections.abc import Callable, Mapping
+
+import arviz as az
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from bayes_tyre.inference.diagnostics.log_densities import (
+    log_likelihood_of_motions,
+    log_likelihood_of_print,
+    log_likelihood_of_records,
+    log_prior,
+)
+from bayes_tyre.inference.model.factors import Levels, find_levels
+from bayes_tyre.inference.model.hyperparameters import motion_sites, prior_sites, published_sites
+from bayes_tyre.inference.model.laplace import record_data
+from bayes_tyre.inference.model.prior_predictive import RecordStarts, is_of_logarithm, prior_quantities
+from bayes_tyre.inference.model.priors import PRIORS
+from bayes_tyre.inference.motion.hierarchy.model import Motions
+from bayes_tyre.inference.motion.laws import OF_AXLE, OF_TYRES
+from bayes_tyre.inference.sampling.datatree import to_datatree
+from bayes_tyre.inference.sampling.hierarchical_fit import (
+    ModelSettings,
+    batch_and_levels,
+    likelihood_of,
+    whitening_for,
+)
+from bayes_tyre.record import CASE_WORDS
+
+#: The group of a posterior's tree that holds all this, and what stands along its dimension `measure`.
+GROUP = "identifiability"
+MEASURES = ("contraction", "prior_sensitivity", "likelihood_sensitivity")
+#: Contraction below which the data hardly spoke: the posterior is over 0.7 times as wide as its prior.
+CONTRACTION_LEAST = 0.5
+#: Sensitivity from which on ArviZ calls a prior informative.
+SENSITIVE = 0.05
+#: Draws of the prior, fewer where there are many records: a ratio of variances is then off by 2 or 3 % of itself.
+PRIOR_DRAWS, _PRIOR_NUMBERS = 4000, 4_000_000
+#: Draws of the posterior that sensitivities rest on, evenly taken; and quantities of pure noise beside them.
+DRAWS, _NOISES = 2000, 20
+
+_SAMPLE = ("chain", "draw")
+_LOGARITHMIC = frozenset(
+    f"{name}{ending}"
+    for name in (*OF_TYRES, *OF_AXLE, "x", "sigma", "energy_per_cycle")
+    for ending in ("", "_case", "_mean")
+)
+
+Derive = Callable[[xr.DataTree], xr.Dataset]
+
+
+def on_prior_scale(name: str, values: xr.DataArray) -> xr.DataArray:
+    """Return values of a quantity on the scale that its prior is given on: mostly the logarithm."""
+    if name == "rho":
+        return values.copy(data=np.arctanh(values.to_numpy()))
+    of_logarithm = is_of_logarithm(name) if name in PRIORS else name in _LOGARITHMIC or name.endswith("_by_speed")
+    return values.copy(data=np.log(values.to_numpy())) if of_logarithm else values
+
+
+def contraction(posterior: xr.Dataset, prior: xr.Dataset) -> xr.Dataset:
+    """Return 1 - (variance of the posterior / of the prior) of each element, on the scale the prior is given on.
+
+    0 where the data said nothing, 1 where they said all; below 0 where the posterior is wider than its prior. What is
+    in one of the two alone is left out. Source: Betancourt (2018), "Towards a principled Bayesian workflow".
+    """
+    found = {}
+    with np.errstate(divide="ignore", invalid="ignore"):  # draws that are no numbers are told by the verdict
+        for name in (str(name) for name in posterior.data_vars if name in prior):
+            of_posterior, of_prior = (on_prior_scale(name, each[name]).var(_SAMPLE) for each in (posterior, prior))
+            found[name] = 1.0 - of_posterior / of_prior
+    return xr.Dataset(found)
+
+
+def sensitivity(quantities: xr.Dataset, log_prior: xr.Dataset, log_likelihood: xr.Dataset) -> dict[str, xr.Dataset]:
+    """Return how far each element moves as its prior, or the likelihood, is raised to a power: ArviZ's `psense`.
+
+    Keys ``prior_sensitivity`` and ``likelihood_sensitivity``; each dataset's attribute `floor` is the largest of
+    `_NOISES` quantities that depend on nothing, so what Monte Carlo error alone gives. Where a density is no number
+    there is nothing to weigh, and nothing is returned; quantities that are none are left out.
+
+    In a hierarchy only the top-level priors are scaled, those that `log_prior` holds. The likelihood of many records
+    has much in it that bears on no case: its floor is then above most sensitivities, which say nothing. Whether the
+    data spoke is for `contraction` to say.
+    """
+    finite = {name: draws for name, draws in quantities.data_vars.items() if np.isfinite(draws.to_numpy()).all()}
+    densities = [density.to_numpy() for group in (log_prior, log_likelihood) for density in group.data_vars.values()]
+    if not finite or not all(np.isfinite(density).all() for density in densities):
+        return {}
+    shape = (*(quantities.sizes[dim] for dim in _SAMPLE), _NOISES)
+    noise = xr.DataArray(np.random.default_rng(0).standard_normal(shape), dims=(*_SAMPLE, "noise"))
+    groups = {"posterior": xr.Dataset({**finite, "noise_": noise}), "log_prior": log_prior}
+    tree, found = xr.DataTree.from_dict({**groups, "log_likelihood": log_likelihood}), {}
+    with np.errstate(divide="ignore", invalid="ignore"), warnings.catch_warnings():
+        # What never varies has no sensitivity, and of few draws the weights are poor, which the floor then shows.
+        warnings.simplefilter("ignore", UserWarning)
+        warnings.simplefilter("ignore", RuntimeWarning)
+        for group in ("prior", "likelihood"):
+            each = az.psense(tree, group=group)
+            floor = float(each["noise_"].max())
+            found[f"{group}_sensitivity"] = each.drop_vars(["noise_"]).assign_attrs(floor=floor)
+    return found
+
+
+def decided_by(contraction: float, prior_sensitivity: float, floor: float) -> str:
+    """Return what decides a quantity: ``data``, ``prior``, ``both`` (they may be in conflict) or ``unclear``.
+
+    The prior does where its sensitivity is above ArviZ's threshold and above Monte Carlo error; the data do where they
+    contracted the prior. Empty where either is not known.
+    """
+    if np.isnan(contraction) or np.isnan(prior_sensitivity):
+        return ""
+    data, prior = contraction >= CONTRACTION_LEAST, prior_sensitivity >= max(SENSITIVE, floor)
+    return {(True, True): "both", (False, True): "prior", (True, False): "data", (False, False): "unclear"}[data, prior]
+
+
+def identified(tree: xr.DataTree, name: str) -> pd.DataFrame:
+    """Return `MEASURES` and `decided_by` of each element of a quantity, a row each in C order.
+
+    A sensitivity to the likelihood that is not above what Monte Carlo error alone gives is left out. A tree without
+    `GROUP`, or a quantity that it does not know, has one row without any.
+    """
+    if GROUP not in tree.children or name not in tree[GROUP]:
+        return pd.DataFrame({**{measure: [np.nan] for measure in MEASURES}, "decided_by": [""]})
+    values = tree[GROUP][name].to_numpy().reshape(len(MEASURES), -1)
+    table = pd.DataFrame(values.T, columns=list(MEASURES))
+    of_prior, of_likelihood = (float(tree[GROUP].attrs[f"{group}_floor"]) for group in ("prior", "likelihood"))
+    table["likelihood_sensitivity"] = table["likelihood_sensitivity"].where(lambda values: values > of_likelihood)
+    figures = zip(table["contraction"], table["prior_sensitivity"], strict=True)
+    return table.assign(decided_by=[decided_by(*pair, of_prior) for pair in figures])
+
+
+def identify_records(
+    tree: xr.DataTree, table: pd.DataFrame, model: ModelSettings, derive: Derive | None = None
+) -> xr.DataTree:
+    """Return the posterior of a record table with the group `GROUP`: each quantity along the dimension `measure`.
+
+    Parameters
+    ----------
+    tree, table, model:
+        The posterior, the checked table it was fitted to, and what else the model was told.
+    derive:
+        Makes further quantities of a posterior's tree, or the prior's: dims chain, draw, ...
+    """
+    batch, words, levels = batch_and_levels(table, model)
+    data = record_data(batch)
+    sites = prior_sites(levels, model.repeats, model.noise)
+    draws = max(PRIOR_DRAWS // 10, min(PRIOR_DRAWS, _PRIOR_NUMBERS // len(words)))
+    start = RecordStarts(*(np.asarray(values) for values in (data.F_0, data.span, data.d_0)))
+    prior = _tree_of(prior_quantities(levels, sites, draws, seed=0, start=start), levels, words)
+    some = _thinned(tree["posterior"].to_dataset())
+    likelihood = likelihood_of(data, model, whitening_for(batch, model))
+    densities = log_prior(some, sites, data), log_likelihood_of_records(some, likelihood)
+    return _identify(tree, prior, *densities, derive)
+
+
+def identify_published(tree: xr.DataTree, table: pd.DataFrame, derive: Derive | None = None) -> xr.DataTree:
+    """Return the posterior of printed case means with the group that `identify_records` adds.
+
+    Parameters
+    ----------
+    tree, table:
+        The posterior, and the table that `bayes_tyre.inference.sampling.hierarchical_fit.fit_published` took.
+    derive:
+        As `identify_records` has it.
+    """
+    levels = find_levels(table[list(CASE_WORDS)])
+    sites = published_sites(levels)
+    printed = {"k": table["k_kN_per_mm"].to_numpy(dtype=float), "beta": table["beta_mm"].to_numpy(dtype=float)}
+    drawn = prior_quantities(levels, sites, PRIOR_DRAWS, seed=0)
+    some = _thinned(tree["posterior"].to_dataset())
+    densities = log_prior(some, sites), log_likelihood_of_print(some, printed)
+    return _identify(tree, _tree_of(drawn, levels, pd.DataFrame({"record": []})), *densities, derive)
+
+
+def identify_motions(tree: xr.DataTree, motions: Motions, derive: Derive | None = None) -> xr.DataTree:
+    """Return the posterior of motions with the group that `identify_records` adds.
+
+    Parameters
+    ----------
+    tree, motions:
+        The posterior, and what `bayes_tyre.inference.motion.hierarchy.model.fit_motions` took.
+    derive:
+        As `identify_records` has it.
+    """
+    levels = find_levels(motions.words)
+    law = motions.law
+    sites = motion_sites(levels, tree.attrs["repeats"], law.parameters)
+    drawn = prior_quantities(levels, sites, PRIOR_DRAWS, seed=0, parameters=law.parameters)
+    for ending in ("", "_case") if "x" in law.told else ():
+        drawn[f"x{ending}"] = drawn[f"settled{ending}"] + drawn[f"k{ending}"] * drawn[f"beta{ending}"]
+    some = _thinned(tree["posterior"].to_dataset())
+    densities = log_prior(some, sites), log_likelihood_of_motions(some, motions)
+    return _identify(tree, _tree_of(drawn, levels, motions.words), *densities, derive)
+
+
+def _tree_of(drawn: Mapping[str, np.ndarray], levels: Levels, words: pd.DataFrame) -> xr.DataTree:
+    return to_datatree({name: values[None] for name, values in drawn.items()}, {}, levels, words, {})
+
+
+def _thinned(posterior: xr.Dataset) -> xr.Dataset:
+    every = max(1, -(-posterior.sizes["chain"] * posterior.sizes["draw"] // DRAWS))
+    return posterior.isel(draw=slice(None, None, every))
+
+
+def _identify(
+    tree: xr.DataTree,
+    prior: xr.DataTree,
+    log_prior: xr.Dataset,
+    log_likelihood: xr.Dataset,
+    derive: Derive | None,
+) -> xr.DataTree:
+    """Return the tree with `GROUP`; a measure that a quantity does not have is NaN.
+
+    A record's own quantities have a contraction alone: at 2 ms each, a thousand sensitivities would cost more than they
+    say beyond their case's.
+    """
+    posterior, of_prior = (_quantities(each, derive) for each in (tree, prior))
+    above_records = posterior.drop_vars([name for name in posterior.data_vars if "record" in posterior[name].dims])
+    found = {
+        "contraction": contraction(posterior, of_prior),
+        **sensitivity(_thinned(above_records), log_prior, log_likelihood),
+    }
+    measured = {}
+    for name in (str(name) for name in posterior.data_vars):
+        like = posterior[name].isel(chain=0, draw=0, drop=True).astype(float)
+        each = [found[m][name] if m in found and name in found[m] else xr.full_like(like, np.nan) for m in MEASURES]
+        values = np.stack([one.transpose(*like.dims).to_numpy() for one in each])
+        measured[name] = (("measure", *like.dims), values)
+    labels = {name: values for name, values in posterior.coords.items() if name in posterior.dims}
+    labels = {name: values for name, values in labels.items() if name not in _SAMPLE}
+    floors = {f"{m.split('_')[0]}_floor": found[m].attrs["floor"] if m in found else np.nan for m in MEASURES[1:]}
+    with_all = tree.copy()
+    with_all[GROUP] = xr.DataTree(xr.Dataset(measured, {**labels, "measure": list(MEASURES)}, floors))
+    return with_all
+
+
+def _quantities(tree: xr.DataTree, derive: Derive | None) -> xr.Dataset:
+    posterior = tree["posterior"].to_dataset()
+    return posterior if derive is None else posterior.merge(derive(tree))

@@ -1,0 +1,158 @@
+"""What a least-squares fit is given: a record, what is known of its parameters, and both in units of their own."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from bayes_tyre.inference.least_squares.parameters import BETA, D_I, F_I, C, K
+from bayes_tyre.laws.fancher import equation_2
+
+#: Beta over the travel beyond which nothing tells betas apart: the fit ends there, and profiles are open or not.
+BETA_ENDS = (1e-12, 1e3)
+
+
+class Problem(NamedTuple):
+    """One record and what is known of its parameters; a leading axis batches it.
+
+    Attributes
+    ----------
+    d, F:
+        Displacement (mm) and force (kN), shape (points,).
+    used:
+        Shape (points,); False on padding. The first point is always used.
+    fixed:
+        Shape (5,), in the order of `PARAMETERS`; NaN where not given (d_i, F_i: the first point). Counts
+        where the parameter is not free.
+    start:
+        Shape (starts, 5); NaN where not given: found from the data. The best of the fits is kept.
+    low, high:
+        Shape (5,); bounds of the free parameters, infinite where there is none. None: nothing is bounded.
+    """
+
+    d: Float[Array, "*records points"]
+    F: Float[Array, "*records points"]
+    used: Bool[Array, "*records points"]
+    fixed: Float[Array, "*records 5"]
+    start: Float[Array, "*records starts 5"]
+    low: Float[Array, "*records 5"] | None = None
+    high: Float[Array, "*records 5"] | None = None
+
+    @property
+    def base(self) -> Float[Array, "5"]:
+        """Values of what is not free: as given, else the first point for d_i and F_i."""
+        first = jnp.stack([jnp.zeros(()), jnp.zeros(()), jnp.ones(()), self.d[0], self.F[0]])
+        return jnp.where(jnp.isnan(self.fixed), first, self.fixed)
+
+    @property
+    def bounds(self) -> tuple[Float[Array, "5"], Float[Array, "5"]]:
+        """Low and high bounds, infinite where there is none."""
+        none = jnp.full(5, jnp.inf)
+        return (-none if self.low is None else self.low), (none if self.high is None else self.high)
+
+
+class OwnUnits(NamedTuple):
+    """What turns a record's displacements, forces and parameters into units of its own, and back.
+
+    Equation 2 keeps its form: in own units it is that of the shifted and scaled record. So a fit sees the same
+    numbers whatever the units are and wherever displacement and force are counted from.
+
+    Attributes
+    ----------
+    origin:
+        Displacement that is zero in own units, mm: the first point; unless C is fixed or bounded, for C is the
+        line's force where displacement is zero, and far from there nearly collinear with k.
+    travel, span:
+        Largest distance from the first point (mm) and from its force (kN); 1 where there is none.
+    force:
+        Force that is zero in own units, kN: the first point's.
+    """
+
+    origin: Float[Array, ""]
+    travel: Float[Array, ""]
+    span: Float[Array, ""]
+    force: Float[Array, ""]
+
+    @property
+    def unit(self) -> Float[Array, "5"]:
+        """One own unit of each parameter, in the order and units of `PARAMETERS`."""
+        return jnp.stack([self.span / self.travel, self.span, self.travel, self.travel, self.span])
+
+    @property
+    def zero(self) -> Float[Array, "5"]:
+        """Where each parameter is zero in own units, C while k is."""
+        nothing = jnp.zeros(())
+        return jnp.stack([nothing, self.force, nothing, self.origin, self.force])
+
+    def own(self, value: Float[Array, "5"]) -> Float[Array, "5"]:
+        """Return parameters in own units; C becomes the line's force at `origin`."""
+        return (value.at[C].add(value[K] * self.origin) - self.zero) / self.unit
+
+    def given(self, own: Float[Array, "5"]) -> Float[Array, "5"]:
+        """Return parameters in the units that they were given in, kN and mm."""
+        value = own * self.unit + self.zero
+        return value.at[C].add(-value[K] * self.origin)
+
+    def deviations(self, root: Float[Array, "5 n"]) -> Float[Array, "5"]:
+        """Return standard deviations, kN and mm, from a square root of the parameters' covariance in own units."""
+        rows = root.at[C].add(-root[K] * self.origin / self.travel)
+        return self.unit * jnp.linalg.norm(rows, axis=1)
+
+
+class OwnProblem(NamedTuple):
+    """A record, what is not free of its parameters, and the bounds of the others, in own units.
+
+    Attributes
+    ----------
+    units:
+        The own units.
+    d, F, used:
+        Shape (points,): displacement, force, False on padding.
+    base, low, high:
+        Shape (5,): values of what is not free; bounds, infinite where there is none.
+    """
+
+    units: OwnUnits
+    d: Float[Array, " points"]
+    F: Float[Array, " points"]
+    used: Bool[Array, " points"]
+    base: Float[Array, "5"]
+    low: Float[Array, "5"]
+    high: Float[Array, "5"]
+
+    @property
+    def bounded(self) -> Bool[Array, "5"]:
+        """True where a parameter has a bound, to either side."""
+        return jnp.isfinite(self.low) | jnp.isfinite(self.high)
+
+    @property
+    def beta_ends(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """Least and largest beta: its bounds, or so far away that nothing tells betas apart."""
+        low, high = self.low[BETA], self.high[BETA]
+        least = jnp.where(low > 0, low, jnp.minimum(BETA_ENDS[0], 1e-3 * high))
+        return least, jnp.where(jnp.isfinite(high), high, jnp.maximum(BETA_ENDS[1], 1e3 * least))
+
+    def residual(self, value: Float[Array, "5"]) -> Float[Array, " points"]:
+        """Return force by Equation 2 less the measured one, 0 on padding."""
+        force = equation_2(self.d, k=value[K], C=value[C], beta=value[BETA], d_i=value[D_I], F_i=value[F_I])
+        return jnp.where(self.used, force - self.F, 0.0)
+
+
+def in_own_units(problem: Problem, free: tuple[int, ...]) -> OwnProblem:
+    """Return a problem, without a leading axis, in its own units; `free`: indices of the parameters to fit."""
+    d, F, used = problem.d, problem.F, problem.used
+    low, high = problem.bounds
+    travel = jnp.max(jnp.where(used, jnp.abs(d - d[0]), 0.0))
+    span = jnp.max(jnp.where(used, jnp.abs(F - F[0]), 0.0))
+    keep_zero = jnp.isfinite(low[C]) | jnp.isfinite(high[C]) | (C not in free)
+    origin = jnp.where(keep_zero, 0.0, d[0])
+    units = OwnUnits(origin, jnp.where(travel > 0, travel, 1.0), jnp.where(span > 0, span, 1.0), F[0])
+    return OwnProblem(
+        units,
+        (d - origin) / units.travel,
+        (F - units.force) / units.span,
+        used,
+        units.own(problem.base),
+        (low - units.zero) / units.unit,
+        (high - units.zero) / units.unit,
+    )

@@ -1,0 +1,180 @@
+"""What a fit of a record is worth, in words: `ok`, or the reasons why it is not."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from bayes_tyre.batch import Batch
+from bayes_tyre.inference.correlated_noise import SMOOTHED, lag_1
+from bayes_tyre.inference.least_squares.estimate import Estimate
+from bayes_tyre.inference.least_squares.parameters import BETA, D_I, F_I, PARAMETERS, C, K
+from bayes_tyre.laws.fancher import equation_2
+
+#: Displacements and forces above this are no measurements, and their sums of squares overflow; travels and changes
+#: of force below the inverse are none either, and vanish.
+LARGEST = 1e100
+#: Part of its travel by which displacement may run back, by noise or overshoot, and still be one step.
+TURNS_BACK = 0.25
+#: Residuals are asked whether they follow each other from this many points on, and where their root mean square is
+#: above this part of the change of force: below it they are rounding.
+FOLLOWED_FROM, FOLLOWED_ABOVE = 50, 1e-9
+
+
+def hopeless(batch: Batch, used: Bool[np.ndarray, "records points"], unknowns: int) -> np.ndarray:
+    """Return, a record, why there is nothing to fit; empty where there is.
+
+    Parameters
+    ----------
+    batch, used:
+        The records, and which of their points are used.
+    unknowns:
+        Number of parameters to fit.
+    """
+    d, F = (_Ends.of(rows) for rows in _points(batch, used))
+    points = used.sum(axis=1)
+    least = np.minimum(d.travel, np.where(F.high > F.low, F.travel, 1))
+    reasons = np.full(len(points), "", dtype=object)
+    reasons[least < 1 / LARGEST] = f"changes below {1 / LARGEST:g}: too small to be squared, check the cells"
+    reasons[np.maximum(d.size, F.size) > LARGEST] = (
+        f"numbers above {LARGEST:g}: too large to be squared, check the cells"
+    )
+    reasons[d.high == d.low] = "no travel: the displacement is constant"
+    few = points <= unknowns
+    reasons[few] = [f"too few points: {number} for {unknowns} parameters" for number in points[few]]
+    return reasons
+
+
+def status(
+    batch: Batch,
+    used: Bool[np.ndarray, "records points"],
+    estimate: Estimate,
+    bounds: Float[np.ndarray, "2 5"],
+    hopeless: np.ndarray,
+) -> np.ndarray:
+    """Return, a record, ``ok`` or what the estimate is not worth; `bounds` (kN, mm): low and high."""
+    said = hopeless.copy()
+    said[(said == "") & ~np.asarray(estimate.converged)] = (
+        "did not converge: give a --start nearer to the data, or fix a parameter"
+    )
+    fitted = said == ""
+    reasons = (
+        *_of_the_points(batch, used),
+        *_of_bounds(estimate, bounds),
+        *_of_the_estimate(estimate),
+        *_of_the_residuals(batch, used, estimate, fitted),
+    )
+    for holds, reason in reasons:
+        rows = np.flatnonzero(fitted & holds)
+        said[rows] = [f"{said[row]}; {reason}" if said[row] else reason for row in rows]
+    said[said == ""] = "ok"
+    return said
+
+
+Reasons = list[tuple[np.ndarray, str]]
+"""Which records a reason holds for, shape (records,), and its words."""
+
+
+def _points(batch: Batch, used: Bool[np.ndarray, "records points"]) -> tuple[np.ndarray, np.ndarray]:
+    """Return displacement and force with the first point in place of those not used."""
+    d, F = batch.displacement_mm, batch.force_kN
+    if used.all():
+        return d, F
+    return np.where(used, d, d[:, :1]), np.where(used, F, F[:, :1])
+
+
+class _Ends(NamedTuple):
+    """Least and largest of some numbers a record, the largest without its sign, and that of those from the first on."""
+
+    low: Float[np.ndarray, " records"]
+    high: Float[np.ndarray, " records"]
+    size: Float[np.ndarray, " records"]
+    travel: Float[np.ndarray, " records"]
+
+    @classmethod
+    def of(cls, numbers: Float[np.ndarray, "records points"]) -> "_Ends":
+        low, high, first = numbers.min(axis=1), numbers.max(axis=1), numbers[:, 0]
+        with np.errstate(over="ignore"):
+            return cls(low, high, np.maximum(-low, high), np.maximum(first - low, high - first))
+
+
+def _of_the_points(batch: Batch, used: Bool[np.ndarray, "records points"]) -> Reasons:
+    d, F = _points(batch, used)
+    rows, last = np.arange(len(d)), used.sum(axis=1) - 1
+    with np.errstate(over="ignore", invalid="ignore"):  # of records that are hopeless
+        u = d - d[:, :1]
+        farthest = u[rows, np.abs(u).argmax(axis=1)]
+        forward = u * np.sign(farthest)[:, None]
+        back = (np.maximum.accumulate(forward, axis=1) - np.where(used, forward, np.inf)).max(axis=1)
+        falls = np.sign(F[rows, last] - F[:, 0]) * np.sign(u[rows, last]) < 0
+        turns = back > TURNS_BACK * np.abs(farthest)
+    return [
+        (falls, "force falls as displacement grows: check the signs"),
+        (turns, "displacement turns back: Equation 2 holds for one direction, cut the record there"),
+    ]
+
+
+def _of_bounds(estimate: Estimate, bounds: Float[np.ndarray, "2 5"]) -> Reasons:
+    at_bound, value = np.asarray(estimate.at_bound), np.asarray(estimate.value)
+    return [
+        (at_bound[:, i] & (value[:, i] == bound), f"{name} at its bound {bound:.15g}")
+        for i, name in enumerate(PARAMETERS)
+        for bound in bounds[:, i]
+        if np.isfinite(bound)
+    ]
+
+
+def _of_the_estimate(estimate: Estimate) -> Reasons:
+    below, above = np.asarray(estimate.beta_open_below), np.asarray(estimate.beta_open_above)
+    lost = np.asarray(estimate.undetermined) & ~(below | above)[:, None]
+    beta, error = (np.asarray(figure)[:, BETA] for figure in (estimate.value, estimate.standard_error))
+    return [
+        (below & above, "beta not determined: this record bounds it neither below nor above"),
+        (below & ~above, "beta not determined: only an upper bound, it lies below the spacing of the first points"),
+        (above & ~below, "beta not determined: only a lower bound, beyond the travel it trades against k"),
+        (~(below | above) & (error >= beta), "beta hardly determined: its standard error is as large as itself"),
+        *(
+            ((lost == which).all(axis=1), f"{', '.join(np.array(PARAMETERS)[which])} not determined by this record")
+            for which in np.unique(lost, axis=0)
+            if which.any()
+        ),
+    ]
+
+
+def _of_the_residuals(
+    batch: Batch, used: Bool[np.ndarray, "records points"], estimate: Estimate, fitted: np.ndarray
+) -> Reasons:
+    """Return which of the records where k, C and beta were found have residuals that no noise leaves."""
+    points = used.sum(axis=1)
+    found = np.isfinite(np.asarray(estimate.standard_error)[:, [K, C, BETA]]).all(axis=1)
+    found &= fitted & ~np.asarray(estimate.beta_open_below) & ~np.asarray(estimate.beta_open_above)
+    found &= points >= FOLLOWED_FROM
+    if not found.any():
+        return []
+    _, F = _points(batch, used)
+    with np.errstate(over="ignore", invalid="ignore"):  # of records that are hopeless
+        found &= np.sqrt(np.asarray(estimate.rss) / points) > FOLLOWED_ABOVE * _Ends.of(F).travel
+    arrays = (batch.displacement_mm, batch.force_kN, used, estimate.value)
+    follows = np.asarray(_lag_1_of_residuals(*(jnp.asarray(array) for array in arrays)))
+    said = np.array(
+        [
+            f"residuals follow each other (lag-1 {rho:.3f}): signals look smoothed, or the curve is not Equation 2; "
+            "beta then reflects the filter, not the tyre"
+            for rho in follows
+        ]
+    )
+    found &= follows > SMOOTHED
+    return [(found & (said == which), str(which)) for which in np.unique(said[found])]
+
+
+@jax.jit
+def _lag_1_of_residuals(
+    d: Float[Array, "records points"],
+    F: Float[Array, "records points"],
+    used: Bool[Array, "records points"],
+    value: Float[Array, "records 5"],
+) -> Float[Array, " records"]:
+    k, c, beta, d_i, F_i = (value[:, i, None] for i in (K, C, BETA, D_I, F_I))
+    return jax.vmap(lag_1)(F - equation_2(d, k=k, C=c, beta=beta, d_i=d_i, F_i=F_i), used)

@@ -1,0 +1,1 @@
+"""The hierarchical models: priors, effects, repeats, likelihood, and the coordinates in which they are sampled."""

@@ -1,0 +1,219 @@
+"""The level of the cases: what their words say of k and beta, a remainder, and the scatter of repeats about it.
+
+Arrays hold all parameters at once, in the order given: what two or five of them need is one kernel, not one for each.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple, override
+
+import jax.numpy as jnp
+import numpy as np
+import numpyro
+from jax.scipy.stats import norm
+from jaxtyping import Array, ArrayLike, Float
+from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
+
+from bayes_tyre.inference.model.factors import Levels
+from bayes_tyre.inference.model.hyperparameters import PARAMETERS, effect_scales
+from bayes_tyre.inference.model.laplace_cases import CaseEstimates
+from bayes_tyre.inference.model.priors import PRIORS
+from bayes_tyre.inference.model.reparameterisation import Gaussian, place, place_jointly
+
+#: Repeats that a case without any counts as in its coordinates: an estimate without weight.
+_ALMOST_NONE = 1e-6
+
+#: What was sampled of the priors, by name.
+Populations = Mapping[str, Array]
+
+
+def keep(name: str, value: Array) -> Array:
+    """Return the value, and keep it among the posterior's quantities."""
+    numpyro.deterministic(name, value)
+    return value
+
+
+def _keep_each(name: str, parameters: Sequence[str], values: Array) -> None:
+    """Keep the values of each parameter, by its name in place of the asterisk."""
+    for parameter, value in zip(parameters, values, strict=True):
+        keep(name.replace("*", parameter), value)
+
+
+class _Flat(dist.ImproperUniform):
+    """Flat over the real numbers; NumPyro's looks at every value whether it is one, a few kernels a gradient."""
+
+    @override
+    def log_prob(self, value: ArrayLike) -> Array:
+        return jnp.zeros(())
+
+
+def flat(site: str, shape: tuple[int, ...]) -> Array:
+    """Sample coordinates with a flat density: priors and likelihood enter on the placed values, as factors."""
+    return jnp.asarray(numpyro.sample(site, _Flat(dist.constraints.real, (), shape)))
+
+
+def placed(site: str, estimate: Gaussian, above: ArrayLike, scale: ArrayLike) -> Array:
+    """Sample unknowns that are Normal(above, scale), in coordinates that follow the scale and the estimate."""
+    above, scale = jnp.asarray(above), jnp.asarray(scale)
+    unknown = place(flat(f"{site}_z", estimate.value.shape), estimate, above, scale)
+    numpyro.factor(f"{site}_density", norm.logpdf(unknown.deviation, 0.0, scale) + unknown.log_volume)
+    return unknown.value
+
+
+def _of_each(name: str, parameters: Sequence[str], populations: Populations) -> Float[Array, "parameters 1"]:
+    """Return a number of the populations for each parameter, by its name in place of the asterisk."""
+    return jnp.stack([populations[name.replace("*", parameter)] for parameter in parameters])[:, None]
+
+
+class Terms(NamedTuple):
+    """What the words say of the cases, side by side for each parameter; those with fewer terms have idle ones last.
+
+    Attributes
+    ----------
+    design:
+        Shape (parameters, cases, terms): what each term adds to each case; 0 for idle ones.
+    lengths:
+        Terms of each parameter that are not idle.
+    above, fixed:
+        Shape (parameters, terms): mean of each term, and its standard deviation where that is no scale to be learnt: a
+        cell's, and 1 for idle ones.
+    scales, which:
+        Names of the scales, and the share that each has in the standard deviation of each term, 0 or 1, shape
+        (parameters, terms, scales).
+    """
+
+    design: Float[np.ndarray, "parameters cases terms"]
+    lengths: tuple[int, ...]
+    above: Float[np.ndarray, "parameters terms"]
+    fixed: Float[np.ndarray, "parameters terms"]
+    scales: tuple[str, ...]
+    which: Float[np.ndarray, "parameters terms scales"]
+
+    def scale(self, populations: Populations) -> Float[Array, "parameters terms"]:
+        """Return the standard deviation of each term."""
+        if not self.scales:
+            return jnp.asarray(self.fixed)
+        learnt = jnp.stack([populations[name] for name in self.scales])
+        return jnp.asarray(self.fixed) + jnp.asarray(self.which) @ learnt
+
+
+def find_terms(levels: Levels, parameters: Sequence[str]) -> Terms:
+    """Return the terms of the cases' words: their cell, then the coordinates of each factor's effects."""
+    cells = len(levels.cell.labels)
+    designs = [levels.design(parameter) for parameter in parameters]
+    lengths = tuple(design.shape[1] for design in designs)
+    scales = tuple(name for parameter in parameters for name in effect_scales(parameter, levels))
+    above, fixed = np.zeros((2, len(parameters), max(lengths)))
+    which = np.zeros((*fixed.shape, len(scales)))
+    for i, parameter in enumerate(parameters):
+        above[i, :cells], fixed[i, :cells] = PRIORS[f"{parameter}_cell"].parameters
+        fixed[i, lengths[i] :] = 1.0
+        for name, (start, basis) in _effects(parameter, levels).items():
+            which[i, start : start + basis.shape[1], scales.index(f"log_{parameter}_{name}_scale")] = 1.0
+    design = np.stack([np.pad(one, ((0, 0), (0, max(lengths) - one.shape[1]))) for one in designs])
+    return Terms(design, lengths, above, fixed, scales, which)
+
+
+def _effects(parameter: str, levels: Levels) -> dict[str, tuple[int, np.ndarray]]:
+    """Return where the coordinates of each factor start among a parameter's terms, and their basis."""
+    start, found = len(levels.cell.labels), {}
+    for name, factor in levels.factors(parameter).items():
+        found[name] = start, factor.basis
+        start += factor.basis.shape[1]
+    return found
+
+
+def case_structure(
+    levels: Levels, estimate: Gaussian, populations: Populations, parameters: Sequence[str] = PARAMETERS
+) -> Float[Array, "parameters cases"]:
+    """Return the mean of the logarithm of k (kN/mm) and of beta (mm) that the words of each case predict.
+
+    Configuration x direction, plus partially pooled speed, initial load and size of the step (for beta
+    direction x step too). A word with one level has no term. Effects lie in their factor's basis: what levels share
+    would otherwise be said twice, here and in the cells, and the sampler would crawl along the ridge between the two.
+
+    `estimate` shapes the coordinates: what is known of each case, with its precision about what the words say.
+    """
+    terms = find_terms(levels, parameters)
+    scale = terms.scale(populations)
+    pieces = jnp.split(flat("words_z", (sum(terms.lengths),)), np.cumsum(terms.lengths)[:-1])
+    z = jnp.stack([jnp.pad(piece, (0, scale.shape[1] - len(piece))) for piece in pieces])
+    words = place_jointly(z, terms.design, estimate, terms.above, scale)
+    numpyro.factor("words_density", norm.logpdf(words.deviation, 0.0, scale))
+    numpyro.factor("words_volume", words.log_volume)
+    for parameter, value in zip(parameters, words.value, strict=True):
+        keep(f"{parameter}_cell", jnp.exp(value[: len(levels.cell.labels)]))
+        for name, (start, basis) in _effects(parameter, levels).items():
+            keep(f"log_{parameter}_{name}", jnp.asarray(basis) @ value[start : start + basis.shape[1]])
+    return jnp.einsum("pct,pt->pc", jnp.asarray(terms.design), words.value)
+
+
+def _repeat_scatter(
+    levels: Levels, estimate: Gaussian, populations: Populations, parameters: Sequence[str]
+) -> Float[Array, "parameters cases"]:
+    """Return the scatter of log k and log beta among repeats at each case's speed, partially pooled over speeds."""
+    typical = _of_each("log_*_repeat_scatter", parameters, populations)
+    if not levels.speed.varies:
+        return jnp.broadcast_to(typical, (len(parameters), len(levels.cases)))
+    spread = _of_each("log_*_scatter_spread", parameters, populations)
+    scatter = jnp.exp(placed("repeat_scatter", estimate, jnp.log(typical), spread))
+    _keep_each("log_*_repeat_scatter_by_speed", parameters, scatter)
+    return scatter[:, levels.speed.of_case]
+
+
+class AboutWords(NamedTuple):
+    """What the words say of the logarithms of the cases' values, and how cases and repeats scatter about it.
+
+    Attributes
+    ----------
+    words:
+        What the words predict of the logarithms.
+    remainder:
+        Standard deviation of the cases about it: a parameter whose cases have no remainder has 0.
+    scatter:
+        Standard deviation of repeats about their case.
+    estimate:
+        What the records say of each case, beside its words.
+    has_remainder:
+        Indices of the parameters whose cases have one.
+    """
+
+    words: Float[Array, "parameters cases"]
+    remainder: Float[Array, "parameters 1"]
+    scatter: Float[Array, "parameters cases"]
+    estimate: Gaussian
+    has_remainder: Sequence[int]
+
+
+def about_words(
+    levels: Levels, estimates: CaseEstimates, populations: Populations, parameters: Sequence[str] = PARAMETERS
+) -> AboutWords:
+    """Return what the words say of each case, with the scales of what they leave over.
+
+    Where a remainder cannot be told from the scatter of repeats or from the words, there is none.
+    """
+    scatter = _repeat_scatter(levels, estimates.log_scatter, populations, parameters)
+    repeats = np.maximum(levels.repeats, _ALMOST_NONE)
+    variance = (scatter**2 + estimates.variance) / jnp.asarray(repeats)
+    rest = [index for index, parameter in enumerate(parameters) if levels.has_remainder(parameter)]
+    remainder = jnp.zeros((len(parameters), 1))
+    if rest:
+        of_rest = _of_each("log_*_case_scale", [parameters[index] for index in rest], populations)
+        remainder = of_rest if len(rest) == len(parameters) else remainder.at[np.array(rest)].set(of_rest)
+    near_words = Gaussian(estimates.middle, 1.0 / (variance + remainder**2))
+    words = case_structure(levels, near_words, populations, parameters)
+    return AboutWords(words, remainder, scatter, Gaussian(estimates.middle, 1.0 / variance), rest)
+
+
+def sample_cases(site: str, about: AboutWords) -> Float[Array, "parameters cases"]:
+    """Sample the logarithms of the cases' values: what their words predict, and a remainder where they have one."""
+    rest = about.has_remainder
+    if not rest:
+        return about.words
+    here = np.array(rest) if len(rest) < len(about.words) else slice(None)
+    own = Gaussian(about.estimate.value[here], about.estimate.precision[here])
+    return about.words.at[here].set(placed(site, own, about.words[here], about.remainder[here]))
+
+
+def keep_cases(parameters: Sequence[str], log_values: Float[Array, "parameters cases"]) -> None:
+    """Keep the values of the cases among the posterior's quantities."""
+    _keep_each("*_case", parameters, jnp.exp(log_values))

@@ -1,0 +1,265 @@
+"""The Gaussian picture of the data: what least squares says of records, cases and effects, and how well.
+
+It shapes the coordinates of `coordinates`, and never the posterior.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from bayes_tyre.batch import Batch
+from bayes_tyre.inference.correlated_noise import Whitening, innovations, lag_1
+from bayes_tyre.inference.least_squares import estimate as ls
+from bayes_tyre.inference.model.factors import Levels
+from bayes_tyre.inference.model.hyperparameters import PARAMETERS
+from bayes_tyre.inference.model.laplace_cases import CaseEstimates, case_estimates
+from bayes_tyre.inference.model.reparameterisation import Gaussian
+from bayes_tyre.laws.fancher import equation_2_offset
+
+#: Widest standard deviations of log k and log beta that the picture of a record may have.
+_LOG_K_SD, _LOG_BETA_SD = 0.5, 1.0
+#: A lag-1 autocorrelation that the picture may have: fits to a few points leave what no noise has.
+_LARGEST_RHO = 0.98
+#: Steps from the least-squares estimate to the one under correlated noise.
+_POLISHING_STEPS = 4
+#: A least-squares estimate with a beta beyond this part of the travel, or a k that is so many times the secant (or as
+#: much less), traded k against beta: the same points fit as well with a beta like the other records'.
+_TRADED_BETA, _TRADED_K = 0.5, 3.0
+#: Beta is held within these multiples of the travel where the record leaves it open.
+_BETA_WITHIN_TRAVEL = (1e-4, 3.0)
+
+
+class RecordData(NamedTuple):
+    """The measured records as the models take them: d_0 is the first displacement, u the distance from it.
+
+    Attributes
+    ----------
+    u, F:
+        Shape (records, points); mm, kN.
+    present:
+        Shape (records, points); False on padding.
+    d_0, F_0, span:
+        Shape (records,); first displacement (mm), first force (kN), largest change of force (kN).
+    """
+
+    u: Float[Array, "records points"]
+    F: Float[Array, "records points"]
+    present: Bool[Array, "records points"]
+    d_0: Float[Array, " records"]
+    F_0: Float[Array, " records"]
+    span: Float[Array, " records"]
+
+
+class RecordEstimates(NamedTuple):
+    """The Gaussian picture of each record: what least squares says, and how well.
+
+    Attributes
+    ----------
+    centre:
+        Shape (records, 4): F_i (kN), J (kN), log k (kN/mm), log beta (mm).
+    precision:
+        Shape (records, 2, 2): of log k and log beta, F_i and J integrated out.
+    slope, factor:
+        Shape (records, 2, 2): F_i and J follow `centre + slope (log k, log beta deviations) + factor z`.
+    log_sigma, rho, points:
+        Shape (records,); sigma in kN, lag-1 autocorrelation of the residuals, and number of points.
+    """
+
+    centre: Float[Array, "records 4"]
+    precision: Float[Array, "records 2 2"]
+    slope: Float[Array, "records 2 2"]
+    factor: Float[Array, "records 2 2"]
+    log_sigma: Float[Array, " records"]
+    rho: Float[Array, " records"]
+    points: Float[Array, " records"]
+
+    @property
+    def log_k(self) -> Float[Array, " records"]:
+        """Estimates of log k, k in kN/mm."""
+        return self.centre[:, 2]
+
+    @property
+    def log_beta(self) -> Float[Array, " records"]:
+        """Estimates of log beta, beta in mm."""
+        return self.centre[:, 3]
+
+
+def record_data(batch: Batch) -> RecordData:
+    """Return a batch of records as the models take it."""
+    # In NumPy: JAX would compile each step by itself.
+    d, F = batch.displacement_mm, batch.force_kN
+    span = np.max(np.where(batch.present, np.abs(F - F[:, :1]), 0.0), axis=1)
+    numbers = d - d[:, :1], F, batch.present, d[:, 0], F[:, 0], np.where(span > 0, span, 1.0)
+    return RecordData(*map(jnp.asarray, numbers))
+
+
+def force_curve(u: Float[Array, " points"], theta: Float[Array, "4"]) -> Float[Array, " points"]:
+    """Return the force (kN) of Equation 2 at u (mm) for theta = (F_i, J, log k, log beta)."""
+    return theta[0] + equation_2_offset(u, k=jnp.exp(theta[2]), J=theta[1], beta=jnp.exp(theta[3]))
+
+
+def estimate_records(
+    batch: Batch,
+    noise: str = "iid",
+    whitening: Whitening | None = None,
+    beta_mm: Float[np.ndarray, " records"] | None = None,
+) -> RecordEstimates:
+    """Return the Gaussian picture of each record, by least squares with F_i free over all of its points.
+
+    Parameters
+    ----------
+    batch:
+        The records.
+    noise:
+        ``iid``, or ``ar1``: autoregressive with the lag-1 autocorrelation that the residuals show.
+    whitening:
+        Of noise smoothed by a known moving average.
+    beta_mm:
+        Where to draw the picture in beta; None: at its estimate.
+    """
+    data = record_data(batch)
+    nan = np.full((len(batch.records), 5), np.nan)
+    fixed = nan.copy()
+    if beta_mm is not None:
+        fixed[:, ls.BETA] = beta_mm
+    problem = ls.Problem(*map(jnp.asarray, (batch.displacement_mm, data.F, data.present, fixed, nan[:, None])))
+    free = (ls.K, ls.C, ls.BETA, ls.F_I) if beta_mm is None else (ls.K, ls.C, ls.F_I)
+    estimate = ls.estimate_batch(problem, free)
+    return _estimate_records(data, estimate, noise == "ar1", whitening)
+
+
+@eqx.filter_jit
+def _estimate_records(
+    data: RecordData, estimate: ls.Estimate, autoregressive: bool, whitening: Whitening | None
+) -> RecordEstimates:
+    def picture(record: RecordData, of_record: ls.Estimate) -> RecordEstimates:
+        return _picture(record, of_record, autoregressive, whitening)
+
+    return jax.vmap(picture)(data, estimate)
+
+
+def _picture(
+    data: RecordData, estimate: ls.Estimate, autoregressive: bool, whitening: Whitening | None
+) -> RecordEstimates:
+    centre = _centre(data, estimate)
+    points = jnp.sum(data.present)
+
+    def residual(theta: Float[Array, "4"]) -> Float[Array, " points"]:
+        return jnp.where(data.present, data.F - force_curve(data.u, theta), 0.0)
+
+    # Noise-free records would make the coordinates infinitely narrow.
+    sigma = jnp.maximum(jnp.sqrt(estimate.rss / jnp.maximum(points - 4, 1)), 1e-6 * data.span)
+    rho = jnp.clip(jnp.nan_to_num(lag_1(residual(centre), data.present)), -_LARGEST_RHO, _LARGEST_RHO)
+
+    def white(values: Float[Array, " points"]) -> Float[Array, " points"]:
+        if whitening is not None:
+            return whitening.whiten(values, data.present)
+        return innovations(values, data.present, rho) if autoregressive else values
+
+    # A floor under the information gives a parameter that the record leaves open a finite scale.
+    floor = jnp.diag(1.0 / jnp.stack([data.span, data.span, jnp.asarray(_LOG_K_SD), jnp.asarray(_LOG_BETA_SD)]) ** 2)
+
+    def information(theta: Float[Array, "4"]) -> tuple[Float[Array, "4 points"], Float[Array, "4 4"]]:
+        jacobian = jax.vmap(white, in_axes=1)(-jax.jacfwd(residual)(theta)) / sigma
+        return jacobian, jacobian @ jacobian.T + floor
+
+    if autoregressive or whitening is not None:
+        centre = _polish(centre, lambda theta: white(residual(theta)) / sigma, information)
+    _, precision = information(centre)
+    level, both, shape = precision[:2, :2], precision[:2, 2:], precision[2:, 2:]
+    slope = -jnp.linalg.solve(level, both)
+    factor = jnp.linalg.inv(jnp.linalg.cholesky(level)).T
+    return RecordEstimates(centre, shape + both.T @ slope, slope, factor, jnp.log(sigma), rho, points.astype(rho.dtype))
+
+
+def _polish(
+    centre: Float[Array, "4"],
+    residual: Callable[[Float[Array, "4"]], Float[Array, " points"]],
+    information: Callable[[Float[Array, "4"]], tuple[Float[Array, "4 points"], Float[Array, "4 4"]]],
+) -> Float[Array, "4"]:
+    """Return the estimate under correlated noise, by Gauss-Newton steps that are taken where they gain."""
+
+    def step(_: Array, theta: Float[Array, "4"]) -> Float[Array, "4"]:
+        jacobian, precision = information(theta)
+        tried = theta + jnp.linalg.solve(precision, jacobian @ residual(theta))
+        better = jnp.sum(residual(tried) ** 2) < jnp.sum(residual(theta) ** 2)
+        return jnp.where(better, tried, theta)
+
+    return jax.lax.fori_loop(0, _POLISHING_STEPS, step, centre)
+
+
+def _centre(data: RecordData, estimate: ls.Estimate) -> Float[Array, "4"]:
+    """Return (F_i, J, log k, log beta) of the estimate, brought within the record where it ran out of it."""
+    travel = jnp.max(jnp.where(data.present, jnp.abs(data.u), 0.0))
+    fitted = jnp.where(jnp.isfinite(estimate.value), estimate.value, 0.0)
+    low, high = (factor * travel for factor in _BETA_WITHIN_TRAVEL)
+    secant = data.span / travel
+    sound = estimate.converged & (fitted[ls.K] > 0.01 * secant)
+    k = jnp.where(sound, fitted[ls.K], secant)
+    F_i = jnp.where(sound, fitted[ls.F_I], data.F_0)
+    # Offset and line may pull against each other: the offset is then larger than any change of force.
+    most = data.span + k * travel
+    J = jnp.where(sound, jnp.clip(k * data.d_0 + fitted[ls.C] - F_i, -most, most), 0.0)
+    beta = jnp.clip(jnp.where(fitted[ls.BETA] > 0, fitted[ls.BETA], low), low, high)
+    return jnp.stack([F_i, J, jnp.log(k), jnp.log(beta)])
+
+
+class Picture(NamedTuple):
+    """The whole picture: of the records, and of the cases' k and beta."""
+
+    records: RecordEstimates
+    cases: CaseEstimates
+
+
+def draw_picture(batch: Batch, levels: Levels, noise: str = "iid", whitening: Whitening | None = None) -> Picture:
+    """Return the Gaussian picture of a batch's records, and of the cases they repeat; noise as `estimate_records`."""
+    records = like_their_case(estimate_records(batch, noise, whitening), batch, levels, noise, whitening)
+    return Picture(records, cases_of(records, levels))
+
+
+def blank_picture(records: int, levels: Levels) -> Picture:
+    """Return a picture of nothing, of the shapes that `draw_picture` gives: what is compiled for it takes those."""
+    shapes = (records, 4), *[(records, 2, 2)] * 3, *[(records,)] * 3
+    blank = RecordEstimates(*(jnp.asarray(np.zeros(shape)) for shape in shapes))
+    cases, speeds = (jnp.asarray(np.zeros((len(PARAMETERS), n))) for n in (len(levels.cases), len(levels.speed.labels)))
+    none = jnp.asarray(np.zeros(records, dtype=bool))
+    return Picture(blank, CaseEstimates(cases, cases, Gaussian(speeds, speeds), none))
+
+
+def cases_of(records: RecordEstimates, levels: Levels) -> CaseEstimates:
+    """Return what a picture of records says of their cases."""
+    # Of one parameter with the other held: near enough for coordinates.
+    variance = 1.0 / np.diagonal(np.asarray(records.precision), axis1=1, axis2=2)
+    return case_estimates(np.asarray(records.centre[:, 2:]), variance, levels)
+
+
+def like_their_case(
+    records: RecordEstimates, batch: Batch, levels: Levels, noise: str = "iid", whitening: Whitening | None = None
+) -> RecordEstimates:
+    """Return the picture with records whose k and beta were traded drawn where the other records of their case lie.
+
+    What such a record's own optimum looks like says nothing of where the hierarchy will put it: coordinates that start
+    there made every trajectory a thousand steps long.
+    """
+    u = batch.displacement_mm - batch.displacement_mm[:, :1]
+    travel, span = np.abs(u).max(axis=1), np.abs(batch.force_kN - batch.force_kN[:, :1]).max(axis=1)
+    log_k, log_beta = np.asarray(records.log_k), np.asarray(records.log_beta)
+    traded = np.abs(log_k - np.log(span / travel)) > np.log(_TRADED_K)
+    traded |= log_beta > np.log(_TRADED_BETA * travel)
+    if traded.all() or not traded.any():
+        return records
+    beta = log_beta.copy()
+    for record in np.flatnonzero(traded):
+        alike = ~traded & (levels.of_record == levels.of_record[record])
+        beta[record] = np.median(log_beta[alike if alike.any() else ~traded])
+    drawn = estimate_records(batch, noise, whitening, np.exp(beta))
+
+    def choose(own: Array, other: Array) -> Array:
+        return jnp.where(jnp.asarray(traded).reshape(-1, *[1] * (own.ndim - 1)), other, own)
+
+    return RecordEstimates(*(choose(own, other) for own, other in zip(records, drawn, strict=True)))

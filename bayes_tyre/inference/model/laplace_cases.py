@@ -1,0 +1,93 @@
+"""The Gaussian picture of the cases: what their records' estimates say of each, and how repeats scatter about it.
+
+It shapes the coordinates of `coordinates`, and never the posterior.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+from scipy import stats
+
+from bayes_tyre.inference.model.factors import Levels
+from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING, prior_law
+from bayes_tyre.inference.model.reparameterisation import Gaussian
+
+#: Scatter of repeats where no case has two of them; it counts with no weight.
+_UNKNOWN_SCATTER = 0.1
+
+
+class CaseEstimates(NamedTuple):
+    """What the records of each case say of its parameters, in the order of `populations.PARAMETERS`.
+
+    Attributes
+    ----------
+    middle, variance:
+        Shape (parameters, cases): mean of the logarithms of those that look usual, and of the variance of one of them.
+    log_scatter:
+        What the repeats say of the logarithm of their scatter, by speed; shape (parameters, speeds).
+    discordant:
+        Shape (records,): which records look discordant.
+    """
+
+    middle: Float[Array, "parameters cases"]
+    variance: Float[Array, "parameters cases"]
+    log_scatter: Gaussian
+    discordant: Bool[Array, " records"]
+
+
+def case_estimates(
+    values: Float[np.ndarray, "records parameters"], variances: Float[np.ndarray, "records parameters"], levels: Levels
+) -> CaseEstimates:
+    """Return what the records say of the logarithms of their cases; a discordant repeat moves none."""
+    members = [levels.of_record == case for case in range(len(levels.cases))]
+    # A case without records has no estimate: any value will do, for it has no weight.
+    members = [member if member.any() else np.ones_like(member) for member in members]
+    median = np.array([np.median(values[member], axis=0) for member in members])
+    variance = np.array([np.mean(variances[member], axis=0) for member in members]).T
+    both = zip(values.T, variance, strict=True)
+    scatter = [_log_scatter([own[member] for member in members], of_one, levels) for own, of_one in both]
+    log_scatter = Gaussian(*(jnp.asarray(np.stack(of_each)) for of_each in zip(*scatter, strict=True)))
+    typical = np.exp(log_scatter.value)[:, levels.speed.of_case[levels.of_record]].T
+    discordant = _look_discordant(values - median[levels.of_record], variances, typical)
+    usual = [member & ~discordant if (member & ~discordant).any() else member for member in members]
+    middle, variance = (np.array([np.mean(of[member], axis=0) for member in usual]).T for of in (values, variances))
+    return CaseEstimates(jnp.asarray(middle), jnp.asarray(variance), log_scatter, jnp.asarray(discordant))
+
+
+def _look_discordant(
+    deviation: Float[np.ndarray, "records parameters"],
+    variance: Float[np.ndarray, "records parameters"],
+    scatter: Float[np.ndarray, "records parameters"],
+) -> Bool[np.ndarray, " records"]:
+    """Return which records are likelier discordant than usual, by how far they lie from the median of their case."""
+    usual, widened = (
+        stats.norm.logpdf(deviation, 0.0, np.sqrt((widening * scatter) ** 2 + variance)).sum(axis=1)
+        for widening in (1.0, DISCORDANT_WIDENING)
+    )
+    weight = prior_law("discordant_weight").mean()
+    return np.log(weight) + widened > np.log1p(-weight) + usual
+
+
+def _log_scatter(
+    by_case: list[np.ndarray], variance: np.ndarray, levels: Levels
+) -> tuple[Float[np.ndarray, " speeds"], Float[np.ndarray, " speeds"]]:
+    """Return estimates and precisions of the scatter of repeats by speed.
+
+    They are from the median over cases of their variance: robust to odd repeats.
+    """
+    spare = levels.repeats - 1
+    estimates, precisions = [], []
+    for speed in range(len(levels.speed.labels)):
+        cases = np.flatnonzero((levels.speed.of_case == speed) & (spare > 0))
+        if not len(cases):
+            estimates.append(np.log(_UNKNOWN_SCATTER))
+            precisions.append(0.0)
+            continue
+        # The median of a chi-squared number is 0.7 of its mean with two degrees of freedom, near it with others.
+        total = max(float(np.median([np.var(by_case[case], ddof=1) for case in cases])) / 0.7, 1e-6)
+        own = max(total - float(np.mean(variance[cases])), 0.1 * total)
+        estimates.append(0.5 * np.log(own))
+        precisions.append(2.0 * spare[cases].sum() * (own / total) ** 2)
+    return np.array(estimates), np.array(precisions)

@@ -1,0 +1,151 @@
+"""The NumPyro models: records, repeats in a case, cases by configuration, direction, speed, load and step.
+
+Two models share the level of the cases: `records_model` takes force against displacement, `published_model` takes
+case means such as Tables 9 and 11 alone.
+"""
+
+from collections.abc import Mapping
+
+import jax.numpy as jnp
+import numpy as np
+import numpyro
+from jax.scipy.stats import norm
+from jaxtyping import Array, Float
+from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
+
+from bayes_tyre.inference.model.case_effects import Populations, case_structure, flat, keep, placed
+from bayes_tyre.inference.model.factors import Levels
+from bayes_tyre.inference.model.hyperparameters import PARAMETERS, prior_sites, published_sites, sample_populations
+from bayes_tyre.inference.model.laplace import Picture, RecordData, RecordEstimates
+from bayes_tyre.inference.model.likelihood import Likelihood
+from bayes_tyre.inference.model.priors import PRIORS
+from bayes_tyre.inference.model.record_effects import records_about_cases
+from bayes_tyre.inference.model.reparameterisation import Gaussian, Placed, place_few
+
+#: What the noise of a record is like.
+NOISE = ("iid", "ar1")
+
+
+def _record_level(
+    picture: Picture, levels: Levels, repeats: str, populations: Populations
+) -> Float[Array, "records 4"]:
+    """Return each record's (F_i, J, log k, log beta), with the density of the last two about their case."""
+    estimates = picture.records
+
+    def place(above: Float[Array, "records 2"], scale: Float[Array, "records 2"]) -> Placed:
+        return place_few(flat("shape_z", above.shape), estimates.centre[:, 2:], estimates.precision, above, scale)
+
+    pair, _ = records_about_cases(place, levels, picture.cases, repeats, populations)
+    numpyro.factor("shape_volume", pair.log_volume)
+    centre = estimates.centre
+    deviation = jnp.einsum("rij,rj->ri", estimates.slope, pair.value - centre[:, 2:])
+    coordinates = flat("level_z", deviation.shape)
+    level = centre[:, :2] + deviation + jnp.einsum("rij,rj->ri", estimates.factor, coordinates)
+    return jnp.concatenate([level, pair.value], axis=1)
+
+
+def _about_typical(
+    name: str, estimate: Gaussian, spread: str, populations: Populations
+) -> tuple[Float[Array, " records"], Float[Array, ""]]:
+    """Return a number of each record's noise, normally spread about a typical one, and that.
+
+    The typical one, too, is placed where its records' estimates put it: the wider their spread, the less they say of
+    it, and a step made for the narrow part of that funnel diverges in the wide one. One record alone is typical.
+    """
+    prior = PRIORS[name]
+    if len(estimate.value) == 1:
+        alone = placed(name, estimate, *prior.parameters)
+        return alone, alone[0]
+    weight = 1.0 / (populations[spread] ** 2 + 1.0 / estimate.precision)
+    total = jnp.sum(weight)
+    told = Gaussian(jnp.reshape(jnp.sum(weight * estimate.value) / total, (1,)), jnp.reshape(total, (1,)))
+    typical = placed(name, told, *prior.parameters)[0]
+    return placed(f"{name}_records", estimate, typical, populations[spread]), typical
+
+
+def _autocorrelation(estimates: RecordEstimates, populations: Populations) -> Float[Array, " records"]:
+    """Return rho of each record's noise, partially pooled."""
+    told = Gaussian(jnp.arctanh(estimates.rho), estimates.points * (1.0 - estimates.rho**2))
+    value, typical = _about_typical("atanh_rho_typical", told, "atanh_rho_spread", populations)
+    keep("atanh_rho_typical", typical)
+    return keep("rho", jnp.tanh(value))
+
+
+def _noise(
+    estimates: RecordEstimates, rho: Float[Array, " records"] | None, populations: Populations
+) -> Float[Array, " records"]:
+    """Return sigma (kN) of each record, partially pooled."""
+    value = estimates.log_sigma
+    if rho is not None:
+        # What is new in each point is known whatever rho is; sigma then follows rho.
+        value = value + 0.5 * (jnp.log1p(-(estimates.rho**2)) - jnp.log1p(-(rho**2)))
+    told = Gaussian(value, 2.0 * estimates.points)
+    value, typical = _about_typical("sigma_typical", told, "log_sigma_spread", populations)
+    keep("sigma_typical", jnp.exp(typical))
+    return keep("sigma", jnp.exp(value))
+
+
+def records_model(
+    likelihood: Likelihood,
+    data: RecordData,
+    picture: Picture,
+    levels: Levels,
+    *,
+    repeats: str = "mixture",
+    noise: str = "iid",
+) -> None:
+    """Model the forces of all records (NumPyro model; sites in kN, mm; scales of k and beta are relative).
+
+    Parameters
+    ----------
+    likelihood:
+        Of the records' forces.
+    data:
+        The records as measured: where each starts.
+    picture:
+        Their Gaussian picture, which shapes the coordinates and leaves the posterior as it is.
+    levels:
+        Cases and how they group.
+    repeats:
+        One of `REPEATS`; with fewer than `JUDGEABLE_REPEATS` repeats a case, always ``normal``.
+    noise:
+        One of `NOISE`; ``ar1`` samples a lag-1 autocorrelation rho for each record.
+    """
+    populations = sample_populations(prior_sites(levels, repeats, noise))
+    theta = _record_level(picture, levels, repeats, populations)
+    F_i, J, log_k, log_beta = theta.T
+    numpyro.factor("F_i_prior", norm.logpdf(F_i, data.F_0, data.span))
+    numpyro.factor("J_prior", norm.logpdf(J, 0.0, populations["J_scale"]))
+    rho = _autocorrelation(picture.records, populations) if noise == "ar1" else None
+    numpyro.factor("force", likelihood(theta, _noise(picture.records, rho, populations), rho))
+
+    k = keep("k", jnp.exp(log_k))
+    numpyro.deterministic("beta", jnp.exp(log_beta))
+    numpyro.deterministic("J", J)
+    numpyro.deterministic("F_i", F_i)
+    numpyro.deterministic("C", F_i + J - k * data.d_0)
+
+
+def published_model(values: Mapping[str, Float[np.ndarray, " cases"]], levels: Levels) -> None:
+    """Model printed case means, one a case, such as Tables 9 and 11.
+
+    One value a case cannot tell the scatter of repeats from the case's remainder: both are one term, and
+    `k_case`, `beta_case` are the value to expect in print for a case with these words. The ratio of two
+    configurations is therefore the same in every case of a direction.
+
+    Parameters
+    ----------
+    values:
+        ``k`` (kN/mm) and ``beta`` (mm) by case.
+    levels:
+        How the cases group.
+    """
+    populations = sample_populations(published_sites(levels))
+    printed = jnp.log(jnp.stack([jnp.asarray(values[parameter]) for parameter in PARAMETERS]))
+    scatter = jnp.stack([populations[f"published_scatter_{parameter}"] for parameter in PARAMETERS])[:, None]
+    known = Gaussian(printed, jnp.broadcast_to(scatter**-2.0, printed.shape))
+    mean = case_structure(levels, known, populations)
+    for parameter, expected in zip(PARAMETERS, jnp.exp(mean + 0.5 * scatter**2), strict=True):
+        # The mean of a log-normal number, not its median: printed averages over cases are to be met by averages.
+        keep(f"{parameter}_case", expected)
+    numpyro.sample("log_published", dist.Normal(mean, scatter), obs=printed)

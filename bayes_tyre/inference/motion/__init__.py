@@ -1,0 +1,1 @@
+"""Force laws fitted to the motion of the axle."""

@@ -1,0 +1,1 @@
+"""Many recordings: the hierarchical model over their estimates."""

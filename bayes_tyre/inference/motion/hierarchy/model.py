@@ -1,0 +1,170 @@
+"""The NumPyro model of records that are motions: their estimates, repeats in a case, cases by what their words say."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+import numpyro
+import pandas as pd
+import xarray as xr
+from jaxtyping import Array, Float
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.model.case_effects import flat
+from bayes_tyre.inference.model.factors import Levels, find_levels
+from bayes_tyre.inference.model.hyperparameters import motion_sites, population_starts, sample_populations
+from bayes_tyre.inference.model.laplace_cases import CaseEstimates, case_estimates
+from bayes_tyre.inference.model.priors import prior_medians
+from bayes_tyre.inference.model.record_effects import records_about_cases
+from bayes_tyre.inference.model.reparameterisation import Placed, place_whitened
+from bayes_tyre.inference.model.repeat_distribution import REPEATS
+from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
+from bayes_tyre.inference.sampling.datatree import to_datatree
+from bayes_tyre.inference.sampling.nuts import CAREFUL_ACCEPTANCE
+from bayes_tyre.inference.sampling.run import SamplerSettings, sample
+
+
+class Readings(NamedTuple):
+    """What records' readings are worth beyond the shape of their likelihoods, shape (records,) each.
+
+    Attributes
+    ----------
+    log_constant:
+        Makes exp(-|rows @ logarithms - target|^2 / 2) the density of the readings (`motion_evidence.log_constant`).
+    effective_draws:
+        That the estimate and its evidence rest on.
+    """
+
+    log_constant: Float[np.ndarray, " records"]
+    effective_draws: Float[np.ndarray, " records"]
+
+
+@dataclass(frozen=True)
+class Motions:
+    """The records' estimates as the model takes them, arrays in the order of the law's `parameters`.
+
+    Attributes
+    ----------
+    words:
+        A row a record: `record` and the words.
+    rows, target:
+        Shape (records, p, p) and (records, p): the likelihood of a record's logarithms is
+        exp(-|rows @ logarithms - target|^2 / 2); `bayes_tyre.inference.motion.record.likelihood`.
+    log_mean, log_variance:
+        Shape (records, p): the records' estimates with their own priors. They shape the sampler's coordinates only.
+    law:
+        That the records were fitted with.
+    readings:
+        What comparing laws needs of the records' readings; None where nobody kept it.
+    """
+
+    words: pd.DataFrame
+    rows: Float[np.ndarray, "records p p"]
+    target: Float[np.ndarray, "records p"]
+    log_mean: Float[np.ndarray, "records p"]
+    log_variance: Float[np.ndarray, "records p"]
+    law: MotionLaw = FANCHER
+    readings: Readings | None = None
+
+
+def log_likelihood(
+    logarithms: Float[Array, "*draws records p"],
+    rows: Float[Array, "records p p"],
+    target: Float[Array, "records p"],
+) -> Float[Array, "*draws records"]:
+    """Return the log likelihood of each record's logarithms, but for a constant."""
+    return -0.5 * jnp.sum((jnp.einsum("rij,...rj->...ri", rows, logarithms) - target) ** 2, axis=-1)
+
+
+def motions_model(
+    rows: Float[Array, "records p p"],
+    target: Float[Array, "records p"],
+    cases: CaseEstimates,
+    levels: Levels,
+    *,
+    repeats: str = "mixture",
+    law: MotionLaw = FANCHER,
+) -> None:
+    """Model the estimates of all records (NumPyro model; sites in kN, mm, kg, kN s/mm; scales are relative).
+
+    Parameters
+    ----------
+    rows, target:
+        As `Motions` has them.
+    cases:
+        What the records say of their cases; it shapes the coordinates and leaves the posterior as it is.
+    levels:
+        Cases and how they group.
+    repeats:
+        One of `bayes_tyre.inference.model.repeat_distribution.REPEATS`.
+    law:
+        Whose parameters the estimates are of.
+    """
+    populations = sample_populations(motion_sites(levels, repeats, law.parameters))
+
+    def place(above: Float[Array, "records p"], scale: Float[Array, "records p"]) -> Placed:
+        # Whitened by its rows an estimate is of independent numbers, each a mixture of the logarithms: coordinates
+        # follow the scatter of repeats where a record says little, and the record where it says much.
+        z = flat("records_z", above.shape)
+        return place_whitened(z, rows, target, above, scale)
+
+    placed, log_cases = records_about_cases(place, levels, cases, repeats, populations, law.parameters)
+    _keep_with_x("_case", jnp.exp(log_cases), law)
+    numpyro.factor("records_volume", placed.log_volume)
+    numpyro.factor("estimates", log_likelihood(placed.value, rows, target))
+    values = jnp.exp(placed.value).T
+    for name, value in zip(law.parameters, values, strict=True):
+        numpyro.deterministic(name, value)
+    _keep_with_x("", values, law)
+
+
+def _keep_with_x(ending: str, values: Float[Array, "p units"], law: MotionLaw) -> None:
+    """Keep x, kN, of records or cases where the law has it: it follows from x - k beta, k and beta."""
+    if "x" not in law.told:
+        return
+    k, settled, beta, *_ = values
+    numpyro.deterministic(f"x{ending}", settled + k * beta)
+
+
+def fit_motions(
+    motions: Motions,
+    settings: SamplerSettings | None = None,
+    repeats: str = "mixture",
+    levels: Levels | None = None,
+) -> xr.DataTree:
+    """Return the posterior of the law's parameters, m and c of every record, their cases and populations.
+
+    Parameters
+    ----------
+    motions:
+        The records' estimates.
+    settings:
+        How much to sample.
+    repeats:
+        How repeats scatter about their case.
+    levels:
+        Of the words; None: as they are found, only with cases that have records.
+
+    Returns
+    -------
+    xarray.DataTree
+        As `bayes_tyre.inference.sampling.hierarchical_fit.fit_hierarchical` gives it, its attribute `model` ``motion``.
+
+    Raises
+    ------
+    BadInput
+        For an unknown kind of repeats.
+    """
+    if repeats not in REPEATS:
+        raise BadInput(f"repeats {repeats!r} is unknown; use {' or '.join(REPEATS)}")
+    levels = levels or find_levels(motions.words)
+    arguments = {
+        **{"rows": jnp.asarray(motions.rows), "target": jnp.asarray(motions.target), "levels": levels},
+        **{"cases": case_estimates(motions.log_mean, motions.log_variance, levels), "repeats": repeats},
+        "law": motions.law,
+    }
+    starts = population_starts(motion_sites(levels, repeats, motions.law.parameters), prior_medians())
+    draws = sample(motions_model, arguments, settings or SamplerSettings(), starts, CAREFUL_ACCEPTANCE)
+    attributes = {"model": "motion", "repeats": repeats, "law": motions.law.name}
+    return to_datatree(draws.sites, draws.statistics, levels, motions.words, attributes)

@@ -1,0 +1,1 @@
+"""One recording: its step, forward model, estimate and evidence."""

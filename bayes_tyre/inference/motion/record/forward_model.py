@@ -1,0 +1,123 @@
+"""What a motion's unknowns predict: the readings of accelerometer, laser and load cell in a window."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, ArrayLike, Float
+
+from bayes_tyre.inference.motion.record.load_step import load_share
+from bayes_tyre.inference.motion.record.parameters import Unknowns, in_units
+from bayes_tyre.inference.motion.record.window import Window
+from bayes_tyre.laws.base import ScalarLike, StatefulLaw
+from bayes_tyre.rig import geometry
+from bayes_tyre.rig.axle import Rig
+from bayes_tyre.rig.motion import Body, Drive, Motion, Start, move, rest_displacement
+from bayes_tyre.rig.motion_step import wheel_centre_per_flat
+
+
+def simulated(
+    rig: Rig, unknowns: Unknowns, window: Window, road_mm: Float[ArrayLike, "*nodes"] = 0.0
+) -> tuple[Drive, Motion, Array]:
+    """Return drive and motion through a window, and the displacement, mm, at which the laser reads its level.
+
+    Parameters
+    ----------
+    rig:
+        Geometry; static.
+    unknowns:
+        In units.
+    window:
+        Of the record, with which time starts.
+    road_mm:
+        What moves the ground beside the runout's harmonics, mm.
+    """
+    time_s = node_times(window)
+    F = jnp.asarray(geometry.tyre_load(rig, cylinder_load(unknowns, time_s)))
+    ground = unknowns.ground
+    runout = jnp.zeros_like(time_s) if ground is None else ground.displacement_mm(time_s)
+    drive = Drive(time_s, F, runout + road_mm)
+    law = unknowns.law
+    if ground is None or window.rolling is None:
+        level = rest_displacement(rig, F[0], k=law.k, offset_kN=jnp.add(law.C, unknowns.rest_friction_kN))
+        start = Start(level)
+    else:
+        level = rest_displacement(rig, F[0], k=law.k, offset_kN=law.C)
+        read = (window.rolling.start_laser_mm - unknowns.laser_mm) / lever(rig)
+        d = level + read + ground.start_off_mm
+        compression = d + jnp.asarray(drive.runout_mm)[0]
+        flat = law.k * geometry.flat_ground_displacement(rig, compression) + law.C + unknowns.rest_friction_kN
+        start = Start(d, ground.start_velocity_mm_per_s, flat * wheel_centre_per_flat(rig, compression))
+    return drive, move(rig, Body(law, axle_kg(rig, law, unknowns.m_kg), unknowns.c_kN_s_per_mm), drive, start), level
+
+
+def axle_kg(rig: Rig, law: StatefulLaw, m_kg: ScalarLike) -> Array:
+    """Return the mass at the wheel centre, kg, beside what a law carries along itself.
+
+    In every law m is all that moves slowly: so it means the same, and a record tells it as well. Where the law's own
+    mass were nearly all of that, a twentieth is left.
+    """
+    # Some 10 mm down: what rollers make of flat ground differs little about it.
+    at_wheel_centre = geometry.curvature_factor(rig) * float(geometry.sin_theta(rig, 10.0)) ** 2
+    return jnp.maximum(jnp.subtract(m_kg, at_wheel_centre * jnp.asarray(law.carried_kg)), 0.05 * jnp.asarray(m_kg))
+
+
+def lever(rig: Rig) -> float:
+    """Return the movement at the measurement point for one at the wheel centre."""
+    return 1.0 / float(geometry.wheel_centre_displacement(rig, 1.0))
+
+
+def node_times(window: Window) -> Float[Array, " nodes"]:
+    """Return the times of the integration's nodes, s from the window's start."""
+    per_block = window.node_weights.shape[-1] - 1
+    return jnp.arange(per_block * window.readings.shape[-1] + 1) * (window.block_s / per_block)
+
+
+def cylinder_load(unknowns: Unknowns, time_s: Float[Array, " times"]) -> Float[Array, " times"]:
+    """Return the cylinder's force, kN, at times from the start of the window, s."""
+    before, after = unknowns.load_kN
+    return before + (after - before) * load_share(time_s, unknowns.start_s, unknowns.rise_s, unknowns.shape)
+
+
+def predicted(
+    rig: Rig, unknowns: Unknowns, window: Window, road_mm: Float[ArrayLike, "*nodes"] = 0.0
+) -> Float[Array, "3 blocks"]:
+    """Return the block means that the sensors would read without noise: m/s^2 (up), mm, kN of the cylinder."""
+    drive, motion, level = simulated(rig, unknowns, window, road_mm)
+    readings = jnp.stack(
+        [
+            unknowns.acceleration_m_per_s2 - lever(rig) * motion.acceleration_m_per_s2,
+            unknowns.laser_mm + lever(rig) * (motion.displacement_mm - level),
+            cylinder_load(unknowns, jnp.asarray(drive.time_s)),
+        ]
+    )
+    return block_means(readings, jnp.asarray(window.node_weights))
+
+
+def block_means(nodes: Float[Array, "channels nodes"], weights: Float[Array, " per_block"]) -> Array:
+    """Return means of blocks, shape (channels, blocks), by `motion_window.block_weights` of their nodes."""
+    per_block = weights.shape[0] - 1
+    inner = nodes[:, :-1].reshape(nodes.shape[0], -1, per_block)
+    return inner @ weights[:-1] + nodes[:, per_block::per_block] * weights[-1]
+
+
+def residuals(rig: Rig, standard: Float[Array, " unknowns"], window: Window) -> Float[Array, " residuals"]:
+    """Return what the readings differ by, in standard deviations, and then the unknowns, whose prior is normal(0, 1).
+
+    Half their sum of squares is the negative log posterior density but for a constant.
+    """
+    road = window.road
+    if road is None:
+        return jnp.concatenate([misfit(rig, standard, window).ravel(), standard])
+    off = (misfit(rig, standard, window, road.mean_mm) - road.answer).ravel()
+    # What the road explains is shrunk to unit variance: readings' noise and road together are white then.
+    off = off - road.directions @ (road.shrink * (off @ road.directions))
+    return jnp.concatenate([off, standard])
+
+
+def misfit(
+    rig: Rig, standard: Float[Array, " unknowns"], window: Window, road_mm: Float[ArrayLike, "*nodes"] = 0.0
+) -> Float[Array, "3 blocks"]:
+    """Return prediction less readings, each in standard deviations of its own noise; the accelerometer's made white."""
+    unknowns = in_units(rig, standard, jnp.asarray(window.prior), window.rolling, window.law)
+    off = (predicted(rig, unknowns, window, road_mm) - window.readings) * window.weight
+    if window.road is None or window.road.quick is None:
+        return off
+    return off.at[0].set(window.road.quick @ off[0])

@@ -1,0 +1,283 @@
+"""The window of a recording that the motion is fitted in: block means of the three channels, and how noisy they are."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
+from bayes_tyre.inference.motion.record.parameters import priors_of
+from bayes_tyre.inference.motion.record.pre_step_harmonics import quiet_motion
+from bayes_tyre.inference.motion.record.runout import Rolling, ground_priors
+from bayes_tyre.rig import geometry
+from bayes_tyre.rig.axle import Rig
+
+Samples = Float[np.ndarray, " samples"]
+Values = Float[np.ndarray, "..."]
+#: Samples are averaged over about so long, s. The ringing takes some 80 ms and the load's step 40: nothing of either
+#: is lost, noise is white over it, and the model is averaged alike (`block_weights`). A step of the integration is
+#: one block.
+BLOCK_S = 5e-4
+ROLLING_BLOCK_S = 1e-3
+#: The window begins so long before the straight ramp of the load and ends so long after it starts, s: the ringing has
+#: all but gone, and what moves later tells of drift.
+BEFORE_S, AFTER_S = 0.05, 0.5
+#: Of a rolling tyre it begins earlier, s: about a turn of the wheel shows what its runout is.
+ROLLING_BEFORE_S = 1.0
+# The quiet stretch is averaged over so long, s. The middle line lies within so much of the laser's mean, mm: friction
+# over stiffness.
+_QUIET_MEAN_S, _FRICTION_MM = 2e-3, 0.3
+#: A straight ramp fitted to a raised cosine starts later and is shorter, by these shares of its length.
+_RAMP_LATE, _RAMP_SHORT = 0.2, 1.4
+
+
+class Recorded(NamedTuple):
+    """A recording as the fit takes it.
+
+    Attributes
+    ----------
+    dt_s:
+        Spacing of the samples, s.
+    acceleration_m_per_s2, laser_mm, load_kN:
+        Shape (samples,): at the measurement point, up positive; growing as the axle goes down; of the cylinder.
+    quiet:
+        So many samples are at rest before the step.
+    ramp_s:
+        Start and end of a straight ramp that fits the load, s after the first sample.
+    bodies:
+        Of a rolling tyre: turns a second and number of harmonics of each turning body, the wheel first. The channels
+        are as read, the runout in them.
+    """
+
+    dt_s: float
+    acceleration_m_per_s2: Samples
+    laser_mm: Samples
+    load_kN: Samples
+    quiet: int
+    ramp_s: tuple[float, float]
+    bodies: tuple[tuple[float, int], ...] = ()
+
+
+class Road(NamedTuple):
+    """How the road's roughness shows in the readings (`motion_road`).
+
+    Attributes
+    ----------
+    mean_mm:
+        The road as estimated, about which its answers are linear, at the nodes, shape (nodes,).
+    weights:
+        Of its waves (`motion_road`), shape (columns,).
+    answer:
+        Of the readings to that, in their own noise, shape (3, blocks).
+    directions:
+        Orthonormal, of the readings in their own noise, shape (3 blocks, directions).
+    shrink:
+        1 less one over the standard deviation along each, shape (directions,).
+    quick:
+        What makes the accelerometer's residuals white, shape (blocks, blocks); None before it is known
+        (`motion_quick_road`).
+    """
+
+    mean_mm: Float[Array, "*records nodes"]
+    weights: Float[Array, "*records columns"]
+    answer: Float[Array, "*records 3 blocks"]
+    directions: Float[Array, "*records readings directions"]
+    shrink: Float[Array, "*records directions"]
+    quick: Float[Array, "*records blocks blocks"] | None = None
+
+
+class Window(NamedTuple):
+    """What the kernel takes of a record; a leading axis batches it.
+
+    Attributes
+    ----------
+    block_s:
+        Time of a block, s.
+    readings:
+        Means of acceleration (m/s^2), laser (mm) and load (kN), shape (3, blocks).
+    weight:
+        1 / standard deviation of each; 0 where there is no reading, shape (3, blocks).
+    node_weights:
+        Of the motion's nodes in a block, to give the mean of its samples, shape (nodes,).
+    prior:
+        Locations and scales of the unknowns, shape (2, unknowns).
+    rolling, road:
+        Of a rolling tyre.
+    law:
+        That it is fitted with.
+    """
+
+    block_s: Float[Array, "*records"]
+    readings: Float[Array, "*records 3 blocks"]
+    weight: Float[Array, "*records 3 blocks"]
+    node_weights: Float[Array, "*records nodes"]
+    prior: Float[Array, "*records 2 unknowns"]
+    rolling: Rolling | None = None
+    road: Road | None = None
+    law: MotionLaw = FANCHER
+
+
+def window_of(rig: Rig, samples: Recorded, block_s: float | None = None, law: MotionLaw = FANCHER) -> Window:
+    """Return the window of a recording.
+
+    The window is as long for every record of a sampling rate, so that one compilation serves all; where a recording
+    ends within it, weights are 0. What lies outside goes in as known before: levels of the rest before the step, and
+    of the load after the window.
+
+    Parameters
+    ----------
+    rig:
+        Effective mass.
+    samples:
+        A recording.
+    block_s:
+        Samples are averaged over about so long, s, or not at all where they are further apart; None: `BLOCK_S`, or
+        `ROLLING_BLOCK_S`.
+    law:
+        To fit it with.
+    """
+    dt_s, rolls = samples.dt_s, len(samples.bodies) > 0
+    length = max(1, round((block_s or (ROLLING_BLOCK_S if rolls else BLOCK_S)) / dt_s))
+    before_s = ROLLING_BEFORE_S if rolls else BEFORE_S
+    first = max(0, round((samples.ramp_s[0] - before_s) / dt_s))
+    blocks = round((before_s + AFTER_S) / (length * dt_s))
+    channels = np.stack([samples.acceleration_m_per_s2, samples.laser_mm, samples.load_kN])
+    quiet = channels[:, : min(samples.quiet, first)]
+    cut = channels[:, first : first + blocks * length]
+    full = cut.shape[1] // length
+    readings, weight = np.zeros((3, blocks)), np.zeros((3, blocks))
+    readings[:, :full] = _means(cut, length)
+    readings[:, full:] = readings[:, full - 1 : full]
+    sd = _block_sd_of_differences if rolls else _block_sd
+    weight[:, :full] = 1 / np.array([sd(channel, length) for channel in quiet])[:, None]
+    levels = [_level(channel, dt_s) for channel in quiet]
+    after = channels[2, first + blocks * length :]
+    known = {
+        "acceleration_offset_m_per_s2": levels[0],
+        "laser_at_rest_mm": levels[1],
+        "load_before_kN": levels[2],
+        "load_after_kN": _after(after, readings[2, :full], levels[2], dt_s),
+        **_ramp(samples, first * dt_s),
+    }
+    rolling, prior = None, None
+    if rolls:
+        rolling, known, prior = _rolling(rig, samples, channels[:, : samples.quiet], first, known)
+    own = priors_of(rig, known, law)
+    prior = own if prior is None else np.concatenate([own, prior], axis=1)
+    nodes = block_weights(length, substeps_of(length * dt_s))
+    return Window(*map(jnp.asarray, (length * dt_s, readings, weight, nodes, prior)), rolling=rolling, law=law)
+
+
+def _rolling(
+    rig: Rig, samples: Recorded, quiet: Values, first: int, known: dict[str, tuple[float, float]]
+) -> tuple[Rolling, dict[str, tuple[float, float]], Float[np.ndarray, "2 further"]]:
+    """Return what a rolling record's window has beside a standing one's; its levels; priors of its further unknowns."""
+    length = max(1, round(_QUIET_MEAN_S / samples.dt_s))
+    means = _means(quiet, length)
+    # Samples stand at the middle of their share of a block (`block_weights`).
+    time_s = (length * np.arange(means.shape[1]) + length / 2 - first) * samples.dt_s
+    said = quiet_motion(time_s, means[0], means[1], samples.bodies)
+    levels = {
+        "acceleration_offset_m_per_s2": said.acceleration_m_per_s2,
+        "laser_at_rest_mm": (said.laser_mm[0], _FRICTION_MM),
+    }
+    velocity = float(geometry.wheel_centre_displacement(rig, np.sum(-said.omega * np.imag(said.amplitude_mm))))
+    rolling = Rolling(
+        jnp.asarray(said.body),
+        jnp.asarray(said.order),
+        jnp.asarray(said.amplitude_mm) * float(geometry.wheel_centre_displacement(rig, 1.0)),
+        jnp.asarray(said.laser_mm[0] + np.sum(np.real(said.amplitude_mm))),
+    )
+    return (
+        rolling,
+        known | levels,
+        ground_priors(velocity, np.log(said.turn_Hz), said.turn_sd, len(said.order)),
+    )
+
+
+def substeps_of(block_s: float) -> int:
+    """Return into how many steps of the integration a block is cut: none is longer than `ROLLING_BLOCK_S`."""
+    return max(1, int(np.ceil(block_s / ROLLING_BLOCK_S - 1e-9)))
+
+
+def block_weights(length: int, substeps: int) -> Float[np.ndarray, " nodes"]:
+    """Return weights of the nodes of a block's steps with which they sum to the mean of its samples.
+
+    Samples stand at the middle of equal parts of the block; within a step the motion is the parabola through its
+    ends and its middle, as it was integrated.
+
+    Parameters
+    ----------
+    length:
+        Samples in the block.
+    substeps:
+        Steps in the block, each with nodes at its ends and its middle.
+    """
+    weights = np.zeros(2 * substeps + 1)
+    for at in (np.arange(length) + 0.5) / length * substeps:
+        step = min(int(at), substeps - 1)
+        s = at - step
+        weights[2 * step : 2 * step + 3] += [(1 - s) * (1 - 2 * s), 4 * s * (1 - s), s * (2 * s - 1)]
+    return weights / length
+
+
+def converter_step(readings: Samples) -> float:
+    """Return the smallest distance between two levels of a channel: its converter's step, or less without one."""
+    gaps = np.diff(np.unique(readings))
+    # Levels computed from rounded voltages differ in their last digits.
+    wide = gaps[gaps > 1e-6 * np.ptp(readings)]
+    return float(wide.min()) if len(wide) else 0.0
+
+
+def _block_sd(quiet: Samples, length: int) -> float:
+    """Return the standard deviation of a block's mean: its noise, and what rounding adds that does not average out.
+
+    Rounding to steps q adds q^2 / 12 to the variance of a reading, in the scatter already where noise of sd s blurs
+    it; what is then still alike from reading to reading is q^2 / (2 pi^2) exp(-4 pi^2 s^2 / q^2), the first term of
+    its series (Widrow and Kollar 2008, Quantization Noise, chapter 6).
+    """
+    q = converter_step(quiet)
+    scatter = float(np.std(_means(quiet, length)))
+    least = q**2 / 12 / length
+    variance = max(scatter**2, least, 1e-18)
+    if q > 0:
+        noise = max(float(np.var(quiet)) - q**2 / 12, 0.0)
+        variance += q**2 / (2 * np.pi**2) * np.exp(-4 * np.pi**2 * noise / q**2)
+    return float(np.sqrt(variance))
+
+
+def _block_sd_of_differences(quiet: Samples, length: int) -> float:
+    """Return the standard deviation of a block's mean from that of third differences: motion drops out of them."""
+    # The third differences of white noise have 1 + 9 + 9 + 1 times its variance.
+    return float(max(np.std(np.diff(_means(quiet, length), n=3)) / np.sqrt(20), 1e-9))
+
+
+def _level(quiet: Samples, dt_s: float) -> tuple[float, float]:
+    """Return the mean of a rest and its standard error, from means over 20 ms: noise that is slow says less."""
+    length = max(1, round(0.02 / dt_s))
+    means = _means(quiet, length)
+    white = float(np.std(quiet)) / np.sqrt(len(quiet))
+    slow = float(np.std(means)) / np.sqrt(max(len(means), 1))
+    return float(np.mean(quiet)), max(white, slow, 1e-9)
+
+
+def _after(after: Values, window: Values, before: tuple[float, float], dt_s: float) -> tuple[float, float]:
+    """Return level and standard error of the load after the window; where nothing is left, of little weight."""
+    if len(after) * dt_s < 0.1:
+        return float(np.mean(window[-len(window) // 4 :])), max(100 * before[1], 1.0)
+    return _level(after, dt_s)
+
+
+def _ramp(samples: Recorded, first_s: float) -> dict[str, tuple[float, float]]:
+    start, end = samples.ramp_s
+    length = end - start
+    return {
+        "ramp_start_s": (start - first_s - _RAMP_LATE * length, np.nan),
+        "log_rise": (float(np.log(_RAMP_SHORT * length)), np.nan),
+    }
+
+
+def _means(values: Float[np.ndarray, "... samples"], length: int) -> Float[np.ndarray, "... blocks"]:
+    blocks = values.shape[-1] // length
+    return values[..., : blocks * length].reshape(*values.shape[:-1], blocks, length).mean(axis=-1)

@@ -1,0 +1,1 @@
+"""NUTS with checkpoints, and from a record table to a posterior."""

@@ -1,0 +1,159 @@
+"""What a posterior holds: the name, the dimension and the unit of every quantity kept of the models' sites."""
+
+from collections.abc import Mapping, Sequence
+
+import arviz as az
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from bayes_tyre.inference.model.factors import Levels
+from bayes_tyre.record import WORDS
+
+#: Units by parameter; the parameters that a record has. Those after `sigma` are of motions; `settled` is x - k beta.
+RECORD_UNITS = {
+    **{"k": "kN/mm", "beta": "mm", "J": "kN", "C": "kN", "F_i": "kN", "sigma": "kN"},
+    **{"x": "kN", "settled": "kN", "n": "1", "m": "kg", "c": "kN s/mm", "energy_per_cycle": "J"},
+    **{"belt_frequency": "Hz", "belt_damping": "1", "sidewall_ratio": "1"},
+}
+#: Parameters that every case has; those that a case of motions on Fancher's law has; on whichever law.
+CASE_PARAMETERS = ("k", "beta")
+MOTION_CASE_PARAMETERS = ("k", "x", "beta", "m", "c", "energy_per_cycle")
+_BELT = ("belt_frequency", "belt_damping", "sidewall_ratio")
+_CASE_PARAMETERS_OF_LAWS = ("k", "x", "settled", "beta", "n", *_BELT, "m", "c", "energy_per_cycle")
+#: Powers with which k and beta follow a factor on displacement.
+_POWERS = {"k": -1.0, "beta": 1.0}
+
+
+def _quantities() -> dict[str, tuple[str | None, str]]:
+    """Return dimension (None: a scalar) and unit (empty: a pure number) by name."""
+    kept: dict[str, tuple[str | None, str]] = {name: ("record", unit) for name, unit in RECORD_UNITS.items()}
+    kept |= {"discordant_probability": ("record", ""), "rho": ("record", "")}
+    kept["x_case"] = ("case", "kN")
+    for name in (*CASE_PARAMETERS, "settled", "n", *_BELT, "m", "c"):
+        kept[f"{name}_case"] = ("case", RECORD_UNITS[name])
+        kept[f"{name}_cell"] = ("cell", RECORD_UNITS[name])
+        for factor in ("speed", "load", "step", "direction_step"):
+            kept[f"log_{name}_{factor}"] = (factor, "")
+            kept[f"log_{name}_{factor}_scale"] = (None, "")
+        kept[f"log_{name}_case_scale"] = (None, "")
+        kept[f"log_{name}_repeat_scatter"] = (None, "")
+        kept[f"log_{name}_scatter_spread"] = (None, "")
+        kept[f"log_{name}_repeat_scatter_by_speed"] = ("speed", "")
+        kept[f"published_scatter_{name}"] = (None, "")
+    pure = ("discordant_weight", "student_nu", "log_sigma_spread", "atanh_rho_typical", "atanh_rho_spread")
+    kept |= dict.fromkeys(pure, (None, ""))
+    kept |= {"J_scale": (None, "kN"), "sigma_typical": (None, "kN")}
+    return kept
+
+
+QUANTITIES = _quantities()
+
+
+def case_parameters(posterior: xr.Dataset) -> tuple[str, ...]:
+    """Return the parameters that the cases of a posterior have: what its model is follows from what it holds."""
+    return shown_parameters(posterior, _CASE_PARAMETERS_OF_LAWS, "_case")
+
+
+def shown_parameters(posterior: xr.Dataset, among: Sequence[str], ending: str = "") -> tuple[str, ...]:
+    """Return those parameters that a posterior has; where x is told, `settled` is only what it was sampled by."""
+    has = [name for name in among if f"{name}{ending}" in posterior]
+    return tuple(name for name in has if name != "settled" or "x" not in has)
+
+
+def is_of_motions(posterior: xr.Dataset) -> bool:
+    """Return whether a posterior is of motions."""
+    return "m_case" in posterior
+
+
+def to_datatree(
+    draws: Mapping[str, np.ndarray],
+    statistics: Mapping[str, np.ndarray],
+    levels: Levels,
+    words: pd.DataFrame,
+    attributes: Mapping[str, str],
+) -> xr.DataTree:
+    """Return draws as an ArviZ DataTree with named dimensions, labels, words and units.
+
+    Parameters
+    ----------
+    draws:
+        By site, shape (chains, draws, ...); sites that `QUANTITIES` does not name are left out.
+    statistics:
+        By name as ArviZ has them (`diverging`, `energy`, ...), shape (chains, draws).
+    levels, words:
+        What the cases, records and groupings are called; `words` has a row a record, or none. A column `travel_mm`
+        in it, how far a record goes from its start, is kept beside the words.
+    attributes:
+        Put on the root: origin of the data, the model.
+    """
+    kept = {name: np.asarray(draws[name]) for name in QUANTITIES if name in draws}
+    groupings = {name: getattr(levels, name).labels for name in ("cell", "speed", "load", "step", "direction_step")}
+    coordinates = {"case": [case.label for case in levels.cases], "record": list(words["record"]), **groupings}
+    tree = az.from_dict(
+        {"posterior": kept, "sample_stats": dict(statistics)},
+        coords={name: np.asarray(labels) for name, labels in coordinates.items() if len(labels)},
+        dims={name: [dim] for name in kept if (dim := QUANTITIES[name][0])},
+    )
+    posterior = _with_words(tree["posterior"].to_dataset(), levels, words)
+    for name in kept:
+        posterior[name].attrs["units"] = QUANTITIES[name][1] or "1"
+    tree["posterior"] = xr.DataTree(posterior)
+    tree.attrs.update(attributes)
+    return tree
+
+
+def scale_displacement(tree: xr.DataTree, relative_sd: float, seed: int) -> xr.DataTree:
+    """Return the posterior under a common, unknown factor on displacement, such as a gauge that reads 5 % short.
+
+    True displacement is `displacement_scale` times the measured one; the factor is log-normal about 1. Records cannot
+    tell it from k, for Eq. 2 holds for any factor with k / factor and beta x factor: every draw takes one of the
+    prior. All k move together and all beta with them, so no ratio of two k or two beta changes. J and F_i are forces
+    and keep their values, and so does C = F_i + J - k d_i, since d_i is scaled as k is divided.
+
+    Parameters
+    ----------
+    tree:
+        A posterior of `to_datatree`.
+    relative_sd:
+        Standard deviation of the factor's logarithm, such as 0.05.
+    seed:
+        Of the factors.
+    """
+    posterior = tree["posterior"].to_dataset()
+    shape = (posterior.sizes["chain"], posterior.sizes["draw"])
+    drawn = np.exp(relative_sd * np.random.default_rng(seed).standard_normal(shape))
+    factor = xr.DataArray(drawn, dims=("chain", "draw"), attrs={"units": "1"})
+    for parameter, power in _POWERS.items():
+        for name in (parameter, f"{parameter}_case", f"{parameter}_cell"):
+            if name in posterior:
+                scaled = posterior[name] * factor**power
+                posterior[name] = scaled.transpose(*posterior[name].dims).assign_attrs(posterior[name].attrs)
+    scaled_tree = tree.copy()
+    scaled_tree["posterior"] = xr.DataTree(posterior.assign(displacement_scale=factor))
+    return scaled_tree
+
+
+def as_measured(posterior: xr.Dataset) -> xr.Dataset:
+    """Return a posterior's k and beta for displacement as it was measured, where it has a factor on displacement."""
+    if "displacement_scale" not in posterior:
+        return posterior
+    factor = posterior["displacement_scale"]
+    measured = {}
+    for parameter, power in _POWERS.items():
+        for name in (parameter, f"{parameter}_case", f"{parameter}_cell"):
+            if name in posterior:
+                measured[name] = (posterior[name] * factor**-power).transpose(*posterior[name].dims)
+    return posterior.assign(measured)
+
+
+def _with_words(posterior: xr.Dataset, levels: Levels, words: pd.DataFrame) -> xr.Dataset:
+    """Return the posterior with the words as labels along its cases and records."""
+    cases = pd.DataFrame(levels.cases)
+    for dim, table in (("case", cases), ("record", words)):
+        if dim in posterior.dims:
+            columns = [word for word in (*WORDS, "travel_mm") if word in table]
+            posterior = posterior.assign_coords(
+                {f"{dim}_{word}": (dim, np.asarray(table[word].tolist())) for word in columns}
+            )
+    return posterior

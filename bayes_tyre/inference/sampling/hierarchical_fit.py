@@ -1,0 +1,246 @@
+"""From a table to a posterior: the two hierarchical fits, put together from their parts."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from bayes_tyre.batch import Batch, pad
+from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.correlated_noise import Whitening, smoothed_noise
+from bayes_tyre.inference.least_squares.table import LARGEST, REGIONS, THESIS_KEPT
+from bayes_tyre.inference.model.factors import Levels, find_levels
+from bayes_tyre.inference.model.hyperparameters import population_starts, prior_sites, published_sites
+from bayes_tyre.inference.model.laplace import (
+    Picture,
+    RecordData,
+    RecordEstimates,
+    blank_picture,
+    draw_picture,
+    record_data,
+)
+from bayes_tyre.inference.model.likelihood import DirectLikelihood, Likelihood, compress
+from bayes_tyre.inference.model.models import NOISE, published_model, records_model
+from bayes_tyre.inference.model.priors import prior_medians
+from bayes_tyre.inference.model.repeat_distribution import REPEATS
+from bayes_tyre.inference.sampling.datatree import scale_displacement, to_datatree
+from bayes_tyre.inference.sampling.nuts import Chains
+from bayes_tyre.inference.sampling.run import SamplerSettings, run, sample
+from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.record_table import origin_of, record_words
+
+#: F_i, J, k, beta and sigma of a record, and one point to spare.
+LEAST_POINTS = 6
+INITIAL_LOADS = ("nominal", "actual")
+LIKELIHOODS = ("compressed", "direct")
+
+
+@dataclass(frozen=True)
+class ModelSettings:
+    """What the hierarchical model of records is told beside the records.
+
+    Attributes
+    ----------
+    region:
+        ``all`` points of each record, or ``thesis``: the source's first 70 %.
+    initial_load:
+        What k and beta may change with: ``nominal``, an effect of each `initial_load_kN`, or ``actual``, a slope
+        over the mean force that a case's records really started from.
+    displacement_scale_sd:
+        Relative standard deviation of a common factor on displacement, carried into k and beta; 0: none.
+    likelihood:
+        ``compressed``: independent of the number of points; or ``direct``, point by point: the reference.
+    repeats:
+        How repeats scatter about their case: a ``mixture`` of usual and discordant ones, ``student`` or ``normal``.
+    noise:
+        ``iid``: independent from point to point; or ``ar1``: each point's follows the one before.
+    noise_window:
+        Samples of the moving average that went over the noise, such as 801; 1: none. Not with ``ar1``.
+
+    Raises
+    ------
+    BadInput
+        For unknown names, and a standard deviation that is negative or not finite.
+    """
+
+    region: str = "all"
+    initial_load: str = "nominal"
+    displacement_scale_sd: float = 0.0
+    likelihood: str = "compressed"
+    repeats: str = "mixture"
+    noise: str = "iid"
+    noise_window: int = 1
+
+    def __post_init__(self) -> None:
+        for name, allowed in (
+            *(("region", REGIONS), ("initial_load", INITIAL_LOADS), ("likelihood", LIKELIHOODS)),
+            *(("repeats", REPEATS), ("noise", NOISE)),
+        ):
+            if getattr(self, name) not in allowed:
+                raise BadInput(f"{name} {getattr(self, name)!r} is unknown; use {' or '.join(allowed)}")
+        if not 0 <= self.displacement_scale_sd < np.inf:
+            raise BadInput(
+                f"displacement_scale_sd is {self.displacement_scale_sd}; give 0 or a relative sd such as 0.05"
+            )
+        if self.noise_window < 1:
+            raise BadInput(f"noise_window is {self.noise_window}; give the samples averaged, or 1 for none")
+        if self.noise_window > 1 and self.noise != "iid":
+            raise BadInput(
+                f"noise_window {self.noise_window} says all of the noise; give it without noise {self.noise}"
+            )
+
+
+def used_points(table: pd.DataFrame, region: str) -> pd.DataFrame:
+    """Return the rows of a checked table that a region uses: all, or the first 70 % of each record (appendix B5)."""
+    if region == "all":
+        return table
+    by_record = table.groupby("record", sort=False)["record"]
+    kept = by_record.cumcount() < np.ceil(THESIS_KEPT * by_record.transform("size"))
+    return table[kept].reset_index(drop=True)
+
+
+def record_batch(table: pd.DataFrame) -> Batch:
+    """Return every record of a checked table as one batch.
+
+    Raises
+    ------
+    BadInput
+        For a record with too few points or no travel: a hierarchical fit drops no record.
+    """
+    names, displacement, force = [], [], []
+    for name, rows in table.groupby("record", sort=False):
+        names.append(str(name))
+        displacement.append(rows["displacement_mm"].to_numpy(dtype=float))
+        force.append(rows["force_kN"].to_numpy(dtype=float))
+        for column, values in (("displacement_mm", displacement[-1]), ("force_kN", force[-1])):
+            if np.abs(values).max() > LARGEST:
+                raise BadInput(
+                    f"record {name!r}, column {column}: {np.abs(values).max():g} is above {LARGEST:g}, too large to be "
+                    "squared; check the cells"
+                )
+        if len(rows) < LEAST_POINTS:
+            raise BadInput(f"record {name!r}: {len(rows)} points, a fit needs {LEAST_POINTS}; remove the record")
+        if np.ptp(displacement[-1]) == 0 or np.ptp(force[-1]) == 0:
+            still = "displacement_mm" if np.ptp(displacement[-1]) == 0 else "force_kN"
+            raise BadInput(f"record {name!r}: {still} is constant, nothing to fit; remove the record")
+    return pad(tuple(names), displacement, force)
+
+
+def fit_hierarchical(
+    table: pd.DataFrame, settings: SamplerSettings | None = None, model: ModelSettings | None = None
+) -> xr.DataTree:
+    """Return the posterior of k, beta, J, C and sigma of every record, their cases and populations.
+
+    Parameters
+    ----------
+    table:
+        A checked record table (`bayes_tyre.record.check_record_table`).
+    settings:
+        How much to sample.
+    model:
+        What else the model is told.
+
+    Returns
+    -------
+    xarray.DataTree
+        Groups `posterior`, `sample_stats`; dims `record`, `case`, `cell`, ...;
+        units in `attrs["units"]`.
+
+    Raises
+    ------
+    BadInput
+        For a record with too few points or no travel.
+    """
+    settings, model = settings or SamplerSettings(), model or ModelSettings()
+    batch, words, levels = batch_and_levels(table, model)
+    tree = fit_batch(batch, words, levels, settings, model)
+    tree.attrs["origin"] = origin_of(table)
+    if model.displacement_scale_sd > 0:
+        tree = scale_displacement(tree, model.displacement_scale_sd, settings.seed)
+    return tree
+
+
+def batch_and_levels(table: pd.DataFrame, model: ModelSettings) -> tuple[Batch, pd.DataFrame, Levels]:
+    """Return the records of a checked table as the model is told to take them, their words, and the levels in these.
+
+    Raises
+    ------
+    BadInput
+        For a record with too few points or no travel.
+    """
+    batch = record_batch(used_points(table, model.region))
+    travel = np.abs(batch.displacement_mm - batch.displacement_mm[:, :1]).max(axis=1)
+    words = record_words(table).assign(travel_mm=travel)
+    return batch, words, find_levels(words, batch.force_kN[:, 0] if model.initial_load == "actual" else None)
+
+
+def fit_batch(
+    batch: Batch, words: pd.DataFrame, levels: Levels, settings: SamplerSettings, model: ModelSettings
+) -> xr.DataTree:
+    """Return the posterior of a batch of records as `fit_hierarchical` does, for displacement as it was measured.
+
+    Parameters
+    ----------
+    batch, words, levels:
+        As `batch_and_levels` gives them; levels may hold cases without a record.
+    settings, model:
+        How much to sample, and of what.
+    """
+    whitening, data = whitening_for(batch, model), record_data(batch)
+    likelihood, sites = likelihood_of(data, model, whitening), prior_sites(levels, model.repeats, model.noise)
+
+    def arguments(picture: Picture) -> dict[str, Any]:
+        of_records = {"likelihood": likelihood, "data": data, "picture": picture}
+        return {**of_records, "levels": levels, "repeats": model.repeats, "noise": model.noise}
+
+    # Least squares and the chains are compiled side by side: these need to know the shapes of the picture alone.
+    with ThreadPoolExecutor(1) as beside:
+        drawing = beside.submit(draw_picture, batch, levels, model.noise, whitening)
+        blank, medians = arguments(blank_picture(len(batch.records), levels)), population_starts(sites, prior_medians())
+        chains = Chains(records_model, blank, settings.chains, settings.warmup, medians)
+        picture = drawing.result()
+    draws = run(chains.given(arguments(picture), population_starts(sites, _starts(picture.records))), settings)
+    told = {name: str(getattr(model, name)) for name in ("repeats", "noise", "noise_window")}
+    return to_datatree(draws.sites, draws.statistics, levels, words, {"model": "records", **told})
+
+
+def whitening_for(batch: Batch, model: ModelSettings) -> Whitening | None:
+    """Return the whitening of noise that was smoothed, for records as long as the longest of a batch."""
+    return smoothed_noise(int(batch.points.max()), model.noise_window) if model.noise_window > 1 else None
+
+
+def likelihood_of(data: RecordData, model: ModelSettings, whitening: Whitening | None) -> Likelihood:
+    """Return the likelihood of the records that a model is told to use."""
+    if model.likelihood == "direct":
+        return DirectLikelihood(data, whitening)
+    return compress(data, neighbours=model.noise == "ar1", whitening=whitening)
+
+
+def _starts(records: RecordEstimates) -> dict[str, np.ndarray]:
+    """Return where each population starts: its median, and where the records' own estimates say more, these."""
+    starts = prior_medians()
+    starts["J_scale"] = np.asarray(np.sqrt(np.mean(np.asarray(records.centre[:, 1]) ** 2)) + 1e-3)
+    return starts
+
+
+def fit_published(table: pd.DataFrame, settings: SamplerSettings | None = None) -> xr.DataTree:
+    """Return what printed case means of k and beta alone support, such as Tables 9 and 11.
+
+    Parameters
+    ----------
+    table:
+        A row a case: the case words, `k_kN_per_mm`, `beta_mm`.
+    settings:
+        How much to sample.
+    """
+    levels = find_levels(table[list(CASE_WORDS)])
+    columns = {"k": "k_kN_per_mm", "beta": "beta_mm"}
+    values = {name: table[column].to_numpy(dtype=float) for name, column in columns.items()}
+    arguments = {"values": values, "levels": levels}
+    starts = population_starts(published_sites(levels), prior_medians())
+    draws = sample(published_model, arguments, settings or SamplerSettings(), starts)
+    attributes = {"origin": "published", "model": "published"}
+    return to_datatree(draws.sites, draws.statistics, levels, pd.DataFrame({"record": []}), attributes)

@@ -1,0 +1,287 @@
+"""NUTS chains side by side, moved on some iterations at a time by one compiled function.
+
+NumPyro's own loop compiles a whole run into one call, which can neither be looked into nor be continued. Here the call
+is a chunk of iterations, warmup and draws alike: the adaptation follows the iteration counted in the state. So it is
+compiled once, and a run cut anywhere and continued from its state gives the bits of a run left alone.
+"""
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from copy import copy
+from functools import partial
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from jaxtyping import Array, ArrayLike
+from numpyro import handlers
+from numpyro.distributions import biject_to
+from numpyro.infer.hmc import HMCState, hmc
+from numpyro.infer.initialization import init_to_feasible, init_to_uniform
+from numpyro.infer.util import constrain_fn, potential_energy
+
+from bayes_tyre.inference.sampling.parameter_vector import DENSE, Blocks
+
+#: Iterations in a call, at most: between two calls a run can be watched, saved and continued.
+CHUNK = 100
+#: About the best of Hoffman and Gelman (2014, The No-U-Turn Sampler). Stan and NumPyro take 0.8 for models with necks;
+#: in the coordinates of `coordinates` and `half_normal` none is left that would need shorter steps.
+TARGET_ACCEPTANCE = 0.65
+#: For motions. A single one's valley bends, and its neighbours in a hierarchy of few: with longer steps one trajectory
+#: of a few thousand diverged.
+CAREFUL_ACCEPTANCE = 0.8
+#: Standard deviation of the starts' logarithm about the values given; half the range, unconstrained, of the others.
+START_SPREAD, START_RADIUS = 0.2, 0.5
+#: Starts tried before a density that is zero at all of them is the sampler's to say.
+_STARTS_TRIED = 20
+#: Deepest trees while adapting, and after. Before the mass matrix is known every tree grows to its limit: at 10, the
+#: first hundred iterations took nine tenths of all the time.
+DEEPEST = (6, 10)
+#: Margins below the first and above the last of the steps that `off_resonance` avoids: leapfrog's period is not quite
+#: that of the motion, and no mass matrix is exact.
+_RESONANT = (0.985, 1.035)
+#: Points of the smallest tree whose resonance is avoided. Of four points it lies at steps of 0.9 to 1.05, which no
+#: posterior of hundreds of unknowns accepts.
+_FEWEST_POINTS = 8
+#: Fields of NumPyro's state by ArviZ's name.
+STATISTICS = {"diverging": "diverging", "energy": "energy", "n_steps": "num_steps", "acceptance_rate": "accept_prob"}
+#: How what runs once is compiled: in two thirds of the time.
+_RUN_ONCE = {"xla_backend_optimization_level": 0}
+
+_CHAINS = "chains"
+
+
+class Chunk(NamedTuple):
+    """What some iterations leave; every array has the chains first.
+
+    Attributes
+    ----------
+    state:
+        Of each chain after them.
+    unconstrained:
+        Draws as the sampler sees them, shape (chains, iterations, unknowns), in one or two blocks.
+    statistics:
+        By ArviZ's name, shape (chains, iterations).
+    """
+
+    state: HMCState
+    unconstrained: dict[str, np.ndarray]
+    statistics: dict[str, np.ndarray]
+
+
+def start_near(values: Mapping[str, Any], site: dict | None = None) -> Any:
+    """Start the named sites near their values and the others around zero, spread from chain to chain."""
+    if site is None:
+        return partial(start_near, values)
+    if site["type"] == "sample" and not site["is_observed"] and site["name"] in values:
+        value = jnp.asarray(values[site["name"]])
+        spread = jax.random.normal(site["kwargs"]["rng_key"], site["fn"].shape())
+        return value * jnp.exp(START_SPREAD * spread)
+    return init_to_uniform(site, radius=START_RADIUS)  # pyright: ignore[reportArgumentType]  (says int, takes float)
+
+
+def off_resonance(step_size: ArrayLike) -> Array:
+    """Return steps of which no tree of eight points or more goes round and round.
+
+    Where the posterior is a standard normal, motion has a period of 2 pi. A tree of 2^j points that spans just less
+    than half of it has not turned back yet; doubled it spans just more than the whole, seems not to have turned either,
+    and is doubled again, and again, until rounding the circle has put it out of phase. NumPyro's criterion shares that
+    with Stan's up to 2.20 (stan-dev/stan, issue 2799). Such steps are lengthened by up to an eighth; others are
+    returned as they are.
+    """
+    points = 2.0 ** np.arange(np.log2(_FEWEST_POINTS), DEEPEST[1])
+    shortest, longest = _RESONANT[0] * np.pi / (points - 0.5), _RESONANT[1] * np.pi / (points - 1)
+    step = jnp.asarray(step_size)
+    resonant = (step[..., None] > shortest) & (step[..., None] < longest)
+    return jnp.maximum(step, jnp.max(jnp.where(resonant, longest, 0.0), axis=-1))
+
+
+def leave_resonance(state: HMCState) -> HMCState:
+    """Return the state after the last iteration of the warmup with its steps `off_resonance`."""
+    adapted = state.adapt_state
+    return state._replace(adapt_state=adapted._replace(step_size=off_resonance(adapted.step_size)))
+
+
+class Chains:
+    """The chains of a NumPyro model, each on a device of its own where there are enough, otherwise in turns.
+
+    Vectorised chains would wait for the longest tree and were five times slower. JAX arrays among the arguments are
+    handed to the compiled functions, so that other data of the same shapes need no compilation; everything else, NumPy
+    arrays too, is part of them.
+
+    Parameters
+    ----------
+    model, arguments:
+        The model, and its keyword arguments.
+    chains, warmup:
+        Number of chains; iterations of each to adapt.
+    starts:
+        Positive values near which the sites of the populations start. These, correlated, share one dense block of the
+        mass matrix.
+    acceptance:
+        Mean acceptance that steps are adapted to.
+    """
+
+    def __init__(
+        self,
+        model: Callable[..., None],
+        arguments: Mapping[str, Any],
+        chains: int,
+        warmup: int,
+        starts: Mapping[str, Any],
+        acceptance: float = TARGET_ACCEPTANCE,
+    ) -> None:
+        self.chains, self._warmup = chains, warmup
+        self._data, self._fixed = eqx.partition(dict(arguments), lambda leaf: isinstance(leaf, jax.Array))
+        self._model, self._starts, self._acceptance = model, starts, acceptance
+        # Traced once for all that is compiled: tracing a hierarchy takes as long as compiling many a model.
+        self._potential = jax.jit(self._potential_energy)
+        self._init_kernel, self._sample_kernel = hmc(potential_fn_gen=lambda data: partial(self._potential, data))
+        devices = jax.local_devices()
+        self._together = max(n for n in range(1, min(chains, len(devices)) + 1) if chains % n == 0)
+        self._mesh = Mesh(np.asarray(devices[: self._together]), (_CHAINS,))
+        self._latent = self._find_latent()
+        self._blocks = Blocks({name: shape for name, (shape, _) in self._latent.items()}, tuple(starts))
+        self._begin, self._advance, self._constrain = self._compile_together()
+
+    def given(self, arguments: Mapping[str, Any], starts: Mapping[str, Any]) -> "Chains":
+        """Return these chains, compiled as they are, of other data of the same shapes and from other starts."""
+        other = copy(self)
+        other._data = eqx.filter(dict(arguments), lambda leaf: isinstance(leaf, jax.Array))
+        other._starts = starts
+        return other
+
+    def begin(self, seed: int) -> HMCState:
+        """Return the state before the first iteration."""
+        keys = jax.random.split(jax.random.PRNGKey(seed), self.chains)  # raw: a state, and its checkpoint, is arrays
+        for tried in range(_STARTS_TRIED):
+            state = self._in_turns(self._begin, (keys, self._blocks.pack(self.starts(seed, tried))), self._data)
+            if np.isfinite(np.asarray(state.potential_energy)).all():
+                break
+        return state
+
+    def starts(self, seed: int, tried: int = 0) -> dict[str, np.ndarray]:
+        """Return where each chain starts, unconstrained: the sites named near their values, the others around zero."""
+        random, found = np.random.default_rng([seed, tried]), {}
+        for name, (shape, transform) in self._latent.items():
+            of_chains = (self.chains, *shape)
+            if name in self._starts:
+                values = self._starts[name] * np.exp(START_SPREAD * random.standard_normal(of_chains))
+                found[name] = np.asarray(transform.inv(values))
+            else:
+                found[name] = random.uniform(-START_RADIUS, START_RADIUS, of_chains)
+        return found
+
+    def advance(self, state: HMCState, iterations: int) -> Chunk:
+        """Return what so many iterations, at most `CHUNK`, leave."""
+        state, kept = self._in_turns(self._advance, state, (self._data, np.int64(iterations)))
+        draws, statistics = jax.tree.map(lambda values: np.asarray(values)[:, :iterations], kept)
+        return Chunk(state, draws, statistics)
+
+    def constrain(self, unconstrained: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return a chunk's draws of every site of the model, deterministic ones included."""
+        length = next(iter(unconstrained.values())).shape[1]
+
+        def filled(values: np.ndarray) -> np.ndarray:
+            room = [(0, 0), (0, CHUNK - length)] + [(0, 0)] * (values.ndim - 2)
+            return np.pad(values, room, mode="edge")
+
+        sites = self._in_turns(self._constrain, jax.tree.map(filled, dict(unconstrained)), self._data)
+        return {name: np.asarray(values)[:, :length] for name, values in sites.items()}
+
+    def _find_latent(self) -> dict[str, tuple[tuple[int, ...], Any]]:
+        """Return the shape of each sampled site, unconstrained, and the transform from there."""
+        found = {}
+
+        def look(key: jax.Array, data: Any) -> None:
+            seeded = handlers.substitute(handlers.seed(self._model, key), substitute_fn=init_to_feasible())
+            for name, site in handlers.trace(seeded).get_trace(**self._arguments(data)).items():
+                if site["type"] == "sample" and not site["is_observed"]:
+                    transform = biject_to(site["fn"].support)
+                    found[name] = transform.inverse_shape(site["fn"].shape()), transform
+
+        jax.eval_shape(look, jax.random.PRNGKey(0), self._data)
+        return found
+
+    def _compile_together(self) -> list[Callable[[Any, Any], Any]]:
+        """Return what begins, advances and constrains, compiled side by side: half of a run's seconds go into it."""
+        begin, advance, constrain = map(self._mapped, (self._init, self._sample, self._constrained))
+        keys = jax.eval_shape(lambda: jax.random.split(jax.random.PRNGKey(0), self.chains))
+        fresh = keys, self._blocks.pack(self.starts(0))
+        # The kernel's own closures are made as it is traced, which a continued run does nowhere else.
+        self.shapes: HMCState = jax.eval_shape(begin, fresh, self._data)
+
+        def together(leaf: Any, *within: int) -> jax.ShapeDtypeStruct:
+            return jax.ShapeDtypeStruct((self._together, *within, *leaf.shape[1:]), leaf.dtype)
+
+        state = jax.tree.map(together, self.shapes)
+        chunk = jax.tree.map(lambda leaf: together(leaf, CHUNK), self.shapes.z)
+        with ThreadPoolExecutor() as pool:
+            # What takes longest first, and each as soon as it is lowered.
+            advancing = pool.submit(advance.lower(state, (self._data, np.int64(0))).compile)
+            lowered = begin.lower(jax.tree.map(together, fresh), self._data)
+            beginning = pool.submit(lowered.compile, compiler_options=_RUN_ONCE)
+            constraining = pool.submit(constrain.lower(chunk, self._data).compile)
+        return [compiling.result() for compiling in (beginning, advancing, constraining)]
+
+    def _potential_energy(self, data: Any, z: dict[str, jax.Array]) -> jax.Array:
+        return jnp.asarray(potential_energy(self._model, (), self._arguments(data), self._blocks.unpack(z)))
+
+    def _init(self, fresh: tuple[jax.Array, dict[str, jax.Array]], data: Any) -> HMCState:
+        key, start = fresh
+        return self._init_kernel(
+            start,
+            self._warmup,
+            dense_mass=[(DENSE,)] if DENSE in start else [],  # pyright: ignore[reportArgumentType]
+            target_accept_prob=self._acceptance,
+            max_tree_depth=DEEPEST,  # pyright: ignore[reportArgumentType]
+            model_args=(data,),
+            rng_key=jax.random.split(key)[0],  # as NumPyro's own kernel does: the draws are then the same
+        )
+
+    def _sample(self, state: HMCState, data_and_iterations: tuple[Any, jax.Array]) -> Any:
+        data, iterations = data_and_iterations
+
+        def step(i: jax.Array, so_far: tuple[HMCState, Any]) -> tuple[HMCState, Any]:
+            state = self._sample_kernel(so_far[0], (data,))
+            return state, jax.tree.map(lambda kept, one: kept.at[i].set(one), so_far[1], _kept(state))
+
+        room = jax.tree.map(lambda one: jnp.zeros((CHUNK, *one.shape), one.dtype), _kept(state))
+        return jax.lax.fori_loop(0, iterations, step, (state, room))
+
+    def _constrained(self, unconstrained: Any, data: Any) -> Any:
+        def one(z: dict[str, jax.Array]) -> dict[str, jax.Array]:
+            at = self._blocks.unpack(z)
+            return constrain_fn(self._model, (), self._arguments(data), at, return_deterministic=True)
+
+        return jax.vmap(one)(unconstrained)
+
+    def _arguments(self, data: Any) -> Any:
+        return eqx.combine(data, self._fixed)
+
+    def _mapped(self, function: Callable[[Any, Any], Any]) -> Any:
+        """Return a function of a chain and of what chains share, to be compiled for as many chains as go together."""
+
+        def one(chain: Any, shared: Any) -> Any:
+            result = function(jax.tree.map(lambda block: block[0], chain), shared)
+            # Of no weak type: what a function returns is then what it takes, and it is compiled once.
+            return jax.tree.map(lambda array: jax.lax.convert_element_type(array, jnp.result_type(array))[None], result)
+
+        own, shared = PartitionSpec(_CHAINS), PartitionSpec()
+        mapped = jax.shard_map(one, mesh=self._mesh, in_specs=(own, shared), out_specs=own, check_vma=False)
+        placed = tuple(NamedSharding(self._mesh, spec) for spec in (own, shared))
+        return jax.jit(mapped, in_shardings=placed)
+
+    def _in_turns(self, run: Callable[[Any, Any], Any], chain: Any, shared: Any) -> Any:
+        if self._together == self.chains:
+            return run(chain, shared)
+        turns = range(0, self.chains, self._together)
+        ends = [run(jax.tree.map(lambda a, i=i: np.asarray(a)[i : i + self._together], chain), shared) for i in turns]
+        return jax.tree.map(lambda *arrays: np.concatenate([np.asarray(array) for array in arrays]), *ends)
+
+
+def _kept(state: HMCState) -> tuple[Any, dict[str, Any]]:
+    return state.z, {name: getattr(state, field) for name, field in STATISTICS.items()}

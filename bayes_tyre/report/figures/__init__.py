@@ -1,0 +1,1 @@
+"""Figures, one family a file; `catalogue` says which a result has."""

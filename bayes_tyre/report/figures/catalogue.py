@@ -1,0 +1,223 @@
+"""Which figures a result has: each name with what draws it, from tables to page."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import pandas as pd
+import xarray as xr
+from matplotlib.figure import Figure
+
+from bayes_tyre.inference.diagnostics.verdict import AUTOCORRELATION_MOST
+from bayes_tyre.inference.sampling.datatree import RECORD_UNITS, is_of_motions
+from bayes_tyre.report.figures.colours import Setting
+from bayes_tyre.report.figures.contrast import contrasts_by_case
+from bayes_tyre.report.figures.densities import posteriors_by_direction, prior_and_posterior_of_scales
+from bayes_tyre.report.figures.forest import forest_of_cases, outlier_probabilities
+from bayes_tyre.report.figures.motion import loops_by_direction, motion_figure
+from bayes_tyre.report.figures.record import (
+    prior_predictive_curves,
+    records_with_bands,
+    residuals_against_displacement,
+)
+from bayes_tyre.report.figures.sampler import pair_plot, rank_plot
+from bayes_tyre.results import posterior_predictive as predictive
+from bayes_tyre.results import summary
+from bayes_tyre.results.contrasts import contrasts, tree_cases
+from bayes_tyre.results.hyperparameters import Population, divergences, paired, populations
+from bayes_tyre.results.hysteresis_loops import LAW, friction_loops
+from bayes_tyre.results.prior_curves import prior_panels
+from bayes_tyre.results.prior_posterior import scales
+from bayes_tyre.results.ranks import ranks
+
+ENERGY, CONTRASTS = "energy_per_cycle", "contrasts"
+OUTLIERS = "outlier_probabilities"
+#: Before the place of a record's picture among those shown.
+MOTION = "motion_"
+#: What the intervals of cases and contrasts are of, where a reader could take them for something else, by model.
+ABOUT_CASES = {"published": "They are of the value to expect; single printed values scatter about it."}
+ABOUT_CONTRASTS = {"published": "One value a case was printed: the model has one ratio for all cases of a direction."}
+
+
+@dataclass(frozen=True)
+class Result:
+    """What the figures of a fit are drawn from.
+
+    Attributes
+    ----------
+    tree, verdict:
+        The posterior, and ``pass`` or ``fail``.
+    table:
+        The records it was fitted to; None without records.
+    printed:
+        Printed `k_kN_per_mm` and `beta_mm` by case; None where there are none to be held against.
+    interval:
+        Probability of every interval, equal-tailed.
+    motions:
+        Readings and fitted motion of a few records, as `bayes_tyre.results.motion_traces` has them; None without.
+    """
+
+    tree: xr.DataTree
+    verdict: str
+    table: pd.DataFrame | None = None
+    printed: pd.DataFrame | None = None
+    interval: float = 0.95
+    motions: pd.DataFrame | None = None
+
+    @cached_property
+    def cases(self) -> pd.DataFrame:
+        """As `cases.csv` holds them."""
+        return summary.cases(self.tree, self.verdict, self.interval)
+
+    @cached_property
+    def contrasts(self) -> pd.DataFrame:
+        """As `contrasts.csv` holds them."""
+        return contrasts(self.tree, self.verdict, self.interval)
+
+    @cached_property
+    def judged(self) -> pd.DataFrame:
+        """The words of each record, and the probability that it is discordant."""
+        return summary.judged_records(self.tree)
+
+    @property
+    def of_motions(self) -> bool:
+        """Whether it is a posterior of motions."""
+        return is_of_motions(self.tree["posterior"].to_dataset())
+
+    @property
+    def judges(self) -> bool:
+        """Whether its model says of any record how probable it is that it is discordant."""
+        return bool(self.judged["outlier_probability"].notna().any())
+
+    @cached_property
+    def setting(self) -> Setting:
+        """What its figures share."""
+        configurations = {case.configuration or "" for case in tree_cases(self.tree["posterior"].to_dataset())}
+        return Setting(self.tree.attrs["origin"], self.verdict, tuple(sorted(configurations)))
+
+    @cached_property
+    def populations(self) -> list[Population]:
+        """The parameters of its populations."""
+        return populations(self.tree)
+
+    @cached_property
+    def shown(self) -> list[str]:
+        """The names of a few of its records."""
+        return predictive.records_to_show(self.tree)
+
+
+def draw(result: Result) -> Iterator[tuple[str, Figure]]:
+    """Yield the name and the figure of everything that can be drawn of a result, one after the other."""
+    for name, figure in {**ALWAYS, **(OF_MOTIONS if result.of_motions else {})}.items():
+        if name != CONTRASTS or len(result.contrasts):  # without cases that match its panels would be empty
+            yield name, figure(result)
+    yield from _loops(result)
+    if result.table is not None:
+        for name, figure_of_records in OF_RECORDS.items():
+            yield name, figure_of_records(result, result.table)
+    if result.judges:
+        yield OUTLIERS, OF_REPEATS[OUTLIERS](result)
+    if result.motions is not None:
+        for place, readings in result.motions.groupby("shown", sort=False):
+            yield f"{MOTION}{place}", motion_figure(readings, result.setting)
+
+
+def _posteriors(result: Result) -> Figure:
+    draws = _cell_draws(result.tree)
+    return posteriors_by_direction(draws[draws["parameter"] != ENERGY], result.setting, result.interval)
+
+
+def _energy(result: Result) -> Figure:
+    draws = _cell_draws(result.tree)
+    return posteriors_by_direction(
+        draws[draws["parameter"] == ENERGY], result.setting, result.interval, _about_energy(result)
+    )
+
+
+def _loops(result: Result) -> Iterator[tuple[str, Figure]]:
+    """Yield the loop of a cycle, where the posterior is of motions on the law whose loop is known."""
+    attributes = result.tree.attrs
+    if result.of_motions and "amplitude_mm" in attributes and attributes.get("law", LAW) == LAW:
+        loops = friction_loops(result.tree, result.interval)
+        amplitude = float(attributes["amplitude_mm"])
+        yield "loops_by_direction", loops_by_direction(loops, result.setting, amplitude, result.interval)
+
+
+def _about_energy(result: Result) -> str:
+    amplitude = result.tree.attrs.get("amplitude_mm")
+    return "" if amplitude is None else f"Energy: of a cycle of {amplitude:g} mm amplitude at the wheel centre."
+
+
+def _cell_draws(tree: xr.DataTree) -> pd.DataFrame:
+    """Return the draws of the cell means in long form: configuration, direction, parameter, unit, value."""
+    means = summary.cell_means(tree)
+    long = means.stack(sample=("chain", "draw", "cell")).reset_index("sample", drop=True)
+    words = {word: long[word].to_numpy() for word in ("configuration", "direction")}
+    blocks = [
+        pd.DataFrame({**words, "parameter": name, "unit": RECORD_UNITS[str(name)], "value": draws.to_numpy()})
+        for name, draws in long.data_vars.items()
+    ]
+    return pd.concat(blocks, ignore_index=True)
+
+
+def _forest(result: Result) -> Figure:
+    about = ABOUT_CASES.get(result.tree.attrs["model"], "") or _about_energy(result)
+    return forest_of_cases(result.cases, result.printed, result.setting, about)
+
+
+def _contrasts(result: Result) -> Figure:
+    about = ABOUT_CONTRASTS.get(result.tree.attrs["model"], "")
+    return contrasts_by_case(result.contrasts, result.setting, about)
+
+
+def _scales(result: Result) -> Figure:
+    return prior_and_posterior_of_scales(scales(result.populations), result.setting)
+
+
+def _ranks(result: Result) -> Figure:
+    return rank_plot([ranks(one) for one in result.populations if one.varies], result.setting)
+
+
+def _pairs(result: Result) -> Figure:
+    return pair_plot(paired(result.populations), divergences(result.tree), result.setting)
+
+
+def _priors(result: Result, table: pd.DataFrame) -> Figure:
+    panels = prior_panels(result.tree, table, result.interval)
+    return prior_predictive_curves(panels, result.setting, result.interval)
+
+
+def _bands(result: Result, table: pd.DataFrame) -> Figure:
+    bands = predictive.predictive_bands(result.tree, table, result.shown, result.interval)
+    return records_with_bands(table[table["record"].isin(result.shown)], bands, result.setting, result.interval)
+
+
+def _residuals(result: Result, table: pd.DataFrame) -> Figure:
+    found = predictive.residuals(result.tree, table)
+    points, records = predictive.residual_tables(found, table, result.shown)
+    return residuals_against_displacement(points, records, result.setting, AUTOCORRELATION_MOST)
+
+
+def _outliers(result: Result) -> Figure:
+    return outlier_probabilities(result.judged, result.setting)
+
+
+#: The figures of any posterior, by the name of their file; those of motions; of force over displacement; and of repeats
+#: where the model judges them.
+ALWAYS: Mapping[str, Callable[[Result], Figure]] = {
+    "posteriors_by_direction": _posteriors,
+    "forest_of_cases": _forest,
+    CONTRASTS: _contrasts,
+    "prior_and_posterior_of_scales": _scales,
+    "rank_plot": _ranks,
+    "pair_plot": _pairs,
+}
+OF_MOTIONS: Mapping[str, Callable[[Result], Figure]] = {
+    "energy_per_cycle": _energy,
+}
+OF_RECORDS: Mapping[str, Callable[[Result, pd.DataFrame], Figure]] = {
+    "prior_predictive_curves": _priors,
+    "records_with_bands": _bands,
+    "residuals_against_displacement": _residuals,
+}
+OF_REPEATS: Mapping[str, Callable[[Result], Figure]] = {OUTLIERS: _outliers}

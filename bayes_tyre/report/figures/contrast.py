@@ -1,0 +1,105 @@
+"""Ratios of k and beta between configurations and between directions, each with its probability to be above 1."""
+
+from collections.abc import Hashable, Mapping
+from typing import Any
+
+import matplotlib.style
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.report.figures import case_axis as case_lines
+from bayes_tyre.report.figures import layout as page
+from bayes_tyre.report.figures.colours import INK, Setting
+from bayes_tyre.report.figures.labels import PARAMETERS, called, interval_name, panels, plain
+from bayes_tyre.report.figures.layout import STYLE
+from bayes_tyre.results.columns import numbers, texts
+
+#: Height of a line, inches; the room of the shortest list, lines.
+_LINE, _LEAST = 0.17, 8
+# Ratios that reach so many times as far stand on a logarithmic axis; share of the axis kept free for probabilities.
+_LOG_FROM, _ROOM = 3.0, 0.25
+
+
+@matplotlib.style.context(STYLE)
+def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting, about: str = "") -> Figure:
+    """Return the ratios of k, beta and more, a line a ratio: median, interval, and the probability that it is above 1.
+
+    Averages are drawn bold, above the matched cases that they average. Of contrasts between directions only the
+    averages are shown: how cases are matched matters more there than which case it is.
+
+    Parameters
+    ----------
+    contrasts:
+        As `contrasts.csv` has them: `contrast`, `matching`, the words held fixed, `parameter`, `median`, `lower`,
+        `upper`, `interval`, `p_greater_than_1`; no unit.
+    setting:
+        What all figures of the result share.
+    about:
+        A sentence on what the ratios are of, where it is not plain; it joins the note.
+    """
+    rows = case_lines.case_words(contrasts)
+    for column in ("contrast", "matching", "parameter"):
+        rows[column] = texts(contrasts, column)
+    for column in ("median", "lower", "upper", "interval", "p_greater_than_1"):
+        rows[column] = numbers(contrasts, column)
+    rows["of_case"] = ~rows["initial_load_kN"].isna() | ~rows["step_kN"].isna()
+    between_directions = rows["contrast"].str.contains("loading")
+    rows = rows[rows["parameter"].isin(list(PARAMETERS)) & ~(between_directions & rows["of_case"])]
+    listed = rows.drop_duplicates(["contrast", "matching", *CASE_WORDS]).reset_index(drop=True)
+    headings = [plain(f"{row['contrast']}, {row['matching']}", 60) for row in listed.to_dict("records")]
+    lines = case_lines.list_lines(headings, [_label(row) for row in listed.to_dict("records")])
+    listed["y"] = [line.y for line in lines if not line.heads]
+    rows = rows.merge(listed[["contrast", "matching", *CASE_WORDS, "y"]])
+    room = max(_LEAST, len(lines))
+    parameters = panels(rows["parameter"])
+    figure, axes, inches = case_lines.parameter_panels(len(parameters), 1.1, _LINE, room)
+    for ax, parameter in zip(axes, parameters, strict=True):
+        _panel(ax, rows[rows["parameter"] == parameter], parameter)
+        case_lines.name_lines(ax, lines, inches, room)
+    contents = " or ".join(interval_name(one) for one in sorted(set(rows["interval"].dropna()))) or "interval"
+    if rows.empty:
+        return page.finish(figure, setting, "No two configurations or directions have cases that match.")
+    note = (
+        f"Marker: median. Line: {contents}. At the right: probability that the ratio is above 1. Dashed: 1, no "
+        f"difference. Bold: averages over the matched cases. {about}"
+    )
+    return page.finish(figure, setting, note.rstrip())
+
+
+def _label(row: Mapping[Hashable, Any]) -> str:
+    """Return what a ratio is of: its case, or which cases it averages."""
+    if row["of_case"]:
+        case = case_lines.case_label(*(row[word] for word in CASE_WORDS[2:]))
+        return " ".join(plain(part, 24) for part in (row["configuration"], row["direction"], case) if part)
+    fixed = [plain(row[word], 24) for word in CASE_WORDS[:2] if row[word]]
+    return ", ".join(["average", *fixed])
+
+
+def _panel(ax: Axes, rows: pd.DataFrame, parameter: str) -> None:
+    ax.axvline(1.0, color=INK, linestyle="--", linewidth=0.8)
+    for of_case, width, size in ((True, 1.2, 3.0), (False, 2.4, 5.0)):
+        mine = rows[rows["of_case"] == of_case]
+        ax.hlines(mine["y"], mine["lower"], mine["upper"], color=INK, linewidth=width, alpha=0.6 if of_case else 1.0)
+        ax.plot(mine["median"], mine["y"], "o", color=INK, markersize=size)
+    for row in rows.to_dict("records"):
+        place = {"xycoords": ax.get_yaxis_transform(), "ha": "right", "va": "center", "fontsize": 6.5}
+        ax.annotate(_probability(row["p_greater_than_1"]), (0.99, row["y"]), **place)
+    values = rows[["lower", "upper"]].to_numpy().ravel()
+    values = np.append(values[np.isfinite(values)], 1.0)
+    low, high = values.min(), values.max()
+    log = bool(low > 0 and high > _LOG_FROM * low)
+    if log:
+        page.log_axis(ax, low / 1.05, high * (high / low) ** _ROOM)
+    else:
+        ax.set_xlim(low - 0.05 * (high - low or 1.0), high + _ROOM * (high - low or 1.0))
+    ax.set_xlabel(f"ratio of {called(parameter)} (no unit{', log scale' if log else ''})")
+
+
+def _probability(p: float) -> str:
+    """Return a probability with two decimals; what only rounds to 0 or 1 does not claim it."""
+    if not np.isfinite(p):
+        return ""
+    return "> 0.99" if p > 0.995 else "< 0.01" if p < 0.005 else f"{p:.2f}"

@@ -1,0 +1,162 @@
+"""Densities: of k and beta by direction, and of each scale beside its prior; only their shape is estimated here."""
+
+import math
+
+import arviz as az
+import matplotlib.style
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from bayes_tyre.report.figures import case_axis as case_lines
+from bayes_tyre.report.figures import layout as page
+from bayes_tyre.report.figures.colours import INK, PALE, Look, Setting
+from bayes_tyre.report.figures.labels import (
+    PARAMETERS,
+    WIDE,
+    configuration_label,
+    decimals,
+    interval_name,
+    panels,
+    plain,
+    unit_name,
+)
+from bayes_tyre.report.figures.layout import STYLE, WIDTH
+from bayes_tyre.results.columns import numbers, texts
+from bayes_tyre.results.prior_posterior import Scale
+
+#: Panels side by side, the height of a row of them (inches), the most panels.
+ACROSS, ROW, MOST_SCALES = 4, 1.35, 60
+#: Contraction below which a scale's posterior is mostly its prior.
+LITTLE = 0.2
+#: So many parameters have a row of full height each; of more, ticks are as few, for some have long numbers.
+_TALL, _FEW = 2, 6
+_PRIOR = {"facecolor": (PALE, 0.35), "edgecolor": PALE, "linewidth": 0.8}
+
+
+@matplotlib.style.context(STYLE)
+def posteriors_by_direction(cells: pd.DataFrame, setting: Setting, interval: float = 0.95, about: str = "") -> Figure:
+    """Return the posterior densities of k, beta and more, a panel a direction, the configurations in each.
+
+    Parameters
+    ----------
+    cells:
+        Draws, long: `configuration`, `direction`, `parameter` (of `labels.PARAMETERS`), `unit`, `value`.
+    setting:
+        What all figures of the result share.
+    interval:
+        Content of the equal-tailed interval marked.
+    about:
+        A sentence that joins the note.
+    """
+    draws = pd.DataFrame({word: texts(cells, word) for word in ("configuration", "direction", "parameter", "unit")})
+    draws["value"] = numbers(cells, "value")
+    draws = draws[draws["value"].notna() & draws["parameter"].isin(list(PARAMETERS))]
+    directions = sorted(set(draws["direction"]), key=case_lines.direction_rank) or [""]
+    parameters = panels(draws["parameter"])
+    appearance = setting.looks(draws["configuration"])
+    each = (2.3 if len(parameters) <= _TALL else 1.7) + 0.1 * len(appearance)
+    figure = page.page(WIDTH, 1.0 + each * len(parameters))
+    axes = figure.subplots(len(parameters), len(directions), sharex="row", sharey="row", squeeze=False)
+    for row, parameter in zip(axes, parameters, strict=True):
+        here = draws[draws["parameter"] == parameter]
+        _density_row(list(row), [here[here["direction"] == d] for d in directions], appearance, interval, parameter)
+        if len(parameters) > _TALL and row[0].get_xscale() == "linear":
+            row[0].locator_params(axis="x", nbins=_FEW)
+    for ax, direction in zip(axes[0], directions, strict=True):
+        ax.set_title(plain(direction or "direction not stated"))
+    page.legend(figure, [(look.density_handle, configuration_label(name)) for name, look in appearance.items()])
+    note = f"Mean over the cases of a direction. Bar, shading: {interval_name(interval)}, equal-tailed. Marker: median."
+    return page.finish(figure, setting, f"{note} {about}".rstrip())
+
+
+def _density_row(
+    axes: list[Axes], panels: list[pd.DataFrame], appearance: dict[str, Look], interval: float, parameter: str
+) -> None:
+    draws = pd.concat(panels)
+    low, high = draws["value"].min(), draws["value"].max()
+    log = bool(parameter in WIDE and low > 0 and high > 10 * low)
+    strip = min(0.5, 0.08 * len(appearance))
+    highest = 0.0
+    for ax, panel in zip(axes, panels, strict=True):
+        unit = page.name_axis(ax, parameter, draws, log)
+        for i, (configuration, look) in enumerate(appearance.items()):
+            values = panel.loc[panel["configuration"] == configuration, "value"].to_numpy()
+            if len(values):
+                bar = strip * (1 - (i + 0.5) / len(appearance))
+                highest = max(highest, _density(ax, values, look, log, interval, bar))
+        axes[0].set_ylabel(f"density (per {f'decade of {unit}' if log else unit})")
+        ax.axhline(0, color="#666666", linewidth=0.7)
+    if log:
+        page.log_axis(axes[0], low, high)
+    top = 1.05 * highest or 1.0
+    axes[0].set_ylim(-top * strip / (1 - strip), top)
+    axes[0].set_yticks([tick for tick in axes[0].get_yticks() if 0 <= tick <= top])
+
+
+def _density(ax: Axes, values: np.ndarray, look: Look, log: bool, interval: float, bar: float) -> float:
+    """Draw one density, and its interval at height `bar` of the panel; return the density's highest point."""
+    lower, median, upper = np.quantile(values, [(1 - interval) / 2, 0.5, (1 + interval) / 2])
+    below = ax.get_xaxis_transform()
+    ax.plot([lower, upper], [bar, bar], color=look.colour, linewidth=2, transform=below, solid_capstyle="butt")
+    ax.plot([median], [bar], color=look.colour, marker=look.marker, markersize=5.5, transform=below)
+    if np.ptp(values) == 0:
+        ax.axvline(median, color=look.colour, linestyle=look.line)
+        return 0.0
+    x, height, _ = az.kde(np.log10(values) if log else values)
+    x = 10**x if log else x
+    ax.plot(x, height, color=look.colour, linestyle=look.line)
+    ax.fill_between(x, height, where=((x >= lower) & (x <= upper)).tolist(), **look.shade)
+    return float(height.max())
+
+
+@matplotlib.style.context(STYLE)
+def prior_and_posterior_of_scales(scales: list[Scale], setting: Setting) -> Figure:
+    """Return the prior density of each scale beside its posterior, with its contraction in the title.
+
+    Parameters
+    ----------
+    scales:
+        As `bayes_tyre.results.prior_posterior.scales` gives them.
+    setting:
+        What all figures of the result share.
+    """
+    shown = scales[:MOST_SCALES]
+    across = max(1, min(ACROSS, len(shown)))
+    down = max(1, math.ceil(len(shown) / across))
+    figure = page.page(WIDTH, 0.9 + ROW * down)
+    axes = figure.subplots(down, across, squeeze=False).ravel()
+    for ax, scale in zip(axes, shown, strict=False):
+        _scale_panel(ax, scale)
+    for ax in axes[len(shown) :]:
+        ax.set_visible(False)
+    for ax in axes[: len(shown) : across]:
+        ax.set_ylabel("density / highest\n(no unit)", fontsize=7)
+    page.legend(figure, [(Patch(**_PRIOR), "prior"), (Line2D([], [], color=INK), "posterior")])
+    note = (
+        "Contraction: 1 - (interquartile range of posterior / prior) squared, of the logarithm on logarithmic axes; "
+        f"0: the data said nothing, 1: they said all. Bold: below {LITTLE:g}, the prior decides."
+    )
+    left_out = "" if len(scales) == len(shown) else f" The first {len(shown)} of {len(scales)} scales."
+    return page.finish(figure, setting, note + left_out)
+
+
+def _scale_panel(ax: Axes, scale: Scale) -> None:
+    ax.fill_between(scale.at, scale.prior, **_PRIOR)
+    ax.plot(scale.at, scale.posterior, color=INK, linewidth=1.2)
+    little = scale.contraction < LITTLE
+    ax.set_title(
+        f"{plain(scale.name, 32)}\ncontraction {decimals(scale.contraction)}",
+        fontsize=7,
+        fontweight="bold" if little else "normal",
+    )
+    if scale.log:
+        page.log_axis(ax, scale.at[0], scale.at[-1], crowd=1.6)
+    else:
+        ax.set_xlim(scale.at[0], scale.at[-1])
+    ax.set_xlabel(f"({unit_name(scale.unit)}{', log scale' if scale.log else ''})", fontsize=7, labelpad=1)
+    ax.set(ylim=(0, 1.08), yticks=[])
+    ax.tick_params(labelsize=6.5, length=2, pad=1.5)

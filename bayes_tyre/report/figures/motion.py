@@ -1,0 +1,176 @@
+"""Pictures of motions: a record's readings beside the fitted motion, and the loop that loses the energy."""
+
+import io
+
+import matplotlib.style
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from bayes_tyre.report.figures import case_axis as case_lines
+from bayes_tyre.report.figures import layout as page
+from bayes_tyre.report.figures.colours import INK, PALE, Look, Setting, looks
+from bayes_tyre.report.figures.labels import configuration_label, interval_name, plain
+from bayes_tyre.report.figures.layout import STYLE, WIDTH
+from bayes_tyre.report.figures.process import PEN
+from bayes_tyre.results.motion_traces import CHANNELS
+
+_TRUTH = {"color": INK, "linewidth": 0.8, "linestyle": "--"}
+#: Standard deviations on either side of 0 within which 95 % of normal residuals lie.
+_MOST_LIE = 1.96
+_EXPECTED = {"facecolor": (PALE, 0.25), "edgecolor": "none", "linewidth": 0}
+
+
+@matplotlib.style.context(STYLE)
+def motion_figure(readings: pd.DataFrame, setting: Setting) -> Figure:
+    """Return the picture of one record: readings and motion at the left, residuals in standard deviations at the right.
+
+    Parameters
+    ----------
+    readings:
+        As `bayes_tyre.results.motion_traces.readings_table` gives them, and in each row the same `record`,
+        `configuration` and `status`, what the check said of the estimate.
+    setting:
+        What all figures of the result share; a record by itself has its origin alone.
+    """
+    record, configuration, status = (str(readings[name].iloc[0]) for name in ("record", "configuration", "status"))
+    colour = setting.looks([configuration])[configuration].colour
+    time_s = readings["time_s"].to_numpy()
+    figure = page.page(WIDTH, 6.0)
+    axes = figure.subplots(3, 2, sharex=True, width_ratios=(1.4, 1.0))
+    for row, channel in zip(axes, CHANNELS, strict=True):
+        read, fitted, left = (readings[name].to_numpy(float) for name in channel[1:])
+        row[0].plot(time_s, read, ".", color=PALE, markersize=2)
+        row[0].plot(time_s, fitted, color=colour, linewidth=0.9)
+        row[0].set_ylabel(channel.label)
+        row[1].axhspan(-_MOST_LIE, _MOST_LIE, **_EXPECTED)
+        row[1].axhline(0.0, color=INK, linewidth=0.6)
+        row[1].plot(time_s, left, ".", color=INK, markersize=1.5)
+        row[1].set_ylabel("left over\n(standard deviations)")
+    for ax in axes[-1]:
+        ax.set_xlabel("time from the window's start (s)")
+    entries = [
+        (Line2D([], [], linestyle="", marker=".", color=PALE), "readings"),
+        (Line2D([], [], color=colour), f"fitted motion, {configuration_label(configuration)}"),
+        (Patch(**_EXPECTED), "where 95 % should lie"),
+    ]
+    page.legend(figure, entries)
+    block_ms = 1e3 * float(np.diff(time_s[:2])[0]) if len(time_s) > 1 else 0.0
+    note = (
+        f"Record {record}. Readings: means over {block_ms:.2g} ms. Left over: reading less fitted motion, in standard "
+        f"deviations. Check of the estimate: {status}."
+    )
+    return page.finish(figure, setting, plain(note, 600))
+
+
+def motion_png(readings: pd.DataFrame, origin: str) -> bytes:
+    """Return the picture of `motion_figure` as PNG; one thread at a time draws."""
+    png = io.BytesIO()
+    with PEN:
+        motion_figure(readings, Setting(origin)).savefig(png, format="png")
+    return png.getvalue()
+
+
+@matplotlib.style.context(STYLE)
+def loops_by_direction(loops: pd.DataFrame, setting: Setting, amplitude_mm: float, interval: float = 0.95) -> Figure:
+    """Return the loop of each configuration, a panel a direction of the step: friction over displacement.
+
+    Parameters
+    ----------
+    loops:
+        As `bayes_tyre.results.hysteresis_loops.friction_loops` gives them, mm and kN.
+    setting:
+        What all figures of the result share.
+    amplitude_mm:
+        Half the stroke.
+    interval:
+        Content of the bands.
+    """
+    directions = sorted(set(loops["direction"]), key=case_lines.direction_rank)
+    appearance = setting.looks(loops["configuration"])
+    figure = page.page(WIDTH, 3.9)
+    axes = figure.subplots(1, len(directions), sharey=True, squeeze=False)[0]
+    for ax, direction in zip(axes, directions, strict=True):
+        _loop_panel(ax, loops[loops["direction"] == direction], appearance)
+        ax.set_title(plain(f"{direction or 'direction not stated'} steps"))
+        ax.set_xlabel("displacement from the middle, flat ground (mm)")
+    axes[0].set_ylabel("force less k d + C, flat ground (kN)")
+    axes[0].locator_params(axis="y", nbins=5)
+    entries = [(_loop_handle(look), configuration_label(name)) for name, look in appearance.items()]
+    page.legend(figure, entries)
+    note = (
+        f"Line: median; band: {interval_name(interval)}; mean over the cases of a direction. Half the stroke is "
+        f"{amplitude_mm:g} mm. Above: displacement grows; below: it falls. Their distance is 2 (x - k beta), the area "
+        "between them what a cycle loses; tables state it at the wheel centre."
+    )
+    return page.finish(figure, setting, note)
+
+
+def _loop_handle(look: Look) -> tuple[Patch, Line2D]:
+    return Patch(**look.band), Line2D([], [], color=look.colour, linestyle=look.line)
+
+
+def _loop_panel(ax: Axes, loops: pd.DataFrame, appearance: dict[str, Look]) -> None:
+    ax.axhline(0.0, color=INK, linewidth=0.6)
+    for configuration, look in appearance.items():
+        mine = loops[loops["configuration"] == configuration]
+        for _, branch in mine.groupby("branch"):
+            ax.fill_between(branch["displacement_mm"], branch["lower_kN"], branch["upper_kN"], **look.band)
+            ax.plot(branch["displacement_mm"], branch["median_kN"], color=look.colour, linestyle=look.line)
+
+
+@matplotlib.style.context(STYLE)
+def loop_figure(path: pd.DataFrame, amplitude_mm: float) -> Figure:
+    """Return a known tyre's loop: the force at the left, and without its middle line k d + C at the right.
+
+    Parameters
+    ----------
+    path:
+        `displacement_mm`, `force_kN`, `friction_kN` (force less k d + C) in order around the loop, simulated.
+    amplitude_mm:
+        Half the stroke.
+    """
+    figure = page.page(WIDTH, 3.4)
+    axes = figure.subplots(1, 2)
+    names = (("force_kN", "force less C, flat ground (kN)"), ("friction_kN", "force less k d + C, flat ground (kN)"))
+    for ax, (column, label) in zip(axes, names, strict=True):
+        ax.plot(path["displacement_mm"], path[column], color=INK)
+        ax.fill(path["displacement_mm"], path[column], facecolor=(PALE, 0.3), linewidth=0)
+        ax.set_xlabel("displacement from the middle, flat ground (mm)")
+        ax.set_ylabel(label)
+    note = (
+        f"A simulated tyre moved up and down by {amplitude_mm:g} mm either way. The shaded area, the same at both "
+        "sides, is the energy that a cycle loses."
+    )
+    return page.finish(figure, Setting("simulated"), note)
+
+
+@matplotlib.style.context(STYLE)
+def off_the_truth(table: pd.DataFrame) -> Figure:
+    """Return how far each quantity is off its known truth, a line a quantity and a marker a record.
+
+    Parameters
+    ----------
+    table:
+        A row a record and quantity, simulated: `record`, and what `support.motion_truth.beside_truth` gives.
+    """
+    quantities = list(dict.fromkeys(table["quantity"]))
+    appearance = looks(table["record"])
+    figure = page.page(WIDTH, 1.2 + 0.34 * len(quantities))
+    ax = figure.subplots()
+    ax.axvline(0.0, **_TRUTH)
+    for i, (record, look) in enumerate(appearance.items()):
+        mine = table[table["record"] == record]
+        at = mine["quantity"].map(quantities.index) + 0.6 * ((i + 0.5) / len(appearance) - 0.5)
+        off = {end: 100 * (mine[end] / mine["truth"] - 1) for end in ("median", "lower", "upper")}
+        ax.hlines(at, off["lower"], off["upper"], color=INK, linewidth=1.2)
+        ax.plot(off["median"], at, look.marker, color=INK, markersize=4)
+    ax.set_yticks(range(len(quantities)), quantities)
+    ax.invert_yaxis()
+    ax.set_xlabel("off the truth (%)")
+    style = {"color": INK, "linewidth": 1.2}
+    page.legend(figure, [(Line2D([], [], marker=look.marker, **style), plain(n)) for n, look in appearance.items()])
+    return page.finish(figure, Setting("simulated"), "Marker: median. Line: 95 % interval. Dashed: the truth.")

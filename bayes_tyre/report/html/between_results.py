@@ -1,0 +1,116 @@
+"""Two results against each other: ratios of the cases that both have, from posteriors that know nothing of each other.
+
+A configuration of one is set against the same one of the other, or, where they share none, against each of the other's.
+"""
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from bayes_tyre.inference.sampling.datatree import case_parameters
+from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.report.html.formatting import label
+from bayes_tyre.report.html.losses import ENERGY
+from bayes_tyre.report.html.ratios import SAME_CASE, Ratio, ratio_of
+from bayes_tyre.results.contrasts import contrasts, tree_cases
+
+#: Why two results may have no ratio.
+SAME_RECORDS = (
+    "{first} and {other} are fits of the same records: they are not independent, and no ratio of the two is given; "
+    "`bayes-tyre compare` says which of them predicts better."
+)
+SAME_TABLES = (
+    "{first} and {other} rest on the same printed tables, one of them by way of records made from those: they are not "
+    "independent, and no ratio of the two is given."
+)
+NO_CASES = "{first} and {other} have no test case in common: no ratio of the two is given."
+
+
+class Across(NamedTuple):
+    """What two results say of each other: averaged ratios by parameter, or in words why there are none."""
+
+    ratios: Mapping[str, Sequence[Ratio]]
+    remark: str = ""
+
+
+class Side(NamedTuple):
+    """One of the results: name, posterior (None where it has none by case), hashes of its inputs, origin."""
+
+    name: str
+    tree: xr.DataTree | None
+    inputs: frozenset[Any]
+    origin: str
+
+
+def across(first: Side, other: Side, interval: float) -> Across:
+    """Return the ratios of the first result over the other, averaged over the cases that both have.
+
+    Draws of the two are paired at random, by a fixed seed: their posteriors are independent, whatever their seeds.
+    """
+    names = {"first": label(first.name), "other": label(other.name)}
+    if first.inputs & other.inputs:
+        return Across({}, SAME_RECORDS.format(**names))
+    if {first.origin, other.origin} == {"published", "reconstructed"}:
+        return Across({}, SAME_TABLES.format(**names))
+    if first.tree is None or other.tree is None:
+        return Across({}, NO_CASES.format(**names))
+    shared = _shared(first.tree, other.tree)
+    one, two = (_flat(tree, shared, seed) for seed, tree in enumerate((first.tree, other.tree)))
+    draws = min(one.sizes["draw"], two.sizes["draw"])
+    mine, theirs = ({case.configuration for case in tree_cases(each)} for each in (one, two))
+    pairs = [(c, c) for c in sorted(mine & theirs)] or list(product(sorted(mine), sorted(theirs)))
+    found: dict[str, list[Ratio]] = {}
+    for above, below in pairs:
+        both = xr.concat(
+            [_only(one, above, "0").isel(draw=slice(draws)), _only(two, below, "1").isel(draw=slice(draws))], "case"
+        )
+        for _, row in _averages(both, interval).iterrows():
+            named = _named(above, first), _named(below, other)
+            found.setdefault(str(row["parameter"]), []).append(ratio_of(*named, row))
+    return Across(found) if found else Across({}, NO_CASES.format(**names))
+
+
+def _named(configuration: str, side: Side) -> str:
+    return f"{configuration} ({side.name})" if configuration else side.name
+
+
+def has_cases(tree: xr.DataTree) -> bool:
+    """Return whether a posterior has parameters of cases: k at least, beta only where its law has one."""
+    return "posterior" in tree.children and "k_case" in tree["posterior"]
+
+
+def _shared(first: xr.DataTree, other: xr.DataTree) -> list[str]:
+    """Return the parameters that the cases of both have; energies of different strokes are not the same parameter."""
+    mine, theirs = (case_parameters(tree["posterior"].to_dataset()) for tree in (first, other))
+    same_stroke = first.attrs.get("amplitude_mm") == other.attrs.get("amplitude_mm")
+    return [name for name in mine if name in theirs and (same_stroke or name != ENERGY)]
+
+
+def _flat(tree: xr.DataTree, parameters: Sequence[str], seed: int) -> xr.Dataset:
+    """Return the draws of the cases as one chain, in random order."""
+    posterior = tree["posterior"].to_dataset()
+    kept = posterior[[f"{name}_case" for name in parameters]].drop_vars("case")
+    flat = kept.stack(sample=("chain", "draw")).transpose("case", "sample")
+    order = np.random.default_rng(seed).permutation(flat.sizes["sample"])
+    plain = flat.drop_vars(["sample", "chain", "draw"]).isel(sample=order).rename(sample="draw")
+    words = {f"case_{word}": ("case", posterior[f"case_{word}"].to_numpy()) for word in CASE_WORDS}
+    return plain.expand_dims("chain").transpose("chain", "draw", "case").assign_coords(words)
+
+
+def _only(cases: xr.Dataset, configuration: str, name: str) -> xr.Dataset:
+    """Return the cases of one configuration, which is called by another name."""
+    labels = [case.configuration for case in tree_cases(cases)]
+    mine = cases.isel(case=[i for i, found in enumerate(labels) if found == configuration])
+    return mine.assign_coords(case_configuration=("case", np.full(mine.sizes["case"], name, dtype=object)))
+
+
+def _averages(both: xr.Dataset, interval: float) -> pd.DataFrame:
+    tree = xr.DataTree.from_dict({"posterior": both})
+    tree.attrs["origin"] = ""
+    rows = contrasts(tree, "", interval)
+    # The average over all matched cases comes first, and stays where their words are missing.
+    return rows[rows["matching"] == SAME_CASE].drop_duplicates("parameter")

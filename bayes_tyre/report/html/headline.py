@@ -1,0 +1,123 @@
+"""The answer of a result in two sentences: which is stiffer, how sure; loading against unloading, or losses."""
+
+from bayes_tyre.report.html.formatting import interval_words, label, percent_apart, probability, ratio_text, rounded
+from bayes_tyre.report.html.load import Reported
+from bayes_tyre.report.html.losses import losses_answer, of_cell
+from bayes_tyre.report.html.ratios import (
+    SAME_LOAD,
+    SAME_SPAN,
+    Ratio,
+    between_configurations,
+    between_directions,
+    matched_cases,
+)
+
+#: The parameter that "stiffer" is about.
+STIFFNESS = "k"
+#: What says something of a mean that the data alone do not decide.
+DECIDED = {
+    "prior": "is decided by the prior, not by the data",
+    "unclear": "is hardly decided by the data",
+    "both": "is moved by the prior too",
+}
+_MATCHED = {SAME_SPAN: "over the same span of load", SAME_LOAD: "from the same initial load"}
+_FAILED = "Not to be relied on, for the fit failed its checks: "
+
+
+def answer(result: Reported) -> tuple[str, str]:
+    """Return the two sentences, plain text; hedged where the data do not tell, and where the verdict is fail."""
+    first = _comparison(result) if len(result.configurations) > 1 else f"{_levels(result)}."
+    if doubt := prior_clause(result):
+        first = f"{first.removesuffix('.')}; but {doubt}."
+    second = losses_answer(result) if result.of_motions else _directions(result)
+    return _FAILED + small(first) if result.verdict == "fail" else first, second
+
+
+def prior_clause(result: Reported, parameter: str = STIFFNESS) -> str:
+    """Return which means of a parameter the data alone do not decide; nothing where they decide all."""
+    rows = result.means(parameter)
+    found = [
+        f"{parameter} of {of_cell(row)} {DECIDED[row['decided_by']]}"
+        for _, row in rows[rows["decided_by"].isin(list(DECIDED))].iterrows()
+    ]
+    return ", ".join(found[:2]) + (f", and {len(found) - 2} more likewise" if len(found) > 2 else "")
+
+
+def comparison_of(ratio: Ratio, over: str) -> str:
+    """Return one ratio of stiffness in words: the larger above, no claim where its interval holds 1.
+
+    `over` says which cases it averages.
+    """
+    ratio, size = ratio.upright, interval_words(ratio.interval)
+    above, below = label(ratio.above), label(ratio.below)
+    reach = f"{ratio_text(ratio.lower)} to {ratio_text(ratio.upper)}"
+    if not ratio.clear:
+        return (
+            f"These data do not tell which of {above} and {below} is stiffer: their ratio of {STIFFNESS}, {over}, is "
+            f"{ratio_text(ratio.median)}, its {size} of {reach} holds 1 (no difference), and the probability that "
+            f"{above} is the stiffer is {probability(ratio.p_greater_than_1)}."
+        )
+    times = ratio_text(ratio.median)
+    how = (
+        f"{times} times as stiff as {below}, {over} ({size}"
+        if ratio.median >= 2.0
+        else f"{percent_apart(ratio.median)} stiffer than {below}, {over} (ratio of {STIFFNESS} {times}, {size}"
+    )
+    sure = f"the probability that it is stiffer at all is {probability(ratio.p_greater_than_1)}"
+    return f"Configuration {above} is {how} {reach}; {sure})."
+
+
+def _comparison(result: Reported) -> str:
+    pairs = list(between_configurations(result, STIFFNESS))
+    count = len(result.configurations)
+    if not pairs:
+        return f"The {count} configurations have no test case in common, so none is compared; {small(_levels(result))}."
+    widest = max(pairs, key=lambda ratio: ratio.upright.median)
+    shared = matched_cases(result, widest.above, widest.below)
+    over = f"averaged over the {shared} test cases of both" if shared > 1 else "in the one test case of both"
+    which = f"Two of {count} configurations are farthest apart: " if count > 2 else ""
+    said = comparison_of(widest, over)
+    return f"{which}{small(said)}" if which else said
+
+
+def small(sentence: str) -> str:
+    """Return a sentence that begins with a word of ours as it goes on behind another."""
+    return sentence[0].lower() + sentence[1:]
+
+
+def _levels(result: Reported) -> str:
+    """Return the stiffness of each configuration and direction, in words."""
+    rows = result.means(STIFFNESS)
+    if rows.empty:
+        return f"This result holds no mean stiffness {STIFFNESS}"
+    size = interval_words(result.interval)
+    said = [
+        f"{rounded(row['median'])} {label(row['unit'])} for {of_cell(row)} ({size} {rounded(row['lower'])} to "
+        f"{rounded(row['upper'])})"
+        for _, row in rows.iterrows()
+    ]
+    cases = len(result.cases[result.cases["parameter"] == STIFFNESS])
+    over = f", averaged over its {cases} test cases" if cases > len(rows) else ""
+    return f"The stiffness {STIFFNESS} is {', '.join(said)}{over}"
+
+
+def _directions(result: Reported) -> str:
+    directions = sorted(set(result.cases["direction"]))
+    if directions == [""]:
+        return "The records do not say which steps were loading, so loading and unloading are not compared."
+    if len(directions) == 1:
+        other = "unloading" if directions[0] == "loading" else "loading"
+        return f"All steps are {label(directions[0])}, so nothing is said about {other}."
+    found = between_directions(result, STIFFNESS)
+    if not found:
+        return "Loading and unloading have neither a span of load nor an initial load in common: they are not compared."
+    said = [f"{_MATCHED[matching]} {_loading(ratio)}" for matching, ratio in found.items()]
+    return f"Loading against unloading: {'; '.join(said)}."
+
+
+def _loading(ratio: Ratio) -> str:
+    reach = f"{interval_words(ratio.interval)} {ratio_text(ratio.lower)} to {ratio_text(ratio.upper)}"
+    if not ratio.clear:
+        return f"the data do not tell which is stiffer (ratio {ratio_text(ratio.median)}, {reach}, which holds 1)"
+    way = "stiffer" if ratio.median > 1.0 else "softer"
+    return f"loading is {percent_apart(ratio.median)} {way} (ratio {ratio_text(ratio.median)}, {reach})"

@@ -1,0 +1,141 @@
+"""A finished result as the document shows it: what its folder holds, read once and checked for shape."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.tables import read_table
+from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.results.columns import numbers, texts
+from bayes_tyre.results.provenance import RUN_JSON
+
+VERDICTS = ("pass", "fail")
+#: What `summary.csv` puts behind a parameter's name where it is its mean over cases.
+MEAN = "_mean"
+TABLES = ("summary", "cases", "contrasts", "repeats")
+_NUMBERS = ("median", "lower", "upper", "interval")
+#: What no table of the name can do without.
+_NEEDED = {
+    "summary": ("parameter", *_NUMBERS),
+    "cases": ("parameter", "unit", *_NUMBERS),
+    "contrasts": ("contrast", "matching", "parameter", *_NUMBERS, "p_greater_than_1"),
+    "repeats": ("record", "parameter", "unit", *_NUMBERS, "outlier_probability"),
+}
+_RUN: dict[str, type | tuple[type, ...]] = {
+    "command": str,
+    "options": dict,
+    "seed": int,
+    "origin": str,
+    "versions": dict,
+    "inputs": dict,
+    "wall_time_s": (int, float),
+}
+
+
+@dataclass(frozen=True)
+class Reported:
+    """What a result's folder says.
+
+    Attributes
+    ----------
+    name:
+        What the document calls it.
+    run, diagnostics:
+        `run.json` and `diagnostics.json`.
+    summary, cases, contrasts, repeats:
+        The tables of these names: words as text (empty where missing), numbers as float (NaN where missing).
+    """
+
+    name: str
+    run: dict[str, Any]
+    diagnostics: dict[str, Any]
+    summary: pd.DataFrame
+    cases: pd.DataFrame
+    contrasts: pd.DataFrame
+    repeats: pd.DataFrame
+
+    @property
+    def verdict(self) -> str:
+        """``pass`` or ``fail``."""
+        return self.diagnostics["verdict"]
+
+    @property
+    def origins(self) -> list[str]:
+        """What kinds of data it rests on, such as ``["measured", "simulated"]``."""
+        return [part.strip() for part in self.run["origin"].split(" + ")]
+
+    @property
+    def interval(self) -> float:
+        """Probability of its intervals, equal-tailed."""
+        return float(self.cases["interval"].iloc[0])
+
+    @property
+    def configurations(self) -> list[str]:
+        """Its configurations in sorted order; an empty text where the data name none."""
+        return sorted(self.cases["configuration"].unique())
+
+    @property
+    def parameters(self) -> list[str]:
+        """The parameters of its tables, those of the cases first."""
+        return list(dict.fromkeys([*self.cases["parameter"], *self.repeats["parameter"]]))
+
+    @property
+    def of_motions(self) -> bool:
+        """Whether its cases have what only a motion tells: friction, mass, damping, energy lost."""
+        return bool(self.cases["parameter"].isin(["x", "energy_per_cycle"]).any())
+
+    def means(self, parameter: str) -> pd.DataFrame:
+        """Return the rows of `summary.csv` with a parameter's mean over cases, one a configuration and direction."""
+        return self.summary[self.summary["parameter"] == f"{parameter}{MEAN}"]
+
+    def said(self, kind: str) -> list[str]:
+        """Return the sentences in `diagnostics.json` under ``reasons`` or ``remarks``."""
+        found = self.diagnostics.get(kind)
+        return [each for each in found if isinstance(each, str)] if isinstance(found, list) else []
+
+
+def read_reported(folder: Path, name: str) -> Reported:
+    """Return what is in the folder of a finished result.
+
+    Raises
+    ------
+    BadInput
+        If the folder holds no finished result, or a file that no fit wrote.
+    """
+    if not (folder / RUN_JSON).is_file():
+        raise BadInput(f"{folder}: holds no run.json, so no finished result; name a folder that fit or motion wrote")
+    run = _object(folder / RUN_JSON, _RUN)
+    diagnostics = _object(folder / "diagnostics.json", {"verdict": str})
+    if diagnostics["verdict"] not in VERDICTS:
+        raise BadInput(f"{folder / 'diagnostics.json'}: does not say a verdict; run fit again")
+    return Reported(name, run, diagnostics, **{table: _table(folder / f"{table}.csv", table) for table in TABLES})
+
+
+def _object(path: Path, needed: dict[str, Any]) -> dict[str, Any]:
+    try:
+        said = json.loads(path.read_text(encoding="utf-8"))
+        complete = isinstance(said, dict) and all(isinstance(said.get(name), kind) for name, kind in needed.items())
+    except (OSError, ValueError, RecursionError):
+        complete = False
+    if not complete:
+        raise BadInput(f"{path}: is not what fit writes; run fit again")
+    return said
+
+
+def _table(path: Path, name: str) -> pd.DataFrame:
+    read = read_table(path)
+    missing = [column for column in _NEEDED[name] if column not in read]
+    if missing:
+        raise BadInput(f"{path}: is not what fit writes: no column {missing[0]}; run fit again")
+    words = ("record", *CASE_WORDS[:2], "parameter", "unit", "contrast", "matching", "decided_by")
+    measures = (*CASE_WORDS[2:], "repeat", *_NUMBERS, "p_greater_than_1", "outlier_probability", "r_hat")
+    table = pd.DataFrame(
+        {**{word: texts(read, word) for word in words}, **{column: numbers(read, column) for column in measures}}
+    )
+    if name in ("summary", "cases") and not table[list(_NUMBERS)].notna().all(axis=1).any():
+        raise BadInput(f"{path}: is not what fit writes: no numbers below the header; run fit again")
+    return table

@@ -1,0 +1,86 @@
+"""What a result of motions says of friction and of the energy lost: a sentence, a table, and what it does not say."""
+
+from collections.abc import Sequence
+
+import pandas as pd
+
+from bayes_tyre.report.html.formatting import given, interval_words, label, rounded
+from bayes_tyre.report.html.load import Reported
+
+ENERGY = "energy_per_cycle"
+#: What a law tells of friction, by the name of its parameter; a law without friction tells none.
+FRICTION = {"x": "friction x", "settled": "the settled friction"}
+#: Of `summary.csv`: what each case loses beside the energy, and what the table calls it.
+LOSSES = {
+    "loss_factor_case": "loss factor",
+    "equivalent_damping_case": "equivalent damping",
+    "separation_case": "separation of branches",
+}
+#: With more values than these a sentence leaves their intervals to the table.
+_WITH_INTERVAL = 2
+
+
+def losses_answer(result: Reported) -> str:
+    """Return friction and energy lost of each configuration and direction, in one sentence."""
+    told = {name: f"{called} is" for name, called in FRICTION.items()}
+    parts, most = [], 0
+    for parameter, said in {**told, ENERGY: f"a cycle of {_amplitude(result)} loses"}.items():
+        rows = result.means(parameter)
+        if not rows.empty:
+            values = ", ".join(_value(row, result, len(rows) <= _WITH_INTERVAL) for _, row in rows.iterrows())
+            parts.append(f"{said} {values}")
+            most = max(most, len(rows))
+    if not parts:
+        return "This result holds no mean friction and no energy lost."
+    where = " (medians; their intervals stand in the table below)" if most > _WITH_INTERVAL else ""
+    said = "; ".join(parts)
+    return f"{said[0].upper()}{said[1:]}{where}."
+
+
+def _value(row: pd.Series, result: Reported, with_interval: bool) -> str:
+    size = f"{interval_words(result.interval)} {rounded(row['lower'])} to {rounded(row['upper'])}"
+    reach = f" ({size})" if with_interval else ""
+    return f"{rounded(row['median'])} {label(row['unit'])} for {of_cell(row)}{reach}"
+
+
+def of_cell(row: pd.Series) -> str:
+    """Return what a mean is of, such as ``single in loading``."""
+    known = [label(row[word]) for word in ("configuration", "direction") if row[word]]
+    return " in ".join(known) if known else "all records"
+
+
+def amplitude_mm(result: Reported) -> float | None:
+    """Return half the stroke of the cycle whose losses a result states, mm; None where it does not say."""
+    said = result.run["options"].get("amplitude_mm")
+    return float(said) if isinstance(said, int | float) else None
+
+
+def _amplitude(result: Reported) -> str:
+    amplitude = amplitude_mm(result)
+    stated = "unknown" if amplitude is None else f"{given(amplitude)}\N{NO-BREAK SPACE}mm"
+    return f"{stated} amplitude at the wheel centre"
+
+
+def losses_cautions(result: Reported) -> list[str]:
+    """Return what not to believe of the losses."""
+    by_friction = any(not result.means(parameter).empty for parameter in FRICTION)
+    what = (
+        "the viscous damping c is not in it"
+        if by_friction
+        else "its dampers lose all of it, c among them, in a cycle as quick as the mass swings freely on k"
+    )
+    return [
+        "The energy as that of another stroke, or as all that a tyre loses: it is what the fitted law loses in a "
+        f"cycle of {_amplitude(result)}; {what}.",
+        "The estimates if the tyre does not follow the law that was fitted to its motion: the verdict cannot tell. "
+        "Look at what the fit leaves over: of a few records below, of each with motion --figures DIR.",
+    ]
+
+
+def losses_tables(results: Sequence[Reported]) -> list[pd.DataFrame]:
+    """Return the rows of `summary.csv` with what each case loses, the parameters called as a reader reads them."""
+    tables = []
+    for result in results:
+        rows = result.summary[result.summary["parameter"].isin(list(LOSSES))]
+        tables.append(rows.assign(parameter=rows["parameter"].map(LOSSES)))
+    return tables

@@ -1,0 +1,176 @@
+"""`report.html`: one page that holds all it shows, from results on disk; the same results give the same bytes."""
+
+import base64
+import hashlib
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from bayes_tyre.report.figures.labels import called
+from bayes_tyre.report.html import tables
+from bayes_tyre.report.html.between_results import Across
+from bayes_tyre.report.html.caveats import cautions, origin_sentence
+from bayes_tyre.report.html.figures import Picture
+from bayes_tyre.report.html.formatting import interval_words, label, probable, rounded
+from bayes_tyre.report.html.glossary import glossary
+from bayes_tyre.report.html.headline import STIFFNESS, answer, comparison_of
+from bayes_tyre.report.html.load import Reported
+from bayes_tyre.report.html.tables import Cell, Column, Table
+
+TEMPLATES = Path(__file__).parents[1] / "templates"
+VERDICTS = {
+    "pass": "Verdict: pass. The checks of the fit found nothing against these numbers.",
+    "fail": "Verdict: fail. Do not use these numbers.",
+}
+#: The figures of `diagnostics.json` that stand under how a result was made, and what they are called there.
+CHECKS = {
+    "r_hat_max": "largest R-hat",
+    "ess_bulk_min": "smallest bulk ESS",
+    "ess_tail_min": "smallest tail ESS",
+    "bfmi_min": "smallest BFMI",
+    "divergences": "divergences",
+}
+#: The most letters of what `run.json` says.
+_LONG = 2000
+
+
+class Part(NamedTuple):
+    """A result for the document: its tables, its figures, and what to say of figures that are not there."""
+
+    result: Reported
+    pictures: Sequence[Picture]
+    note: str = ""
+
+
+def document(parts: Sequence[Part], across: Sequence[Across] = ()) -> str:
+    """Return the page.
+
+    Parameters
+    ----------
+    parts:
+        The results, one or more; they stand side by side.
+    across:
+        What the first says against each of the others.
+    """
+    results = [part.result for part in parts]
+    style, script = (Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("report.css", "sort.js"))
+    made = [tables.means_table, tables.contrasts_table, tables.cases_table, tables.repeats_table]
+    if any(result.of_motions for result in results):
+        made.insert(3, tables.losses_table)
+    means, *long_tables = [make(results) for make in made]
+    page = _environment().get_template("report.html.j2")
+    return page.render(
+        title=_title(results),
+        policy=_policy(style, script),
+        style=style,
+        script=script,
+        parts=[_shown(part) for part in parts],
+        across=_across_shown(across),
+        means=means,
+        tables=[table for table in long_tables if table.rows],
+        without=[table.caption for table in long_tables if not table.rows],
+        interval=" or ".join(dict.fromkeys(interval_words(result.interval) for result in results)),
+        figures=_figures(parts),
+        made=_made_table(results),
+        glossary=glossary(results),
+        version=version("bayes-tyre"),
+    )
+
+
+def _environment() -> Environment:
+    """Return the templates; whatever is put into them is text, unless this file calls it markup."""
+    loader = FileSystemLoader(TEMPLATES)
+    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+
+
+def _policy(style: str, script: str) -> str:
+    """Return a content security policy: this style, this script, images inside the page, and nothing else."""
+
+    def sha(text: str) -> str:
+        return base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
+
+    allowed = f"style-src 'sha256-{sha(style)}'; script-src 'sha256-{sha(script)}'; img-src data:"
+    return f"default-src 'none'; {allowed}; base-uri 'none'; form-action 'none'"
+
+
+def _title(results: Sequence[Reported]) -> str:
+    named = dict.fromkeys(label(each, 40) for result in results for each in result.configurations if each)
+    about = "Tyre stiffness, friction and energy lost" if all(one.of_motions for one in results) else "Tyre stiffness"
+    return f"{about}: {', '.join(named)}" if named else about
+
+
+def _shown(part: Part) -> dict[str, Any]:
+    result = part.result
+    return {
+        "name": label(result.name),
+        "verdict": result.verdict,
+        "said": VERDICTS[result.verdict],
+        "reasons": [label(each, _LONG) for each in result.said("reasons")],
+        "remarks": [label(each, _LONG) for each in result.said("remarks")],
+        "origins": [(each, origin_sentence(each)) for each in result.origins],
+        "answer": answer(result),
+        "cautions": cautions(result),
+        "note": part.note,
+    }
+
+
+def _across_shown(across: Sequence[Across]) -> dict[str, Any]:
+    found = [(called(parameter), ratio) for each in across for parameter, of in each.ratios.items() for ratio in of]
+    columns = [Column("", name, "", number=False) for name in ("parameter", "above", "below")]
+    columns += [Column("", name, "", number=True) for name in ("ratio", "P(ratio > 1)")]
+    rows = [
+        [
+            *(Cell(label(text), text) for text in (parameter, ratio.above, ratio.below)),
+            tables.with_reach(ratio.median, ratio.lower, ratio.upper),
+            tables.number(ratio.p_greater_than_1, probable),
+        ]
+        for parameter, ratio in found
+    ]
+    sentences = [
+        comparison_of(ratio, "averaged over the test cases of both")
+        for parameter, ratio in found
+        if parameter == STIFFNESS
+    ]
+    return {
+        "sentences": sentences,
+        "remarks": [each.remark for each in across if each.remark],
+        "table": Table("across", "Ratios between the results, averaged over the cases of both", columns, rows),
+    }
+
+
+def _figures(parts: Sequence[Part]) -> list[dict[str, Any]]:
+    """Return the figures by name, in the order of the first result that has each; those of one name stand together."""
+    found: dict[str, list[tuple[str, Picture]]] = {}
+    for part in parts:
+        for picture in part.pictures:
+            found.setdefault(picture.name, []).append((label(part.result.name), picture))
+    return [
+        {"heading": shown[0][1].heading, "reading": shown[0][1].reading, "shown": shown} for shown in found.values()
+    ]
+
+
+def _made_table(results: Sequence[Reported]) -> list[tuple[str, list[str]]]:
+    """Return how the results were made: a row a fact, a text a result."""
+    facts: dict[str, list[str]] = {}
+    for i, result in enumerate(results):
+        for name, value in _made(result).items():
+            facts.setdefault(name, [""] * len(results))[i] = label(value, _LONG)
+    return list(facts.items())
+
+
+def _made(result: Reported) -> dict[str, str]:
+    run, checks = result.run, result.diagnostics
+    figures = {name: checks[key] for key, name in CHECKS.items() if isinstance(checks.get(key), int | float)}
+    return {
+        "command": run["command"],
+        "seed": str(run["seed"]),
+        "options": ", ".join(f"{name} {value}" for name, value in run["options"].items()),
+        **{f"SHA-256 of {label(Path(path).name, 60)}": str(digest) for path, digest in run["inputs"].items()},
+        "versions": ", ".join(f"{name} {used}" for name, used in run["versions"].items()),
+        "checks": ", ".join(f"{name} {rounded(float(value))}" for name, value in figures.items()),
+        "time it took": f"{rounded(float(run['wall_time_s']))} s",
+    }

@@ -1,0 +1,199 @@
+"""The tables of the document: a row a case, contrast or record; for each result and parameter a column."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from bayes_tyre.record import CASE_WORDS, WORDS
+from bayes_tyre.report.figures.labels import called
+from bayes_tyre.report.html.formatting import given, label, probable, rounded
+from bayes_tyre.report.html.load import MEAN, Reported
+from bayes_tyre.report.html.losses import losses_tables
+
+#: What words are called above a column, and their unit; whether they are numbers.
+HEADINGS = {
+    "record": ("record", "", False),
+    "configuration": ("configuration", "", False),
+    "direction": ("direction", "", False),
+    "speed_km_h": ("speed", "km/h", True),
+    "initial_load_kN": ("initial load", "kN", True),
+    "step_kN": ("step", "kN", True),
+    "repeat": ("repeat", "", True),
+    "contrast": ("contrast", "", False),
+    "matching": ("matched by", "", False),
+}
+
+
+class Cell(NamedTuple):
+    """What stands in a cell.
+
+    Attributes
+    ----------
+    text:
+        As it is read; empty where there is nothing.
+    value:
+        What it sorts by, unrounded; empty where there is nothing.
+    reach:
+        The interval, as it is read.
+    lower, upper:
+        Its ends, unrounded.
+    """
+
+    text: str = ""
+    value: str = ""
+    reach: str = ""
+    lower: str = ""
+    upper: str = ""
+
+
+class Column(NamedTuple):
+    """What stands above a column: which result it is of (empty for one), a heading, a unit, and if it holds numbers."""
+
+    of: str
+    heading: str
+    unit: str
+    number: bool
+
+
+class Table(NamedTuple):
+    """A table of the document: its name in the page, what it is, its columns, and its rows of cells."""
+
+    name: str
+    caption: str
+    columns: list[Column]
+    rows: list[list[Cell]]
+
+
+class _Measure(NamedTuple):
+    """A column of numbers: the parameter its rows have, what it is called, and the cell of a row."""
+
+    parameter: str
+    heading: str
+    unit: str
+    cell: Callable[[pd.Series], Cell]
+
+
+def means_table(results: Sequence[Reported]) -> Table:
+    """Return the means over the cases of each configuration and direction."""
+    tables = []
+    for result in results:
+        rows = result.summary[result.summary["parameter"].str.endswith(MEAN)]
+        tables.append(rows.assign(parameter=rows["parameter"].str.removesuffix(MEAN)))
+    return _table("means", "Averages over the test cases", results, tables, CASE_WORDS[:2], _values)
+
+
+def cases_table(results: Sequence[Reported]) -> Table:
+    """Return the parameters of each case."""
+    caption = "Cases: the same test, whatever the repeat"
+    return _table("cases", caption, results, [each.cases for each in results], CASE_WORDS, _values)
+
+
+def losses_table(results: Sequence[Reported]) -> Table:
+    """Return what each case of motions loses beside the energy: loss factor, equivalent damping, separation."""
+    caption = "Losses of each case: at the amplitude of the energy; the separation of branches on flat ground"
+    return _table("losses", caption, results, losses_tables(results), CASE_WORDS, _values)
+
+
+def contrasts_table(results: Sequence[Reported]) -> Table:
+    """Return the ratios of each parameter, each with its probability to be above 1."""
+    caption = "Contrasts: ratios of matched cases; empty words are averaged over"
+    words = ("contrast", "matching", *CASE_WORDS)
+    return _table("contrasts", caption, results, [each.contrasts for each in results], words, _ratios)
+
+
+def repeats_table(results: Sequence[Reported]) -> Table:
+    """Return the parameters of each record, and the probability that it is an outlier, of results that judge it."""
+    judged = [_judges(each.repeats) for each in results]
+    caption = "Repeats: each record, and the probability that it does not agree with its repeats"
+    if not any(judged):
+        caption = "Repeats: each record (nothing here says whether one is odd: see the glossary)"
+    return _table("repeats", caption, results, [each.repeats for each in results], ("record", *WORDS), _of_repeats)
+
+
+def _values(parameter: str, rows: pd.DataFrame) -> list[_Measure]:
+    return [_Measure(parameter, called(parameter), rows["unit"].iloc[0], _with_interval)]
+
+
+def _ratios(parameter: str, _: pd.DataFrame) -> list[_Measure]:
+    return [
+        _Measure(parameter, f"ratio of {called(parameter)}", "", _with_interval),
+        _Measure(parameter, f"P(> 1), {called(parameter)}", "", _only("p_greater_than_1")),
+    ]
+
+
+def _of_repeats(parameter: str, rows: pd.DataFrame) -> list[_Measure]:
+    odd = _Measure(parameter, "outlier probability", "", _only("outlier_probability"))
+    return [*([odd] if rows.attrs["first"] == parameter and _judges(rows) else []), *_values(parameter, rows)]
+
+
+def _judges(repeats: pd.DataFrame) -> bool:
+    """Return whether any record has an outlier probability: a column without one would say nothing."""
+    return bool(repeats["outlier_probability"].notna().any())
+
+
+def _only(column: str) -> Callable[[pd.Series], Cell]:
+    return lambda row: number(row[column], probable)
+
+
+def _with_interval(row: pd.Series) -> Cell:
+    return with_reach(row["median"], row["lower"], row["upper"])
+
+
+def with_reach(median: float, lower: float, upper: float) -> Cell:
+    """Return a median's cell with its interval."""
+    low, high = number(lower), number(upper)
+    reach = f"{low.text}\N{NO-BREAK SPACE}to {high.text}" if low.text and high.text else ""
+    return number(median)._replace(reach=reach, lower=low.value, upper=high.value)
+
+
+def number(value: float, show: Callable[[float], str] = rounded) -> Cell:
+    """Return a number's cell; empty for what is no number."""
+    return Cell(show(value), repr(float(value))) if math.isfinite(value) else Cell()
+
+
+def _table(
+    name: str,
+    caption: str,
+    results: Sequence[Reported],
+    tables: Sequence[pd.DataFrame],
+    words: Sequence[str],
+    measures: Callable[[str, pd.DataFrame], list[_Measure]],
+) -> Table:
+    """Return long tables, one a result, as a wide one: rows by their words, in order of first appearance."""
+    words = [word for word in words if any(_known(table[word]) for table in tables)]
+    columns = [Column("", *HEADINGS[word]) for word in words]
+    found: dict[tuple[Any, ...], dict[int, Cell]] = {}
+    place = len(words)
+    for result, table in zip(results, tables, strict=True):
+        keys = list(zip(*(table[word].astype(object).where(table[word].notna(), None) for word in words), strict=True))
+        parameters = list(table["parameter"].unique())
+        for parameter in parameters:
+            mine = table["parameter"] == parameter
+            rows = table[mine]
+            rows.attrs["first"] = parameters[0]
+            for measure in measures(str(parameter), rows):
+                of = result.name if len(results) > 1 else ""
+                columns.append(Column(of, label(measure.heading), label(measure.unit), number=True))
+                of_rows = (key for key, one in zip(keys or [()] * len(table), mine, strict=True) if one)
+                for key, (_, row) in zip(of_rows, rows.iterrows(), strict=True):
+                    found.setdefault(key, {})[place] = measure.cell(row)
+                place += 1
+    rows = [[_word(*pair) for pair in zip(words, key, strict=True)] + _filled(cells, len(words), place)
+            for key, cells in found.items()]  # fmt: skip
+    return Table(name, caption, columns, rows)
+
+
+def _known(column: pd.Series) -> bool:
+    return bool((column.notna() & (column != "")).any())
+
+
+def _filled(cells: dict[int, Cell], first: int, end: int) -> list[Cell]:
+    return [cells.get(i, Cell()) for i in range(first, end)]
+
+
+def _word(word: str, value: Any) -> Cell:
+    if HEADINGS[word][2]:
+        return number(math.nan if value is None else float(value), given)
+    return Cell(label(value), str(value))

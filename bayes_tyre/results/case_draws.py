@@ -1,0 +1,141 @@
+"""Draws of what one step needs, by Equation 2: those of a case, or of one more repeat of it."""
+
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
+from bayes_tyre.record import CASE_WORDS
+
+
+class CaseDraws(NamedTuple):
+    """Parameters of one step, each of shape (draws,).
+
+    Attributes
+    ----------
+    F_i, J:
+        Force at the start, and envelope less force at the start, kN.
+    k, beta:
+        Slope of the envelope, kN/mm; displacement over which the force approaches it, mm.
+    d_i:
+        Displacement at the start, mm.
+    sigma:
+        Noise of a single point, kN; 0 where a curve is meant and no measurement.
+    """
+
+    F_i: Float[np.ndarray, " draws"]
+    J: Float[np.ndarray, " draws"]
+    k: Float[np.ndarray, " draws"]
+    beta: Float[np.ndarray, " draws"]
+    d_i: Float[np.ndarray, " draws"]
+    sigma: Float[np.ndarray, " draws"]
+
+    @property
+    def C(self) -> Float[np.ndarray, " draws"]:
+        """Force of the envelope at zero displacement, kN."""
+        return self.F_i + self.J - self.k * self.d_i
+
+
+def of_case(posterior: xr.Dataset, case: int) -> CaseDraws:
+    """Return the draws of a case: its k and beta; F_i, J, d_i, which have no case level, as means over its records."""
+    F_i, J, d_i = (draws.mean(axis=1) for draws in _starts(posterior, case))
+    k, beta = (_flat(posterior[f"{name}_case"].isel(case=case)) for name in ("k", "beta"))
+    return CaseDraws(F_i, J, k, beta, d_i, np.zeros_like(k))
+
+
+def of_repeat(posterior: xr.Dataset, case: int, rng: np.random.Generator) -> CaseDraws:
+    """Return the draws of a repeat of a case that was not measured.
+
+    k and beta scatter about the case's as repeats do at its speed, as a discordant repeat as often as the posterior
+    holds one possible (with the posterior's tails, where repeats are a Student-t); F_i, J and d_i are those of one of
+    the case's records; sigma is that of a new record.
+
+    Raises
+    ------
+    BadInput
+        If the posterior does not hold the scatter of repeats or the noise.
+    """
+    F_i, J, d_i = _starts(posterior, case)
+    draws, records = F_i.shape
+    one = (np.arange(draws), rng.integers(records, size=draws))
+    widening = _widening(posterior, draws, rng)
+    k, beta = (
+        _flat(posterior[f"{name}_case"].isel(case=case))
+        * np.exp(widening * _scatter(posterior, name, case) * rng.standard_normal(draws))
+        for name in ("k", "beta")
+    )
+    spread = _scalar(posterior, "log_sigma_spread") if "log_sigma_spread" in posterior else 0.0  # one record: no spread
+    sigma = _scalar(posterior, "sigma_typical") * np.exp(spread * rng.standard_normal(draws))
+    return CaseDraws(F_i[one], J[one], k, beta, d_i[one], sigma)
+
+
+def _widening(posterior: xr.Dataset, draws: int, rng: np.random.Generator) -> Float[np.ndarray, " draws"]:
+    """Return how much more widely than usual a repeat scatters, in k and beta together."""
+    if "student_nu" in posterior:
+        nu = _scalar(posterior, "student_nu")
+        return np.sqrt(nu / rng.chisquare(nu))
+    weight = _scalar(posterior, "discordant_weight") if "discordant_weight" in posterior else 0.0
+    return np.where(rng.random(draws) < weight, DISCORDANT_WIDENING, 1.0)
+
+
+def travel_mm(posterior: xr.Dataset, case: int) -> float:
+    """Return how far the case's records go from their start, mm.
+
+    Raises
+    ------
+    BadInput
+        If the posterior does not say.
+    """
+    if "record_travel_mm" not in posterior.coords:
+        raise BadInput("the posterior does not say how far its records go; give displacements, such as 0:3:101")
+    return float(posterior["record_travel_mm"].to_numpy()[_records_of(posterior, case)].max())
+
+
+def _starts(posterior: xr.Dataset, case: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return F_i (kN), J (kN) and d_i (mm) of a case's records, shape (draws, records)."""
+    records = _records_of(posterior, case)
+    if not records:
+        raise BadInput(f"case {case + 1} has no record; run fit again")
+    by_name = {
+        name: posterior[name].transpose("chain", "draw", "record").to_numpy()[..., records].reshape(-1, len(records))
+        for name in ("F_i", "J", "C", "k")
+    }
+    d_i = (by_name["F_i"] + by_name["J"] - by_name["C"]) / by_name["k"]
+    return by_name["F_i"], by_name["J"], d_i
+
+
+def _records_of(posterior: xr.Dataset, case: int) -> list[int]:
+    """Return the indices of a case's records: those that share its words."""
+    wanted = _words(posterior, "case")[case]
+    return [i for i, words in enumerate(_words(posterior, "record")) if words == wanted]
+
+
+def _words(posterior: xr.Dataset, dim: str) -> list[tuple[object, ...]]:
+    """Return the words along a dimension; None for one that the data did not have."""
+    unknown = [None] * posterior.sizes[dim]
+    names = (f"{dim}_{word}" for word in CASE_WORDS)
+    columns = [posterior[name].to_numpy().tolist() if name in posterior.coords else unknown for name in names]
+    return [tuple(None if v != v or v == "" else v for v in row) for row in zip(*columns, strict=True)]
+
+
+def _flat(draws: xr.DataArray) -> np.ndarray:
+    return draws.transpose("chain", "draw").to_numpy().ravel()
+
+
+def _scalar(posterior: xr.Dataset, name: str) -> np.ndarray:
+    if name not in posterior:
+        raise BadInput(f"the posterior lacks {name}, so it cannot tell of a repeat; ask for the case, or run fit again")
+    return _flat(posterior[name])
+
+
+def _scatter(posterior: xr.Dataset, parameter: str, case: int) -> np.ndarray:
+    """Return the scatter of repeats of log k or log beta at the case's speed, shape (draws,)."""
+    name = f"log_{parameter}_repeat_scatter"
+    if f"{name}_by_speed" not in posterior:
+        return _scalar(posterior, name)
+    speed = posterior["case_speed_km_h"].to_numpy()[case]
+    levels = [str(level) for level in posterior["speed"].to_numpy().tolist()]  # text beside numbers is stored as text
+    return _flat(posterior[f"{name}_by_speed"].isel(speed=levels.index("" if np.isnan(speed) else str(speed))))

@@ -1,0 +1,148 @@
+"""Ratios between cases: configurations against each other, loading against unloading, matched case by case."""
+
+from collections.abc import Callable, Iterator
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from bayes_tyre.inference.sampling.datatree import case_parameters
+from bayes_tyre.record import CASE_WORDS, Case
+
+COLUMNS = (
+    *("contrast", "matching", *CASE_WORDS, "parameter"),
+    *("median", "lower", "upper", "interval", "p_greater_than_1", "origin", "verdict"),
+)
+DIRECTIONS = "loading / unloading"
+
+
+class _Pair(NamedTuple):
+    """Indices of two cases whose ratio is taken, first over second, and the words that both share."""
+
+    first: int
+    second: int
+    shared: dict[str, object]
+
+
+class _Contrast(NamedTuple):
+    """A ratio of averages: which pairs (or, pooled, which cases), and the words that its row shows."""
+
+    contrast: str
+    matching: str
+    words: dict[str, object]
+    ratio: Callable[[np.ndarray], np.ndarray]
+
+
+def _averaged(pairs: list[_Pair]) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the geometric mean of the pairs' ratios: no pair weighs more for being large or turned over."""
+    first, second = [pair.first for pair in pairs], [pair.second for pair in pairs]
+    return lambda draws: np.exp(np.mean(np.log(draws[:, first]) - np.log(draws[:, second]), axis=1))
+
+
+def _rows(contrast: str, matching: str, pairs: list[_Pair], by: str) -> Iterator[_Contrast]:
+    """Yield the average over all pairs, one for each level of `by`, and one for each pair; nothing without pairs."""
+    if not pairs:
+        return
+    yield _Contrast(contrast, matching, {}, _averaged(pairs))
+    for level in dict.fromkeys(pair.shared[by] for pair in pairs):
+        yield _Contrast(contrast, matching, {by: level}, _averaged([p for p in pairs if p.shared[by] == level]))
+    for pair in pairs:
+        yield _Contrast(contrast, matching, pair.shared, _averaged([pair]))
+
+
+def _configurations(cases: list[Case]) -> Iterator[_Contrast]:
+    """Yield every pair of configurations, the earlier in sorted order above the later, over the cases of both."""
+    index = {case: i for i, case in enumerate(cases)}
+    for above, below in combinations(sorted({case.configuration for case in cases}), 2):
+        pairs = []
+        for case in cases:
+            other = case._replace(configuration=below)
+            if case.configuration == above and other in index:
+                shared = {word: value for word, value in case._asdict().items() if word != "configuration"}
+                pairs.append(_Pair(index[case], index[other], shared))
+        yield from _rows(f"{above} / {below}", "same case", pairs, by="direction")
+
+
+def _same_span(case: Case) -> Case:
+    end = round(case.initial_load_kN + case.step_kN, 9)  # 10.1 + 3.3 is not 13.4 in binary
+    return case._replace(direction="unloading", initial_load_kN=end, step_kN=-case.step_kN)
+
+
+def _same_initial_load(case: Case) -> Case:
+    return case._replace(direction="unloading", step_kN=-case.step_kN)
+
+
+def _directions(cases: list[Case]) -> Iterator[_Contrast]:
+    """Yield loading over unloading, matched in two ways that disagree, and pooled as the source did."""
+    index = {case: i for i, case in enumerate(cases)}
+    for matching, partner in (("same span", _same_span), ("same initial load", _same_initial_load)):
+        pairs = []
+        for case in cases:
+            known = case.initial_load_kN is not None and case.step_kN is not None
+            if case.direction == "loading" and known and partner(case) in index:
+                shared = {word: value for word, value in case._asdict().items() if word != "direction"}
+                pairs.append(_Pair(index[case], index[partner(case)], shared))
+        yield from _rows(DIRECTIONS, matching, pairs, by="configuration")
+    for configuration in dict.fromkeys(case.configuration for case in cases):
+        of = [case.direction if case.configuration == configuration else "" for case in cases]
+        up, down = ([i for i, d in enumerate(of) if d == way] for way in ("loading", "unloading"))
+        if up and down:
+            yield _Contrast(DIRECTIONS, "pooled as published", {"configuration": configuration}, _pooled(up, down))
+
+
+def _pooled(first: list[int], second: list[int]) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the ratio of arithmetic means over unlike cases: the source's comparison, which mixes speeds."""
+    return lambda draws: draws[:, first].mean(axis=1) / draws[:, second].mean(axis=1)
+
+
+def tree_cases(posterior: xr.Dataset) -> list[Case]:
+    """Return the cases of a posterior in its order; None where the data did not have the word."""
+    columns = [posterior[f"case_{word}"].to_numpy().tolist() for word in CASE_WORDS]
+    return [Case._make(None if value != value else value for value in row) for row in zip(*columns, strict=True)]
+
+
+def contrasts(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataFrame:
+    """Return `contrasts.csv`: each ratio of k, beta or what else cases have: median, interval and P(ratio > 1).
+
+    Parameters
+    ----------
+    tree:
+        A posterior with `k_case` and `beta_case`.
+    verdict:
+        ``pass`` or ``fail``, written into every row.
+    interval:
+        Probability inside `lower` and `upper`, equal-tailed.
+
+    Returns
+    -------
+    pandas.DataFrame
+        `COLUMNS`; the words of a row are those held fixed (empty where averaged over). Where loading is matched
+        with unloading, `initial_load_kN` and `step_kN` are those of the loading case. `same span` swaps the two
+        loads (20-30 with 30-20), `same initial load` starts from one load (20-30 with 20-10).
+    """
+    posterior = tree["posterior"].to_dataset()
+    cases = tree_cases(posterior)
+    tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
+    rows = []
+    for contrast in (*_configurations(cases), *_directions(cases)):
+        for parameter in case_parameters(posterior):
+            draws = posterior[f"{parameter}_case"].to_numpy().reshape(-1, len(cases))
+            ratio = contrast.ratio(draws)
+            lower, median, upper = np.quantile(ratio, tails)
+            rows.append(
+                {
+                    **{"contrast": contrast.contrast, "matching": contrast.matching, **_known(contrast.words)},
+                    **{"parameter": parameter, "median": median, "lower": lower, "upper": upper, "interval": interval},
+                    **{"p_greater_than_1": np.mean(ratio > 1.0), "origin": tree.attrs["origin"], "verdict": verdict},
+                }
+            )
+    # Where a word is missing, an average over one of its levels is the average over all, and is shown once.
+    return pd.DataFrame(rows, columns=list(COLUMNS)).drop_duplicates(
+        ["contrast", "matching", *CASE_WORDS, "parameter"], ignore_index=True
+    )
+
+
+def _known(words: dict[str, object]) -> dict[str, object]:
+    return {word: value for word, value in words.items() if value not in (None, "")}

@@ -1,0 +1,99 @@
+"""The parameters of populations: a cell's k and beta, scatters and scales, with their draws by chain."""
+
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Bool, Float
+
+from bayes_tyre.inference.model.hyperparameters import MOTION_PARAMETERS
+from bayes_tyre.results.contrasts import tree_cases
+
+#: Parameters whose cells a pair plot shows.
+_PAIRED = ("k", "settled", "beta")
+#: What a pair plot shows beside the cells, the first first: where funnels and ridges would stand.
+MAIN_SCALES = tuple(
+    name.format(parameter)
+    for name in ("log_{}_case_scale", "log_{}_repeat_scatter", "published_scatter_{}")
+    for parameter in _PAIRED
+)
+#: The most parameters of a pair plot, and how many of them may be of cells.
+MOST_PAIRED, MOST_CELLS = 10, 8
+
+
+class Population(NamedTuple):
+    """One parameter of a population.
+
+    Attributes
+    ----------
+    name, unit:
+        As `summary.csv` has them, such as ``k_cell[dual loading]``; the unit of a pure number is empty.
+    configuration:
+        Whose it is; None where it belongs to all.
+    draws:
+        Shape (chains, draws).
+    """
+
+    name: str
+    unit: str
+    configuration: str | None
+    draws: Float[np.ndarray, "chains draws"]
+
+    @property
+    def varies(self) -> bool:
+        """Whether its draws are finite and not all the same."""
+        return bool(np.isfinite(self.draws).all() and np.ptp(self.draws) > 0)
+
+
+def populations(tree: xr.DataTree) -> list[Population]:
+    """Return k, beta and more of each configuration and direction, then every scalar of the posterior in its order.
+
+    Effects of single speeds, loads and steps, cases and records are left to `summary.csv`: there are too many.
+    """
+    posterior = tree["posterior"].to_dataset()
+    found = []
+    for parameter in (*MOTION_PARAMETERS, "n", "belt_frequency", "belt_damping", "sidewall_ratio"):
+        if f"{parameter}_cell" in posterior:
+            found += _cells(posterior, f"{parameter}_cell")
+    for name, draws in posterior.data_vars.items():
+        if set(draws.dims) == {"chain", "draw"}:
+            found.append(Population(str(name), _unit(draws), None, _array(draws)))
+    return found
+
+
+def _cells(posterior: xr.Dataset, name: str) -> list[Population]:
+    cases = tree_cases(posterior)
+    whose = {f"{case.configuration or ''} {case.direction or ''}".strip(): case.configuration or "" for case in cases}
+    of_cell = posterior[name]
+    labels = [str(label) for label in of_cell["cell"].to_numpy()] if "cell" in of_cell.coords else [""]
+    return [
+        Population(
+            f"{name}[{label}]" if label else name, _unit(of_cell), whose.get(label, ""), _array(of_cell.isel(cell=i))
+        )
+        for i, label in enumerate(labels)
+    ]
+
+
+def _array(draws: xr.DataArray) -> np.ndarray:
+    return draws.transpose("chain", "draw").to_numpy().astype(float)
+
+
+def _unit(draws: xr.DataArray) -> str:
+    unit = str(draws.attrs.get("units", ""))
+    return "" if unit == "1" else unit
+
+
+def paired(found: list[Population]) -> list[Population]:
+    """Return those that a pair plot shows: k and beta of the first cells, then the main scales, ten at most."""
+    cells = [[p for p in found if p.name.startswith(f"{parameter}_cell")] for parameter in _PAIRED]
+    each = MOST_CELLS // max(2, sum(map(bool, cells)))
+    shown = [p for of_parameter in cells for p in of_parameter[:each]]
+    by_name = {p.name: p for p in found}
+    shown += [by_name[name] for name in MAIN_SCALES if name in by_name]
+    return [p for p in shown if p.varies][:MOST_PAIRED]
+
+
+def divergences(tree: xr.DataTree) -> Bool[np.ndarray, "chains draws"]:
+    """Return which draws ended a transition that diverged."""
+    diverging = tree["sample_stats"].to_dataset()["diverging"]
+    return diverging.transpose("chain", "draw").to_numpy().astype(bool)

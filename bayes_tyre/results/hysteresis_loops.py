@@ -1,0 +1,80 @@
+"""The loop that a tyre goes through when it is moved up and down, from a posterior of motions or from a known truth."""
+
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+import xarray as xr
+from jaxtyping import ArrayLike, Float
+
+from bayes_tyre.laws.fancher import small_step_limit
+from bayes_tyre.results.summary import cell_means
+
+#: The law that these loops are of, as a result names it.
+LAW = "fancher"
+#: Points of a branch; draws that the bands are made of.
+_POINTS, _DRAWS = 121, 500
+
+
+def friction_loops(tree: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
+    """Return the settled loop of each configuration and direction, the force of the middle line k d + C taken off.
+
+    The loop of the mean parameters over the cases, at every draw; its half stroke is the posterior's `amplitude_mm`,
+    here on flat ground, where k, x and beta are stated.
+
+    Parameters
+    ----------
+    tree:
+        A posterior of motions.
+    interval:
+        Probability between `lower_kN` and `upper_kN`, equal-tailed.
+
+    Returns
+    -------
+    pandas.DataFrame
+        `configuration`, `direction` (of the step), `branch` (``growing`` or ``falling`` displacement),
+        `displacement_mm` from the middle, `median_kN`, `lower_kN`, `upper_kN`.
+    """
+    means, amplitude = cell_means(tree), float(tree.attrs["amplitude_mm"])
+    tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
+    blocks = []
+    for cell in range(means.sizes["cell"]):
+        of = means.isel(cell=cell)
+        k, x, beta = (of[name].to_numpy().ravel() for name in ("k", "x", "beta"))
+        some = slice(None, None, max(1, len(k) // _DRAWS))
+        friction = settled_friction(k[some], x[some], beta[some], amplitude)
+        lower, median, upper = np.quantile(friction, tails, axis=0)
+        words = {word: str(of[word].item()) for word in ("configuration", "direction")}
+        blocks.append(_table(amplitude, median).assign(**words, lower_kN=lower, upper_kN=upper))
+    return pd.concat(blocks, ignore_index=True)
+
+
+def true_loop(k: float, x: float, beta: float, amplitude_mm: float) -> pd.DataFrame:
+    """Return the same loop of known k (kN/mm), x (kN) and beta (mm): `branch`, `displacement_mm`, `median_kN`."""
+    return _table(amplitude_mm, settled_friction(np.array([k]), np.array([x]), np.array([beta]), amplitude_mm)[0])
+
+
+def settled_friction(
+    k: Float[ArrayLike, " draws"],
+    x: Float[ArrayLike, " draws"],
+    beta: Float[ArrayLike, " draws"],
+    amplitude_mm: float,
+) -> Float[np.ndarray, "draws points"]:
+    """Return the force less k d + C through a loop that repeats itself, kN: growing displacement, then falling."""
+    k, x, beta = (jnp.asarray(value)[:, None] for value in (k, x, beta))
+    d = jnp.asarray(_displacement(amplitude_mm))
+    # It turns at +-(x - k beta) tanh(a / beta): see `laws.fancher.dissipated_energy_per_cycle`.
+    turn = -k * amplitude_mm - (x - k * beta) * jnp.tanh(amplitude_mm / beta)
+    force = small_step_limit(d, k=k, C=0.0, x=x, beta=beta, d_i=-amplitude_mm, F_i=turn)
+    growing = np.asarray(force - k * d)
+    return np.concatenate([growing, -growing], axis=1)
+
+
+def _displacement(amplitude_mm: float) -> Float[np.ndarray, " points"]:
+    """Return displacements of a branch, closest where it turns."""
+    return -amplitude_mm * np.cos(np.linspace(0.0, np.pi, _POINTS))
+
+
+def _table(amplitude_mm: float, friction: Float[np.ndarray, " points"]) -> pd.DataFrame:
+    d = _displacement(amplitude_mm)
+    branch = np.repeat(["growing", "falling"], _POINTS)
+    return pd.DataFrame({"branch": branch, "displacement_mm": np.concatenate([d, -d]), "median_kN": friction})

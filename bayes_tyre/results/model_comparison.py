@@ -1,0 +1,110 @@
+"""Models side by side by what they predict of records that they have not seen: a table, and what it means in words."""
+
+from collections.abc import Mapping
+from copy import copy
+
+import arviz as az
+import numpy as np
+import pandas as pd
+from arviz_stats import ELPDData
+
+from bayes_tyre.inference.diagnostics.leave_one_out import EFFECTIVE_LEAST, PARETO_K_MOST, LeaveOneOut
+
+#: Differences below this many standard errors, or below so much log density, tell no model from another (Sivula,
+#: Magnusson and Vehtari 2025, "Uncertainty in Bayesian leave-one-out cross-validation based model comparison").
+STANDARD_ERRORS, LEAST_DIFFERENCE = 2.0, 4.0
+
+
+def compare(found: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str]) -> pd.DataFrame:
+    """Return `comparison.csv`: a row a model, the best first.
+
+    Columns: `model, rank, elpd, se, elpd_difference, difference_se` (to the best; log density, dimensionless),
+    `p_loo` (effective number of parameters), `weight` (stacking), `records, pareto_k_max, refitted` (records for which
+    the model was fitted again), `effective_points_min`, `verdict` (``fail`` where the posterior's is, or where the
+    estimate itself cannot be trusted).
+
+    Parameters
+    ----------
+    found, verdicts:
+        By model: what it predicts of records left out, and the verdict on its posterior.
+    """
+    table = az.compare(_about_best(found), method="stacking", round_to="none")
+    rows = []
+    for name, row in table.iterrows():
+        each = found[str(name)]
+        left = np.where(each.refitted, 0.0, each.pareto_k)
+        trusted = left.max() <= PARETO_K_MOST and each.effective_points.min() >= EFFECTIVE_LEAST
+        rows.append(
+            {
+                "model": name,
+                "rank": int(row["rank"]) + 1,
+                "elpd": float(each.elpd.elpd),
+                "se": float(each.elpd.se),
+                "elpd_difference": float(row["elpd_diff"]),
+                "difference_se": float(row["dse"]),
+                "p_loo": float(row["p"]),
+                "weight": float(row["weight"]),
+                "records": len(each.pareto_k),
+                "pareto_k_max": float(each.pareto_k.max()),
+                "refitted": int(each.refitted.sum()),
+                "effective_points_min": float(each.effective_points.min()),
+                "verdict": verdicts[str(name)] if trusted else "fail",
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def _about_best(found: Mapping[str, LeaveOneOut]) -> dict[str, ELPDData]:
+    """Return the records' log densities less the best model's of each: no difference and no weight changes.
+
+    Stacking takes their exponentials, and of a whole recording the density has no floating-point number.
+    """
+    best = np.max([each.elpd.elpd_i.to_numpy() for each in found.values()], axis=0)
+    shifted = {}
+    for name, each in found.items():
+        shifted[name] = copy(each.elpd)
+        shifted[name].elpd_i = each.elpd.elpd_i - best
+        shifted[name].elpd = float(shifted[name].elpd_i.sum())
+    return shifted
+
+
+def by_record(found: Mapping[str, LeaveOneOut]) -> pd.DataFrame:
+    """Return a row a model and record: `model, record, elpd, pareto_k, refitted`."""
+    return pd.concat(
+        [
+            pd.DataFrame(
+                {
+                    "model": name,
+                    "record": each.elpd.elpd_i["record"].to_numpy(),
+                    "elpd": each.elpd.elpd_i.to_numpy(),
+                    "pareto_k": each.pareto_k,
+                    "refitted": each.refitted,
+                }
+            )
+            for name, each in found.items()
+        ],
+        ignore_index=True,
+    )
+
+
+def sentence(table: pd.DataFrame) -> str:
+    """Return what a comparison means: which model predicts best, and whether that is more than luck."""
+    best, others = table.iloc[0], table.iloc[1:]
+    difference = others["elpd_difference"].abs()
+    tied = (difference < STANDARD_ERRORS * others["difference_se"]) | (difference < LEAST_DIFFERENCE)
+    said = []
+    if tied.any():
+        said.append(
+            f"{best['model']} predicts a record left out best, but these {int(best['records'])} records cannot tell it "
+            f"from {_listed(others[tied])}: take the simpler"
+        )
+    if not tied.all():
+        said.append(
+            f"{best['model']} predicts a record left out better than {_listed(others[~tied])}, by more than chance"
+        )
+    return "; ".join(said) + "."
+
+
+def _listed(models: pd.DataFrame) -> str:
+    figures = zip(models["model"], models["elpd_difference"], models["difference_se"], strict=True)
+    return ", ".join(f"{name} ({difference:.1f} ± {error:.1f})" for name, difference, error in figures)

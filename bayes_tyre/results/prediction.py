@@ -1,0 +1,184 @@
+"""Force against displacement for a vehicle model, from the posterior of records: curves with intervals, parameters.
+
+Equation 2 in u, the displacement from the start of the step: ``F = F_i + (J + k u)(1 - exp(-|u| / beta))``. A posterior
+may hold `displacement_scale`, an unknown common factor on the displacement that was measured: its k and beta then hold
+for true displacement, and so does what is predicted here.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from jaxtyping import Float
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.record import CASE_WORDS, Case
+from bayes_tyre.results.case_draws import CaseDraws, of_case, of_repeat, travel_mm
+from bayes_tyre.results.case_selection import Wish, choose, listed, sign_of
+from bayes_tyre.results.contrasts import tree_cases
+
+#: The mean curve of a case, or a repeat of it that was not measured.
+KINDS = ("case", "repeat")
+DEFAULT_POINTS = 101
+#: Most points times draws that are computed at once.
+CELLS = 2_000_000
+COLUMNS = (
+    *CASE_WORDS,
+    *("displacement_mm", "parameter", "unit", "median", "lower", "upper", "interval", "of", "origin", "verdict"),
+)
+_NEEDED = {"k_case": "case", "beta_case": "case", "k": "record", "J": "record", "C": "record", "F_i": "record"}
+
+
+class Prediction(NamedTuple):
+    """What is predicted.
+
+    Attributes
+    ----------
+    curves:
+        `COLUMNS`: force (kN) against displacement from the start of the step (mm; positive in loading, negative in
+        unloading), a row a point.
+    parameters:
+        A mapping a case and direction: `label`, the words known, and `k_kN_per_mm`, `beta_mm`, `J_kN`, `C_kN`,
+        `F_i_kN`, `d_i_mm`, each with `mean`, `sd`, `lower`, `upper`.
+    remarks:
+        What was asked for and is not there, a sentence each.
+    """
+
+    curves: pd.DataFrame
+    parameters: tuple[dict[str, object], ...]
+    remarks: tuple[str, ...]
+
+
+def predict(
+    tree: xr.DataTree,
+    wish: Wish,
+    displacement_mm: Float[np.ndarray, " points"] | None = None,
+    *,
+    verdict: str,
+    of: str = "case",
+    interval: float = 0.95,
+    seed: int = 0,
+) -> Prediction:
+    """Return force against displacement of the cases asked for, loading and unloading.
+
+    Parameters
+    ----------
+    tree:
+        A posterior of records (`bayes_tyre.inference.sampling.hierarchical_fit.fit_hierarchical`).
+    wish:
+        The cases asked for, as `bayes_tyre.results.case_selection.parse_wish` gives them.
+    displacement_mm:
+        From the start of the step. Without a negative number they are magnitudes and serve both directions;
+        otherwise loading takes those from 0 up, unloading those from 0 down. A case that does not say its direction
+        takes them as they are. By default 101 points from 0 to as far as the case's records go.
+    verdict:
+        Of the posterior, put into each row.
+    of:
+        ``case``: the mean curve of the case; ``repeat``: one more repeat of it, with the noise of each point.
+        `bayes_tyre.results.case_draws` says what either takes from the posterior.
+    interval:
+        Probability between `lower` and `upper`, at each displacement by itself; equal-tailed.
+    seed:
+        Of what a repeat adds; the numbers of a case do not depend on what other cases are asked for.
+
+    Raises
+    ------
+    BadInput
+        For a posterior without records, no case that matches, and displacements that no chosen case can use.
+    """
+    if of not in KINDS:
+        raise BadInput(f"of is {of!r}; use {' or '.join(KINDS)}")
+    cases = predictable_cases(tree)
+    posterior = tree["posterior"].to_dataset()
+    choice = choose(wish, cases)
+    remarks = [f"no opposite direction of {listed([cases[i].label for i in choice.alone])}"] if choice.alone else []
+    curves, parameters, unused = [], [], []
+    for i in choice.cases:
+        rng = np.random.default_rng((seed, i))
+        draws = of_case(posterior, i) if of == "case" else of_repeat(posterior, i, rng)
+        u = _displacements(cases[i], displacement_mm, posterior, i)
+        if not len(u):
+            unused.append(cases[i].label)
+            continue
+        curve = pd.DataFrame({"displacement_mm": u, **_bands(u, draws, interval, rng)})
+        curves.append(curve.assign(**cases[i]._asdict()))
+        parameters.append(_parameters(cases[i], draws, interval))
+    if unused:
+        remarks.append(f"no displacement has the sign of {listed(unused)}")
+    if not curves:
+        raise BadInput(f"{remarks[-1]}; give magnitudes, or both signs")
+    said = {"parameter": "force", "unit": "kN", "interval": interval, "of": of, "origin": tree.attrs["origin"]}
+    table = pd.concat(curves, ignore_index=True).assign(**said, verdict=verdict)
+    return Prediction(table[list(COLUMNS)], tuple(parameters), tuple(remarks))
+
+
+def predictable_cases(tree: xr.DataTree) -> list[Case]:
+    """Return the cases of a posterior of records, in its order; None for words that the data did not have.
+
+    Raises
+    ------
+    BadInput
+        For a tree that is no such posterior.
+    """
+    if "posterior" not in tree.children or "origin" not in tree.attrs:
+        raise BadInput("is no posterior of this program; name a folder that fit wrote")
+    posterior = tree["posterior"].to_dataset()
+    if "k_case" in posterior and "record" not in posterior.dims:
+        raise BadInput("holds no records, so neither F_i nor J of a step; name a folder that fit wrote from records")
+    dims = {name: {"chain", "draw", dim} for name, dim in _NEEDED.items()}
+    lacking = [name for name, needed in dims.items() if name not in posterior or set(posterior[name].dims) != needed]
+    lacking += [f"case_{word}" for word in CASE_WORDS if f"case_{word}" not in posterior.coords]
+    if lacking:
+        raise BadInput(f"is no posterior of records: it lacks {', '.join(lacking)}; name a folder that fit wrote")
+    return tree_cases(posterior)
+
+
+def _displacements(
+    case: Case, asked: np.ndarray | None, posterior: xr.Dataset, index: int
+) -> Float[np.ndarray, " points"]:
+    """Return the displacements (mm) for a case, signed; none where no displacement asked for is of its sign."""
+    sign = sign_of(case)
+    if asked is None:
+        asked = np.linspace(0.0, travel_mm(posterior, index), DEFAULT_POINTS)
+    if not sign:
+        return asked
+    if np.all(asked >= 0):
+        return sign * asked + 0.0  # or zero would be written as -0.0
+    mine = asked[sign * asked >= 0]
+    return mine if np.any(mine != 0) else mine[:0]
+
+
+def force_kN(u: np.ndarray, F_i: np.ndarray, J: np.ndarray, k: np.ndarray, beta: np.ndarray) -> np.ndarray:
+    """Return Equation 2 (kN) at u (mm) from the start of the step, in numpy; all arguments broadcast together."""
+    return F_i + (J + k * u) * -np.expm1(-np.abs(u) / beta)
+
+
+def _bands(u: np.ndarray, draws: CaseDraws, interval: float, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """Return median, lower and upper of the force (kN) at each displacement, a bounded number of them at once."""
+    tails = [0.5, (1.0 - interval) / 2.0, (1.0 + interval) / 2.0]
+    F_i, J, k, beta, _, sigma = (values[:, None] for values in draws)
+    blocks = []
+    for part in np.array_split(u, -(-len(u) * len(k) // CELLS)):
+        force = force_kN(part, F_i, J, k, beta)
+        if sigma.any():
+            force = force + sigma * rng.standard_normal(force.shape)
+        blocks.append(np.quantile(force, tails, axis=0))
+    return dict(zip(("median", "lower", "upper"), np.concatenate(blocks, axis=1), strict=True))
+
+
+def _parameters(case: Case, draws: CaseDraws, interval: float) -> dict[str, object]:
+    """Return what a vehicle model needs of one case, in plain numbers and text."""
+    words = {word: value for word, value in case._asdict().items() if value not in (None, "")}
+    values = {
+        **{"k_kN_per_mm": draws.k, "beta_mm": draws.beta, "J_kN": draws.J},
+        **{"C_kN": draws.C, "F_i_kN": draws.F_i, "d_i_mm": draws.d_i},
+    }
+    figures = {name: _figures(value, interval) for name, value in values.items()}
+    return {"label": case.label, **words, **figures}
+
+
+def _figures(values: np.ndarray, interval: float) -> dict[str, float]:
+    lower, upper = np.quantile(values, [(1.0 - interval) / 2.0, (1.0 + interval) / 2.0])
+    figures = {"mean": values.mean(), "sd": values.std(ddof=1), "lower": lower, "upper": upper}
+    return {name: float(figure) for name, figure in figures.items()}

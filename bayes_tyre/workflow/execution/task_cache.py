@@ -1,0 +1,84 @@
+"""What is done of a run, kept on disk file by file, so that a later run does only what is missing."""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+
+from bayes_tyre.formats.files import remove_leftovers, whole_file, write_text
+from bayes_tyre.formats.joined import is_part, write_part
+from bayes_tyre.workflow.execution.outcome import Done, Fault
+
+_RESULT, _REASON, _PICTURE = ".part", ".reason", ".picture"
+_README = """What bayes-tyre has made of each raw file of {out}: with --resume it does only what is missing here or has
+changed. Named after a fingerprint of all that decides a result: the file's content, words, rig, method, version.
+
+.part     the rows of a record (Parquet)
+.reason   why a file was rejected (JSON)
+.picture  the SHA-256 of the picture drawn with it
+
+It may be removed: the next run then does everything again.
+"""
+
+
+class Parts:
+    """The folder of what is done, beside the table that it becomes; every file in it is whole or not there."""
+
+    def __init__(self, out: Path) -> None:
+        self.folder = out.with_name(f".{out.name}.parts")
+        self._out = out
+
+    def begin(self, resume: bool, pictures: Iterable[Path]) -> None:
+        """Make the folder, without an earlier run's results unless to resume; remove what a killed run left half."""
+        if not resume:
+            self.remove()
+        readme = self.folder / "README.txt"
+        for path in self._names():
+            if path.name.startswith("."):
+                path.unlink(missing_ok=True)
+        remove_leftovers(pictures)
+        write_text(_README.format(out=self._out.name), readme)
+
+    def find(self, key: str, picture: Path | None) -> Path | Fault | None:
+        """Return what is kept under a fingerprint, or None; without the picture wanted it does not count as there."""
+        reason, result = self.folder / f"{key}{_REASON}", self.folder / f"{key}{_RESULT}"
+        try:
+            return Fault(json.loads(reason.read_text(encoding="utf-8")))
+        except (OSError, ValueError):  # a power cut may leave a file empty
+            pass
+        return result if is_part(result) and (picture is None or self._is_drawn(key, picture)) else None
+
+    def keep(self, key: str, done: Done | Fault, picture: Path | None) -> Path | Fault:
+        """Keep what became of a file: its picture first, so that no result stands without it."""
+        if isinstance(done, Fault):
+            write_text(json.dumps(done.reason), self.folder / f"{key}{_REASON}")
+            return done
+        if picture is not None and done.picture is not None:
+            with whole_file(picture) as beside:
+                beside.write_bytes(done.picture)
+            write_text(hashlib.sha256(done.picture).hexdigest(), self.folder / f"{key}{_PICTURE}")
+        return write_part(done.table, self.folder / f"{key}{_RESULT}")
+
+    def keep_only(self, keys: Iterable[str]) -> None:
+        """Remove what no file of this run has led to: the folder grows no larger than its table asks for."""
+        kept = set(keys)
+        for path in self._names():
+            if path.suffix in (_RESULT, _REASON, _PICTURE) and path.stem not in kept:
+                path.unlink(missing_ok=True)
+
+    def remove(self) -> None:
+        """Remove the folder."""
+        if self.folder.exists():
+            shutil.rmtree(self.folder)
+
+    def _names(self) -> list[Path]:
+        return list(self.folder.iterdir()) if self.folder.exists() else []
+
+    def _is_drawn(self, key: str, picture: Path) -> bool:
+        """Return whether a picture is the one drawn with this result, not one of another rig, method or content."""
+        try:
+            drawn = (self.folder / f"{key}{_PICTURE}").read_text(encoding="utf-8")
+            return hashlib.sha256(picture.read_bytes()).hexdigest() == drawn
+        except (OSError, ValueError):
+            return False

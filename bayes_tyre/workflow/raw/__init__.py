@@ -1,0 +1,1 @@
+"""Commands on raw files: `inspect`, `process`, `motion`, `simulate`."""

@@ -1,0 +1,230 @@
+"""Raw files in; the posterior of tyre, mass and damping from the motion itself out, a folder as `fit` writes it."""
+
+import shlex
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pandas as pd
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.files import check_folder, prepare_folder, remove_leftovers
+from bayes_tyre.formats.tables import write_table
+from bayes_tyre.inference.diagnostics.convergence import with_figures
+from bayes_tyre.inference.diagnostics.power_scaling import identify_motions
+from bayes_tyre.inference.diagnostics.verdict import Diagnostics, diagnose
+from bayes_tyre.inference.motion.hierarchy.leave_one_out import with_motions
+from bayes_tyre.inference.motion.hierarchy.model import Motions, fit_motions
+from bayes_tyre.inference.motion.hierarchy.posterior_losses import Middle, with_losses
+from bayes_tyre.inference.motion.laws import motion_law
+from bayes_tyre.inference.motion.record.likelihood import WIDENED
+from bayes_tyre.inference.sampling.run import SamplerSettings
+from bayes_tyre.record_table import origin_of
+from bayes_tyre.results import summary
+from bayes_tyre.results.provenance import RUN_JSON, begin_run, read_run
+from bayes_tyre.rig.axle import Rig
+from bayes_tyre.workflow.execution.batch import Machines, each_file
+from bayes_tyre.workflow.execution.resume import Watch, begin
+from bayes_tyre.workflow.execution.task_cache import Parts
+from bayes_tyre.workflow.fit import sampler_options
+from bayes_tyre.workflow.raw.motion_estimates import BY_LAW, OK, estimate_file, read_estimates
+from bayes_tyre.workflow.raw.motions_shown import shown_motions
+from bayes_tyre.workflow.raw.process_tasks import Settings, plan_tasks
+from bayes_tyre.workflow.raw.raw_records import REJECTED, none_usable, rejected
+from bayes_tyre.workflow.result_folder import write_fit
+
+ESTIMATES = "estimates.csv"
+#: Records that a sentence names.
+_NAMED = 3
+
+
+@dataclass(frozen=True)
+class MotionPlan:
+    """What `motion` is told.
+
+    Attributes
+    ----------
+    sampler:
+        How much to sample.
+    rig, cases, pictures:
+        Name or TOML file of the rig (None: the configuration's own), table of cases, folder of a picture a record.
+    law:
+        Name of the force law.
+    amplitude_mm:
+        Half the stroke at the wheel centre of the cycle whose losses are told.
+    repeats:
+        How repeats scatter about their case.
+    interval:
+        Probability of every interval, equal-tailed.
+    """
+
+    sampler: SamplerSettings
+    rig: str | None = None
+    cases: Path | None = None
+    pictures: Path | None = None
+    law: str = "fancher"
+    amplitude_mm: float = 1.0
+    repeats: str = "mixture"
+    interval: float = 0.95
+
+    @property
+    def options(self) -> dict[str, object]:
+        """What `run.json` says of it, beside the seed and the inputs."""
+        told = {"rig": self.rig, "cases": None if self.cases is None else str(self.cases), "law": self.law}
+        return {
+            **sampler_options(self.sampler),
+            **told,
+            **{"amplitude_mm": self.amplitude_mm, "repeats": self.repeats, "interval": self.interval},
+        }
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """The records' estimates.
+
+    Attributes
+    ----------
+    table, motions:
+        The rows of `estimates.csv`, and the same as the hierarchy takes them.
+    rejected:
+        File and reason of those without one.
+    files, middles:
+        The file of each record, and where its cycle goes on.
+    shown:
+        Readings and fitted motion of a few records; None where they are not kept.
+    """
+
+    table: pd.DataFrame
+    motions: Motions
+    rejected: pd.DataFrame
+    files: list[Path]
+    middles: list[Middle]
+    shown: pd.DataFrame | None = None
+
+    @property
+    def origin(self) -> str:
+        """Where the signals come from, such as ``simulated``."""
+        return origin_of(self.table)
+
+
+def estimate_files(
+    files: Sequence[Path], plan: MotionPlan, machines: Machines, out: Path, on_progress: Callable[[int], None]
+) -> Estimated:
+    """Return the estimates of raw files, each kept in `out` once it is there.
+
+    Raises
+    ------
+    BadInput
+        If rig, cases, cluster or `out` are of no use, or, to resume, a result there has another law or rig, before the
+        work; if no file is of use, after `rejected.csv` was written.
+    """
+    law = motion_law(plan.law)
+    check_folder(out)
+    if machines.resume:
+        _refuse_other_estimates(out, plan)
+    if plan.pictures:
+        check_folder(plan.pictures, "--figures")
+    tasks = plan_tasks(files, Settings(plan.rig, plan.cases, f"{BY_LAW}{plan.law}", plan.pictures))
+    prepare_folder(out)
+    parts = Parts(out / ESTIMATES)
+    outcomes = each_file(estimate_file, tasks, parts, machines, on_progress)
+    rows = rejected(files, outcomes)
+    kept = [(file, task, end) for file, task, end in zip(files, tasks, outcomes, strict=True) if isinstance(end, Path)]
+    if not kept:
+        remove_leftovers([out / REJECTED])
+        write_table(rows, out / REJECTED)
+        parts.remove()
+        (out / RUN_JSON).unlink(missing_ok=True)  # an earlier run's result is not of these files
+        raise none_usable(out / REJECTED, rows, len(tasks))
+    table, motions = read_estimates([part for _, _, part in kept], law)
+    rigs = [task.rig for _, task, _ in kept]
+    middles = [
+        Middle(rig, float(d)) for rig, d in zip(rigs, table["displacement_mm"], strict=True) if isinstance(rig, Rig)
+    ]
+    shown = shown_motions([part for _, _, part in kept])
+    return Estimated(table, motions, rows, [file for file, _, _ in kept], middles, shown)
+
+
+def fit_estimates(
+    estimated: Estimated,
+    plan: MotionPlan,
+    out: Path,
+    command: Sequence[str],
+    watch: Watch | None = None,
+    *,
+    resume: bool = False,
+) -> Diagnostics:
+    """Fit the hierarchy to the estimates of raw files and write the result's folder; return the verdict.
+
+    Parameters
+    ----------
+    estimated, plan:
+        As `estimate_files` gives them, and what it was told.
+    out, command, watch, resume:
+        As `bayes_tyre.workflow.fit.fit_table` has them.
+
+    Raises
+    ------
+    BadInput
+        If the folder is of no use.
+    """
+    watch, origin = watch or Watch(), estimated.origin
+    call = shlex.join(["bayes-tyre", *command])
+    run = begin_run(call, plan.options, plan.sampler.seed, [*estimated.files, *_told_files(plan)], origin)
+    checkpoints = begin(out, run, watch, resume, over=True)  # the estimates are kept: to sample again is quick
+    if isinstance(checkpoints, Diagnostics):
+        return checkpoints
+    settings = replace(plan.sampler, checkpoints=checkpoints, on_progress=watch.on_progress)
+    tree = fit_motions(estimated.motions, settings, plan.repeats)
+    tree.attrs["origin"] = origin
+    tree = with_losses(tree, estimated.motions.words, estimated.middles, plan.amplitude_mm)
+    tree = with_motions(with_figures(identify_motions(tree, estimated.motions, summary.means)), estimated.motions)
+    diagnostics = with_estimates(diagnose(tree), estimated)
+    beside = {ESTIMATES: estimated.table, REJECTED: estimated.rejected}
+    write_fit(tree, diagnostics, run, out, interval=plan.interval, beside=beside, motions=estimated.shown)
+    checkpoints.clear()
+    return diagnostics
+
+
+def _refuse_other_estimates(out: Path, plan: MotionPlan) -> None:
+    """Raise if the folder's result rests on estimates by another law or rig: they would be gone with it."""
+    result = out / RUN_JSON
+    if not result.is_file():
+        return
+    was = read_run(result, "motion")["options"]
+    for name in ("law", "rig", "cases"):
+        if was.get(name) != plan.options[name]:
+            raise BadInput(
+                f"{result}: is of another run: option {name} was {was.get(name)}, is {plan.options[name]}; "
+                "give another --out, or leave out --resume to begin anew"
+            )
+
+
+def _told_files(plan: MotionPlan) -> list[Path]:
+    """Return the files that decide a result beside the raw ones."""
+    named = [plan.cases, Path(plan.rig) if plan.rig is not None else None]
+    return [path for path in named if path is not None and path.is_file()]
+
+
+def with_estimates(diagnostics: Diagnostics, estimated: Estimated) -> Diagnostics:
+    """Return the verdict with what is to be said of the records' estimates.
+
+    An estimate that failed its check is kept, for to drop records that do not fit is to choose the result; it is
+    widened instead, and told. Where that is half of them or more, the cases rest on what nobody checked.
+    """
+    bad = estimated.table[estimated.table["status"] != OK]
+    remarks = list(diagnostics.remarks)
+    if len(estimated.rejected):
+        remarks.append(f"{len(estimated.rejected)} files have no estimate and are not in the result: see {REJECTED}")
+    if bad.empty:
+        return diagnostics._replace(remarks=tuple(remarks))
+    more = f" and {len(bad) - _NAMED} more" if len(bad) > _NAMED else ""
+    said = (
+        f"{', '.join(bad['record'][:_NAMED])}{more}: the estimate failed its check and counts with standard deviations "
+        f"{WIDENED:g} times as wide; see status in {ESTIMATES}"
+    )
+    if 2 * len(bad) < len(estimated.table):
+        return diagnostics._replace(remarks=(*remarks, said))
+    share = f"these are {len(bad)} of {len(estimated.table)} records"
+    reason = f"{said}: {share}; record them again, check the rig file, or try another --law"
+    return diagnostics._replace(verdict="fail", reasons=(*diagnostics.reasons, reason), remarks=tuple(remarks))

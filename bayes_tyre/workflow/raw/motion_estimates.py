@@ -1,0 +1,173 @@
+"""A raw file in; its motion's estimate out as one row, kept as a part, and its picture."""
+
+import functools
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+from jaxtyping import Array, Float
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.raw import read_raw
+from bayes_tyre.inference.motion.hierarchy.model import Motions, Readings
+from bayes_tyre.inference.motion.laws import FANCHER, KELVIN_VOIGT, MotionLaw, motion_law
+from bayes_tyre.inference.motion.record.estimate import CORRELATION_MOST, MISFIT_MOST, MotionEstimate, estimate_motion
+from bayes_tyre.inference.motion.record.evidence import log_constant
+from bayes_tyre.inference.motion.record.forward_model import predicted, residuals
+from bayes_tyre.inference.motion.record.likelihood import hierarchy_moments, likelihood_of
+from bayes_tyre.inference.motion.record.parameters import Unknowns, in_units
+from bayes_tyre.inference.motion.record.window import Recorded, Window
+from bayes_tyre.record import WORDS
+from bayes_tyre.results.motion_traces import COLUMNS, readings_table
+from bayes_tyre.rig import geometry
+from bayes_tyre.rig.axle import Rig
+from bayes_tyre.rig.motion import rest_displacement
+from bayes_tyre.rig.motion_decay import ring_down
+from bayes_tyre.rig.sensors import columns_of
+from bayes_tyre.runtime import prepare_jax
+from bayes_tyre.signals.process import prepare
+from bayes_tyre.signals.processed import Recording
+from bayes_tyre.workflow.execution.outcome import Done, Fault
+from bayes_tyre.workflow.raw.process_tasks import Task
+from bayes_tyre.workflow.raw.raw_records import attempted, origin_of_raw, usable
+
+#: What a law's parameters are called in the columns of estimates.
+_COLUMN = {
+    **{"k": "k_kN_per_mm", "x": "x_kN", "settled": "settled_kN", "beta": "beta_mm", "n": "n"},
+    **{"belt_frequency": "belt_frequency_Hz", "belt_damping": "belt_damping", "sidewall_ratio": "sidewall_ratio"},
+    **{"m": "m_kg", "c": "c_kN_s_per_mm"},
+}
+#: Beside the spring and damper that the motion is fitted with: those of its free vibration after the load's step.
+_BY_DECAY = ("decay_k_kN_per_mm", "decay_c_kN_s_per_mm")
+OK = "ok"
+#: Before the name of the law in the method that a task names.
+BY_LAW = "motion on "
+# What a part holds beside: of the hierarchy's logarithms, flat.
+_ROWS, _TARGET, _MEAN, _VARIANCE = "likelihood_rows", "likelihood_target", "log_mean", "log_variance"
+_CONSTANT, _EFFECTIVE = "log_constant", "effective_draws"
+#: And for the pictures of a few: how badly the motion fits, 1 where the check begins to object; the table of readings,
+#: flat; and what stands beside it.
+MISFIT, READINGS, TOLD = "misfit", "readings", ("record", "configuration", "status", "origin")
+
+
+def parameter_columns(law: MotionLaw = FANCHER) -> tuple[str, ...]:
+    """Return the columns of a law's `told_parameters`, in their order; a standard error stands behind each."""
+    return tuple(_COLUMN[name] for name in law.told_parameters)
+
+
+def columns(law: MotionLaw) -> list[str]:
+    """Return the columns of `estimates.csv`.
+
+    `displacement_mm` is the middle of the step at the wheel centre, which a cycle goes about; `log_evidence` the log
+    density of the readings under the law, by which laws may be compared record by record. A spring and a damper have
+    two more, at the wheel centre: their classic estimate from the free vibration (`rig.motion_decay`), empty where the
+    tyre rolls or hardly swings.
+    """
+    values = [column for name in parameter_columns(law) for column in (name, f"{name}_se")]
+    values += _BY_DECAY if law is KELVIN_VOIGT else ()
+    told = ["displacement_mm", "method", "pareto_k", "log_evidence", "status", "origin"]
+    return ["record", *WORDS, *values, *told]
+
+
+def estimate_file(task: Task) -> Done | Fault:
+    """Return the row of a file's estimate and its picture if one is wanted, or why there is none."""
+    prepare_jax()
+    return attempted(_done, task)
+
+
+def _done(task: Task) -> Done:
+    words, rig = usable(task)
+    raw = read_raw(task.file, columns_of(rig))
+    law = motion_law(task.method.removeprefix(BY_LAW))
+    estimate = _estimate(rig, prepare(raw, rig, words), law)
+    # With a law that is not the tyre's a solver need not come to rest, and laws are compared on the same records: what
+    # it found is kept, and its status says so.
+    if law is FANCHER and not bool(estimate.found.converged):
+        raise BadInput("the fit of its motion did not converge; look at its channels with process --figures")
+    unknowns = _unknowns(rig, estimate)
+    origin = origin_of_raw(raw, task)
+    row = {**words.row(), **_columns(rig, estimate, unknowns), "origin": origin}
+    readings = readings_table(estimate.window, *map(np.asarray, _fitted(rig, estimate.found.standard, estimate.window)))
+    picture = None
+    if task.picture is not None:
+        from bayes_tyre.report.figures.motion import motion_png
+
+        picture = motion_png(readings.assign(**{name: row[name] for name in TOLD}), origin)
+    return Done(pd.DataFrame([row | _kept(readings, estimate)]), picture)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _fitted(
+    rig: Rig, standard: Float[Array, " unknowns"], window: Window
+) -> tuple[Float[Array, "3 blocks"], Float[Array, "3 blocks"]]:
+    """Return what a record's sensors would read of its fitted motion, and the residuals that were judged."""
+    unknowns = in_units(rig, standard, window.prior, window.rolling, window.law)
+    expected = predicted(rig, unknowns, window, 0.0 if window.road is None else window.road.mean_mm)
+    return expected, residuals(rig, standard, window)[: expected.size].reshape(expected.shape)
+
+
+def _estimate(rig: Rig, recording: Recording, law: MotionLaw) -> MotionEstimate:
+    """Return the estimate of a recording, of a tyre that stands or rolls."""
+    read, step = recording.raw, recording.step
+    bodies = tuple((body.turn_Hz, body.harmonics) for body in recording.bodies)
+    ramp_s = step.ramp.start_s, step.ramp.end_s
+    channels = read.acceleration_m_per_s2, read.laser_mm, read.load_kN
+    return estimate_motion(rig, Recorded(read.dt_s, *channels, quiet=step.quiet, ramp_s=ramp_s, bodies=bodies), law)
+
+
+def _kept(readings: pd.DataFrame, estimate: MotionEstimate) -> dict[str, Any]:
+    found = estimate.found
+    shares = np.asarray(found.chi_squared) / (1 + MISFIT_MOST), np.asarray(found.correlation) / CORRELATION_MOST
+    return {MISFIT: float(np.nanmax(shares)), READINGS: readings[list(COLUMNS)].to_numpy(float).ravel().tolist()}
+
+
+def _unknowns(rig: Rig, estimate: MotionEstimate) -> Unknowns:
+    window = estimate.window
+    return in_units(rig, jnp.asarray(estimate.found.standard), window.prior, window.rolling, window.law)
+
+
+def _columns(rig: Rig, estimate: MotionEstimate, unknowns: Unknowns) -> dict[str, Any]:
+    values, sd, law = estimate.value, np.sqrt(np.diag(estimate.log_covariance)), estimate.window.law
+    found: dict[str, Any] = {}
+    for name, value, of_log in zip(parameter_columns(law), values, sd, strict=True):
+        found |= {name: float(value), f"{name}_se": float(value * of_log)}
+    applied = geometry.tyre_load(rig, unknowns.load_kN.mean())
+    found["displacement_mm"] = float(rest_displacement(rig, applied, k=values[0], offset_kN=unknowns.law.C))
+    found |= {"method": estimate.method, "pareto_k": float(estimate.pareto_k), "status": estimate.status or OK}
+    found |= {"log_evidence": estimate.log_evidence, _EFFECTIVE: estimate.effective_draws}
+    moments = estimate.log_mean, estimate.log_covariance
+    likelihood = likelihood_of(rig, *moments, np.asarray(estimate.window.prior), trusted=not estimate.status, law=law)
+    mean, covariance = hierarchy_moments(*moments, law)
+    found[_CONSTANT] = log_constant(rig, likelihood, estimate.window, estimate.log_evidence)
+    if law is KELVIN_VOIGT:
+        found |= dict(zip(_BY_DECAY, _by_decay(estimate.window, unknowns), strict=True))
+    arrays = {_ROWS: likelihood.rows, _TARGET: likelihood.target, _MEAN: mean, _VARIANCE: np.diag(covariance)}
+    return found | {name: array.ravel().tolist() for name, array in arrays.items()}
+
+
+def _by_decay(window: Window, unknowns: Unknowns) -> tuple[float, float]:
+    """Return k, kN/mm, and c, kN s/mm, at the wheel centre from what the accelerometer read after the load's step."""
+    time_s = (np.arange(window.readings.shape[-1]) + 0.5) * float(window.block_s)
+    readings, weight = np.asarray(window.readings)[0], np.asarray(window.weight)[0]
+    free = (time_s > float(unknowns.start_s + unknowns.rise_s)) & (weight > 0)
+    if window.rolling is not None:
+        return np.nan, np.nan
+    try:
+        found = ring_down(time_s[free], readings[free], float(1 / np.median(weight[free])), float(unknowns.m_kg))
+    except ValueError:
+        return np.nan, np.nan
+    return found.k_kN_per_mm, found.c_kN_s_per_mm
+
+
+def read_estimates(parts: list[Path], law: MotionLaw = FANCHER) -> tuple[pd.DataFrame, Motions]:
+    """Return the rows of `estimates.csv` that parts hold, and the estimates as the hierarchy takes them."""
+    table = pd.concat([pd.read_parquet(part) for part in parts], ignore_index=True)
+    arrays = {name: np.stack(table[name].tolist()) for name in (_ROWS, _TARGET, _MEAN, _VARIANCE)}
+    words = table[["record", *WORDS]].copy()
+    rows = arrays[_ROWS].reshape(len(table), *2 * (len(law.parameters),))
+    readings = Readings(table[_CONSTANT].to_numpy(float), table[_EFFECTIVE].to_numpy(float))
+    motions = Motions(words, rows, arrays[_TARGET], arrays[_MEAN], arrays[_VARIANCE], law, readings)
+    return table[columns(law)], motions

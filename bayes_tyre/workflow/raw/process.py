@@ -1,0 +1,83 @@
+"""Raw files in, a record table and the rejected files out; a file that fails is a row and stops no other."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.files import check_folder, remove_leftovers
+from bayes_tyre.formats.joined import write_joined
+from bayes_tyre.formats.raw import read_raw
+from bayes_tyre.formats.tables import write_table
+from bayes_tyre.rig.sensors import columns_of
+from bayes_tyre.runtime import prepare_jax
+from bayes_tyre.signals.process import process
+from bayes_tyre.workflow.execution.batch import Machines, each_file
+from bayes_tyre.workflow.execution.outcome import Done, Fault
+from bayes_tyre.workflow.execution.task_cache import Parts
+from bayes_tyre.workflow.raw.process_tasks import Settings, Task, plan_tasks
+from bayes_tyre.workflow.raw.raw_records import REJECTED, attempted, none_usable, origin_of_raw, rejected, usable
+
+
+def process_files(
+    files: Sequence[Path], settings: Settings, machines: Machines, out: Path, on_progress: Callable[[int], None]
+) -> tuple[int, int]:
+    """Write the record table of raw files and `rejected.csv` beside it; return how many records, how many rejected.
+
+    Parameters
+    ----------
+    files:
+        As `bayes_tyre.formats.raw.raw_files` finds them.
+    settings:
+        Rig, cases, method, pictures.
+    machines:
+        Processes or cluster; whether to do only what is missing since the last run with this `out`.
+    out:
+        A `.csv` or `.parquet` file. It is the same to the byte whatever the machines, and whether or not a run was
+        interrupted; its rows are in the order of the files.
+    on_progress:
+        Called with 1 after each file.
+
+    Raises
+    ------
+    BadInput
+        If the rig, the cases, the cluster or `out` are of no use, before the work; if no file is, after
+        `rejected.csv` was written.
+    """
+    if out.is_dir() or out.suffix.lower() not in (".csv", ".parquet"):
+        raise BadInput(f"--out {out}: is no .csv or .parquet file; name one")
+    check_folder(out.parent)
+    if settings.figures:
+        check_folder(settings.figures, "--figures")
+    tasks, parts = plan_tasks(files, settings), Parts(out)
+    outcomes = each_file(process_file, tasks, parts, machines, on_progress)
+    rows = rejected(files, outcomes)
+    records = [end for end in outcomes if isinstance(end, Path)]
+    remove_leftovers([out, out.parent / REJECTED])
+    write_table(rows, out.parent / REJECTED)
+    if not records:
+        out.unlink(missing_ok=True)  # an earlier run's records are not those of these files
+        parts.remove()
+        raise none_usable(out.parent / REJECTED, rows, len(tasks))
+    write_joined(records, out)
+    return len(records), len(rows)
+
+
+def process_file(task: Task) -> Done | Fault:
+    """Return the rows of a file's record and its picture if one is wanted, or why there are none."""
+    prepare_jax()
+    return attempted(_done, task)
+
+
+def _done(task: Task) -> Done:
+    words, rig = usable(task)
+    raw = read_raw(task.file, columns_of(rig))
+    processed = process(raw, rig, words, task.method)
+    origin = origin_of_raw(raw, task)
+    picture = None
+    if task.picture is not None:
+        from bayes_tyre.report.figures.process import record_png
+
+        picture = record_png(processed, origin)
+    return Done(pd.DataFrame({**processed.columns(), "origin": origin}), picture)

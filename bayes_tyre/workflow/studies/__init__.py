@@ -1,0 +1,1 @@
+"""Commands on many simulated data sets: `audit`, `study`."""

@@ -1,0 +1,58 @@
+"""What one record's motion gives beside its known truth: parameters, and what a cycle loses, with intervals."""
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from bayes_tyre.inference.motion.record.energy import losses_of_logs
+from bayes_tyre.rig.axle import Rig
+
+#: Name and unit, in the order of the logarithms, and of the losses.
+PARAMETERS = (("k", "kN/mm"), ("x", "kN"), ("beta", "mm"), ("m", "kg"), ("c", "kN s/mm"))
+LOSSES = (
+    *(("energy a cycle", "J"), ("loss factor", "")),
+    *(("equivalent damping", "kN s/mm"), ("separation 2 (x - k beta)", "kN")),
+)
+
+
+def beside_truth(
+    rig: Rig,
+    log_draws: Float[np.ndarray, "draws 5"],
+    weights: Float[np.ndarray, " draws"],
+    truth: Float[np.ndarray, "5"],
+    displacement_mm: float,
+    amplitude_mm: float,
+    interval: float = 0.95,
+) -> pd.DataFrame:
+    """Return a row a quantity: `quantity`, `unit`, `truth`, `median`, `lower`, `upper`.
+
+    Parameters
+    ----------
+    rig:
+        For the losses at the wheel centre.
+    log_draws, weights:
+        As a `MotionEstimate` has them: logarithms of k, x, beta, m and c, and what each draw weighs.
+    truth:
+        True k (kN/mm), x (kN), beta (mm), m (kg), c (kN s/mm).
+    displacement_mm, amplitude_mm:
+        The cycle's middle and half its stroke, at the wheel centre.
+    interval:
+        Probability between `lower` and `upper`, equal-tailed.
+    """
+    lost = losses_of_logs(rig, log_draws, displacement_mm, amplitude_mm)
+    draws = np.column_stack([np.exp(log_draws), *map(np.asarray, lost)])
+    true_losses = losses_of_logs(rig, np.log(truth), displacement_mm, amplitude_mm)
+    tails = ((1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0)
+    lower, median, upper = np.array([_quantiles(values, weights, tails) for values in draws.T]).T
+    names, units = zip(*PARAMETERS, *LOSSES, strict=True)
+    table = {"quantity": names, "unit": units, "truth": [*truth, *map(float, true_losses)]}
+    return pd.DataFrame({**table, "median": median, "lower": lower, "upper": upper})
+
+
+def _quantiles(
+    values: Float[np.ndarray, " draws"], weights: Float[np.ndarray, " draws"], tails: tuple[float, ...]
+) -> Float[np.ndarray, " tails"]:
+    """Return quantiles of weighed draws: each draw stands in the middle of its weight."""
+    order = np.argsort(values)
+    weight = weights[order] / weights.sum()
+    return np.interp(tails, np.cumsum(weight) - weight / 2, values[order])

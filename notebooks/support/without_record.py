@@ -1,0 +1,64 @@
+"""What a posterior would say of a case without one of its records: draws weighed anew, nothing fitted again."""
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from arviz_stats.base.array import array_stats
+
+from bayes_tyre.batch import Batch
+from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.diagnostics.leave_one_out import PARETO_K_MOST
+from bayes_tyre.inference.diagnostics.record_marginal import populations, record_density, standard_points
+from bayes_tyre.inference.model.laplace import estimate_records, record_data
+from bayes_tyre.inference.sampling.datatree import CASE_PARAMETERS, RECORD_UNITS
+from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_levels, likelihood_of
+
+
+def case_without(tree: xr.DataTree, table: pd.DataFrame, record: str, interval: float = 0.95) -> pd.DataFrame:
+    """Return k and beta of a record's case with the record and without it.
+
+    Every draw is weighed by one over the density that it gives the record, the record's own parameters integrated out,
+    by Pareto-smoothed importance sampling (Vehtari et al. 2024, "Pareto smoothed importance sampling").
+
+    Parameters
+    ----------
+    tree, table:
+        A posterior of records with independent noise, and the checked record table that it was fitted to, all points.
+    record:
+        Which is left out; another of its case must be there.
+    interval:
+        Probability inside `lower` and `upper`, equal-tailed.
+
+    Returns
+    -------
+    pandas.DataFrame
+        `parameter`, `unit`, `records` (``with`` | ``without``), `median`, `lower`, `upper`, `interval`, `pareto_k`,
+        `origin`, `trusted`: whether `pareto_k` is at most 0.7; above it, fit again without the record.
+
+    Raises
+    ------
+    BadInput
+        For a record that is not there.
+    """
+    model = ModelSettings(repeats=tree.attrs["repeats"], noise=tree.attrs["noise"])
+    batch, _, levels = batch_and_levels(table, model)
+    if record not in batch.records:
+        raise BadInput(f"record {record!r} is not in the table; name one of {', '.join(batch.records[:3])}, ...")
+    at = np.array([batch.records.index(record)])
+    one = Batch((record,), batch.displacement_mm[at], batch.force_kN[at], batch.present[at])
+    data, posterior = record_data(one), tree["posterior"].to_dataset()
+    case = levels.of_record[at]
+    of, z = populations(posterior, levels, case), standard_points(5, seed=0)
+    density = record_density(likelihood_of(data, model, None), data, estimate_records(one, model.noise, None), of, z)
+    log_weights, pareto_k = array_stats.psislw(np.asarray(density.log_density)[:, 0])
+    weights = np.exp(log_weights - np.max(log_weights))
+    tails, rows = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0], []
+    for parameter in CASE_PARAMETERS:
+        draws = posterior[f"{parameter}_case"].transpose("chain", "draw", ...).to_numpy()[..., case[0]].ravel()
+        for name, weighed in (("with", np.ones_like(weights)), ("without", weights)):
+            lower, median, upper = np.quantile(draws, tails, method="inverted_cdf", weights=weighed)
+            row = {"parameter": parameter, "unit": RECORD_UNITS[parameter], "records": name}
+            row |= {"median": median, "lower": lower, "upper": upper, "interval": interval}
+            row |= {"pareto_k": float(pareto_k) if name == "without" else np.nan, "origin": tree.attrs["origin"]}
+            rows.append(row | {"trusted": name == "with" or bool(pareto_k <= PARETO_K_MOST)})
+    return pd.DataFrame(rows)

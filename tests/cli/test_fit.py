@@ -1,0 +1,193 @@
+"""What fit and show print and write: the verdict, every file, whole or not at all."""
+
+import hashlib
+import json
+import re
+import shutil
+import subprocess
+import sys
+from collections import Counter
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from helpers.command_line import CONTRASTS_PNG, FIT_FILES, TABLES, assert_refused, here, installed, tree_of, written
+from helpers.hand_made_posteriors import posterior, scattered
+from helpers.simulated_records import Plan, simulate
+
+from bayes_tyre.record_table import record_words
+from bayes_tyre.workflow import fit as workflow
+from bayes_tyre.workflow import result_folder
+
+# Compilation and module fixtures: over 10 s for the file from cold.
+pytestmark = pytest.mark.slow
+
+
+def put_draws_for_the_sampler(monkeypatch, columns: list[str] | None = None) -> pd.DataFrame:
+    """Put well-mixed draws about the truth in place of the sampler; give the records they belong to."""
+    table, truth = simulate(Plan(configurations=("dual", "single"), speeds=(0.0,), loads=(20.0,), points=60), 3)
+    table = table[columns] if columns else table
+    words = record_words(table)
+    draws = scattered(words, seed=4)
+    for name in ("k", "beta", "J", "F_i", "sigma"):
+        scatter = np.exp(0.001 * np.random.default_rng(5).normal(size=draws[name].shape))
+        draws[name] = truth[name].to_numpy() * scatter
+    monkeypatch.setattr(workflow, "fit_hierarchical", lambda *_: posterior(draws, words))
+    return table
+
+
+@pytest.fixture
+def sampled(monkeypatch) -> pd.DataFrame:
+    return put_draws_for_the_sampler(monkeypatch)
+
+
+def test_fit_ends_with_0_and_says_pass_everywhere_when_it_may_be_trusted(sampled, tmp_path):
+    path = written(sampled, tmp_path / "records.csv")
+    done = here("fit", path, "--out", tmp_path / "out", "--interval", "0.8")
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert {name for name in tree_of(tmp_path / "out") if not name.endswith("/")} == FIT_FILES
+    for name in TABLES:
+        table = pd.read_csv(tmp_path / "out" / name)
+        assert set(table["verdict"]) == {"pass"}
+        assert set(table["interval"]) == {0.8}
+    diagnostics = json.loads((tmp_path / "out" / "diagnostics.json").read_text(encoding="utf-8"))
+    assert (diagnostics["verdict"], diagnostics["reasons"]) == ("pass", [])
+    assert "verdict pass" in done.stdout
+    shown = here("show", tmp_path / "out")
+    assert shown.exit_code == 0
+    assert "80 % interval" in shown.stdout
+
+
+def test_a_table_without_words_is_fitted_and_shown(tmp_path, monkeypatch):
+    required = put_draws_for_the_sampler(monkeypatch, ["record", "displacement_mm", "force_kN"])
+    path = written(required, tmp_path / "records.csv")
+    done = here("fit", path, "--out", tmp_path / "out")
+    assert (done.exit_code, done.stderr) == (0, "")
+    # No two cases match: there is nothing to contrast.
+    assert {name for name in tree_of(tmp_path / "out") if not name.endswith("/")} == FIT_FILES - {CONTRASTS_PNG}
+    assert pd.read_csv(tmp_path / "out" / "contrasts.csv").empty
+    assert len(pd.read_csv(tmp_path / "out" / "cases.csv")) == 2
+    shown = here("show", tmp_path / "out")
+    assert shown.exit_code == 0
+    assert "k, kN/mm" in shown.stdout
+
+
+def test_fit_that_fails_half_way_leaves_no_run_json_to_vouch_for_it(sampled, tmp_path, monkeypatch):
+    path = written(sampled, tmp_path / "records.csv")
+    monkeypatch.setattr(result_folder, "_write_figures", lambda *_: None)
+    assert here("fit", path, "--out", tmp_path / "out").exit_code == 0
+    assert (tmp_path / "out" / "run.json").is_file()
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device", "figure.png")
+
+    monkeypatch.setattr(result_folder, "_write_figures", full)
+    done = here("fit", path, "--out", tmp_path / "out", "--quiet")
+    assert_refused(done.exit_code, done.stderr, "figure.png", "No space left on device")
+    assert not (tmp_path / "out" / "run.json").exists()
+    assert not [name for name in tree_of(tmp_path / "out") if Path(name).name.startswith(".")]
+    assert here("show", tmp_path / "out").exit_code == 3
+
+
+def test_units_that_were_checked_are_fitted(sampled, tmp_path, monkeypatch):
+    monkeypatch.setattr(result_folder, "_write_figures", lambda *_: None)
+    path = written(sampled.assign(force_kN=sampled["force_kN"] * 1000), tmp_path / "records.csv")
+    done = here("fit", path, "--out", tmp_path / "out", "--units-checked", "--quiet")
+    assert done.exit_code in (0, 4)
+    assert (tmp_path / "out" / "run.json").is_file()
+
+
+@pytest.mark.parametrize(
+    ("run_json", "said"),
+    [(None, "holds no run.json"), ("{", "run.json"), ("[]", "run.json"), ('{"origin": "x"}', "summary.csv")],
+)
+def test_show_refuses_a_folder_without_a_result(run_json, said, tmp_path):
+    if run_json is not None:
+        (tmp_path / "run.json").write_text(run_json, encoding="utf-8")
+    done = here("show", tmp_path)
+    assert_refused(done.exit_code, done.stderr, str(tmp_path), said)
+    assert done.stdout == ""
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    """Run the installed `fit` with far too few draws; give the folder it lies in, as `one`, and how it ended."""
+    folder = tmp_path_factory.mktemp("a fit")
+    table, _ = simulate(Plan(speeds=(0.0,), loads=(20.0,), points=40), 1)
+    written(table, folder / "the records.csv")
+    few = ["--chains", 2, "--warmup", 60, "--draws", 60, "--seed", 7]
+    return folder, installed("fit", "the records.csv", "--out", "one", *few, cwd=folder)
+
+
+def test_too_few_draws_end_with_4_and_every_file_says_so(fitted):
+    folder, done = fitted
+    assert done.returncode == 4, done.stderr
+    assert "verdict fail" in done.stdout
+    assert {name for name in tree_of(folder / "one") if not name.endswith("/")} == FIT_FILES
+    for name in TABLES:
+        table = pd.read_csv(folder / "one" / name)
+        assert table.columns[-1] == "verdict"
+        assert set(table["verdict"]) == {"fail"}
+        assert set(table["origin"]) == {"simulated"}
+    diagnostics = json.loads((folder / "one" / "diagnostics.json").read_text(encoding="utf-8"))
+    assert diagnostics["verdict"] == "fail"
+    assert (diagnostics["chains"], diagnostics["draws"]) == (2, 60)
+    assert any("ESS" in reason for reason in diagnostics["reasons"])
+    assert done.stderr == "".join(f"bayes-tyre: {reason}\n" for reason in diagnostics["reasons"])
+
+
+def test_a_run_tells_how_it_was_made(fitted):
+    folder, _ = fitted
+    run = json.loads((folder / "one" / "run.json").read_text(encoding="utf-8"))
+    few = "--chains 2 --warmup 60 --draws 60 --seed 7"
+    assert run["command"] == f"bayes-tyre fit 'the records.csv' --out one {few}"
+    sampler = {"chains": 2, "warmup": 60, "draws": 60}
+    model = {"region": "all", "initial_load": "nominal", "displacement_scale_sd": 0.0}
+    model |= {"likelihood": "compressed", "repeats": "mixture", "noise": "iid", "noise_window": 1}
+    assert run["options"] == {**sampler, **model, "interval": 0.95, "units_checked": False}
+    assert run["seed"] == 7
+    digest = hashlib.sha256((folder / "the records.csv").read_bytes()).hexdigest()
+    assert run["inputs"] == {"the records.csv": digest}
+    for library in ("bayes-tyre", "jax", "numpyro", "arviz", "numpy"):
+        assert run["versions"][library] == version(library)
+    assert run["versions"]["python"] == ".".join(map(str, sys.version_info[:3]))
+    assert run["wall_time_s"] > 1
+    others = [path for path in (folder / "one").rglob("*") if path.is_file() and path.name != "run.json"]
+    assert all(path.stat().st_mtime_ns <= (folder / "one" / "run.json").stat().st_mtime_ns for path in others)
+
+
+def test_the_posterior_on_disk_has_names_labels_and_units(fitted):
+    folder, _ = fitted
+    with xr.open_datatree(folder / "one" / "posterior.nc", engine="h5netcdf") as tree:
+        posterior_of = tree["posterior"].to_dataset()
+        assert posterior_of["k"].dims == ("chain", "draw", "record")
+        assert posterior_of["k_case"].dims == ("chain", "draw", "case")
+        assert posterior_of["k"].attrs["units"] == "kN/mm"
+        assert posterior_of["beta_case"].attrs["units"] == "mm"
+        assert all("units" in draws.attrs for draws in posterior_of.data_vars.values())
+        assert set(posterior_of["record"].to_numpy()) == set(pd.read_csv(folder / "one" / "repeats.csv")["record"])
+        assert tree["sample_stats"]["diverging"].shape == (2, 60)
+        assert tree.attrs["origin"] == "simulated"
+
+
+def test_figures_are_pictures(fitted):
+    folder, _ = fitted
+    for path in (folder / "one" / "figures").iterdir():
+        assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_show_prints_the_table_of_a_result_and_what_it_rests_on(fitted):
+    folder, _ = fitted
+    shutil.copytree(folder / "one", folder / "two")
+    done = installed("show", "one", "two", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    means = pd.read_csv(folder / "one" / "summary.csv").query("parameter in ('k_mean', 'beta_mean')")
+    assert len(means) == 8
+    for text, cells in Counter(f"{median:.4g}" for median in means["median"]).items():
+        assert len(re.findall(rf"(?<![\d.]){re.escape(text)} ", done.stdout)) == 2 * cells
+    for word in ("single", "dual", "k, kN/mm", "beta, mm", "not measured", "verdict: fail", "95 % interval"):
+        assert done.stdout.count(word) >= 2
+    assert done.stdout.count("files: one\n") == done.stdout.count("files: two\n") == 1

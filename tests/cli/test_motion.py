@@ -1,0 +1,175 @@
+"""`motion`: raw files to a posterior of tyre, mass, damping and energy lost, with every table of `fit`."""
+
+import json
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from helpers.command_line import TABLES, WORDS, assert_refused, here, tree_of
+
+from bayes_tyre.rig.axle import load_rig
+from bayes_tyre.simulate.plan import thesis_plan
+from bayes_tyre.workflow.raw import motion_estimates
+from bayes_tyre.workflow.raw.simulate import write_simulated
+
+# Fits the motions of two files and samples: over 10 s.
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
+
+# Of one rig: each further one is compiled for anew.
+GOOD = ("DynamicS(0)20-30(1).lvm", "DynamicS(0)30-20(1).lvm")
+RIGS = {"single": load_rig("single")}
+PARAMETERS = ["k", "x", "beta", "m", "c", "energy_per_cycle"]
+UNITS = {"k": "kN/mm", "x": "kN", "beta": "mm", "m": "kg", "c": "kN s/mm", "energy_per_cycle": "J"}
+COLUMNS = {
+    *("k_kN_per_mm", "k_kN_per_mm_se", "x_kN", "x_kN_se", "beta_mm", "beta_mm_se", "m_kg", "m_kg_se"),
+    *("c_kN_s_per_mm", "c_kN_s_per_mm_se", "pareto_k", "status", "origin", "record", *WORDS),
+}
+FEW = ["--chains", 2, "--warmup", 150, "--draws", 100, "--workers", 1]
+
+
+@pytest.fixture(scope="module")
+def raw(tmp_path_factory):
+    """Return a folder of two simulated recordings and one that is no recording."""
+    folder = tmp_path_factory.mktemp("raw")
+    plan = [r._replace(duration_s=2.5, step_between_s=(1.0, 1.1)) for r in thesis_plan(5000.0) if r.file in GOOD]
+    write_simulated(plan, RIGS, 0, folder, lambda done: None)
+    (folder / "DynamicS(0)30-20(3).lvm").write_text("no recording at all")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def done(raw, tmp_path_factory):
+    """Return where the command wrote, and what came of it."""
+    out = tmp_path_factory.mktemp("motion") / "out"
+    done = here("motion", raw, "--out", out, *FEW, "--amplitude", 2, "--figures", out.parent / "pictures")
+    return out, done
+
+
+def test_everything_that_fit_writes_is_there_and_the_estimates(done):
+    out, ended = done
+    assert ended.exit_code in (0, 4), ended.stderr
+    written = {name for name in tree_of(out) if not name.startswith(".") and not name.endswith("/")}
+    own = {"estimates.csv", "rejected.csv", "motions_shown.csv"}
+    assert {"posterior.nc", *TABLES, "diagnostics.json", "run.json", *own} <= written
+    figures = {"forest_of_cases", "posteriors_by_direction", "energy_per_cycle", "contrasts"}
+    figures |= {"motion_worst", "motion_typical"}
+    assert {f"figures/{name}.png" for name in figures} <= written
+    assert not {"figures/records_with_bands.png", "figures/outlier_probabilities.png"} & written
+    shown = pd.read_csv(out / "motions_shown.csv")
+    assert set(shown["shown"]) == {"worst", "typical"}
+    left = shown.filter(like="left_over_").to_numpy()
+    # Some 8000 white residuals: their mean square is 1 with a standard error of 0.016, and each of the six channels'
+    # variances is known to some 4 % from its rest: 0.024 together, five times is 0.12.
+    assert np.nanmean(left**2) == pytest.approx(1.0, abs=0.12)
+    assert {path.name for path in (out.parent / "pictures").iterdir()} == {
+        f"{name.removeprefix('Dynamic').removesuffix('.lvm')}.png" for name in GOOD
+    }
+    assert not (out / ".checkpoint").exists()
+
+
+def test_estimates_are_near_the_truth_and_the_rejected_have_reasons(done, raw):
+    out, _ = done
+    estimates, rejected = pd.read_csv(out / "estimates.csv"), pd.read_csv(out / "rejected.csv")
+    assert set(estimates) >= COLUMNS
+    assert len(estimates) == len(GOOD)
+    assert [file.split("/")[-1] for file in rejected["file"]] == ["DynamicS(0)30-20(3).lvm"]
+    truth = pd.read_csv(raw / "truth.csv").set_index("record").loc[estimates["record"]]
+    for name in ("k_kN_per_mm", "x_kN", "beta_mm", "m_kg", "c_kN_s_per_mm"):
+        off = (estimates[name] - truth[name].to_numpy()) / estimates[f"{name}_se"]
+        # 10 numbers, near normal, some correlated: one beyond 5 standard errors in 6e-6 of seeds at most.
+        assert np.abs(off).max() < 5
+
+
+def test_tables_hold_the_parameters_of_the_contract(done):
+    out, _ = done
+    cases, repeats, contrasts, summary = (
+        pd.read_csv(out / name) for name in ("cases.csv", "repeats.csv", "contrasts.csv", "summary.csv")
+    )
+    assert list(dict.fromkeys(cases["parameter"])) == PARAMETERS
+    assert dict(zip(cases["parameter"], cases["unit"], strict=True)) == UNITS
+    assert set(repeats["parameter"]) == set(PARAMETERS)
+    assert set(contrasts["parameter"]) == set(PARAMETERS)
+    assert {f"{name}_mean" for name in PARAMETERS} <= set(summary["parameter"])
+    assert {"loss_factor_case", "equivalent_damping_case", "separation_case"} <= set(summary["parameter"])
+    for table in (cases, repeats, contrasts, summary):
+        assert set(table["origin"]) == {"simulated"}
+        assert list(table)[-1] == "verdict" or "decided_by" in table
+    assert (cases["median"] > 0).all()
+
+
+def test_the_amplitude_is_stated_and_the_origin_is_kept(done):
+    out, _ = done
+    run = json.loads((out / "run.json").read_text())
+    assert (run["options"]["amplitude_mm"], run["options"]["law"], run["origin"]) == (2.0, "fancher", "simulated")
+    assert len(run["inputs"]) == len(GOOD)
+    tree = xr.open_datatree(out / "posterior.nc")
+    assert tree["posterior"]["energy_per_cycle_case"].attrs["amplitude_mm"] == 2.0
+    assert tree["posterior"]["x_case"].attrs["units"] == "kN"
+    assert tree.attrs["model"] == "motion"
+
+
+def test_show_prints_it_beside_the_truth_too(done, raw):
+    out, _ = done
+    shown = here("show", out)
+    assert shown.exit_code == 0, shown.stderr
+    for said in ("energy_per_cycle, J", "x, kN", "simulated records: not measured"):
+        assert said in shown.stdout
+    beside = here("show", out, "--truth", raw / "truth.csv")
+    assert beside.exit_code == 0, beside.stderr
+    for name in ("k:", "x:", "beta:", "m:", "c:"):
+        assert name in beside.stdout
+
+
+def test_a_finished_run_is_not_done_again(done, raw):
+    out, _ = done
+    before = {name: content for name, content in tree_of(out).items() if not name.startswith(".")}
+    again = here("motion", raw, "--out", out, *FEW, "--amplitude", 2, "--resume")
+    assert "this run is finished" in again.stderr
+    assert {name: content for name, content in tree_of(out).items() if not name.startswith(".")} == before
+
+
+def test_other_options_of_the_hierarchy_use_the_estimates_that_are_kept(done, raw, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    shutil.copytree(done[0], out)
+    with monkeypatch.context() as kept:
+        kept.setattr(motion_estimates, "_done", lambda _: pytest.fail("estimated again"))
+        other = here("motion", raw, "--out", out, *FEW, "--amplitude", 3, "--resume")
+    assert other.exit_code in (0, 4), other.stderr
+    assert "option amplitude_mm was 2.0, is 3.0: the draws are made anew" in other.stderr
+    assert json.loads((out / "run.json").read_text())["options"]["amplitude_mm"] == 3.0
+    assert (out / "estimates.csv").read_bytes() == (done[0] / "estimates.csv").read_bytes()
+    energies = [pd.read_csv(folder / "cases.csv").query("parameter == 'energy_per_cycle'") for folder in (done[0], out)]
+    assert (energies[1]["median"].to_numpy() > energies[0]["median"].to_numpy()).all()
+
+
+@pytest.mark.parametrize(("option", "value"), [("law", "kelvin_voigt"), ("rig", "dual")])
+def test_to_resume_with_another_law_or_rig_is_refused_before_the_estimates_are_lost(done, raw, option, value):
+    out, _ = done
+    before = tree_of(out)
+    other = here("motion", raw, "--out", out, *FEW, "--amplitude", 2, "--resume", f"--{option}", value)
+    assert_refused(other.exit_code, other.stderr, f"option {option} was", f"is {value}", "give another --out")
+    assert tree_of(out) == before
+
+
+def test_with_no_usable_file_there_are_reasons_alone(raw, tmp_path):
+    done = here("motion", raw / "DynamicS(0)30-20(3).lvm", "--out", tmp_path / "out", *FEW)
+    assert_refused(done.exit_code, done.stderr, "rejected.csv", "none of 1 files")
+    assert set(tree_of(tmp_path / "out")) == {"rejected.csv"}
+
+
+def test_an_unknown_law_is_a_usage_error_that_lists_what_there_is(raw, tmp_path):
+    done = here("motion", raw, "--out", tmp_path / "out", "--law", "spring")
+    assert done.exit_code == 2
+    assert "fancher" in done.stderr
+    assert tree_of(tmp_path) == {}
+
+
+@pytest.mark.parametrize(
+    ("options", "said"), [(["--rig", "none.toml"], "no such rig"), (["--cases", "no.csv"], "no such")]
+)
+def test_options_of_no_use_are_refused_before_the_work(raw, tmp_path, options, said):
+    done = here("motion", raw, "--out", tmp_path / "out", *options)
+    assert_refused(done.exit_code, done.stderr, said)
+    assert tree_of(tmp_path) == {}

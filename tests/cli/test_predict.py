@@ -1,0 +1,284 @@
+"""What predict prints and writes: curves as CSV, parameters as TOML, both or none; and what it refuses."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from helpers.command_line import assert_refused, finish, here, installed, start, tree_of
+from helpers.hand_made_posteriors import fixed, grid, posterior, scattered
+
+from bayes_tyre.formats.netcdf import write_tree
+from bayes_tyre.results.prediction import COLUMNS
+from bayes_tyre.workflow import predict as workflow
+
+# Fixtures and processes of their own: over 10 s for the file from cold.
+pytestmark = pytest.mark.slow
+
+HOSTILE = ("=cmd()", "../../x", "<script>alert(1)</script>", 'a "b" \\ ]]', "two\nlines", "sängle ü 轮胎", "[[case]]")
+PARAMETERS = ("k_kN_per_mm", "beta_mm", "J_kN", "C_kN", "F_i_kN", "d_i_mm")
+
+
+def a_fit(folder: Path, configurations: tuple[str, ...] = ("single", "dual"), verdict: str = "pass") -> Path:
+    """Write what `predict` reads of a fit, from draws made by hand; loading comes with unloading from its end alone."""
+    words = grid(configurations)
+    scatter = {f"log_{name}_repeat_scatter": fixed(0.05, 4, 250) for name in ("k", "beta")}
+    draws = scattered(words, seed=31) | scatter | {"log_sigma_spread": fixed(0.1, 4, 250)}
+    folder.mkdir(parents=True, exist_ok=True)
+    write_tree(posterior(draws, words), folder / "posterior.nc")
+    (folder / "diagnostics.json").write_text(json.dumps({"verdict": verdict}), encoding="utf-8")
+    (folder / "run.json").write_text("{}", encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def fitted(tmp_path) -> Path:
+    return a_fit(tmp_path / "fit")
+
+
+def test_the_installed_command_writes_curves_and_parameters_into_the_fits_folder(tmp_path):
+    a_fit(tmp_path / "fit")
+    done = installed("predict", "fit", "--case", "dual (0)20-30", "--displacement", "0:4:5", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == (
+        "no opposite direction of dual (0)20-30\n"
+        f"wrote {Path('fit/prediction.csv')} (data: simulated, verdict pass)\n"
+        f"wrote {Path('fit/prediction.toml')} (data: simulated, verdict pass)\n"
+    )
+    curves = pd.read_csv(tmp_path / "fit/prediction.csv")
+    assert list(curves.columns) == list(COLUMNS)
+    assert curves["displacement_mm"].tolist() == [0, 1, 2, 3, 4]
+    assert (curves["lower"] < curves["median"]).all()
+    assert (curves["median"] < curves["upper"]).all()
+    said = curves[["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN", "interval", "of"]]
+    assert said.drop_duplicates().to_numpy().tolist() == [["dual", "loading", 0.0, 20.0, 10.0, 0.95, "case"]]
+
+
+def test_a_vehicle_model_can_read_the_parameters_and_gets_the_curve_from_them(fitted):
+    done = here("predict", fitted, "--case", "single (25)30-20", "--displacement", "0,0.01,1,3", "--interval", "0.9")
+    assert done.exit_code == 0
+    made = tomllib.loads((fitted / "prediction.toml").read_text(encoding="utf-8"))
+    assert (made["of"], made["interval"], made["origin"], made["verdict"]) == ("case", 0.9, "simulated", "pass")
+    assert made["equation"].startswith("F = F_i + (J + k u) (1 - exp(-|u| / beta))")
+    assert made["version"].startswith("bayes-tyre ")
+    (case,) = made["case"]
+    assert [case[word] for word in ("label", "configuration", "direction")] == [
+        "single (25)30-20",
+        "single",
+        "unloading",
+    ]
+    assert [case[word] for word in ("speed_km_h", "initial_load_kN", "step_kN")] == [25.0, 30.0, -10.0]
+    assert all(case[name]["lower"] < case[name]["mean"] < case[name]["upper"] for name in PARAMETERS)
+    k, beta, J, C, F_i, d_i = (case[name]["mean"] for name in PARAMETERS)
+    assert k * d_i + C - F_i == pytest.approx(J, abs=0.1 * case["C_kN"]["sd"])
+    curves = pd.read_csv(fitted / "prediction.csv")
+    u = curves["displacement_mm"].to_numpy()
+    assert u.tolist() == [-0.0, -0.01, -1.0, -3.0]
+    force = F_i + ((k * (d_i + u) + C) - F_i) * (1 - np.exp(-np.abs(u) / beta))  # Equation 2 as it is written down
+    # Means against medians of draws that scatter by 3 % of k: apart by less than a tenth of the interval.
+    assert (np.abs(force - curves["median"]) < 0.1 * (curves["upper"] - curves["lower"])).all()
+
+
+@pytest.mark.parametrize("label", HOSTILE)
+def test_hostile_labels_are_text_in_both_files_and_no_path(label, tmp_path):
+    folder = a_fit(tmp_path / "fit", (label, "other"))
+    before = set(tree_of(tmp_path))
+    done = here("predict", folder, "--case", f"configuration={label},speed_km_h=0", "--displacement", "0,1")
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert len(done.stdout.splitlines()) == 3
+    assert set(tree_of(tmp_path)) - before == {"fit/prediction.csv", "fit/prediction.toml"}
+    made = tomllib.loads((folder / "prediction.toml").read_text(encoding="utf-8"))
+    assert {case["configuration"] for case in made["case"]} == {label}
+    cells = set(pd.read_csv(folder / "prediction.csv", dtype=str)["configuration"])
+    assert cells == {f"'{label}" if label.startswith("=") else label}
+
+
+def test_a_repeat_is_the_same_with_the_same_seed_and_wider_than_the_case(fitted, tmp_path):
+    widths = {}
+    for name, options in {"one": ["7"], "two": ["7"], "other": ["8"]}.items():
+        asked = ["--of", "repeat", "--seed", *options, "--out", tmp_path / name, "--quiet"]
+        done = here("predict", fitted, "--case", "single (0)20-30", "--displacement", "0:3:9", *asked)
+        assert (done.exit_code, done.stdout, done.stderr) == (0, "", "")
+        widths[name] = pd.read_csv(tmp_path / name / "prediction.csv").eval("upper - lower")
+    for name in ("prediction.csv", "prediction.toml"):
+        one, two, other = ((tmp_path / folder / name).read_bytes() for folder in widths)
+        assert one == two != other
+    assert tomllib.loads(one.decode())["of"] == "repeat"
+    assert here("predict", fitted, "--case", "single (0)20-30", "--displacement", "0:3:9").exit_code == 0
+    assert (pd.read_csv(fitted / "prediction.csv").eval("upper - lower") < widths["one"]).all()
+
+
+@pytest.mark.parametrize(
+    ("out", "csv", "toml"),
+    [
+        ("made/here", "made/here/prediction.csv", "made/here/prediction.toml"),
+        ("made/tyre.csv", "made/tyre.csv", "made/tyre.toml"),
+        ("v1.2", "v1.2/prediction.csv", "v1.2/prediction.toml"),
+        ("there.csv", "there.csv/prediction.csv", "there.csv/prediction.toml"),
+    ],
+)
+def test_out_is_a_folder_or_a_csv(out, csv, toml, fitted, tmp_path):
+    (tmp_path / "there.csv").mkdir()
+    before = {name for name in tree_of(tmp_path) if not name.endswith("/")}
+    done = here("predict", fitted, "--case", "single (0)20-30", "--out", tmp_path / out)
+    assert done.exit_code == 0
+    assert {name for name in tree_of(tmp_path) if not name.endswith("/")} - before == {csv, toml}
+    assert f"wrote {tmp_path / csv}" in done.stdout
+
+
+def test_a_posterior_that_failed_is_written_says_so_and_ends_with_4(tmp_path):
+    folder = a_fit(tmp_path / "fit", verdict="fail")
+    done = here("predict", folder, "--case", "single (0)20-30")
+    assert done.exit_code == 4
+    assert done.stderr.count("\n") == 1
+    assert "not to be trusted" in done.stderr
+    assert str(folder / "diagnostics.json") in done.stderr
+    assert set(pd.read_csv(folder / "prediction.csv")["verdict"]) == {"fail"}
+    assert tomllib.loads((folder / "prediction.toml").read_text(encoding="utf-8"))["verdict"] == "fail"
+
+
+def test_a_disk_that_fills_leaves_both_older_files_as_they_were(fitted, monkeypatch):
+    assert here("predict", fitted, "--case", "single (0)20-30").exit_code == 0
+    before = tree_of(fitted)
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device", "prediction.toml")
+
+    monkeypatch.setattr(workflow, "write_text", full)
+    done = here("predict", fitted, "--case", "single (25)20-30")
+    assert done.exit_code == 3
+    assert "No space left on device" in done.stderr
+    assert tree_of(fitted) == before
+
+
+def spoil(folder: Path, what: str) -> None:
+    nc = folder / "posterior.nc"
+    if what == "cut":
+        nc.write_bytes(nc.read_bytes()[:3000])
+    elif what == "text":
+        nc.write_text("no netCDF", encoding="utf-8")
+    elif what == "another program's":
+        draws = xr.Dataset({"theta": (("chain", "draw"), np.zeros((2, 4)))})
+        write_tree(xr.DataTree.from_dict({"posterior": draws}), nc)
+    elif what == "printed":
+        words = grid(repeats=1).drop(columns=["record", "repeat"])
+        k = fixed(np.ones(len(words)))
+        write_tree(posterior({"k_case": k, "beta_case": k}, words, origin="published"), nc)
+    elif what.startswith("no "):
+        (folder / what[3:]).unlink()
+    else:
+        (folder / "diagnostics.json").write_text(what, encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ("no run.json", ("holds no run.json", "name a folder that fit wrote")),
+        ("no posterior.nc", ("posterior.nc", "no such file")),
+        ("no diagnostics.json", ("diagnostics.json", "run fit again")),
+        ("{", ("diagnostics.json", "verdict")),
+        ("[]", ("diagnostics.json", "verdict")),
+        ('{"verdict": "perhaps"}', ("diagnostics.json", "verdict")),
+        ("cut", ("posterior.nc", "cannot be read as netCDF")),
+        ("text", ("posterior.nc", "cannot be read as netCDF")),
+        ("another program's", ("posterior.nc", "no posterior of this program")),
+        ("printed", ("posterior.nc", "no records", "J")),
+    ],
+)
+def test_a_folder_without_a_result_of_records_is_refused(what, said, fitted):
+    spoil(fitted, what)
+    before = tree_of(fitted)
+    done = here("predict", fitted, "--case", "single (0)20-30")
+    assert_refused(done.exit_code, done.stderr, str(fitted), *said)
+    assert tree_of(fitted) == before
+
+
+WRONG = {
+    "missing: holds no run.json": ("missing", "single (0)20-30"),
+    "file: holds no run.json": ("file", "single (0)20-30"),
+    "no case matches single (0)1-2; there are 8: single (0)20-30": ("fit", "single (0)1-2"),
+    "no case matches speed_km_h=7.0; there are 8": ("fit", "speed_km_h=7"),
+    "file/x: is a file": ("fit", "single (0)20-30", "--out", "file/x"),
+    "x.parquet: the curves are written as CSV": ("fit", "single (0)20-30", "--out", "x.parquet"),
+}
+
+
+@pytest.fixture
+def beside_a_file(tmp_path, monkeypatch) -> Path:
+    a_fit(tmp_path / "fit")
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("said", WRONG)
+def test_what_is_no_folder_and_no_case_is_refused_in_one_line(said, beside_a_file):
+    before = tree_of(beside_a_file)
+    folder, case, *more = WRONG[said]
+    done = here("predict", folder, "--case", case, *more)
+    assert_refused(done.exit_code, done.stderr, said)
+    assert done.stdout == ""
+    assert tree_of(beside_a_file) == before
+
+
+def test_the_installed_command_refuses_with_3_and_answers_usage_errors_with_2(beside_a_file):
+    before = tree_of(beside_a_file)
+    refused, asked = (
+        start("predict", "fit", "--case", "x", cwd=beside_a_file),
+        start("predict", "fit", cwd=beside_a_file),
+    )
+    done = finish(refused)
+    assert_refused(done.returncode, done.stderr, "no case matches x; there are 8")
+    done = finish(asked)
+    assert done.returncode == 2
+    assert "there are 8: single (0)20-30" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert tree_of(beside_a_file) == before
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ([], "--case"),
+        ([], "there are 8: single (0)20-30"),
+        (["--case", " "], "there are 8: single (0)20-30"),
+        (["--case", "speed=0"], "'speed' is no word"),
+        (["--case", "direction=up"], "loading or unloading"),
+        (["--case", "single (0)20-30", "--case", "speed_km_h=0"], "side by side"),
+        (["--case", "single (0)20-30", "--of", "records"], "--of"),
+        (["--case", "single (0)20-30", "--interval", "1"], "--interval"),
+        *(
+            (["--case", "single (0)20-30", "--displacement", grid_text], "--displacement")
+            for grid_text in (
+                "",
+                "x",
+                "0:3",
+                "0:3:1",
+                "3:0:9",
+                "0:3:1e9",
+                "0:3:200000",
+                "0:nan:4",
+                "0,inf",
+                "1,,2",
+                "0,1e9",
+            )
+        ),
+    ],
+)
+def test_an_option_that_cannot_be_is_a_usage_error(options, said, fitted):
+    before = tree_of(fitted)
+    done = here("predict", fitted, *options)
+    assert done.exit_code == 2
+    assert said in done.stderr
+    assert tree_of(fitted) == before
+
+
+@pytest.mark.parametrize("text", ["-3:3:7", "-3,-2,-1,0,1,2,3"])
+def test_signed_displacements_serve_each_direction_with_those_of_its_sign(text, fitted):
+    asked = ["--case", "single (0)20-30", "--case", "single (0)30-20", "--displacement", text]
+    assert here("predict", fitted, *asked).exit_code == 0
+    by_direction = pd.read_csv(fitted / "prediction.csv").groupby("direction")["displacement_mm"]
+    assert {d: u.tolist() for d, u in by_direction} == {"loading": [0, 1, 2, 3], "unloading": [-3, -2, -1, 0]}

@@ -1,0 +1,77 @@
+"""What the quick commands print and write: help, lsq, campaign, published."""
+
+import json
+import subprocess
+import sys
+from importlib.metadata import version
+
+import pandas as pd
+import pytest
+from helpers.command_line import COMMANDS, environment, finish, here, installed, start, tree_of
+
+from bayes_tyre.embedded import data_path
+
+# Compilation and module fixtures: over 10 s for the file from cold.
+pytestmark = pytest.mark.slow
+
+
+def test_help_names_units_and_an_example_and_waits_for_no_library(tmp_path):
+    asked = [["--help"], *([command, "--help"] for command in COMMANDS)]
+    script = f"""
+import contextlib, io, json, sys
+from bayes_tyre.cli import app
+said = []
+for arguments in {asked!r}:
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        try:
+            app(arguments, prog_name="bayes-tyre")
+        except SystemExit as end:
+            assert not end.code
+    said.append(out.getvalue())
+print(json.dumps([said, [name for name in ("jax", "numpyro", "pandas", "matplotlib") if name in sys.modules]]))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True
+    )
+    said, imported = json.loads(done.stdout)
+    assert imported == []
+    for command in COMMANDS:
+        assert f"\n  {command} " in said[0]
+    for command, text in zip(COMMANDS, said[1:], strict=True):
+        assert f"Example: bayes-tyre {command} " in text
+        assert any(unit in " ".join(text.split()) for unit in ("kN/mm", "(mm, kN)", "(kN, mm)"))
+        assert "--seed" in text
+        assert "--quiet" in text
+
+
+def test_the_installed_command_helps(tmp_path):
+    running = {one: start(one, cwd=tmp_path) for one in ("--help", "--version")}
+    done = {one: finish(process) for one, process in running.items()}
+    assert all(one.returncode == 0 and one.stderr == "" for one in done.values())
+    assert "Usage: bayes-tyre" in done["--help"].stdout
+    assert done["--version"].stdout == f"{version('bayes-tyre')}\n"
+
+
+def test_the_campaign_is_the_same_file_each_time_and_the_one_that_ships(tmp_path):
+    done = installed("campaign", "--out", "one/records.csv", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("reconstructed, not measured") == 2
+    assert here("campaign", "--out", tmp_path / "two" / "records.csv").exit_code == 0
+    for name in ("records.csv", "records_truth.csv"):
+        one, two = ((tmp_path / folder / name).read_bytes() for folder in ("one", "two"))
+        assert one == two == data_path(f"campaign/{name}").read_bytes()
+    assert len(tree_of(tmp_path)) == 6
+
+
+@pytest.mark.slow
+def test_the_published_numbers_are_counted_apart_by_kind(tmp_path):
+    done = installed("published", "--out", "checked", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    check = pd.read_csv(tmp_path / "checked" / "published_check.csv")
+    assert list(check.columns) == ["quantity", "source", "kind", "published", "recomputed", "tolerance", "agrees"]
+    counts = check["kind"].value_counts()
+    assert set(counts.index) == {"recomputed", "round trip", "erratum"}
+    for kind, count in counts.items():
+        assert f"  {kind}: {count} of {count} agree\n" in done.stdout
+    assert {"checked/", "checked/published_check.csv"} == set(tree_of(tmp_path))

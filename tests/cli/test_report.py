@@ -1,0 +1,123 @@
+"""`report`: where the page goes, exit codes, what it draws, and results whose input is gone."""
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from helpers.command_line import assert_refused, here, tree_of
+from helpers.reported_motions import write_motions
+from helpers.reported_results import IMAGE, SCRIPT, printed_words, write_fitted, write_made
+
+from bayes_tyre.report.figures.catalogue import ALWAYS, OF_MOTIONS, OF_RECORDS
+from bayes_tyre.report.html.figures import HEADINGS
+
+# Draws every figure of a result: over 10 s for the file.
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory) -> Path:
+    return write_fitted(tmp_path_factory.mktemp("fitted") / "fit")
+
+
+@pytest.fixture
+def quick(monkeypatch) -> None:
+    """Draw no figures where they are not what is tested."""
+    monkeypatch.setattr("bayes_tyre.report.figures.catalogue.draw", lambda _: iter(()))
+
+
+def test_one_page_with_every_figure(fitted, tmp_path):
+    before = tree_of(fitted)
+    done = here("report", fitted, "--out", tmp_path / "page.html")
+    verdict = json.loads((fitted / "diagnostics.json").read_text())["verdict"]
+    assert (done.exit_code, verdict) in ((0, "pass"), (4, "fail")), done.stderr
+    assert tree_of(fitted) == before
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert page.count("data:image/svg+xml;base64,") == len(ALWAYS) + len(OF_RECORDS) + 1  # odd repeats
+    assert "data:image/png" not in re.sub(r"base64,[^\"]*", "", page)
+    assert SCRIPT not in page
+    assert IMAGE not in page
+    assert len(page) < 5e6
+
+
+def test_a_result_of_motions_is_drawn_anew_and_its_energy_and_loop_with_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("bayes_tyre.report.figures.catalogue.ALWAYS", {})
+    folder = write_motions(tmp_path / "motion", ("single",))
+    done = here("report", folder)
+    assert (done.exit_code, done.stderr) == (0, "")
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert page.count("data:image/svg+xml;base64,") == len({*OF_MOTIONS, "loops_by_direction"})
+    assert "data:image/png" not in re.sub(r"base64,[^\"]*", "", page)
+    assert "How much energy a cycle loses" in page
+    assert "The loop that loses it" in page
+    assert "as the fit drew them" not in page
+
+
+def test_kept_figures_are_shown_as_they_lie_there(fitted, tmp_path):
+    folder = shutil.copytree(fitted, tmp_path / "fit")
+    (folder / "figures").mkdir()
+    for name in ("pair_plot", "contrasts", "of_my_own"):
+        (folder / "figures" / f"{name}.png").write_bytes(b"\x89PNG " + name.encode())
+    done = here("report", folder, "--kept-figures")
+    assert done.exit_code in (0, 4)
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "data:image/svg" not in page
+    headings = re.findall(r"<h3>([^<]*)</h3>", page)
+    assert headings == [HEADINGS["contrasts"][0], HEADINGS["pair_plot"][0], "Of my own"]
+
+
+def test_figures_of_records_are_those_of_the_fit_where_its_input_is_gone(fitted, tmp_path, quick):
+    folder = shutil.copytree(fitted, tmp_path / "fit")
+    (folder / "figures").mkdir()
+    (folder / "figures" / "records_with_bands.png").write_bytes(b"\x89PNG of the fit")
+    run = json.loads((folder / "run.json").read_text())
+    run["inputs"] = {"nowhere.csv": "0" * 64}
+    (folder / "run.json").write_text(json.dumps(run))
+    done = here("report", folder)
+    assert done.exit_code in (0, 4)
+    assert "nowhere.csv is not there" in done.stderr
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert page.count("data:image/png;base64,") == 1
+    assert "its input was not found" in page
+
+
+def test_the_page_goes_into_the_first_folder_or_where_out_says(tmp_path, quick):
+    words = printed_words("x")
+    one, two = (write_made(tmp_path / name, {"x": 1.0}, words=words, seed=i) for i, name in enumerate(("one", "two")))
+    done = here("report", one, two)
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert done.stdout == f"wrote {one / 'report.html'}\n"
+    assert not (two / "report.html").exists()
+    for out, path in (("page.html", "page.html"), ("deep/down", "deep/down/report.html")):
+        assert here("report", one, "--out", tmp_path / out, "--quiet").stdout == ""
+        assert (tmp_path / path).is_file()
+
+
+def test_a_failed_verdict_is_written_and_ends_with_code_4(tmp_path, quick):
+    words = printed_words("x")
+    good = write_made(tmp_path / "good", {"x": 1.0}, words=words)
+    bad = write_made(tmp_path / "bad", {"x": 1.0}, verdict="fail", words=words, seed=4)
+    done = here("report", good, bad, "--out", tmp_path / "page.html")
+    assert done.exit_code == 4
+    assert done.stderr == "bayes-tyre: warning: bad: the posterior is not to be trusted; its report says why\n"
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "Verdict: pass" in page
+    assert "Verdict: fail" in page
+    assert "Averages over the test cases" in page
+
+
+def test_what_is_no_result_is_refused_and_nothing_is_written(tmp_path, quick):
+    made = write_made(tmp_path / "made", {"x": 1.0})
+    (tmp_path / "lsq").mkdir()
+    (tmp_path / "lsq" / "least_squares.csv").write_text("record\na\n")
+    before = tree_of(tmp_path)
+    for given, said in (
+        ([made, tmp_path / "lsq"], ["lsq", "run.json"]),
+        ([made, tmp_path / "made/../made"], ["named twice"]),
+        ([made, "--out", tmp_path / "page.pdf"], ["page.pdf", "HTML"]),
+    ):
+        done = here("report", *given)
+        assert_refused(done.exit_code, done.stderr, *said)
+        assert tree_of(tmp_path) == before

@@ -1,0 +1,32 @@
+"""Fits whose draws are put there instead of sampled: all that is written of them is real, and quick."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import xarray as xr
+from helpers.command_line import here, small, written
+from helpers.hand_made_posteriors import posterior, scattered
+
+from bayes_tyre.record_table import record_words
+from bayes_tyre.workflow import fit as workflow
+
+
+def drawn(table: pd.DataFrame, *_: object) -> xr.DataTree:
+    """Return well-mixed draws for a record table."""
+    words = record_words(table)
+    return posterior(scattered(words, seed=4), words)
+
+
+def put_draws_for_the_sampler(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workflow, "fit_hierarchical", drawn)
+
+
+def write_result(folder: Path) -> Path:
+    """Write what `fit` writes of the small table into a folder; return it."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        put_draws_for_the_sampler(monkeypatch)
+        table = written(small(), folder.with_name(f"{folder.name}.csv"))
+        done = here("fit", table, "--out", folder, "--quiet")
+    assert done.exit_code in (0, 4), done.stderr
+    return folder

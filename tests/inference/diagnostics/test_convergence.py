@@ -1,0 +1,40 @@
+"""The figures that a tree keeps are those taken anew, of all quantities and of one."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from bayes_tyre.inference.diagnostics.convergence import figures_kept, figures_of, monitor, with_figures
+
+
+def tree_of(chains: int) -> xr.DataTree:
+    rng = np.random.default_rng(0)
+    posterior = xr.Dataset(
+        {
+            "k_case": (("chain", "draw", "case"), rng.lognormal(size=(chains, 200, 3))),
+            "J_scale": (("chain", "draw"), rng.standard_normal((chains, 200))),
+        },
+        {"case": ["a", "b", "c"]},
+    )
+    return xr.DataTree.from_dict({"posterior": posterior})
+
+
+@pytest.mark.parametrize("chains", [1, 4])
+def test_figures_kept_are_those_taken_anew(chains):
+    tree = tree_of(chains)
+    kept, anew = figures_of(with_figures(tree)), monitor(tree["posterior"].to_dataset())
+    assert figures_of(tree).ess_bulk.identical(anew.ess_bulk)
+    for one, other in zip(kept, anew, strict=True):
+        assert (one is None) == (other is None)
+        if one is not None and other is not None:
+            xr.testing.assert_allclose(one.drop_vars("figure", errors="ignore"), other, rtol=0, atol=0)
+
+
+def test_one_quantity_has_its_own():
+    tree = with_figures(tree_of(4))
+    figures = figures_kept(tree, "k_case")
+    assert figures is not None
+    assert figures.r_hat is not None
+    assert list(figures.r_hat.data_vars) == ["k_case"]
+    assert figures_kept(tree, "beta_case") is None
+    assert figures_kept(tree_of(4), "k_case") is None

@@ -1,0 +1,103 @@
+"""The density of a whole record, its own parameters integrated out, against the normal density where it is one."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers.simulated_records import Plan, simulate
+from scipy import stats
+
+from bayes_tyre.inference.diagnostics.record_marginal import (
+    POINTS,
+    Populations,
+    record_density,
+    standard_points,
+)
+from bayes_tyre.inference.model.laplace import estimate_records, record_data
+from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_levels, likelihood_of
+from bayes_tyre.record_table import check_record_table
+
+#: So narrow that a logarithm is as good as known.
+NARROW = 1e-6
+J_SCALE = np.array([0.05, 2.0])
+
+
+@pytest.fixture(scope="module")
+def records():
+    table, _ = simulate(Plan(("x",), (0.0,), (20.0,), (5.0,), repeats=3, points=50), seed=3)
+    return batch_and_levels(check_record_table(table), ModelSettings())[0]
+
+
+def known(estimates, **other) -> Populations:
+    """Return two draws of populations that leave nothing open but F_i and J."""
+    pair = np.asarray(estimates.centre[:, 2:])
+    values = {
+        "log_case": jnp.asarray(np.stack([pair, pair + 0.01])),
+        "log_scatter": jnp.full((2, *pair.shape), np.log(NARROW)),
+        "J_scale": jnp.asarray(J_SCALE),
+        "log_sigma": jnp.log(jnp.array([0.03, 0.05])),
+        "log_sigma_spread": jnp.full(2, NARROW),
+        **dict.fromkeys(("discordant_weight", "student_nu", "atanh_rho", "atanh_rho_spread")),
+    }
+    return Populations(**{**values, **other})
+
+
+def by_hand(data, record, log_pair, J_scale, sigma, rho=0.0) -> float:
+    """Return the log density of a record whose k, beta and sigma are known: a normal one, with F_i and J in it."""
+    present = np.asarray(data.present[record])
+    u, F = np.asarray(data.u[record])[present], np.asarray(data.F[record])[present]
+    k, beta = np.exp(log_pair)
+    g = 1.0 - np.exp(-np.abs(u) / beta)
+    apart = np.abs(np.subtract.outer(np.arange(len(u)), np.arange(len(u))))
+    covariance = sigma**2 * float(rho) ** apart if rho else sigma**2 * np.eye(len(u))
+    covariance = covariance + float(data.span[record]) ** 2 + J_scale**2 * np.outer(g, g)
+    return float(stats.multivariate_normal(float(data.F_0[record]) + k * u * g, covariance).logpdf(F))
+
+
+def density(batch, model: ModelSettings, of, seed: int = 0, points: int = 8192):
+    data, estimates = record_data(batch), estimate_records(batch, model.noise)
+    z = standard_points(6 if model.noise == "ar1" else 5, seed, points)
+    return data, record_density(likelihood_of(data, model, None), data, estimates, of(estimates), z)
+
+
+def test_with_k_beta_and_sigma_known_it_is_the_normal_density_with_F_i_and_J_in_it(records):
+    data, found = density(records, ModelSettings(), known)
+    pairs = np.asarray(known(estimate_records(records)).log_case)
+    for draw, sigma in enumerate((0.03, 0.05)):
+        for record in range(3):
+            expected = by_hand(data, record, pairs[draw, record], J_SCALE[draw], sigma)
+            # 8192 points, of which half count: within 2 % of the density, whatever the scale of J.
+            assert float(found.log_density[draw, record]) == pytest.approx(expected, abs=0.03)
+    assert float(jnp.min(found.effective_points)) > 2000
+
+
+def test_autoregressive_noise_likewise(records):
+    rho = 0.2
+    more = {"atanh_rho": jnp.full(2, np.arctanh(rho)), "atanh_rho_spread": jnp.full(2, NARROW)}
+    data, found = density(records, ModelSettings(noise="ar1"), lambda estimates: known(estimates, **more))
+    pair = np.asarray(known(estimate_records(records, "ar1")).log_case)[0, 0]
+    expected = by_hand(data, 0, pair, J_SCALE[0], 0.03, rho)
+    assert float(found.log_density[0, 0]) == pytest.approx(expected, abs=0.03)
+
+
+def test_repeats_enter_as_in_the_model(records):
+    """A mixture of weight 0 is the normal one, a t of many degrees of freedom nearly, and one of weight 1 is wider."""
+    wide = {"log_scatter": jnp.full((2, 3, 2), np.log(0.1)), "log_sigma_spread": jnp.full(2, 0.1)}
+
+    def with_(**other) -> np.ndarray:
+        return np.asarray(density(records, ModelSettings(), lambda e: known(e, **wide, **other))[1].log_density)
+
+    usual = with_()
+    assert with_(discordant_weight=jnp.full(2, 1e-12)) == pytest.approx(usual, abs=1e-9)
+    assert with_(student_nu=jnp.full(2, 1e6)) == pytest.approx(usual, abs=0.1)
+    # The data know k and beta far better than the scatter of 10 %: sixfold scatter costs twice log 6 at most.
+    discordant = with_(discordant_weight=jnp.full(2, 1.0 - 1e-12))
+    assert (usual - discordant <= 2.0 * np.log(6.0) + 0.1).all()
+    assert (usual - discordant > 1.0).all()
+
+
+def test_other_points_change_little(records):
+    wide = {"log_scatter": jnp.full((2, 3, 2), np.log(0.1)), "log_sigma_spread": jnp.full(2, 0.3)}
+    of = (ModelSettings(), lambda estimates: known(estimates, **wide))
+    found = [density(records, *of, seed, POINTS)[1].log_density for seed in (1, 2)]
+    assert jax.tree.reduce(jnp.maximum, jnp.abs(found[0] - found[1])).max() < 0.2

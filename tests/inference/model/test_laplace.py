@@ -1,0 +1,70 @@
+"""The Gaussian picture is the record's own likelihood near its peak."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers.simulated_records import Plan, simulate
+
+from bayes_tyre.batch import Batch
+from bayes_tyre.inference.model.laplace import blank_picture, draw_picture, estimate_records, record_data
+from bayes_tyre.inference.model.likelihood import DirectLikelihood
+from bayes_tyre.inference.model.reparameterisation import place_few
+from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_levels, record_batch
+from bayes_tyre.record_table import check_record_table
+
+# Compilation and module fixtures: over 10 s for the file from cold.
+pytestmark = pytest.mark.slow
+
+
+def test_the_likelihood_is_standard_normal_in_the_picture_of_long_records():
+    table, _ = simulate(Plan(("x",), (0.0,), (20.0,), points=1000, noise_kN=0.005), seed=4)
+    batch = record_batch(check_record_table(table))
+    picture, direct = estimate_records(batch), DirectLikelihood(record_data(batch))
+    rng = np.random.default_rng(0)
+    wide = jnp.full_like(picture.centre[:, 2:], 1e6)
+
+    def log_density(z):
+        pair = place_few(z[:, 2:], picture.centre[:, 2:], picture.precision, jnp.zeros_like(wide), wide).value
+        deviation = jnp.einsum("rij,rj->ri", picture.slope, pair - picture.centre[:, 2:])
+        level = picture.centre[:, :2] + deviation + jnp.einsum("rij,rj->ri", picture.factor, z[:, :2])
+        return direct(jnp.concatenate([level, pair], axis=1), jnp.exp(picture.log_sigma))
+
+    peak = log_density(jnp.zeros_like(picture.centre))
+    for _ in range(20):
+        z = jnp.asarray(rng.normal(size=picture.centre.shape))
+        expected = -0.5 * jnp.sum(z**2, axis=1)
+        # Curvature of beta and the floor under the information leave some per cent.
+        np.testing.assert_allclose(log_density(z) - peak, expected, rtol=0.15, atol=0.05)
+
+
+def test_a_record_that_leaves_beta_open_gets_a_finite_picture():
+    d = np.linspace(5.0, 8.0, 40)
+    table, _ = simulate(Plan(("x",), (0.0,), (20.0,), (5.0,), repeats=1, points=40), seed=1)
+    # A straight line: no beta in it, and no offset.
+    table["displacement_mm"], table["force_kN"] = d, 1.7 * d + np.random.default_rng(0).normal(0, 0.02, 40)
+    picture = estimate_records(record_batch(check_record_table(table)))
+    for figures in picture:
+        assert bool(jnp.all(jnp.isfinite(figures)))
+    assert float(jnp.linalg.det(picture.precision[0])) > 0.0
+
+
+def test_an_offset_that_pulls_against_the_line_is_in_the_picture():
+    """It may be larger than any change of force; cut to that, the sampler found it thousands of widths away."""
+    u = 5.0 * np.linspace(0.0, 1.0, 40) ** 2
+    force = 20.0 + (-7.0 + 1.8 * u) * -np.expm1(-u / 0.2) + np.random.default_rng(2).normal(0, 0.005, 40)
+    picture = estimate_records(Batch(("x",), 10.0 + u[None], force[None], np.ones((1, 40), dtype=bool)))
+    assert np.abs(force - force[0]).max() < 6.0
+    # Errors of F_i and J are some 0.003 kN: 0.02 is beyond 6 of them.
+    np.testing.assert_allclose(picture.centre[0, :2], [20.0, -7.0], rtol=0, atol=0.02)
+
+
+def test_a_blank_picture_has_the_shapes_of_a_drawn_one():
+    table, _ = simulate(Plan(("x", "y"), (0.0, 15.0), (20.0,), (5.0,), repeats=2, points=40), seed=1)
+    batch, _, levels = batch_and_levels(check_record_table(table), ModelSettings())
+    blank, drawn = blank_picture(len(batch.records), levels), draw_picture(batch, levels)
+    assert jax.tree.structure(blank) == jax.tree.structure(drawn)
+    assert jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype), blank) == (
+        jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype), drawn)
+    )
+    assert all(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(drawn))

@@ -1,0 +1,130 @@
+"""The compressed likelihood is the direct one: values, gradients, ragged records."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers.simulated_records import Plan, simulate
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bayes_tyre.inference.correlated_noise import smoothed_noise
+from bayes_tyre.inference.model.laplace import RecordData, RecordEstimates, estimate_records, record_data
+from bayes_tyre.inference.model.likelihood import CompressedLikelihood, DirectLikelihood, compress
+from bayes_tyre.inference.model.priors import PRIORS
+from bayes_tyre.inference.sampling.hierarchical_fit import record_batch
+from bayes_tyre.record_table import check_record_table
+
+# Compilation and module fixtures: over 10 s for the file from cold.
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def records() -> tuple[DirectLikelihood, CompressedLikelihood, RecordEstimates]:
+    table, _ = simulate(Plan(speeds=(0.0,), loads=(20.0,), points=240), seed=3)
+    # Ragged: the last record loses its tail.
+    last = table["record"].iloc[-1]
+    table = table.drop(table.index[table["record"] == last][150:])
+    batch = record_batch(check_record_table(table))
+    data = record_data(batch)
+    return DirectLikelihood(data), compress(data), estimate_records(batch)
+
+
+@pytest.fixture(scope="module", params=["autoregressive", "smoothed"])
+def correlated(request, records) -> tuple[DirectLikelihood, CompressedLikelihood, RecordEstimates, float | None]:
+    """Return both likelihoods under noise that is not independent, the picture, and rho where there is one."""
+    direct, _, picture = records
+    if request.param == "autoregressive":
+        return direct, compress(direct.data, neighbours=True), picture, 0.7
+    whitening = smoothed_noise(direct.data.u.shape[1], 20)
+    return DirectLikelihood(direct.data, whitening), compress(direct.data, whitening=whitening), picture, None
+
+
+def prior_beta(quantile_sd: float) -> float:
+    location, scale = PRIORS["beta_cell"].parameters
+    return location + quantile_sd * scale
+
+
+@settings(derandomize=True, deadline=None, max_examples=60)
+@given(
+    where=st.floats(-3.0, 3.0),
+    sigma_factor=st.sampled_from([0.1, 1.0, 10.0]),
+    off=st.lists(st.floats(-30.0, 30.0), min_size=3, max_size=3),
+)
+def test_values_agree_to_1e_5_over_the_range_of_the_prior(records, where, sigma_factor, off):
+    direct, compressed, picture = records
+    # Off by up to 30 standard deviations of the record's own estimate in F_i, J and k, beta over the prior.
+    level = picture.centre[:, :2] + jnp.einsum("rij,j->ri", picture.factor, jnp.asarray(off[:2]))
+    log_k = picture.log_k + off[2] / jnp.sqrt(picture.precision[:, 0, 0])
+    log_beta = jnp.full_like(log_k, prior_beta(where))
+    theta = jnp.concatenate([level, log_k[:, None], log_beta[:, None]], axis=1)
+    sigma = jnp.exp(picture.log_sigma) * sigma_factor
+    difference = compressed(theta, sigma) - direct(theta, sigma)
+    assert float(jnp.max(jnp.abs(difference))) < 1e-5
+
+
+def test_gradients_agree_to_1e_6_of_their_size(records):
+    direct, compressed, picture = records
+    for where in np.linspace(-3.0, 3.0, 25):
+        theta = picture.centre.at[:, 3].set(prior_beta(float(where)))
+        sigma = jnp.exp(picture.log_sigma)
+        ours = jax.jacfwd(lambda t, s=sigma: compressed(t, s).sum())(theta)
+        theirs = jax.jacfwd(lambda t, s=sigma: direct(t, s).sum())(theta)
+        size = jnp.max(jnp.abs(theirs), axis=1, keepdims=True)
+        assert float(jnp.max(jnp.abs(ours - theirs) / (1.0 + size))) < 1e-6
+
+
+def test_a_record_of_150_000_points_is_kept_in_no_more_numbers_than_one_of_100():
+    def kept(points: int) -> list[tuple[int, ...]]:
+        u = jnp.linspace(0.0, 2.0, points)[None]
+        one = jnp.ones(1)
+        data = RecordData(u, 20.0 + 1.7 * u, jnp.ones_like(u, dtype=bool), one, 20.0 * one, 3.4 * one)
+        return [leaf.shape for leaf in jax.tree.leaves(compress(data))]
+
+    # A density is of the table and the unknowns alone: where the table is no larger, nothing is.
+    assert kept(150_000) == kept(100)
+    assert max(np.prod(shape) for shape in kept(100)) < 150_000
+
+
+def test_the_direct_likelihood_is_the_normal_density(records):
+    direct, _, picture = records
+    theta, sigma = picture.centre, jnp.exp(picture.log_sigma)
+    data = direct.data
+    first = np.asarray(data.present[0])
+    u, F = np.asarray(data.u[0])[first], np.asarray(data.F[0])[first]
+    F_i, J, log_k, log_beta = np.asarray(theta[0])
+    curve = F_i + (J + np.exp(log_k) * u) * (1 - np.exp(-np.abs(u) / np.exp(log_beta)))
+    by_hand = np.sum(-0.5 * ((F - curve) / sigma[0]) ** 2 - np.log(sigma[0]) - 0.5 * np.log(2 * np.pi))
+    assert float(direct(theta, sigma)[0]) == pytest.approx(float(by_hand), rel=1e-12)
+
+
+def test_padding_does_not_count(records):
+    _, compressed, _ = records
+    assert compressed.points[-1] == 150
+    assert compressed.points[0] == 240
+
+
+@settings(derandomize=True, deadline=None, max_examples=40)
+@given(
+    where=st.floats(-3.0, 3.0),
+    sigma_factor=st.sampled_from([0.1, 1.0, 10.0]),
+    rho_factor=st.floats(-1.4, 1.4),
+    off=st.lists(st.floats(-30.0, 30.0), min_size=3, max_size=3),
+)
+def test_correlated_noise_agrees_to_1e_5_likewise(correlated, where, sigma_factor, rho_factor, off):
+    direct, compressed, picture, rho = correlated
+    level = picture.centre[:, :2] + jnp.einsum("rij,j->ri", picture.factor, jnp.asarray(off[:2]))
+    log_k = picture.log_k + off[2] / jnp.sqrt(picture.precision[:, 0, 0])
+    theta = jnp.concatenate([level, log_k[:, None], jnp.full_like(log_k, prior_beta(where))[:, None]], axis=1)
+    sigma = jnp.exp(picture.log_sigma) * sigma_factor
+    of_records = None if rho is None else jnp.full_like(sigma, rho * rho_factor)
+    ours, theirs = compressed(theta, sigma, of_records), direct(theta, sigma, of_records)
+    # Whitening magnifies what the rounding of a table's entries leaves; its densities are larger too.
+    assert float(jnp.max(jnp.abs(ours - theirs) / jnp.maximum(1.0, 1e-9 * jnp.abs(theirs)))) < 1e-5
+
+
+def test_rho_needs_the_products_of_neighbours(records):
+    _, compressed, picture = records
+    sigma = jnp.exp(picture.log_sigma)
+    with pytest.raises(ValueError, match="neighbours=True"):
+        compressed(picture.centre, sigma, 0.5 * jnp.ones_like(sigma))

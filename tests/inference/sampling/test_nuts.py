@@ -1,0 +1,133 @@
+"""Sampling chunk by chunk: NumPyro's own draws, whatever the chunks and the devices."""
+
+import jax
+import numpy as np
+import numpyro
+import pytest
+from helpers.small_model import DATA, SETTINGS, STARTS, assert_same, model
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpyro import distributions as dist
+from numpyro.infer import MCMC, NUTS
+from numpyro.infer.hmc import HMCState
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.sampling import nuts as chains
+from bayes_tyre.inference.sampling import run as sampling
+from bayes_tyre.inference.sampling.run import SamplerSettings, sample
+
+
+@pytest.fixture(scope="module")
+def drawn() -> sampling.Draws:
+    return sample(model, DATA, SETTINGS, STARTS)
+
+
+def test_draws_have_chains_and_draws_first_and_deterministic_sites_too(drawn):
+    assert drawn.sites["x"].shape == (2, 110, 20)
+    assert drawn.sites["mu"].shape == drawn.statistics["energy"].shape == (2, 110)
+    np.testing.assert_array_equal(drawn.sites["twice"], 2.0 * drawn.sites["x"])
+    assert (drawn.sites["tau"] > 0).all()
+    assert set(drawn.statistics) == {"diverging", "energy", "n_steps", "acceptance_rate"}
+    assert not np.array_equal(drawn.sites["mu"][0], drawn.sites["mu"][1])
+
+
+def test_draws_are_those_of_numpyros_own_loop(drawn):
+    # Two programs round differently, and chaos makes much of it: compared from where rounding has not grown yet.
+    kernel = NUTS(
+        model,
+        target_accept_prob=chains.TARGET_ACCEPTANCE,
+        dense_mass=[("mu", "tau")],  # pyright: ignore[reportArgumentType]
+    )
+    few = SamplerSettings(chains=2, warmup=12, draws=8, seed=3)
+    mcmc = MCMC(kernel, num_warmup=12, num_samples=8, num_chains=2, progress_bar=False)
+    at = chains.Chains(model, DATA, 2, 12, STARTS).starts(3)
+    mcmc.run(jax.random.key(3), init_params=at, **DATA)
+    ours, theirs = sample(model, DATA, few, STARTS).sites, mcmc.get_samples(group_by_chain=True)
+    for name, values in theirs.items():
+        np.testing.assert_allclose(ours[name], values, rtol=1e-6, atol=1e-8, err_msg=name)
+
+
+def test_other_chunks_give_the_same_bits(drawn, monkeypatch):
+    monkeypatch.setattr(sampling, "CHUNK", 37)
+    assert_same(sample(model, DATA, SETTINGS, STARTS), drawn)
+
+
+def test_one_device_after_another_gives_the_same_bits(drawn, monkeypatch):
+    one = jax.local_devices()[:1]
+    monkeypatch.setattr(jax, "local_devices", lambda *_, **__: one)
+    assert_same(sample(model, DATA, SETTINGS, STARTS), drawn)
+
+
+def test_other_data_of_the_same_shape_need_no_compilation(monkeypatch):
+    one, other = (chains.Chains(model, data, 2, 130, STARTS) for data in (DATA, {"y": DATA["y"] + 1.0}))
+    said = [each._advance.as_text() for each in (one, other)]
+    assert said[0] == said[1]
+
+
+def test_chains_made_for_other_data_give_the_draws_of_chains_made_for_these(drawn):
+    elsewhere = chains.Chains(model, {"y": DATA["y"] + 1.0}, 2, 130, dict.fromkeys(STARTS, 2.0))
+    assert_same(sampling.run(elsewhere.given(DATA, STARTS), SETTINGS), drawn)
+    assert not np.array_equal(sampling.run(elsewhere, SETTINGS).sites["mu"], drawn.sites["mu"])
+
+
+def test_progress_counts_every_iteration_of_a_chain():
+    done: list[int] = []
+    sample(model, DATA, SamplerSettings(chains=2, warmup=130, draws=110, seed=3, on_progress=done.append), STARTS)
+    assert done == [0, 100, 30, 100, 10]
+
+
+@pytest.mark.parametrize(("name", "least"), [("chains", 1), ("warmup", 1), ("draws", 4)])
+def test_counts_too_small_are_refused(name, least):
+    with pytest.raises(BadInput, match=f"{name} is {least - 1}; give at least {least}"):
+        SamplerSettings(**{name: least - 1})
+
+
+@settings(deadline=None)
+@given(step=st.floats(1e-3, 2.0))
+def test_a_step_off_resonance_is_hardly_longer_and_stays_where_it_is(step):
+    off = float(chains.off_resonance(step))
+    assert step <= off <= 1.13 * step
+    assert float(chains.off_resonance(off)) == off
+    # No tree of 8 points or more spans from half a period to little more, when its half spans little less.
+    spans = off * (2.0 ** np.arange(3, chains.DEEPEST[1]) - 1)
+    assert not ((spans < np.pi) & (spans + off / 2 > np.pi)).any()
+
+
+@pytest.mark.parametrize(("step", "off"), [(0.43, 7), (0.2065, 15), (0.1005, 31)])
+def test_trees_of_a_step_on_resonance_go_round_and_round_and_those_off_it_do_not(step, off):
+    def standard_normal() -> None:
+        numpyro.sample("x", dist.Normal(0.0, 1.0).expand([400]).to_event(1))
+
+    made = chains.Chains(standard_normal, {}, 1, 1, {})
+    begun = made.begin(0)
+
+    def mean_steps(state: HMCState) -> float:
+        return float(made.advance(state, 60).statistics["n_steps"].mean())
+
+    on = begun._replace(adapt_state=begun.adapt_state._replace(step_size=np.array([step])), i=np.array([1]))
+    assert mean_steps(on) > 2 * off
+    assert mean_steps(chains.leave_resonance(on)) == off
+
+
+def test_steps_leave_resonance_once_the_warmup_has_ended(monkeypatch):
+    steps: list[tuple[np.ndarray, np.ndarray]] = []
+    advance = chains.Chains.advance
+
+    def watched(self: chains.Chains, state: HMCState, iterations: int) -> chains.Chunk:
+        chunk = advance(self, state, iterations)
+        steps.append((np.asarray(state.adapt_state.step_size), np.asarray(chunk.state.adapt_state.step_size)))
+        return chunk
+
+    monkeypatch.setattr(chains.Chains, "advance", watched)
+    monkeypatch.setattr(chains, "off_resonance", lambda step: 1.1 * step)
+    sample(model, DATA, SETTINGS, STARTS)
+    # 130 and 110 iterations in chunks of 100: as it is into the last of the warmup, changed once for all draws.
+    np.testing.assert_array_equal(steps[1][0], steps[0][1])
+    np.testing.assert_allclose(steps[2][0], 1.1 * steps[1][1])
+    for _, after in steps[2:]:
+        np.testing.assert_array_equal(after, steps[2][0])
+
+
+def test_steps_are_adapted_to_the_acceptance_asked_for():
+    low, high = (sample(model, DATA, SETTINGS, STARTS, asked) for asked in (0.5, 0.95))
+    assert high.statistics["acceptance_rate"].mean() > low.statistics["acceptance_rate"].mean() + 0.1

@@ -1,0 +1,118 @@
+"""The report's page of what `motion` wrote: k, friction and energy in the answer, its tables, two side by side."""
+
+import dataclasses
+import re
+from html import unescape
+from pathlib import Path
+
+import pytest
+from helpers.quick_motions import TYPICAL
+from helpers.reported_motions import write_motions
+
+from bayes_tyre.formats.netcdf import read_tree
+from bayes_tyre.report.figures.catalogue import ALWAYS, OF_MOTIONS
+from bayes_tyre.report.html import tables
+from bayes_tyre.report.html.between_results import Side, across
+from bayes_tyre.report.html.caveats import cautions
+from bayes_tyre.report.html.figures import HEADINGS
+from bayes_tyre.report.html.headline import answer
+from bayes_tyre.report.html.load import Reported, read_reported
+from bayes_tyre.report.html.page import Part, document
+
+COLUMNS = ["k", "x", "beta", "m", "c", "energy a cycle"]
+
+
+@pytest.fixture(scope="module")
+def away(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("motions")
+
+
+@pytest.fixture(scope="module")
+def both(away) -> Reported:
+    return read_reported(write_motions(away / "both"), "both")
+
+
+@pytest.fixture(scope="module")
+def one(away) -> Reported:
+    return read_reported(write_motions(away / "one", ("single",)), "one")
+
+
+def plain(text: str) -> str:
+    return text.replace("\N{NO-BREAK SPACE}", " ")
+
+
+def page_of(*results: Reported) -> str:
+    return plain(unescape(document([Part(result, []) for result in results])))
+
+
+def test_the_answer_says_stiffness_friction_and_energy(one, both):
+    first, second = map(plain, answer(one))
+    assert re.match(r"The stiffness k is 1\.\d+ kN/mm for single in loading \(95 % interval", first)
+    friction = re.search(r"^Friction x is (\S+) kN for single in loading \(95 % interval (\S+) to (\S+)\)", second)
+    assert friction
+    x, lower, upper = map(float, friction.groups())
+    assert x == pytest.approx(TYPICAL[1] + TYPICAL[0] * TYPICAL[2], rel=0.01)
+    assert lower < x < upper
+    assert re.search(r"; a cycle of 2 mm amplitude at the wheel centre loses \d\.\d+ J for single in loading", second)
+    several = plain(answer(both)[1])
+    assert several.count(" J for ") == 4
+    assert several.endswith("(medians; their intervals stand in the table below).")
+
+
+def test_the_answer_without_an_amplitude_claims_none(one):
+    run = {**one.run, "options": {}}
+    second = answer(Reported(**{**vars(one), "run": run}))[1]
+    assert "a cycle of unknown amplitude" in second
+
+
+def test_tables_have_every_parameter_of_motions(both):
+    for table in (tables.cases_table([both]), tables.repeats_table([both]), tables.means_table([both])):
+        assert [column.heading for column in table.columns][-6:] == COLUMNS
+        assert all(cell.text for row in table.rows for cell in row[-6:])
+    contrasts = [column.heading for column in tables.contrasts_table([both]).columns]
+    assert [name for name in contrasts if name.startswith("ratio")] == [f"ratio of {name}" for name in COLUMNS]
+    losses = tables.losses_table([both])
+    assert [(column.heading, column.unit) for column in losses.columns][-3:] == [
+        *(("loss factor", ""), ("equivalent damping", "kN s/mm"), ("separation of branches", "kN"))
+    ]
+    assert len(losses.rows) == len(both.cases[both.cases["parameter"] == "k"])
+
+
+def test_the_page_names_what_it_is_of_and_what_not_to_believe(both):
+    page = page_of(both)
+    assert "<h1>Tyre stiffness, friction and energy lost: dual, single</h1>" in page
+    assert "Simulated: records computed from a model." in page
+    assert "Loss factor" in page
+    assert "energy_per_cycle" not in page
+    assert any("2 mm amplitude" in said and "another stroke" in said for said in map(plain, cautions(both)))
+
+
+def test_energy_is_said_to_be_by_friction_only_where_the_law_has_some(both):
+    friction = both.summary["parameter"].isin(["x_mean", "settled_mean"])
+    without = dataclasses.replace(both, summary=both.summary[~friction])
+    of_friction, of_dampers = (" ".join(map(plain, cautions(result))) for result in (both, without))
+    assert "the viscous damping c is not in it" in of_friction
+    assert "the viscous damping c is not in it" not in of_dampers
+    assert "its dampers lose all of it, c among them" in of_dampers
+
+
+def side(folder: Path) -> Side:
+    result = read_reported(folder, folder.name)
+    return Side(folder.name, read_tree(folder / "posterior.nc"), frozenset(result.run["inputs"].values()), "simulated")
+
+
+def test_two_results_are_compared_in_every_parameter_and_in_energy_at_one_stroke_only(away, both, one):
+    del both, one
+    found = across(side(away / "both"), side(away / "one"), 0.95)
+    assert list(found.ratios) == ["k", "x", "beta", "m", "c", "energy_per_cycle"]
+    assert [ratio.above for ratio in found.ratios["x"]] == ["single (both)"]
+    # The same seed draws both, two configurations in one and one in the other: 3 % a case.
+    assert found.ratios["x"][0].median == pytest.approx(1.0, abs=0.02)
+    other = side(away / "one")
+    assert other.tree is not None
+    other.tree.attrs["amplitude_mm"] = 1.0
+    assert list(across(side(away / "both"), other, 0.95).ratios) == ["k", "x", "beta", "m", "c"]
+
+
+def test_figures_of_motions_have_words_of_their_own():
+    assert {*ALWAYS, *OF_MOTIONS, "loops_by_direction"} <= set(HEADINGS)

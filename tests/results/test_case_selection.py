@@ -1,0 +1,128 @@
+"""Which cases are meant: labels, words, opposite directions, and what is said where nothing matches."""
+
+import pytest
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.record import Case
+from bayes_tyre.results.case_selection import Choice, Wish, choose, listed, parse_wish, sign_of
+
+#: Steps of 10 kN from 20 kN up and down, of 5 kN down alone, of two configurations.
+CASES = [
+    Case(configuration, direction, 0.0, 20.0, step)
+    for configuration in ("single", "dual")
+    for direction, step in (("loading", 10.0), ("unloading", -10.0), ("unloading", -5.0))
+]
+
+
+def chosen(texts: list[str], cases: list[Case] = CASES) -> Choice:
+    return choose(parse_wish(texts, cases), cases)
+
+
+def labels(indices: tuple[int, ...]) -> list[str]:
+    return [CASES[i].label for i in indices]
+
+
+@pytest.mark.parametrize(
+    ("texts", "wanted", "alone"),
+    [
+        (["single (0)20-10"], ["single (0)20-30", "single (0)20-10"], []),
+        (["single (0)20-30"], ["single (0)20-30", "single (0)20-10"], []),
+        ([" single (0)20-15 "], ["single (0)20-15"], ["single (0)20-15"]),
+        (["(0)20-10"], ["single (0)20-30", "single (0)20-10", "dual (0)20-30", "dual (0)20-10"], []),
+        (
+            ["dual (0)20-10", "single (0)20-15"],
+            ["single (0)20-15", "dual (0)20-30", "dual (0)20-10"],
+            ["single (0)20-15"],
+        ),
+        (["configuration=dual,step_kN=-10"], ["dual (0)20-30", "dual (0)20-10"], []),
+        (["configuration = dual", "step_kN=10.0"], ["dual (0)20-30", "dual (0)20-10"], []),
+        (["configuration=dual,direction=unloading"], ["dual (0)20-10", "dual (0)20-15"], []),
+        (
+            ["step_kN=-5,step_kN=-10,direction=unloading,configuration=single"],
+            ["single (0)20-10", "single (0)20-15"],
+            [],
+        ),
+        (["configuration=single"], ["single (0)20-30", "single (0)20-10", "single (0)20-15"], ["single (0)20-15"]),
+        (["step_kN=-5"], ["single (0)20-15", "dual (0)20-15"], ["single (0)20-15", "dual (0)20-15"]),
+    ],
+)
+def test_a_label_or_words_name_cases_and_the_opposite_direction_comes_too(texts, wanted, alone):
+    choice = chosen(texts)
+    assert labels(choice.cases) == wanted
+    assert labels(choice.alone) == alone
+
+
+@pytest.mark.parametrize("label", ["a=b, c=d", "speed_km_h=5", "=cmd()", "../../x", "<b>ü\u202e", '"quoted"', "x,y"])
+def test_any_label_is_found_as_it_stands(label):
+    hostile = [*CASES, CASES[0]._replace(configuration=label)]
+    assert chosen([f"{label} (0)20-30"], hostile).cases == (6,)
+
+
+@pytest.mark.parametrize("label", ["a=b", "speed_km_h=5", "=cmd()", "x,y", "a, b (c)"])
+def test_words_take_any_configuration_but_one_with_a_name_behind_a_comma(label):
+    hostile = [*CASES, CASES[0]._replace(configuration=label)]
+    assert chosen([f"configuration={label}"], hostile).cases == (6,)
+    assert chosen([f"configuration={label},step_kN=10,direction=loading"], hostile).cases == (6,)
+
+
+@pytest.mark.parametrize(
+    ("texts", "said"),
+    [
+        (["nonsense"], "no case matches nonsense"),
+        (["single (0)20-10", "single (0)20-11"], "no case matches single (0)20-11"),
+        (["speed_km_h=35"], "no case matches speed_km_h=35"),
+        (["direction=loading,step_kN=-10"], "no case matches direction=loading, step_kN=-10"),
+    ],
+)
+def test_what_matches_no_case_is_told_what_cases_there_are(texts, said):
+    with pytest.raises(BadInput) as refused:
+        chosen(texts)
+    assert said in str(refused.value)
+    assert "there are 6: single (0)20-30, single (0)20-10" in str(refused.value)
+    assert "; name one" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("texts", "said"),
+    [
+        (["speed=0"], "'speed' is no word"),
+        (["configuration=single,repeat=1"], "'repeat' is no word"),
+        (["speed_km_h=fast"], "speed_km_h=fast"),
+        (["speed_km_h="], "speed_km_h= is no finite number"),
+        (["step_kN=nan"], "step_kN=nan"),
+        (["direction=up"], "loading or unloading"),
+        (["single (0)20-10", "speed_km_h=0"], "side by side"),
+    ],
+)
+def test_words_that_cannot_be_are_refused(texts, said):
+    with pytest.raises(BadInput, match=r".*;.*") as refused:
+        parse_wish(texts, CASES)
+    assert said in str(refused.value)
+
+
+def test_long_lists_are_cut_and_odd_characters_do_not_reach_the_terminal():
+    assert listed(["a", "b"]) == "a, b"
+    assert listed([str(i) for i in range(20)]) == "0, 1, 2, 3, 4, 5 and 14 more"
+    assert listed(["two\nlines\x1b[31m"]) == "two lines\\x1b[31m"
+    assert len(listed(["x" * 1000])) == 60
+
+
+@pytest.mark.parametrize(
+    ("case", "sign"),
+    [
+        (Case("a", "loading", 0.0, 20.0, 10.0), 1),
+        (Case("a", "unloading", 0.0, 20.0, float("nan")), -1),
+        (Case("a", "", 0.0, 20.0, -10.0), -1),
+        (Case("a", "", 0.0, 20.0, 10.0), 1),
+        (Case("a", "", 0.0, 20.0, float("nan")), 0),
+    ],
+)
+def test_the_sign_of_a_case_is_its_direction_or_else_its_step(case, sign):
+    assert sign_of(case) == sign
+
+
+def test_steps_of_binary_fractions_are_still_opposite():
+    up = Case("a", "loading", 0.0, 0.1 + 0.2, 10.1)
+    down = Case("a", "unloading", 0.0, 0.3, -(30.3 - 20.2))
+    assert up.step_kN != -down.step_kN
+    assert choose(Wish((up.label,), {}), [down, up]).cases == (1, 0)

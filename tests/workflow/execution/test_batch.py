@@ -1,0 +1,178 @@
+"""Work on each file: kept as it is done, gone on with, on a cluster that loses workers, in bounded memory."""
+
+import logging
+from pathlib import Path
+
+import pytest
+from helpers import dying_work
+from helpers.dying_work import ALIVE, Task, make
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.workflow.execution.batch import Machines, each_file
+from bayes_tyre.workflow.execution.cluster import check_versions, connected, on_cluster
+from bayes_tyre.workflow.execution.outcome import Fault
+from bayes_tyre.workflow.execution.task_cache import Parts
+
+HERE = Machines(workers=1)
+
+
+def tasks_of(folder: Path, texts, **options) -> list[Task]:
+    folder.mkdir(exist_ok=True)
+    paths = [folder / f"{i}.lvm" for i in range(len(texts))]
+    for path, text in zip(paths, texts, strict=True):
+        path.write_text(text)
+    return [Task(path, **options) for path in paths]
+
+
+def run(tasks, out, machines=HERE, work=make):
+    made = []
+
+    def counted(task):
+        made.append(task.file.name)
+        return work(task)
+
+    progress = []
+    outcomes = each_file(counted if machines.workers == 1 else work, tasks, Parts(out), machines, progress.append)
+    assert sum(progress) == len(tasks)
+    return outcomes, made
+
+
+def contents(outcomes) -> list[bytes | str]:
+    return [end.reason if isinstance(end, Fault) else end.read_bytes() for end in outcomes]
+
+
+def resumed(tasks, out):
+    return run(tasks, out, HERE._replace(resume=True))
+
+
+def test_what_is_done_is_not_done_again_and_what_changed_is(tmp_path):
+    out, tasks = tmp_path / "records.csv", tasks_of(tmp_path / "raw", ["a", "bad", "c"])
+    first, made = run(tasks, out)
+    assert len(made) == 3
+    again, made = resumed(tasks, out)
+    assert (made, contents(again)) == ([], contents(first))
+    tasks[1].file.write_text("mended")
+    assert resumed(tasks, out)[1] == ["1.lvm"]
+    more = tasks_of(tmp_path / "raw", ["a", "mended", "c", "d"])
+    assert resumed(more, out)[1] == ["3.lvm"]
+    assert run(more, out)[1] == ["0.lvm", "1.lvm", "2.lvm", "3.lvm"]  # without --resume an earlier run counts nothing
+
+
+def test_a_picture_that_is_missing_or_another_is_drawn_again(tmp_path):
+    picture = tmp_path / "pictures" / "0.png"
+    out, tasks = tmp_path / "records.csv", tasks_of(tmp_path / "raw", ["a"], picture=picture)
+    run(tasks, out)
+    assert resumed(tasks, out)[1] == []
+    for spoil in (picture.unlink, lambda: picture.write_bytes(b"another")):
+        spoil()
+        assert resumed(tasks, out)[1] == ["0.lvm"]
+        assert picture.read_bytes() == b"png"
+
+
+def test_a_part_cut_short_and_leftovers_of_a_killed_run_do_no_harm(tmp_path):
+    out, tasks = tmp_path / "records.csv", tasks_of(tmp_path / "raw", ["a", "bad"])
+    first = contents(run(tasks, out)[0])
+    for part in Parts(out).folder.iterdir():
+        part.write_bytes(part.read_bytes()[:-5] if part.suffix == ".part" else b"")
+    (Parts(out).folder / ".x.part.abcd1234.part").touch()
+    again, made = resumed(tasks, out)
+    assert (contents(again), len(made)) == (first, 2)
+    assert not [path for path in Parts(out).folder.iterdir() if path.name.startswith(".")]
+
+
+def test_a_fault_that_may_pass_is_not_kept(tmp_path):
+    out, tasks = tmp_path / "records.csv", tasks_of(tmp_path / "raw", ["a"])
+    outcomes, _ = run(tasks, out, work=lambda task: Fault("the disk is away", lasting=False))
+    assert outcomes == [Fault("the disk is away", lasting=False)]
+    assert resumed(tasks, out)[1] == ["0.lvm"]
+
+
+def test_what_was_done_before_an_error_stays_done(tmp_path):
+    out, tasks = tmp_path / "records.csv", tasks_of(tmp_path / "raw", ["a", "b", "c"])
+
+    def failing(task):
+        if task.file.name == "1.lvm":
+            raise OSError(28, "No space left on device")
+        return make(task)
+
+    with pytest.raises(OSError, match="No space"):
+        run(tasks, out, work=failing)
+    assert resumed(tasks, out)[1] == ["1.lvm", "2.lvm"]
+
+
+@pytest.mark.slow
+def test_no_more_results_are_held_than_are_out_whatever_their_number(tmp_path):
+    """Two processes with two tasks each: 4 results may wait, and one be written; 40 files would be 40."""
+    ALIVE.clear()
+    run(tasks_of(tmp_path / "raw", list(map(str, range(40)))), tmp_path / "records.csv", Machines(workers=2))
+    assert ALIVE["ever"] == 40
+    assert ALIVE["now"] == 0
+    assert 1 <= ALIVE["most"] <= 5
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Return a scheduler with two worker processes of one thread."""
+    from dask import config
+    from distributed import LocalCluster
+
+    folder = str(Path(dying_work.__file__).parent)
+    preload = f"import sys; sys.path.insert(0, {folder!r})"
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": ":0", "silence_logs": logging.CRITICAL}
+    # Two deaths are enough, for each costs the start of a process.
+    with (
+        config.set({"distributed.scheduler.allowed-failures": 1}),
+        LocalCluster(processes=True, preload=preload, **options) as cluster,
+    ):
+        yield cluster
+
+
+@pytest.mark.slow
+def test_a_cluster_loses_nothing_but_a_file_that_kills_every_worker(cluster, tmp_path):
+    texts = ["a", "b", "once", "deadly", *map(str, range(8)), "bad"]
+    (tmp_path / "deaths").mkdir()
+    tasks = tasks_of(tmp_path / "raw", texts, deaths=tmp_path / "deaths")
+    outcomes, _ = run(tasks, tmp_path / "records.csv", Machines(cluster=cluster.scheduler_address))
+    assert isinstance(outcomes[3], Fault)
+    assert "every worker that worked on it died" in outcomes[3].reason
+    kept = [task for i, task in enumerate(tasks) if i != 3]
+    alone, _ = run(kept, tmp_path / "alone.csv")
+    assert contents([*outcomes[:3], *outcomes[4:]]) == contents(alone)
+    assert len(list((tmp_path / "deaths").iterdir())) > 1
+
+
+@pytest.mark.slow
+def test_no_more_results_come_from_a_cluster_than_are_out(cluster, tmp_path):
+    """Two threads with two futures each; one more may be written."""
+    ALIVE.clear()
+    tasks = tasks_of(tmp_path / "raw", list(map(str, range(30))))
+    cluster.wait_for_workers(2)  # some may have died in another test
+    run(tasks, tmp_path / "records.csv", Machines(cluster=cluster.scheduler_address))
+    assert ALIVE["ever"] == 30
+    assert 1 <= ALIVE["most"] <= 5
+
+
+def test_a_client_that_has_given_its_scheduler_up_says_how_to_go_on(cluster, tmp_path):
+    """As dask's own client does when none answers for `_PATIENCE`, here while a result is being written."""
+    with connected(cluster.scheduler_address) as client:
+        outcomes = on_cluster(client, make, tasks_of(tmp_path, list(map(str, range(20)))), "tcp://s")
+        next(outcomes)
+        client.close()
+        with pytest.raises(BadInput, match=r"tcp://s: the scheduler is lost .* what is done is kept: .* --resume"):
+            list(outcomes)
+
+
+def versions(**theirs) -> dict:
+    ours = {"python": "3.13.0.final.0", "distributed": "1", "bayes-tyre": "1", "numpy": "2"}
+    return {"client": {"packages": ours}, "workers": {"tcp://w": {"packages": ours | theirs}}}
+
+
+def test_other_versions_are_refused_or_told():
+    check_versions(versions(python="3.13.1.final.0"), "tcp://s")
+    for theirs in ({"bayes-tyre": "2"}, {"bayes-tyre": None}, {"distributed": "2"}, {"python": "3.12.0.final.0"}):
+        with pytest.raises(BadInput, match=r"worker tcp://w has .*, here is .*; install the same"):
+            check_versions(versions(**theirs), "tcp://s")
+    with pytest.warns(UserWarning, match="last digits may differ"):
+        check_versions(versions(numpy="3"), "tcp://s")
+    with pytest.warns(UserWarning, match="no workers yet"):
+        check_versions(versions() | {"workers": {}}, "tcp://s")
