@@ -28,11 +28,10 @@ from bayes_tyre.laws import fancher
 from bayes_tyre.published import campaign, tables
 from bayes_tyre.published.campaign import Reconstruction
 from bayes_tyre.record_table import check_record_table
-from bayes_tyre.report.figures.chosen_figure import chosen_figure
-from bayes_tyre.report.figures.notebook_display import Picture
+from bayes_tyre.report.figures.catalogue import chosen_figure
+from bayes_tyre.report.figures.notebook_display import NotebookFigure
 from bayes_tyre.results import contrasts as ratios
-from bayes_tyre.results import posterior_predictive as predictive
-from bayes_tyre.results import prediction, summary
+from bayes_tyre.results import posterior_predictive, prediction, summary
 from bayes_tyre.results.case_selection import parse_wish
 from bayes_tyre.results.prediction import Prediction
 from bayes_tyre.runtime import prepare_jax
@@ -147,8 +146,8 @@ def fit(
     settings, model = settings or SamplerSettings(), model or ModelSettings()
     table = check_record_table(records)
     prepare_jax(max(settings.chains, _DEVICES))
-    tree = identify_records(fit_hierarchical(table, settings, model), table, model, summary.means)
-    return _judged(tree, predictive.residual_autocorrelation(tree, used_points(table, model.region)))
+    tree = identify_records(fit_hierarchical(table, settings, model), table, model)
+    return _judged(tree, posterior_predictive.residual_autocorrelation(tree, used_points(table, model.region)))
 
 
 def fit_published(settings: SamplerSettings | None = None) -> xr.DataTree:
@@ -162,7 +161,7 @@ def fit_published(settings: SamplerSettings | None = None) -> xr.DataTree:
     settings = settings or SamplerSettings()
     prepare_jax(max(settings.chains, _DEVICES))
     printed = tables.case_means()
-    return _judged(identify_published(fit_printed_means(printed, settings), printed, summary.means), np.nan)
+    return _judged(identify_published(fit_printed_means(printed, settings), printed), np.nan)
 
 
 def read_posterior(folder: str | Path) -> xr.DataTree:
@@ -210,7 +209,9 @@ def repeats(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
     return summary.repeats(posterior, _verdict(posterior), interval)
 
 
-def figure(posterior: xr.DataTree, name: str, records: pd.DataFrame | None = None, interval: float = 0.95) -> Picture:
+def figure(
+    posterior: xr.DataTree, name: str, records: pd.DataFrame | None = None, interval: float = 0.95
+) -> NotebookFigure:
     """Return a figure of a posterior, as `fit` writes it into `figures/`; a notebook shows it by itself.
 
     Parameters
@@ -226,7 +227,7 @@ def figure(posterior: xr.DataTree, name: str, records: pd.DataFrame | None = Non
 
     Returns
     -------
-    Picture
+    NotebookFigure
         `figure`, to change it in matplotlib, and `save`.
 
     Raises
@@ -237,7 +238,7 @@ def figure(posterior: xr.DataTree, name: str, records: pd.DataFrame | None = Non
     table = None if records is None else check_record_table(records)
     from_tables = posterior.attrs["origin"] in ("published", "reconstructed")
     printed = tables.case_means() if from_tables else None
-    return Picture(chosen_figure(posterior, _verdict(posterior), name, table, printed, interval))
+    return NotebookFigure(chosen_figure(posterior, _verdict(posterior), name, table, printed, interval))
 
 
 def predict(

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 REQUIRED = ("record", "displacement_mm", "force_kN")
-CASE_WORDS = ("configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN")
-WORDS = (*CASE_WORDS, "repeat")
+CASE_FACTORS = ("configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN")
+FACTORS = (*CASE_FACTORS, "repeat")
 DIRECTIONS = ("loading", "unloading")
 #: Where the numbers of a table come from; a table that does not say is shown as `origin not stated`.
 ORIGINS = ("measured", "published", "reconstructed", "simulated")

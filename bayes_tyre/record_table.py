@@ -8,7 +8,7 @@ import pandas as pd
 import pandera.pandas as pa
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.record import DIRECTIONS, NUMBER_COLUMNS, ORIGIN_UNKNOWN, ORIGINS, REQUIRED, TEXT_COLUMNS, WORDS
+from bayes_tyre.record import DIRECTIONS, FACTORS, NUMBER_COLUMNS, ORIGIN_UNKNOWN, ORIGINS, REQUIRED, TEXT_COLUMNS
 
 #: A median force above this is taken for newtons, a median travel below this for metres.
 NEWTON_LIKE_KN, METRE_LIKE_MM = 1000.0, 0.05
@@ -109,7 +109,7 @@ def check_columns(table: pd.DataFrame, name: str, of: str, required: Sequence[st
         raise BadInput(f"{name}: no rows below the header; give at least one {of}")
 
 
-def check_agreement(table: pd.DataFrame, name: str, of: str, words: Sequence[str]) -> None:
+def check_agreement(table: pd.DataFrame, name: str, of: str, factors: Sequence[str]) -> None:
     """Refuse words that contradict each other within a `record` or a `test`, whichever the rows are `of`.
 
     Raises
@@ -118,7 +118,7 @@ def check_agreement(table: pd.DataFrame, name: str, of: str, words: Sequence[str
         With the first that contradicts itself, the word and two of its values.
     """
     groups = table.groupby(of, sort=False)
-    for word in words:
+    for word in factors:
         unlike = groups[word].nunique()
         if unlike.gt(1).any():
             label = str(unlike.idxmax())
@@ -177,7 +177,7 @@ def _first_failure(failures: pd.DataFrame, name: str) -> str:
 
 
 def _check_words(table: pd.DataFrame, name: str) -> None:
-    present = [word for word in (*WORDS, "origin") if word in table]
+    present = [word for word in (*FACTORS, "origin") if word in table]
     if not present:
         return
     check_agreement(table, name, "record", present)
@@ -222,13 +222,13 @@ def suspicious_units(table: pd.DataFrame) -> list[str]:
     return found
 
 
-def record_words(table: pd.DataFrame) -> pd.DataFrame:
+def record_factors(table: pd.DataFrame) -> pd.DataFrame:
     """Return one row a record, in order of first appearance: `record`, and those words the table has."""
-    present = [word for word in WORDS if word in table]
-    words = table.drop_duplicates("record")[["record", *present]].reset_index(drop=True)
-    if "repeat" in words:
-        words["repeat"] = words["repeat"].astype(int)
-    return words
+    present = [word for word in FACTORS if word in table]
+    factors = table.drop_duplicates("record")[["record", *present]].reset_index(drop=True)
+    if "repeat" in factors:
+        factors["repeat"] = factors["repeat"].astype(int)
+    return factors
 
 
 def record_extras(table: pd.DataFrame) -> pd.DataFrame:

@@ -2,7 +2,7 @@
 
 Centred but for sigma: the form that suits the peers best. The likelihood is point by point on padded arrays, and the
 mixture of discordant repeats is summed out. The priors are those of `bayes_tyre.inference.model.priors`, the
-levels those of `levels`.
+levels those of `factors`.
 """
 
 from dataclasses import dataclass
@@ -16,11 +16,11 @@ import pytensor.tensor as pt
 from numpyro import distributions as dist
 
 from bayes_tyre.batch import Batch
-from bayes_tyre.inference.model.factors import Levels, find_levels
-from bayes_tyre.inference.model.laplace import Picture, draw_picture
+from bayes_tyre.inference.model.factors import Factors, find_factors
+from bayes_tyre.inference.model.laplace import NotebookFigure, laplace_approximation
 from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING, PRIORS
 from bayes_tyre.inference.sampling.hierarchical_fit import record_batch
-from bayes_tyre.record_table import record_words
+from bayes_tyre.record_table import record_factors
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ class Data:
     d_0: np.ndarray
     F_0: np.ndarray
     span: np.ndarray
-    levels: Levels
-    picture: Picture
+    factors: Factors
+    picture: NotebookFigure
 
     @property
     def points(self) -> np.ndarray:
@@ -55,12 +55,12 @@ class Data:
 def data_of(table: pd.DataFrame) -> Data:
     """Return what the peers' models are given, from a checked record table."""
     batch: Batch = record_batch(table)
-    levels = find_levels(record_words(table))
+    factors = find_factors(record_factors(table))
     d, F = batch.displacement_mm, batch.force_kN
     y = np.where(batch.present, F - F[:, :1], 0.0)
     u = np.where(batch.present, d - d[:, :1], 0.0)
     span = np.abs(y).max(axis=1)
-    return Data(u, y, batch.present, d[:, 0], F[:, 0], span, levels, draw_picture(batch, levels))
+    return Data(u, y, batch.present, d[:, 0], F[:, 0], span, factors, laplace_approximation(batch, factors))
 
 
 class _PyMC:
@@ -116,29 +116,29 @@ class _NumPyro:
 
 def _case_level(lang: Any, name: str, data: Data) -> tuple[Any, Any]:
     """Return the logarithm of k or beta of each record's case, and the scatter of repeats about it."""
-    levels = data.levels
-    location, width = PRIORS[f"{name}_cell"].parameters
-    cell = lang.normal(f"log_{name}_cell", location, width, len(levels.cell.labels))
-    lang.keep(f"{name}_cell", lang.exp(cell))
-    mean = cell[levels.cell.of_case]
-    for which, factor in levels.factors(name).items():
-        scale = lang.prior(f"log_{name}_{which}_scale")
+    factors = data.factors
+    location, width = PRIORS[f"{name}_group"].parameters
+    cell = lang.normal(f"log_{name}_group", location, width, len(factors.group.labels))
+    lang.keep(f"{name}_group", lang.exp(cell))
+    mean = cell[factors.group.of_case]
+    for which, factor in factors.effects(name).items():
+        scale = lang.prior(f"sd_log_{name}_{which}")
         coordinates = lang.normal(f"{name}_{which}_coordinates", 0.0, scale, factor.basis.shape[1])
         effect = lang.keep(f"log_{name}_{which}", (factor.basis * coordinates).sum(axis=1))
         mean = mean + effect[factor.of_case] * factor.weight
-    if levels.has_remainder(name):
-        mean = lang.normal(f"log_{name}_case", mean, lang.prior(f"log_{name}_case_scale"), len(levels.cases))
+    if factors.has_remainder(name):
+        mean = lang.normal(f"log_{name}_case", mean, lang.prior(f"sd_log_{name}_case"), len(factors.cases))
     lang.keep(f"{name}_case", lang.exp(mean))
-    typical = lang.prior(f"log_{name}_repeat_scatter")
-    spread = lang.prior(f"log_{name}_scatter_spread")
-    log_scatter = lang.normal(f"{name}_log_scatter", lang.log(typical), spread, len(levels.speed.labels))
-    by_speed = lang.keep(f"log_{name}_repeat_scatter_by_speed", lang.exp(log_scatter))
-    return mean[levels.of_record], by_speed[levels.speed.of_case][levels.of_record]
+    typical = lang.prior(f"sd_log_{name}_repeat")
+    spread = lang.prior(f"sd_log_{name}_repeat_over_speeds")
+    log_scatter = lang.normal(f"{name}_log_scatter", lang.log(typical), spread, len(factors.speed.labels))
+    by_speed = lang.keep(f"sd_log_{name}_repeat_by_speed", lang.exp(log_scatter))
+    return mean[factors.of_record], by_speed[factors.speed.of_case][factors.of_record]
 
 
 def _posterior(lang: Any, data: Data) -> None:
     """Say the model in a language; cases must have three repeats and several speeds, as the campaign's have."""
-    if data.levels.repeats.max() < 3 or not data.levels.speed.varies:
+    if data.factors.repeats.max() < 3 or not data.factors.speed.varies:
         raise ValueError("this plain form is written for repeats and speeds such as the campaign's")
     count = len(data.F_0)
     case_k, scatter_k = _case_level(lang, "k", data)
@@ -154,8 +154,8 @@ def _posterior(lang: Any, data: Data) -> None:
     usual, discordant = lang.log1p(-weight) + about(1.0), lang.log(weight) + about(DISCORDANT_WIDENING)
     lang.add("repeats", lang.logaddexp(usual, discordant))
     F_i = lang.normal("F_i", data.F_0, data.span, count)
-    J = lang.normal("J", 0.0, lang.prior("J_scale"), count)
-    typical, spread = lang.prior("sigma_typical"), lang.prior("log_sigma_spread")
+    J = lang.normal("J", 0.0, lang.prior("sd_J"), count)
+    typical, spread = lang.prior("sigma_typical"), lang.prior("sd_log_sigma")
     # Not centred: records are alike in their noise, and a spread near 0 would be a funnel.
     log_sigma = lang.keep("log_sigma", lang.log(typical) + spread * lang.normal("sigma_coordinates", 0.0, 1.0, count))
     sigma, k, beta = (

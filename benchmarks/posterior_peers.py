@@ -168,7 +168,7 @@ def main() -> None:
             shared = set.intersection(set(took.draws), *(set(done.draws) for done, _ in found.values()))
             if not found:
                 # What the others do not have by this name is derived, and left out.
-                shared -= {"discordant_probability"}
+                shared -= {"outlier_probability"}
             found[name] = took, summary({parameter: took.draws[parameter] for parameter in sorted(shared)})
             print(f"{name}: {took.whole:.0f} s", file=sys.stderr, flush=True)
     said = f"{table['record'].nunique()} records, {CHAINS} chains of {warmup} warmup and {draws} draws"

@@ -31,7 +31,7 @@ _PART = re.compile(rf"(?P<any>\.\.\.|…)|(?P<number>{_NUMBER})|(?P<space>\s+)|(
 class Difference(NamedTuple):
     """How an output differs from what a page shows: in its words, or in the relative difference of its numbers."""
 
-    words: bool
+    factor_table: bool
     numbers: tuple[float, ...] = ()
 
 
@@ -52,7 +52,7 @@ def compare(shown: str, printed: str) -> Difference:
             patterns.append("[─━]+" if part["rule"] else re.escape(part["text"]))
     match = re.fullmatch("".join(patterns), printed.strip(), re.DOTALL)
     if match is None:
-        return Difference(words=True)
+        return Difference(factor_table=True)
     off = []
     for one, other in zip(numbers, match.groups(), strict=True):
         last_digit = 10.0 ** -len(re.sub(r"e.*", "", one).partition(".")[2])
@@ -60,8 +60,8 @@ def compare(shown: str, printed: str) -> Difference:
         if distance > 0:
             off.append(distance / max(abs(float(one)), last_digit))
         if distance > max(1.000001 * last_digit, LARGEST_DIFFERENCE * abs(float(one))):
-            return Difference(words=True, numbers=tuple(off))
-    return Difference(words=False, numbers=tuple(off))
+            return Difference(factor_table=True, numbers=tuple(off))
+    return Difference(factor_table=False, numbers=tuple(off))
 
 
 class Checker(doctest.OutputChecker):
@@ -75,7 +75,7 @@ class Checker(doctest.OutputChecker):
         del optionflags
         found = compare(want, got)
         self.off += found.numbers
-        return not found.words
+        return not found.factor_table
 
 
 def commands(block: str) -> list[tuple[str, str]]:

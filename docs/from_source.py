@@ -28,26 +28,26 @@ def commands() -> list[Help]:
 
     from bayes_tyre.cli import app
 
-    def named(command: Any, words: tuple[str, ...]) -> list[tuple[str, ...]]:
+    def named(command: Any, factor_table: tuple[str, ...]) -> list[tuple[str, ...]]:
         below = getattr(command, "commands", {})
-        return [words, *(name for key, one in below.items() for name in named(one, (*words, key)))]
+        return [factor_table, *(name for key, one in below.items() for name in named(one, (*factor_table, key)))]
 
     runner, found = CliRunner(), []
-    for words in named(typer.main.get_command(app), ()):
-        done = runner.invoke(app, [*words, "--help"], prog_name="bayes-tyre")
+    for factor_table in named(typer.main.get_command(app), ()):
+        done = runner.invoke(app, [*factor_table, "--help"], prog_name="bayes-tyre")
         if done.exit_code != 0:
-            raise RuntimeError(f"bayes-tyre {' '.join(words)} --help: exit code {done.exit_code}")
-        found.append(Help(" ".join(words), done.stdout.strip()))
+            raise RuntimeError(f"bayes-tyre {' '.join(factor_table)} --help: exit code {done.exit_code}")
+        found.append(Help(" ".join(factor_table), done.stdout.strip()))
     return found
 
 
 def prior_rows() -> list[tuple[str, ...]]:
     """Return a row a prior: its name, law, median with its range and unit, and the reason for its width."""
-    from bayes_tyre.inference.model.priors import PRIORS, prior_law
+    from bayes_tyre.inference.model.priors import PRIORS, prior_distribution
 
     rows = []
     for name, prior in PRIORS.items():
-        low, median, high = (f"{q:.2g}" for q in prior_law(name).ppf([(1 - RANGE) / 2, 0.5, (1 + RANGE) / 2]))
+        low, median, high = (f"{q:.2g}" for q in prior_distribution(name).ppf([(1 - RANGE) / 2, 0.5, (1 + RANGE) / 2]))
         law = f"{prior.family.__name__}({', '.join(f'{value:.3g}' for value in prior.parameters)})"
         rows.append((name, law, f"{median} ({low} to {high}) {prior.unit}".strip(), prior.reason))
     return rows

@@ -25,7 +25,7 @@ from support import reproduction_figures
 import bayes_tyre as bt
 from bayes_tyre.inference.least_squares.table import FitSettings
 from bayes_tyre.published import campaign, checks, recompute, tables
-from bayes_tyre.report.figures.notebook_display import Picture
+from bayes_tyre.report.figures.notebook_display import NotebookFigure
 
 pd.set_option("display.max_colwidth", 90)
 
@@ -67,7 +67,7 @@ rest.set_index("item")[["printed", "recomputed"]]
 
 # %%
 printed, mended = tables.raw_sample(mended=False), tables.raw_sample()
-Picture(reproduction_figures.calibration_lines(printed, mended, recompute.SENSORS))
+NotebookFigure(reproduction_figures.calibration_lines(printed, mended, recompute.SENSORS))
 
 # %% [markdown]
 # ## What are the calibration lines?
@@ -97,7 +97,7 @@ check = checks.round_trip_rows(campaign.case_means(fits))
 print(f"{(fits['status'] == 'ok').sum()} of {len(fits)} records: status ok (reconstructed, not measured)")
 print(f"{check['agrees'].sum()} of {len(check)} printed numbers come back")
 returned = check[~check["quantity"].str.startswith("tests")]
-Picture(reproduction_figures.returned_numbers(returned, "reconstructed"))
+NotebookFigure(reproduction_figures.returned_numbers(returned, "reconstructed"))
 
 # %% [markdown]
 # ## What do the fits of one case look like?

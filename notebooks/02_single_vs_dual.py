@@ -30,7 +30,7 @@ from support.level_means import level_means
 
 import bayes_tyre as bt
 from bayes_tyre.published import tables
-from bayes_tyre.report.figures.notebook_display import Picture
+from bayes_tyre.report.figures.notebook_display import NotebookFigure
 
 pd.set_option("display.max_columns", 20)
 
@@ -64,7 +64,7 @@ bt.figure(published, "posteriors_by_direction")
 # %%
 printed = tables.case_means()
 setting = results.setting(published)
-Picture(level_figures.by_levels(level_means(published, printed), setting))
+NotebookFigure(level_figures.by_levels(level_means(published, printed), setting))
 
 # %% [markdown]
 # ## The reconstructed campaign
@@ -101,7 +101,7 @@ bt.figure(reconstructed, "posteriors_by_direction")
 # *Reconstructed, not measured.*
 
 # %%
-Picture(level_figures.by_levels(level_means(reconstructed, printed), results.setting(reconstructed)))
+NotebookFigure(level_figures.by_levels(level_means(reconstructed, printed), results.setting(reconstructed)))
 
 # %% [markdown]
 # ## Which is stiffer, and by how much?
@@ -116,7 +116,7 @@ Picture(level_figures.by_levels(level_means(reconstructed, printed), results.set
 kinds = {"published tables": published, "reconstructed records": reconstructed}
 ratios = {f"{name} (verdict: {tree.attrs['verdict']})": bt.contrasts(tree) for name, tree in kinds.items()}
 both = setting._replace(origin="published + reconstructed")
-Picture(average_contrast_figures.average_contrasts(ratios, both))
+NotebookFigure(average_contrast_figures.average_contrasts(ratios, both))
 
 # %% [markdown]
 # ## How sure is that?

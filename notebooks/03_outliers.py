@@ -25,7 +25,7 @@ from support import results, rule, rule_figures
 from support.without_record import case_without
 
 import bayes_tyre as bt
-from bayes_tyre.report.figures.notebook_display import Picture
+from bayes_tyre.report.figures.notebook_display import NotebookFigure
 
 campaign = bt.reconstruct_campaign()
 fits = bt.fit_least_squares(campaign.records)
@@ -73,7 +73,7 @@ bt.figure(posterior, "outlier_probabilities", chosen)
 # %%
 mine = fits[fits["record"].isin(names)]
 estimates = rule.k_by_method(mine, bt.cases(posterior), multiple=6)
-Picture(rule_figures.rule_and_posterior(mine, estimates, results.setting(posterior)))
+NotebookFigure(rule_figures.rule_and_posterior(mine, estimates, results.setting(posterior)))
 
 # %% [markdown]
 # ## What happens when a good repeat is dropped?

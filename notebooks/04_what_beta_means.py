@@ -31,10 +31,10 @@ import pandas as pd
 
 from bayes_tyre.published.tables import characteristic_deflection
 from bayes_tyre.report.figures import audit as audit_figures
-from bayes_tyre.report.figures.notebook_display import Picture
+from bayes_tyre.report.figures.notebook_display import NotebookFigure
 from bayes_tyre.rig import axle, geometry
 from bayes_tyre.runtime import prepare_jax
-from bayes_tyre.signals import inertia, process, thesis, words
+from bayes_tyre.signals import factors, inertia, process, thesis
 from bayes_tyre.simulate.simulator import simulate_record
 from bayes_tyre.studies import audit, audit_grid, audit_methods, audit_overview, audit_words
 
@@ -50,7 +50,7 @@ prepare_jax()
 rig, typical = axle.load_rig("single"), audit_grid.TYPICAL
 truth = audit_grid.truth_of(typical, 1, rig, seed=0)
 simulated = simulate_record(truth, rig)
-named = words.Words(truth.plan.record, truth.plan.case, 1)
+named = factors.RecordFactors(truth.plan.record, truth.plan.case, 1)
 recording = process.prepare(simulated.raw, rig, named)
 methods = {"thesis": thesis.thesis, "inertia": inertia.inertia}
 paths = {name: audit_methods.curve(method(recording, rig)) for name, method in methods.items()}
@@ -60,7 +60,7 @@ motion, end = simulated.motion, simulated.motion.displacement_mm.argmin()
 d, force = motion.displacement_mm[recording.step.start : end], motion.tyre_force_kN[recording.step.start : end]
 flat = geometry.flat_ground_displacement(rig, d), geometry.flat_ground_force(rig, force, d)
 tyre = pd.DataFrame(dict(zip(("displacement_mm", "force_kN"), flat, strict=True)))
-Picture(audit_figures.one_record(tyre, paths))
+NotebookFigure(audit_figures.one_record(tyre, paths))
 
 # %% [markdown]
 # ## Which truths are tried?
@@ -82,7 +82,7 @@ print(f"{len(found.records.drop_duplicates(list(typical._fields)))} records, sim
 # little about the tyre's.
 
 # %%
-Picture(audit_figures.beta_returned(found.table, audit_grid.SOURCE_WINDOW))
+NotebookFigure(audit_figures.beta_returned(found.table, audit_grid.SOURCE_WINDOW))
 
 # %% [markdown]
 # ## If not the tyre, what moves the beta of `thesis`?
@@ -91,8 +91,8 @@ Picture(audit_figures.beta_returned(found.table, audit_grid.SOURCE_WINDOW))
 # any tyre.
 
 # %%
-levels = {**typical._asdict(), audit_grid.WINDOW: audit_grid.SOURCE_WINDOW}
-Picture(audit_figures.beta_window(found.table, audit_grid.FACTOR_NAMES, levels))
+others = {**typical._asdict(), audit_grid.WINDOW: audit_grid.SOURCE_WINDOW}
+NotebookFigure(audit_figures.beta_window(found.table, audit_grid.FACTOR_NAMES, others))
 
 # %% [markdown]
 # ## And k?
@@ -103,7 +103,7 @@ Picture(audit_figures.beta_window(found.table, audit_grid.FACTOR_NAMES, levels))
 # %%
 changed = ("beta_mm", "rise_s", "damping_ratio", "step_kN", audit_grid.WINDOW)
 names = {factor: audit_grid.FACTOR_NAMES[factor] for factor in changed}
-Picture(audit_figures.k_bias(found.table, names, levels))
+NotebookFigure(audit_figures.k_bias(found.table, names, others))
 
 # %% [markdown]
 # ## How far off is each method, and do its intervals hold the truth?

@@ -26,7 +26,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from bayes_tyre.report.figures.notebook_display import KeptPicture
+from bayes_tyre.report.figures.notebook_display import StoredFigure
 
 here = Path("results/05_your_own_rig")
 here.mkdir(parents=True, exist_ok=True)
@@ -107,7 +107,7 @@ few = ["--chains", "2", "--warmup", "600", "--draws", "900", "--repeats", "norma
 bayes_tyre("fit", "records.csv", "--out", "fit", "--quiet", *few)
 diagnostics = json.loads((here / "fit" / "diagnostics.json").read_text(encoding="utf-8"))
 print("simulated, not measured; verdict:", diagnostics["verdict"])
-KeptPicture(here / "fit", "posteriors_by_direction")
+StoredFigure(here / "fit", "posteriors_by_direction")
 
 # %% [markdown]
 # ## Which is stiffer, and how sure is that?
@@ -115,7 +115,7 @@ KeptPicture(here / "fit", "posteriors_by_direction")
 # *Simulated, not measured.* Ratios with their intervals, and the probability at the right.
 
 # %%
-KeptPicture(here / "fit", "contrasts")
+StoredFigure(here / "fit", "contrasts")
 
 # %% [markdown]
 # ## Do the fitted curves follow the records?
@@ -124,7 +124,7 @@ KeptPicture(here / "fit", "contrasts")
 # pattern, mean that the law, the mass or the signs do not fit.
 
 # %%
-KeptPicture(here / "fit", "records_with_bands")
+StoredFigure(here / "fit", "records_with_bands")
 
 # %% [markdown]
 # ## How near is it to the truth?

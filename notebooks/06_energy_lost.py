@@ -31,11 +31,11 @@ from bayes_tyre.inference.motion.record.window import Recorded
 from bayes_tyre.laws.fancher import dissipated_energy_per_cycle, loop_energy
 from bayes_tyre.report.figures import motion as motion_figures
 from bayes_tyre.report.figures import process as process_figures
-from bayes_tyre.report.figures.notebook_display import Picture
-from bayes_tyre.results import hysteresis_loops as motion_loops
+from bayes_tyre.report.figures.notebook_display import NotebookFigure
+from bayes_tyre.results import hysteresis_loops
 from bayes_tyre.rig import axle, geometry, sensors
 from bayes_tyre.runtime import prepare_jax
-from bayes_tyre.signals import inertia, process, words
+from bayes_tyre.signals import factors, inertia, process
 from bayes_tyre.simulate.plan import quick_plan
 from bayes_tyre.workflow.raw.simulate import write_simulated
 
@@ -49,9 +49,9 @@ from bayes_tyre.workflow.raw.simulate import write_simulated
 # %%
 prepare_jax()
 tyre, amplitude = {"k": 1.8, "x": 0.45, "beta": 0.08}, 2.0
-loop = motion_loops.true_loop(**tyre, amplitude_mm=amplitude).rename(columns={"median_kN": "friction_kN"})
+loop = hysteresis_loops.true_loop(**tyre, amplitude_mm=amplitude).rename(columns={"median_kN": "friction_kN"})
 loop["force_kN"] = tyre["k"] * loop["displacement_mm"] + loop["friction_kN"]
-Picture(motion_figures.loop_figure(loop, amplitude))
+NotebookFigure(motion_figures.loop_figure(loop, amplitude))
 
 # %% [markdown]
 # *Simulated, not measured.* The area by its points, and by the formula 4 (x - k beta)(a - beta tanh(a / beta)):
@@ -76,12 +76,12 @@ truth = pd.read_csv(write_simulated(plan, {"single": rig}, 0, raw, lambda _: Non
 
 def prepared(one) -> process.Recording:
     """Return a file's recording, its step found."""
-    named = words.Words(one.record, one.case, one.repeat)
+    named = factors.RecordFactors(one.record, one.case, one.repeat)
     return process.prepare(read_raw(raw / one.file, sensors.columns_of(rig)), rig, named)
 
 
 recordings = {one.record: prepared(one) for one in plan}
-Picture(process_figures.record_figure(inertia.inertia(recordings["S(0)30-20(1)"], rig), "simulated"))
+NotebookFigure(process_figures.record_figure(inertia.inertia(recordings["S(0)30-20(1)"], rig), "simulated"))
 
 # %% [markdown]
 # ## What does each motion say?
@@ -124,7 +124,7 @@ found = pd.concat([beside(record, amplitude) for record in estimates])
 # follows from them for a cycle of 2 mm at the wheel centre.
 
 # %%
-Picture(motion_figures.off_the_truth(found))
+NotebookFigure(motion_figures.off_the_truth(found))
 
 # %% [markdown]
 # ## What does a cycle lose?

@@ -47,8 +47,8 @@ print(json.dumps([sorted(dir(bt)), [name for name in heavy if name in sys.module
     assert imported == []
     assert set(bt.__all__) <= set(names)
     said = " ".join(said.split())
-    for words in ("Example: bayes-tyre predict ", "force (kN)", "displacement (mm)", "kN/mm", "prediction.toml"):
-        assert words in said
+    for factors in ("Example: bayes-tyre predict ", "force (kN)", "displacement (mm)", "kN/mm", "prediction.toml"):
+        assert factors in said
 
 
 def test_every_name_is_there_and_says_what_it_is():
@@ -90,8 +90,8 @@ def test_records_are_read_and_checked(tmp_path):
 
 
 def test_tables_carry_the_verdict_of_their_posterior_whoever_made_it(tmp_path):
-    words = grid()
-    tree = posterior(scattered(words, seed=41), words)
+    factors = grid()
+    tree = posterior(scattered(factors, seed=41), factors)
     assert bt.diagnose(tree).verdict == "pass"
     for table in (bt.cases(tree), bt.contrasts(tree), bt.repeats(tree), bt.predict(tree, "single (0)20-30").curves):
         assert set(table["verdict"]) == {"pass"}
@@ -111,8 +111,8 @@ def test_tables_carry_the_verdict_of_their_posterior_whoever_made_it(tmp_path):
 
 
 def test_cases_are_asked_for_by_one_text_or_several():
-    words = grid()
-    tree = posterior(scattered(words, seed=42), words)
+    factors = grid()
+    tree = posterior(scattered(factors, seed=42), factors)
     one = bt.predict(tree, "single (0)20-30", [0, 1.5])
     assert one.curves["displacement_mm"].tolist() == [0.0, 1.5]
     both = bt.predict(tree, ["single (0)20-30", "dual (0)20-30"], np.array([0.0, 1.5]), interval=0.5)

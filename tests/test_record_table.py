@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.record import ORIGIN_UNKNOWN, WORDS
-from bayes_tyre.record_table import check_record_table, origin_of, record_words
+from bayes_tyre.record import FACTORS, ORIGIN_UNKNOWN
+from bayes_tyre.record_table import check_record_table, origin_of, record_factors
 
 MINIMAL = pd.DataFrame(
     {
@@ -193,18 +193,18 @@ def test_time_may_start_again_in_the_next_record_and_stand_still():
 
 
 def test_record_words_are_a_row_a_record_in_order_of_appearance():
-    words = record_words(check_record_table(WORDED.iloc[[3, 0, 4, 1, 2]]))
-    assert list(words.columns) == ["record", *WORDS]
-    assert words["record"].to_list() == ["b", "a"]
-    assert words["repeat"].to_list() == [2, 1]
-    assert words["repeat"].dtype == np.int64
-    assert words["direction"].to_list() == ["unloading", "loading"]
+    factors = record_factors(check_record_table(WORDED.iloc[[3, 0, 4, 1, 2]]))
+    assert list(factors.columns) == ["record", *FACTORS]
+    assert factors["record"].to_list() == ["b", "a"]
+    assert factors["repeat"].to_list() == [2, 1]
+    assert factors["repeat"].dtype == np.int64
+    assert factors["direction"].to_list() == ["unloading", "loading"]
 
 
 def test_record_words_are_those_that_the_table_has():
-    words = record_words(check_record_table(WORDED[[*MINIMAL.columns, "step_kN", "configuration"]]))
-    assert list(words.columns) == ["record", "configuration", "step_kN"]
-    assert list(record_words(MINIMAL).columns) == ["record"]
+    factors = record_factors(check_record_table(WORDED[[*MINIMAL.columns, "step_kN", "configuration"]]))
+    assert list(factors.columns) == ["record", "configuration", "step_kN"]
+    assert list(record_factors(MINIMAL).columns) == ["record"]
 
 
 def test_origins_are_named_once_each_and_their_absence_too():

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from bayes_tyre.published import tables
-from bayes_tyre.record import CASE_WORDS, WORDS, Case
+from bayes_tyre.record import CASE_FACTORS, FACTORS, Case
 from bayes_tyre.rig.axle import Rig, load_rig
 from bayes_tyre.rig.geometry import flat_ground_start
 
@@ -95,8 +95,8 @@ def case_means(fits: pd.DataFrame) -> pd.DataFrame:
         The case words, `k_kN_per_mm`, `beta_mm`, and `left_out`: the repeat left out, or missing.
     """
     rows = []
-    for words, repeats in fits.groupby([*CASE_WORDS], sort=False):
-        case = Case._make(words)
+    for factors, repeats in fits.groupby([*CASE_FACTORS], sort=False):
+        case = Case._make(factors)
         out = left_out(repeats["k_kN_per_mm"].to_numpy(), usual_scatter(case.speed_km_h))
         kept = repeats.loc[~out, ["k_kN_per_mm", "beta_mm"]].mean()
         odd = repeats["repeat"].to_numpy()[out]
@@ -116,16 +116,16 @@ def reconstruct(seed: int = SEED) -> Reconstruction:
     odd_ones = _choose_discordant(published, rng)
     records, truths = [], []
     for row, published_case in published.iterrows():
-        case = Case._make(published_case[word] for word in CASE_WORDS)
-        factors = _repeat_factors(usual_scatter(case.speed_km_h), odd_ones.get(row), rng)
+        case = Case._make(published_case[word] for word in CASE_FACTORS)
+        multipliers = _repeat_factors(usual_scatter(case.speed_km_h), odd_ones.get(row), rng)
         for repeat in range(REPEATS):
-            k, beta = factors[repeat] * (published_case["k_kN_per_mm"], published_case["beta_mm"])
+            k, beta = multipliers[repeat] * (published_case["k_kN_per_mm"], published_case["beta_mm"])
             truth = _truth(case, k, beta, rng)
-            words = {**case._asdict(), "repeat": repeat + 1}
+            factors = {**case._asdict(), "repeat": repeat + 1}
             name = record_name(case, repeat + 1)
-            records.append(_record(truth, rng).assign(record=name, **words, origin="reconstructed"))
-            truths.append(_truth_row(name, words, truth, discordant=odd_ones.get(row) == repeat))
-    order = ["record", *WORDS, "time_s", "displacement_mm", "force_kN", "origin"]
+            records.append(_record(truth, rng).assign(record=name, **factors, origin="reconstructed"))
+            truths.append(_truth_row(name, factors, truth, discordant=odd_ones.get(row) == repeat))
+    order = ["record", *FACTORS, "time_s", "displacement_mm", "force_kN", "origin"]
     return Reconstruction(pd.concat(records, ignore_index=True)[order], pd.DataFrame(truths))
 
 
@@ -209,7 +209,7 @@ def _orthogonal_noise(noise: np.ndarray, tangents: np.ndarray) -> np.ndarray:
     return result
 
 
-def _truth_row(name: str, words: dict[str, object], truth: _Truth, discordant: bool) -> dict[str, object]:
+def _truth_row(name: str, factors: dict[str, object], truth: _Truth, discordant: bool) -> dict[str, object]:
     values = {
         "k_kN_per_mm": truth.k,
         "C_kN": truth.C,
@@ -219,4 +219,4 @@ def _truth_row(name: str, words: dict[str, object], truth: _Truth, discordant: b
         "F_i_kN": truth.F_i,
         "sigma_kN": NOISE_KN,
     }
-    return {"record": name, **words, **values, "discordant": discordant, "origin": "reconstructed"}
+    return {"record": name, **factors, **values, "discordant": discordant, "origin": "reconstructed"}

@@ -13,7 +13,7 @@ from bayes_tyre.published import tables
 from bayes_tyre.published.load_deflection import returned_slopes
 from bayes_tyre.published.recompute import GROUP, SPEED_GROUP, corrected_values, group_means, numbers_outside_tables
 from bayes_tyre.published.tables import CHARACTERISTIC_DEFLECTION, HALF_DIGIT, STIFFNESS, printed_digits
-from bayes_tyre.record import CASE_WORDS, Case
+from bayes_tyre.record import CASE_FACTORS, Case
 
 COLUMNS = ("quantity", "source", "kind", "published", "recomputed", "tolerance", "agrees")
 ROUNDING = 1e-6
@@ -70,15 +70,15 @@ def round_trip_rows(case_means: pd.DataFrame) -> pd.DataFrame:
     KeyError, pandas.errors.MergeError
         If a column is missing, or a case stands twice.
     """
-    returned = case_means[[*CASE_WORDS, STIFFNESS, CHARACTERISTIC_DEFLECTION]]
-    cells = tables.case_means()[list(CASE_WORDS)]
-    returned = cells.merge(returned, on=list(CASE_WORDS), how="left", validate="one_to_one")
+    returned = case_means[[*CASE_FACTORS, STIFFNESS, CHARACTERISTIC_DEFLECTION]]
+    cells = tables.case_means()[list(CASE_FACTORS)]
+    returned = cells.merge(returned, on=list(CASE_FACTORS), how="left", validate="one_to_one")
     rows = []
     for printed, parameter in (
         (tables.stiffness(), STIFFNESS),
         (tables.characteristic_deflection(), CHARACTERISTIC_DEFLECTION),
     ):
-        rows += _compare(printed, returned, CASE_WORDS, parameter, "", "round trip")
+        rows += _compare(printed, returned, CASE_FACTORS, parameter, "", "round trip")
     tests = tables.model_and_tests().query("kind == 'tests'").drop(columns="kind")
     slopes = _compare(tests, returned_slopes(), SPEED_GROUP, STIFFNESS, "tests ", "round trip")
     return _frame([*rows, *_mean_rows(returned, "round trip"), *slopes])
@@ -148,10 +148,10 @@ def _compare(
     ]
 
 
-def _label(words: Sequence) -> str:
-    if len(words) == len(CASE_WORDS):
-        return Case(*words).label
-    configuration, direction, *speed = words
+def _label(factors: Sequence) -> str:
+    if len(factors) == len(CASE_FACTORS):
+        return Case(*factors).label
+    configuration, direction, *speed = factors
     return f"{configuration} {direction}" + (f" at {speed[0]:g} km/h" if speed else "")
 
 

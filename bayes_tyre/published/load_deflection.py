@@ -34,18 +34,18 @@ def reconstruct_tests() -> pd.DataFrame:
         rig = load_rig(row["configuration"])
         lever = float(geometry.wheel_centre_displacement(rig, 1.0))
         measured = [geometry.wheel_centre_start(rig, load, row[STIFFNESS]) / lever for load in loads]
-        words = {name: row[name] for name in _BRANCH}
+        factors = {name: row[name] for name in _BRANCH}
         test = f"{row['configuration']} ({row['speed_km_h']:g})"
-        branches.append(pd.DataFrame({"test": test, **words, "load_kN": loads, "displacement_mm": measured}))
+        branches.append(pd.DataFrame({"test": test, **factors, "load_kN": loads, "displacement_mm": measured}))
     return pd.concat(branches, ignore_index=True).assign(origin="reconstructed")
 
 
 def returned_slopes() -> pd.DataFrame:
     """Return the slope of each reconstructed branch as on flat ground: the words, `k_kN_per_mm` (kN/mm), 10 rows."""
     slopes = []
-    for words, branch in reconstruct_tests().groupby(_BRANCH, sort=False):
+    for factors, branch in reconstruct_tests().groupby(_BRANCH, sort=False):
         load, mm = (branch[column].to_numpy(float) for column in ("load_kN", "displacement_mm"))
-        tyre = deflection_of(load_rig(str(words[0])), load, mm)
+        tyre = deflection_of(load_rig(str(factors[0])), load, mm)
         line = fit_line(tyre.flat_ground_mm, tyre.flat_ground_kN)
-        slopes.append({**dict(zip(_BRANCH, words, strict=True)), STIFFNESS: line.slope})
+        slopes.append({**dict(zip(_BRANCH, factors, strict=True)), STIFFNESS: line.slope})
     return pd.DataFrame(slopes)

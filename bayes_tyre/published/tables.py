@@ -6,7 +6,7 @@ import pandas as pd
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.formats.lvm.reader import read_lvm
-from bayes_tyre.record import CASE_WORDS, NUMBER_COLUMNS
+from bayes_tyre.record import CASE_FACTORS, NUMBER_COLUMNS
 from bayes_tyre.rig.calibration import mend_signs
 
 STIFFNESS = "k_kN_per_mm"
@@ -92,9 +92,9 @@ def characteristic_deflection() -> pd.DataFrame:
 
 def case_means() -> pd.DataFrame:
     """Return Tables 9 and 11 side by side, 48 rows: the case words, `k_kN_per_mm`, `beta_mm`."""
-    k = stiffness()[[*CASE_WORDS, STIFFNESS]]
-    beta = characteristic_deflection()[[*CASE_WORDS, CHARACTERISTIC_DEFLECTION]]
-    return k.merge(beta, on=list(CASE_WORDS), validate="one_to_one")
+    k = stiffness()[[*CASE_FACTORS, STIFFNESS]]
+    beta = characteristic_deflection()[[*CASE_FACTORS, CHARACTERISTIC_DEFLECTION]]
+    return k.merge(beta, on=list(CASE_FACTORS), validate="one_to_one")
 
 
 def means(parameter: Literal["k_kN_per_mm", "beta_mm"]) -> pd.DataFrame:

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
-from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.record import CASE_FACTORS
 
 
 class CaseDraws(NamedTuple):
@@ -67,7 +67,7 @@ def of_repeat(posterior: xr.Dataset, case: int, rng: np.random.Generator) -> Cas
         * np.exp(widening * _scatter(posterior, name, case) * rng.standard_normal(draws))
         for name in ("k", "beta")
     )
-    spread = _scalar(posterior, "log_sigma_spread") if "log_sigma_spread" in posterior else 0.0  # one record: no spread
+    spread = _scalar(posterior, "sd_log_sigma") if "sd_log_sigma" in posterior else 0.0  # one record: no spread
     sigma = _scalar(posterior, "sigma_typical") * np.exp(spread * rng.standard_normal(draws))
     return CaseDraws(F_i[one], J[one], k, beta, d_i[one], sigma)
 
@@ -110,13 +110,13 @@ def _starts(posterior: xr.Dataset, case: int) -> tuple[np.ndarray, np.ndarray, n
 def _records_of(posterior: xr.Dataset, case: int) -> list[int]:
     """Return the indices of a case's records: those that share its words."""
     wanted = _words(posterior, "case")[case]
-    return [i for i, words in enumerate(_words(posterior, "record")) if words == wanted]
+    return [i for i, factor_table in enumerate(_words(posterior, "record")) if factor_table == wanted]
 
 
 def _words(posterior: xr.Dataset, dim: str) -> list[tuple[object, ...]]:
     """Return the words along a dimension; None for one that the data did not have."""
     unknown = [None] * posterior.sizes[dim]
-    names = (f"{dim}_{word}" for word in CASE_WORDS)
+    names = (f"{dim}_{word}" for word in CASE_FACTORS)
     columns = [posterior[name].to_numpy().tolist() if name in posterior.coords else unknown for name in names]
     return [tuple(None if v != v or v == "" else v for v in row) for row in zip(*columns, strict=True)]
 
@@ -133,9 +133,9 @@ def _scalar(posterior: xr.Dataset, name: str) -> np.ndarray:
 
 def _scatter(posterior: xr.Dataset, parameter: str, case: int) -> np.ndarray:
     """Return the scatter of repeats of log k or log beta at the case's speed, shape (draws,)."""
-    name = f"log_{parameter}_repeat_scatter"
+    name = f"sd_log_{parameter}_repeat"
     if f"{name}_by_speed" not in posterior:
         return _scalar(posterior, name)
     speed = posterior["case_speed_km_h"].to_numpy()[case]
-    levels = [str(level) for level in posterior["speed"].to_numpy().tolist()]  # text beside numbers is stored as text
-    return _flat(posterior[f"{name}_by_speed"].isel(speed=levels.index("" if np.isnan(speed) else str(speed))))
+    factors = [str(level) for level in posterior["speed"].to_numpy().tolist()]  # text beside numbers is stored as text
+    return _flat(posterior[f"{name}_by_speed"].isel(speed=factors.index("" if np.isnan(speed) else str(speed))))

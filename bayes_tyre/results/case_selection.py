@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.record import CASE_WORDS, DIRECTIONS, TEXT_COLUMNS, Case
+from bayes_tyre.record import CASE_FACTORS, DIRECTIONS, TEXT_COLUMNS, Case
 
 LISTED = 6
 
@@ -18,12 +18,12 @@ class Wish(NamedTuple):
     ----------
     labels:
         Labels as posterior and figures print them, with the configuration in front or without.
-    words:
+    factor_table:
         The values asked for by word; a case has to match every word, and any of its values.
     """
 
     labels: tuple[str, ...]
-    words: Mapping[str, tuple[str | float, ...]]
+    factor_table: Mapping[str, tuple[str | float, ...]]
 
 
 class Choice(NamedTuple):
@@ -74,22 +74,22 @@ def parse_wish(texts: Sequence[str], cases: Sequence[Case]) -> Wish:
     """
     known = {label for case in cases for label in _labels(case)}
     labels: list[str] = []
-    words: dict[str, tuple[str | float, ...]] = {}
+    factor_table: dict[str, tuple[str | float, ...]] = {}
     for text in (text.strip() for text in texts):
         if text in known or not re.match(r"\w+\s*=", text):
             labels.append(text)
             continue
         for part in re.split(r",(?=\s*\w+\s*=)", text):
             name, _, value = (piece.strip() for piece in part.partition("="))
-            words[name] = (*words.get(name, ()), _value(name, value))
-    if labels and words:
+            factor_table[name] = (*factor_table.get(name, ()), _value(name, value))
+    if labels and factor_table:
         raise BadInput("labels and NAME=VALUE stand side by side; give one or the other")
-    return Wish(tuple(labels), words)
+    return Wish(tuple(labels), factor_table)
 
 
 def _value(name: str, text: str) -> str | float:
-    if name not in CASE_WORDS:
-        raise BadInput(f"{shown(name)!r} is no word of a case; use {', '.join(CASE_WORDS)}")
+    if name not in CASE_FACTORS:
+        raise BadInput(f"{shown(name)!r} is no word of a case; use {', '.join(CASE_FACTORS)}")
     if name == "direction" and text not in DIRECTIONS:
         raise BadInput(f"direction={shown(text)}; use {' or '.join(DIRECTIONS)}")
     if name in TEXT_COLUMNS:
@@ -112,13 +112,13 @@ def _same(one: object, other: object) -> bool:
 def _matches(wish: Wish, case: Case) -> bool:
     if wish.labels:
         return any(label in wish.labels for label in _labels(case))
-    return all(any(_same(getattr(case, name), value) for value in values) for name, values in wish.words.items())
+    return all(any(_same(getattr(case, name), value) for value in values) for name, values in wish.factor_table.items())
 
 
 def _opposite(one: Case, other: Case) -> bool:
     """Return whether two cases are the same step from the same load, one up and one down."""
     size, size_of_other = (None if case.step_kN is None else abs(case.step_kN) for case in (one, other))
-    alike = all(_same(getattr(one, name), getattr(other, name)) for name in ("configuration", *CASE_WORDS[2:4]))
+    alike = all(_same(getattr(one, name), getattr(other, name)) for name in ("configuration", *CASE_FACTORS[2:4]))
     return alike and _same(size, size_of_other) and sign_of(one) * sign_of(other) == -1
 
 
@@ -136,13 +136,13 @@ def choose(wish: Wish, cases: Sequence[Case]) -> Choice:
     matching = [i for i, case in enumerate(cases) if _matches(wish, case)]
     missed = [label for label in wish.labels if not any(label in _labels(case) for case in cases)]
     if missed or not matching:
-        asked = missed or [f"{name}={value}" for name, values in wish.words.items() for value in values]
+        asked = missed or [f"{name}={value}" for name, values in wish.factor_table.items() for value in values]
         raise BadInput(
             f"no case matches {listed(asked)}; there are {len(cases)}: {listed([case.label for case in cases])}; "
             "name one of them, or words such as configuration=LABEL,speed_km_h=0"
         )
     opposite = {i: [j for j, other in enumerate(cases) if _opposite(cases[i], other)] for i in matching}
-    if "direction" in wish.words:
+    if "direction" in wish.factor_table:
         return Choice(tuple(matching), ())
     chosen: list[int] = []
     for i in matching:

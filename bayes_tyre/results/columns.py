@@ -23,5 +23,5 @@ def numbers(table: pd.DataFrame, column: str) -> pd.Series:
 
 def of_records(table: pd.DataFrame, columns: list[str]) -> pd.DataFrame:
     """Return `record`, `configuration` and columns of numbers, less the rows where a number is missing."""
-    words = {word: texts(table, word) for word in ("record", "configuration")}
-    return pd.DataFrame({**words, **{column: numbers(table, column) for column in columns}}).dropna()
+    factor_table = {word: texts(table, word) for word in ("record", "configuration")}
+    return pd.DataFrame({**factor_table, **{column: numbers(table, column) for column in columns}}).dropna()

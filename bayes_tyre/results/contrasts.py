@@ -8,11 +8,11 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.sampling.datatree import case_parameters
-from bayes_tyre.record import CASE_WORDS, Case
+from bayes_tyre.inference.sampling.datatree import case_parameters, tree_cases
+from bayes_tyre.record import CASE_FACTORS, Case
 
 COLUMNS = (
-    *("contrast", "matching", *CASE_WORDS, "parameter"),
+    *("contrast", "matching", *CASE_FACTORS, "parameter"),
     *("median", "lower", "upper", "interval", "p_greater_than_1", "origin", "verdict"),
 )
 DIRECTIONS = "loading / unloading"
@@ -31,7 +31,7 @@ class _Contrast(NamedTuple):
 
     contrast: str
     matching: str
-    words: dict[str, object]
+    factor_table: dict[str, object]
     ratio: Callable[[np.ndarray], np.ndarray]
 
 
@@ -97,12 +97,6 @@ def _pooled(first: list[int], second: list[int]) -> Callable[[np.ndarray], np.nd
     return lambda draws: draws[:, first].mean(axis=1) / draws[:, second].mean(axis=1)
 
 
-def tree_cases(posterior: xr.Dataset) -> list[Case]:
-    """Return the cases of a posterior in its order; None where the data did not have the word."""
-    columns = [posterior[f"case_{word}"].to_numpy().tolist() for word in CASE_WORDS]
-    return [Case._make(None if value != value else value for value in row) for row in zip(*columns, strict=True)]
-
-
 def contrasts(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataFrame:
     """Return `contrasts.csv`: each ratio of k, beta or what else cases have: median, interval and P(ratio > 1).
 
@@ -133,16 +127,16 @@ def contrasts(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.Dat
             lower, median, upper = np.quantile(ratio, tails)
             rows.append(
                 {
-                    **{"contrast": contrast.contrast, "matching": contrast.matching, **_known(contrast.words)},
+                    **{"contrast": contrast.contrast, "matching": contrast.matching, **_known(contrast.factor_table)},
                     **{"parameter": parameter, "median": median, "lower": lower, "upper": upper, "interval": interval},
                     **{"p_greater_than_1": np.mean(ratio > 1.0), "origin": tree.attrs["origin"], "verdict": verdict},
                 }
             )
     # Where a word is missing, an average over one of its levels is the average over all, and is shown once.
     return pd.DataFrame(rows, columns=list(COLUMNS)).drop_duplicates(
-        ["contrast", "matching", *CASE_WORDS, "parameter"], ignore_index=True
+        ["contrast", "matching", *CASE_FACTORS, "parameter"], ignore_index=True
     )
 
 
-def _known(words: dict[str, object]) -> dict[str, object]:
-    return {word: value for word, value in words.items() if value not in (None, "")}
+def _known(factor_table: dict[str, object]) -> dict[str, object]:
+    return {word: value for word, value in factor_table.items() if value not in (None, "")}

@@ -7,27 +7,27 @@ import xarray as xr
 from jaxtyping import Bool, Float
 
 from bayes_tyre.inference.model.hyperparameters import MOTION_PARAMETERS
-from bayes_tyre.results.contrasts import tree_cases
+from bayes_tyre.inference.sampling.datatree import tree_cases
 
 #: Parameters whose cells a pair plot shows.
 _PAIRED = ("k", "settled", "beta")
 #: What a pair plot shows beside the cells, the first first: where funnels and ridges would stand.
 MAIN_SCALES = tuple(
     name.format(parameter)
-    for name in ("log_{}_case_scale", "log_{}_repeat_scatter", "published_scatter_{}")
+    for name in ("sd_log_{}_case", "sd_log_{}_repeat", "sd_log_{}_published")
     for parameter in _PAIRED
 )
 #: The most parameters of a pair plot, and how many of them may be of cells.
 MOST_PAIRED, MOST_CELLS = 10, 8
 
 
-class Population(NamedTuple):
+class Hyperparameter(NamedTuple):
     """One parameter of a population.
 
     Attributes
     ----------
     name, unit:
-        As `summary.csv` has them, such as ``k_cell[dual loading]``; the unit of a pure number is empty.
+        As `summary.csv` has them, such as ``k_group[dual loading]``; the unit of a pure number is empty.
     configuration:
         Whose it is; None where it belongs to all.
     draws:
@@ -45,7 +45,7 @@ class Population(NamedTuple):
         return bool(np.isfinite(self.draws).all() and np.ptp(self.draws) > 0)
 
 
-def populations(tree: xr.DataTree) -> list[Population]:
+def hyperparameters(tree: xr.DataTree) -> list[Hyperparameter]:
     """Return k, beta and more of each configuration and direction, then every scalar of the posterior in its order.
 
     Effects of single speeds, loads and steps, cases and records are left to `summary.csv`: there are too many.
@@ -53,22 +53,22 @@ def populations(tree: xr.DataTree) -> list[Population]:
     posterior = tree["posterior"].to_dataset()
     found = []
     for parameter in (*MOTION_PARAMETERS, "n", "belt_frequency", "belt_damping", "sidewall_ratio"):
-        if f"{parameter}_cell" in posterior:
-            found += _cells(posterior, f"{parameter}_cell")
+        if f"{parameter}_group" in posterior:
+            found += _cells(posterior, f"{parameter}_group")
     for name, draws in posterior.data_vars.items():
         if set(draws.dims) == {"chain", "draw"}:
-            found.append(Population(str(name), _unit(draws), None, _array(draws)))
+            found.append(Hyperparameter(str(name), _unit(draws), None, _array(draws)))
     return found
 
 
-def _cells(posterior: xr.Dataset, name: str) -> list[Population]:
+def _cells(posterior: xr.Dataset, name: str) -> list[Hyperparameter]:
     cases = tree_cases(posterior)
     whose = {f"{case.configuration or ''} {case.direction or ''}".strip(): case.configuration or "" for case in cases}
-    of_cell = posterior[name]
-    labels = [str(label) for label in of_cell["cell"].to_numpy()] if "cell" in of_cell.coords else [""]
+    of_group = posterior[name]
+    labels = [str(label) for label in of_group["group"].to_numpy()] if "group" in of_group.coords else [""]
     return [
-        Population(
-            f"{name}[{label}]" if label else name, _unit(of_cell), whose.get(label, ""), _array(of_cell.isel(cell=i))
+        Hyperparameter(
+            f"{name}[{label}]" if label else name, _unit(of_group), whose.get(label, ""), _array(of_group.isel(group=i))
         )
         for i, label in enumerate(labels)
     ]
@@ -83,9 +83,9 @@ def _unit(draws: xr.DataArray) -> str:
     return "" if unit == "1" else unit
 
 
-def paired(found: list[Population]) -> list[Population]:
+def paired(found: list[Hyperparameter]) -> list[Hyperparameter]:
     """Return those that a pair plot shows: k and beta of the first cells, then the main scales, ten at most."""
-    cells = [[p for p in found if p.name.startswith(f"{parameter}_cell")] for parameter in _PAIRED]
+    cells = [[p for p in found if p.name.startswith(f"{parameter}_group")] for parameter in _PAIRED]
     each = MOST_CELLS // max(2, sum(map(bool, cells)))
     shown = [p for of_parameter in cells for p in of_parameter[:each]]
     by_name = {p.name: p for p in found}

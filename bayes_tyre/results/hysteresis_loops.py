@@ -6,8 +6,8 @@ import pandas as pd
 import xarray as xr
 from jaxtyping import ArrayLike, Float
 
+from bayes_tyre.inference.sampling.group_means import group_means
 from bayes_tyre.laws.fancher import small_step_limit
-from bayes_tyre.results.summary import cell_means
 
 #: The law that these loops are of, as a result names it.
 LAW = "fancher"
@@ -34,17 +34,17 @@ def friction_loops(tree: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
         `configuration`, `direction` (of the step), `branch` (``growing`` or ``falling`` displacement),
         `displacement_mm` from the middle, `median_kN`, `lower_kN`, `upper_kN`.
     """
-    means, amplitude = cell_means(tree), float(tree.attrs["amplitude_mm"])
+    means, amplitude = group_means(tree), float(tree.attrs["amplitude_mm"])
     tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
     blocks = []
-    for cell in range(means.sizes["cell"]):
-        of = means.isel(cell=cell)
+    for cell in range(means.sizes["group"]):
+        of = means.isel(group=cell)
         k, x, beta = (of[name].to_numpy().ravel() for name in ("k", "x", "beta"))
         some = slice(None, None, max(1, len(k) // _DRAWS))
         friction = settled_friction(k[some], x[some], beta[some], amplitude)
         lower, median, upper = np.quantile(friction, tails, axis=0)
-        words = {word: str(of[word].item()) for word in ("configuration", "direction")}
-        blocks.append(_table(amplitude, median).assign(**words, lower_kN=lower, upper_kN=upper))
+        factor_table = {word: str(of[word].item()) for word in ("configuration", "direction")}
+        blocks.append(_table(amplitude, median).assign(**factor_table, lower_kN=lower, upper_kN=upper))
     return pd.concat(blocks, ignore_index=True)
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.correlated_noise import whiten
 from bayes_tyre.inference.sampling.hierarchical_fit import record_batch
-from bayes_tyre.record_table import record_words
+from bayes_tyre.record_table import record_factors
 from bayes_tyre.results.prediction import force_kN
 from bayes_tyre.results.summary import outlier_probability
 
@@ -87,7 +87,7 @@ def residual_tables(found: Residuals, table: pd.DataFrame, records: list[str]) -
         }
     )
     figures = {"sigma_kN": found.sigma_kN, "autocorrelation": autocorrelations(found)}
-    return points, record_words(table).assign(**figures)
+    return points, record_factors(table).assign(**figures)
 
 
 def residual_autocorrelation(tree: xr.DataTree, table: pd.DataFrame) -> float:

@@ -13,10 +13,10 @@ import xarray as xr
 from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.record import CASE_WORDS, Case
+from bayes_tyre.inference.sampling.datatree import tree_cases
+from bayes_tyre.record import CASE_FACTORS, Case
 from bayes_tyre.results.case_draws import CaseDraws, of_case, of_repeat, travel_mm
 from bayes_tyre.results.case_selection import Wish, choose, listed, sign_of
-from bayes_tyre.results.contrasts import tree_cases
 
 #: The mean curve of a case, or a repeat of it that was not measured.
 KINDS = ("case", "repeat")
@@ -24,7 +24,7 @@ DEFAULT_POINTS = 101
 #: Most points times draws that are computed at once.
 CELLS = 2_000_000
 COLUMNS = (
-    *CASE_WORDS,
+    *CASE_FACTORS,
     *("displacement_mm", "parameter", "unit", "median", "lower", "upper", "interval", "of", "origin", "verdict"),
 )
 _NEEDED = {"k_case": "case", "beta_case": "case", "k": "record", "J": "record", "C": "record", "F_i": "record"}
@@ -128,7 +128,7 @@ def predictable_cases(tree: xr.DataTree) -> list[Case]:
         raise BadInput("holds no records, so neither F_i nor J of a step; name a folder that fit wrote from records")
     dims = {name: {"chain", "draw", dim} for name, dim in _NEEDED.items()}
     lacking = [name for name, needed in dims.items() if name not in posterior or set(posterior[name].dims) != needed]
-    lacking += [f"case_{word}" for word in CASE_WORDS if f"case_{word}" not in posterior.coords]
+    lacking += [f"case_{word}" for word in CASE_FACTORS if f"case_{word}" not in posterior.coords]
     if lacking:
         raise BadInput(f"is no posterior of records: it lacks {', '.join(lacking)}; name a folder that fit wrote")
     return tree_cases(posterior)
@@ -169,13 +169,13 @@ def _bands(u: np.ndarray, draws: CaseDraws, interval: float, rng: np.random.Gene
 
 def _parameters(case: Case, draws: CaseDraws, interval: float) -> dict[str, object]:
     """Return what a vehicle model needs of one case, in plain numbers and text."""
-    words = {word: value for word, value in case._asdict().items() if value not in (None, "")}
+    factor_table = {word: value for word, value in case._asdict().items() if value not in (None, "")}
     values = {
         **{"k_kN_per_mm": draws.k, "beta_mm": draws.beta, "J_kN": draws.J},
         **{"C_kN": draws.C, "F_i_kN": draws.F_i, "d_i_mm": draws.d_i},
     }
     figures = {name: _figures(value, interval) for name, value in values.items()}
-    return {"label": case.label, **words, **figures}
+    return {"label": case.label, **factor_table, **figures}
 
 
 def _figures(values: np.ndarray, interval: float) -> dict[str, float]:

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.model.factors import Levels, find_levels
+from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.prior_predictive import Start, prior_records
 from bayes_tyre.inference.sampling.hierarchical_fit import record_batch
-from bayes_tyre.record_table import record_words
+from bayes_tyre.record_table import record_factors
 
 #: The most panels; records of the data, and of the prior, in each; points of a prior record.
 PANELS, REAL, DRAWN, POINTS = 6, 5, 40, 80
@@ -53,38 +53,44 @@ def prior_panels(tree: xr.DataTree, table: pd.DataFrame, interval: float = 0.95,
     seed:
         Of the prior records.
     """
-    words = record_words(table)
-    levels = _levels(tree, table, words)
-    cells = levels.cell.of_case[levels.of_record]
+    factor_table = record_factors(table)
+    factors = _levels(tree, table, factor_table)
+    cells = factors.group.of_case[factors.of_record]
     travel = table.groupby("record", sort=False)["displacement_mm"].agg(np.ptp).to_numpy()
     panels = []
-    for cell in range(min(PANELS, len(levels.cell.labels))):
-        of_cell = np.flatnonzero(cells == cell)
-        like = int(of_cell[np.argsort(travel[of_cell], kind="stable")[(len(of_cell) - 1) // 2]])
+    for cell in range(min(PANELS, len(factors.group.labels))):
+        of_group = np.flatnonzero(cells == cell)
+        like = int(of_group[np.argsort(travel[of_group], kind="stable")[(len(of_group) - 1) // 2]])
         repeats = str(tree.attrs.get("repeats", "mixture"))
-        panels.append(_panel(table, words, levels, like, interval, seed + cell, repeats))
+        panels.append(_panel(table, factor_table, factors, like, interval, seed + cell, repeats))
     return panels
 
 
-def _levels(tree: xr.DataTree, table: pd.DataFrame, words: pd.DataFrame) -> Levels:
+def _levels(tree: xr.DataTree, table: pd.DataFrame, factor_table: pd.DataFrame) -> Factors:
     """Return the levels that the posterior was fitted with: a slope over actual initial loads has one `load`."""
     posterior = tree["posterior"].to_dataset()
     slope = "log_k_load" in posterior and posterior.sizes["load"] == 1
-    return find_levels(words, record_batch(table).force_kN[:, 0] if slope else None)
+    return find_factors(factor_table, record_batch(table).force_kN[:, 0] if slope else None)
 
 
 def _panel(
-    table: pd.DataFrame, words: pd.DataFrame, levels: Levels, like: int, interval: float, seed: int, repeats: str
+    table: pd.DataFrame,
+    factor_table: pd.DataFrame,
+    factors: Factors,
+    like: int,
+    interval: float,
+    seed: int,
+    repeats: str,
 ) -> PriorPanel:
-    case = int(levels.of_record[like])
-    names = words["record"].tolist()
-    same = [names[i] for i in np.flatnonzero(levels.of_record == case) if i != like]
+    case = int(factors.of_record[like])
+    names = factor_table["record"].tolist()
+    same = [names[i] for i in np.flatnonzero(factors.of_record == case) if i != like]
     shown = [names[like], *same][:REAL]
     points = table.loc[table["record"].isin(shown), ["record", "displacement_mm", "force_kN"]]
     mine = points[points["record"] == names[like]]
     d, F = mine["displacement_mm"].to_numpy(), mine["force_kN"].to_numpy()
     start = Start(float(F[0]), float(np.abs(F - F[0]).max()), _grid(d))
-    forces = prior_records(levels, case, start, _BAND_DRAWS, seed, repeats)
+    forces = prior_records(factors, case, start, _BAND_DRAWS, seed, repeats)
     lower, upper = np.quantile(forces, [(1.0 - interval) / 2.0, (1.0 + interval) / 2.0], axis=0)
     curves = pd.DataFrame(
         {
@@ -94,7 +100,10 @@ def _panel(
         }
     )
     band = pd.DataFrame({"displacement_mm": start.displacement_mm, "lower_kN": lower, "upper_kN": upper})
-    known = {word: str(words[word].iloc[like]) if word in words else "" for word in ("configuration", "direction")}
+    known = {
+        word: str(factor_table[word].iloc[like]) if word in factor_table else ""
+        for word in ("configuration", "direction")
+    }
     return PriorPanel(names[like], known["configuration"], known["direction"], curves, band, points)
 
 

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from bayes_tyre.inference.model.prior_predictive import is_of_logarithm
-from bayes_tyre.inference.model.priors import PRIORS, prior_law
-from bayes_tyre.results.hyperparameters import Population
+from bayes_tyre.inference.model.priors import PRIORS, prior_distribution
+from bayes_tyre.results.hyperparameters import Hyperparameter
 
 #: Points of a density over all that is shown, and as many over the posterior's draws.
 POINTS = 200
@@ -39,17 +39,19 @@ class Scale(NamedTuple):
     contraction: float
 
 
-def scales(found: list[Population]) -> list[Scale]:
+def scales(found: list[Hyperparameter]) -> list[Scale]:
     """Return every scalar of the posterior that has a prior in `PRIORS`."""
-    of_all = [population for population in found if population.configuration is None and population.varies]
-    return [_scale(population) for population in of_all if population.name in PRIORS]
+    of_all = [
+        hyperparameter for hyperparameter in found if hyperparameter.configuration is None and hyperparameter.varies
+    ]
+    return [_scale(hyperparameter) for hyperparameter in of_all if hyperparameter.name in PRIORS]
 
 
-def _scale(population: Population) -> Scale:
-    law, log = prior_law(population.name), is_of_logarithm(population.name)
+def _scale(hyperparameter: Hyperparameter) -> Scale:
+    law, log = prior_distribution(hyperparameter.name), is_of_logarithm(hyperparameter.name)
     of_prior = law.ppf([0.005, 0.25, 0.75, 0.995])
     low, *quartiles, high = np.log(of_prior) if log else of_prior
-    draws = np.log(population.draws.ravel()) if log else population.draws.ravel()
+    draws = np.log(hyperparameter.draws.ravel()) if log else hyperparameter.draws.ravel()
     least, most = float(draws.min()), float(draws.max())
     ends_at_zero = not log and law.support()[0] == 0
     # A half-normal prior is highest at zero, and a posterior may be: the density is mirrored there, not cut off.
@@ -61,8 +63,8 @@ def _scale(population: Population) -> Scale:
     prior = law.pdf(values) * (values if log else 1.0)
     quarter, three_quarters = np.quantile(draws, [0.25, 0.75])
     return Scale(
-        population.name,
-        population.unit,
+        hyperparameter.name,
+        hyperparameter.unit,
         log,
         values,
         prior / prior.max(),

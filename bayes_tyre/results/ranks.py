@@ -9,7 +9,7 @@ from jaxtyping import Float
 from scipy.stats import rankdata
 
 from bayes_tyre.inference.diagnostics.verdict import TAILS
-from bayes_tyre.results.hyperparameters import Population
+from bayes_tyre.results.hyperparameters import Hyperparameter
 
 #: Probability that all chains of a parameter stay within the band where they agree.
 BAND = 0.95
@@ -40,7 +40,7 @@ class Ranks(NamedTuple):
     band: Float[np.ndarray, " points"]
 
 
-def ranks(population: Population) -> Ranks:
+def ranks(hyperparameter: Hyperparameter) -> Ranks:
     """Return the ranks of a population parameter, of draws thinned until they hardly depend on each other.
 
     One chain is held against itself, its first half against its second. The difference of a chain's cumulative
@@ -49,7 +49,7 @@ def ranks(population: Population) -> Ranks:
     Source: Vehtari et al. (2021), "Rank-normalization, folding, and localization"; the form with cumulative shares
     from Sailynoja, Burkner & Vehtari (2022), "Graphical test for discrete uniformity".
     """
-    draws = population.draws
+    draws = hyperparameter.draws
     if len(draws) == 1:
         half = draws.shape[1] // 2
         draws = np.stack([draws[0, :half], draws[0, -half:]])
@@ -60,7 +60,7 @@ def ranks(population: Population) -> Ranks:
     below = np.stack([np.searchsorted(np.sort(chain), at + 1e-9) for chain in share]) / kept
     expected = np.floor(at * thinned.size + 1e-9) / thinned.size
     critical = _critical(chains, min(kept, max(20, _MANY // chains)))
-    return Ranks(population.name, at, below - expected, critical * _sd(at, chains, kept))
+    return Ranks(hyperparameter.name, at, below - expected, critical * _sd(at, chains, kept))
 
 
 def _apart(draws: np.ndarray) -> int:

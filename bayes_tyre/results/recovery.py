@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.record import WORDS
+from bayes_tyre.record import FACTORS
 from bayes_tyre.results.columns import numbers, texts
 
 #: Parameters compared, with their columns in `truth.csv` and `least_squares.csv`; of motions those of `OF_MOTIONS` too.
@@ -122,7 +122,7 @@ def _beside(truth: pd.DataFrame, found: pd.DataFrame, interval: float) -> Recove
 
 def _worded(table: pd.DataFrame, name: str) -> pd.DataFrame:
     """Return the records of a table and the key that their words make."""
-    _need(table, name, "record", *WORDS)
+    _need(table, name, "record", *FACTORS)
     keys = _keys(table)
     if keys.duplicated().any():
         twice = texts(table, "record")[keys.duplicated()].iloc[0]
@@ -135,7 +135,7 @@ def _keys(table: pd.DataFrame) -> pd.Series:
     labels = ("configuration", "direction")
     parts = [
         texts(table, word) if word in labels else numbers(table, word).map(lambda value: f"{value:.6g}")
-        for word in WORDS
+        for word in FACTORS
     ]
     return pd.Series([" ".join(row) for row in zip(*parts, strict=True)], index=table.index, dtype=object)
 

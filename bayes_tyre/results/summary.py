@@ -9,9 +9,9 @@ from bayes_tyre.inference.diagnostics.convergence import Figures, figures_kept, 
 from bayes_tyre.inference.diagnostics.power_scaling import identified
 from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS
 from bayes_tyre.inference.sampling.datatree import RECORD_UNITS, case_parameters, shown_parameters
-from bayes_tyre.record import CASE_WORDS, WORDS
+from bayes_tyre.inference.sampling.group_means import named_group_means
+from bayes_tyre.record import CASE_FACTORS, FACTORS
 from bayes_tyre.record_table import carry_extras
-from bayes_tyre.results.contrasts import tree_cases
 
 STATISTICS = (
     *("mean", "sd", "median", "lower", "upper", "interval"),
@@ -60,43 +60,19 @@ def describe(draws: xr.DataArray, interval: float = 0.95, figures: Figures | Non
 
 def _words_of(posterior: xr.Dataset, dim: str) -> pd.DataFrame:
     """Return the words along a dimension, a row an element; a word that the data did not have is missing."""
-    known = {word: posterior[f"{dim}_{word}"].to_numpy() for word in WORDS if f"{dim}_{word}" in posterior.coords}
-    table = pd.DataFrame(known, columns=list(WORDS), index=range(posterior.sizes[dim]))
+    known = {word: posterior[f"{dim}_{word}"].to_numpy() for word in FACTORS if f"{dim}_{word}" in posterior.coords}
+    table = pd.DataFrame(known, columns=list(FACTORS), index=range(posterior.sizes[dim]))
     if dim == "record":
         table.insert(0, "record", posterior["record"].to_numpy())
     return table
 
 
-def cell_means(tree: xr.DataTree) -> xr.Dataset:
-    """Return the mean of k (kN/mm), beta (mm) and what else cases have, over those of a configuration and direction.
-
-    The arithmetic mean of the cases, as the source's Tables 9 and 11 average them; dims chain, draw, cell, with
-    `configuration` and `direction` along cell.
-    """
-    posterior = tree["posterior"].to_dataset()
-    keys = [(case.configuration, case.direction) for case in tree_cases(posterior)]
-    cells = sorted(set(keys))
-    means = {}
-    for parameter in case_parameters(posterior):
-        of_case = posterior[f"{parameter}_case"]
-        by_cell = [of_case[..., [key == cell for key in keys]].mean("case") for cell in cells]
-        means[parameter] = xr.concat(by_cell, dim="cell").transpose("chain", "draw", "cell")
-    words = {word: ("cell", [cell[i] for cell in cells]) for i, word in enumerate(CASE_WORDS[:2])}
-    return xr.Dataset(means).assign_coords(words)
-
-
-def means(tree: xr.DataTree) -> xr.Dataset:
-    """Return `cell_means` as `summary.csv` names them: `k_mean`, `beta_mean`, dims chain, draw, mean_of."""
-    found = cell_means(tree)
-    return found.rename({name: f"{name}_mean" for name in found.data_vars} | {"cell": "mean_of"})
-
-
 def cases(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataFrame:
     """Return `cases.csv`: k (kN/mm), beta (mm) and what else a case has, a row a case and parameter."""
     posterior = tree["posterior"].to_dataset()
-    words = _words_of(posterior, "case")[list(CASE_WORDS)]
+    factor_table = _words_of(posterior, "case")[list(CASE_FACTORS)]
     blocks = [
-        _block(tree, words, parameter, posterior[f"{parameter}_case"], RECORD_UNITS[parameter], interval)
+        _block(tree, factor_table, parameter, posterior[f"{parameter}_case"], RECORD_UNITS[parameter], interval)
         for parameter in case_parameters(posterior)
     ]
     return _finish(blocks, tree, verdict)
@@ -115,12 +91,12 @@ def repeats(
     """
     posterior = tree["posterior"].to_dataset()
     if "record" not in posterior.dims:
-        columns = ["record", *WORDS, "parameter", "unit", *STATISTICS, "outlier_probability", "origin", "verdict"]
+        columns = ["record", *FACTORS, "parameter", "unit", *STATISTICS, "outlier_probability", "origin", "verdict"]
         return pd.DataFrame(columns=columns)
-    words = _words_of(posterior, "record")
+    factor_table = _words_of(posterior, "record")
     odd = outlier_probability(tree).to_numpy()
     blocks = [
-        _block(tree, words, name, posterior[name], RECORD_UNITS[name], interval).assign(outlier_probability=odd)
+        _block(tree, factor_table, name, posterior[name], RECORD_UNITS[name], interval).assign(outlier_probability=odd)
         for name in shown_parameters(posterior, REPEAT_PARAMETERS)
     ]
     if extras is not None:
@@ -131,11 +107,11 @@ def repeats(
 def outlier_probability(tree: xr.DataTree) -> pd.Series:
     """Return the posterior probability that each record is discordant; missing where it cannot be judged."""
     posterior = tree["posterior"].to_dataset()
-    words = _words_of(posterior, "record")
-    if "discordant_probability" not in posterior:
-        return pd.Series(np.nan, index=words.index)
-    probability = pd.Series(posterior["discordant_probability"].mean(("chain", "draw")).to_numpy())
-    of_case = words.groupby(list(CASE_WORDS), dropna=False)["record"].transform("size")
+    factor_table = _words_of(posterior, "record")
+    if "outlier_probability" not in posterior:
+        return pd.Series(np.nan, index=factor_table.index)
+    probability = pd.Series(posterior["outlier_probability"].mean(("chain", "draw")).to_numpy())
+    of_case = factor_table.groupby(list(CASE_FACTORS), dropna=False)["record"].transform("size")
     return probability.where(of_case >= JUDGEABLE_REPEATS)
 
 
@@ -143,7 +119,7 @@ def judged_records(tree: xr.DataTree) -> pd.DataFrame:
     """Return `record`, the words and `outlier_probability` of each record; no rows without records."""
     posterior = tree["posterior"].to_dataset()
     if "record" not in posterior.dims:
-        return pd.DataFrame(columns=["record", *WORDS, "outlier_probability"])
+        return pd.DataFrame(columns=["record", *FACTORS, "outlier_probability"])
     return _words_of(posterior, "record").assign(outlier_probability=outlier_probability(tree))
 
 
@@ -151,29 +127,29 @@ def summary(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataF
     """Return `summary.csv`: a row a scalar, sampled or derived.
 
     A row carries the words that name it; an effect of a speed, load, step or cell has its level in the name,
-    such as ``log_k_speed[25]``. `k_mean` and `beta_mean` are the means over the cases of `cell_means`.
+    such as ``log_k_speed[25]``. `k_mean` and `beta_mean` are the means over the cases of `group_means`.
 
     `contraction`, `prior_sensitivity`, `likelihood_sensitivity` and `decided_by` say what the data said of each
     (`bayes_tyre.inference.diagnostics.power_scaling`); empty where that is not known.
     """
     posterior = tree["posterior"].to_dataset()
     blocks = []
-    for name, draws in means(tree).data_vars.items():
-        words = pd.DataFrame({word: draws[word].to_numpy() for word in CASE_WORDS[:2]})
+    for name, draws in named_group_means(tree).data_vars.items():
+        factor_table = pd.DataFrame({word: draws[word].to_numpy() for word in CASE_FACTORS[:2]})
         unit = RECORD_UNITS[str(name).removesuffix("_mean")]
-        blocks.append(_identified(_block(tree, words, str(name), draws, unit, interval), tree))
+        blocks.append(_identified(_block(tree, factor_table, str(name), draws, unit, interval), tree))
     for name, draws in posterior.data_vars.items():
         unit = "" if draws.attrs["units"] == "1" else draws.attrs["units"]
         dims = [str(dim) for dim in draws.dims if dim not in ("chain", "draw")]
         if dims and dims[0] in ("case", "record"):
-            words = _words_of(posterior, dims[0])
-            blocks.append(_identified(_block(tree, words, str(name), draws, unit, interval), tree))
+            factor_table = _words_of(posterior, dims[0])
+            blocks.append(_identified(_block(tree, factor_table, str(name), draws, unit, interval), tree))
             continue
         labels = [_level(label) for label in draws[dims[0]].to_numpy()] if dims else [""]
         block = _block(tree, pd.DataFrame(index=range(len(labels))), str(name), draws, unit, interval)
         block = _identified(block, tree)
         blocks.append(block.assign(parameter=[f"{name}[{label}]" if label else str(name) for label in labels]))
-    return _finish(blocks, tree, verdict, ["record", *WORDS])
+    return _finish(blocks, tree, verdict, ["record", *FACTORS])
 
 
 def _level(label: object) -> str:
@@ -181,10 +157,10 @@ def _level(label: object) -> str:
 
 
 def _block(
-    tree: xr.DataTree, words: pd.DataFrame, parameter: str, draws: xr.DataArray, unit: str, interval: float
+    tree: xr.DataTree, factor_table: pd.DataFrame, parameter: str, draws: xr.DataArray, unit: str, interval: float
 ) -> pd.DataFrame:
     described = describe(draws, interval, figures_kept(tree, str(draws.name)))
-    return pd.concat([words.reset_index(drop=True).assign(parameter=parameter, unit=unit), described], axis=1)
+    return pd.concat([factor_table.reset_index(drop=True).assign(parameter=parameter, unit=unit), described], axis=1)
 
 
 def _identified(block: pd.DataFrame, tree: xr.DataTree) -> pd.DataFrame:
@@ -195,11 +171,11 @@ def _identified(block: pd.DataFrame, tree: xr.DataTree) -> pd.DataFrame:
 
 
 def _finish(
-    blocks: list[pd.DataFrame], tree: xr.DataTree, verdict: str, words: list[str] | None = None
+    blocks: list[pd.DataFrame], tree: xr.DataTree, verdict: str, factor_table: list[str] | None = None
 ) -> pd.DataFrame:
     """Return the blocks as one table: words first, the verdict last."""
     table = pd.concat(blocks, ignore_index=True).assign(origin=tree.attrs["origin"], verdict=verdict)
-    if words is None:
+    if factor_table is None:
         return table
-    rest = [column for column in table.columns if column not in words]
-    return table.reindex(columns=[*words, *rest])
+    rest = [column for column in table.columns if column not in factor_table]
+    return table.reindex(columns=[*factor_table, *rest])

@@ -68,7 +68,7 @@ def inertia(recording: Recording, rig: Rig) -> Processed:
     to_flat = np.gradient(flat.displacement_mm, motion.displacement_mm[:end] + np.arange(end) * 1e-12 * step.sign)
     lever = float(geometry.wheel_centre_displacement(rig, 1.0))
     return Processed(
-        recording.words,
+        recording.factors,
         signals.time_s[first : first + end],
         flat.displacement_mm,
         flat.force_kN,

@@ -17,7 +17,7 @@ from bayes_tyre.rig.load_deflection import Deflection, deflection_of
 REQUIRED = ("test", "load_kN", "displacement_mm")
 #: What names a test but its repeat, and all words of a test.
 CASE_OF_TEST = ("configuration", "speed_km_h")
-WORDS_OF_TEST = (*CASE_OF_TEST, "repeat")
+FACTORS_OF_TEST = (*CASE_OF_TEST, "repeat")
 #: Whether a reading is one of those that the loading (unloading) line is fitted to.
 ON_LINE = {"loading": "on_loading_line", "unloading": "on_unloading_line"}
 _NUMBERS = ("load_kN", "displacement_mm", "speed_km_h", "repeat")
@@ -58,7 +58,7 @@ def check_load_deflection(table: pd.DataFrame, name: str = "load-deflection tabl
         typed[column] = _texts(typed, column, name)
     for column in (column for column in _NUMBERS if column in typed):
         typed[column] = _finite(typed, column, name)
-    check_agreement(typed, name, "test", [word for word in (*WORDS_OF_TEST, "origin") if word in typed])
+    check_agreement(typed, name, "test", [word for word in (*FACTORS_OF_TEST, "origin") if word in typed])
     return _with_directions(typed, name)
 
 
@@ -115,20 +115,20 @@ def averaged(table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     remarks : list of str
         A sentence for each case whose tests were not read at the same loads.
     """
-    words = [word for word in CASE_OF_TEST if word in table]
+    factors = [word for word in CASE_OF_TEST if word in table]
     means: list[pd.DataFrame] = []
     remarks: list[str] = []
-    for case, tests in table.groupby(words, sort=False) if words else ():
+    for case, tests in table.groupby(factors, sort=False) if factors else ():
         label = ", ".join(f"{word:g} km/h" if isinstance(word, float) else str(word) for word in case)
         each = [test.reset_index(drop=True) for _, test in tests.groupby("test", sort=False)]
         if any(not test["direction"].equals(each[0]["direction"]) for test in each) or _loads_part(each):
             remarks.append(f"{label}: its {len(each)} tests were not read at the same loads, so no average of them")
             continue
         numbers = ["load_kN", "displacement_mm", *Deflection._fields]
-        mean = each[0][[*words, "direction", *ON_LINE.values()]].copy()
+        mean = each[0][[*factors, "direction", *ON_LINE.values()]].copy()
         mean[numbers] = np.mean([test[numbers].to_numpy(float) for test in each], axis=0)
         mean.insert(0, "test", f"{label}, mean of {len(each)}")
-        mean.insert(1 + len(words), "repeats", len(each))
+        mean.insert(1 + len(factors), "repeats", len(each))
         if "origin" in tests:
             mean["origin"] = " + ".join(sorted(tests["origin"].unique()))
         means.append(mean)

@@ -6,20 +6,20 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.record import RawSignals
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.signals.channels import find_channels
+from bayes_tyre.signals.factors import RecordFactors
 from bayes_tyre.signals.inertia import inertia
 from bayes_tyre.signals.processed import Processed, Recording
 from bayes_tyre.signals.ramp import find_ramp
 from bayes_tyre.signals.runout import nominal_bodies, remove_runout
 from bayes_tyre.signals.steps import find_step, quiet_samples
 from bayes_tyre.signals.thesis import thesis
-from bayes_tyre.signals.words import Words
 
 METHODS: dict[str, Callable[[Recording, Rig], Processed]] = {"thesis": thesis, "inertia": inertia}
 # A step may miss what its words say by so much of it: set points are not met exactly, another case is further off.
 _STEP_OFF = 0.4
 
 
-def prepare(raw: RawSignals, rig: Rig, words: Words) -> Recording:
+def prepare(raw: RawSignals, rig: Rig, factors: RecordFactors) -> Recording:
     """Return a recording ready for a method: channels in units, runout of a rolling tyre removed, step found.
 
     Raises
@@ -30,22 +30,22 @@ def prepare(raw: RawSignals, rig: Rig, words: Words) -> Recording:
     as_read = find_channels(raw, rig)
     ramp = find_ramp(as_read.load_kN, as_read.dt_s)
     signals, rms, turning = as_read, 0.0, ()
-    if words.case.speed_km_h > 0:
-        bodies = nominal_bodies(rig, words.case.speed_km_h)
+    if factors.case.speed_km_h > 0:
+        bodies = nominal_bodies(rig, factors.case.speed_km_h)
         signals, runout = remove_runout(as_read, quiet_samples(ramp, as_read), bodies)
         ramp, rms = find_ramp(signals.load_kN, signals.dt_s), runout.acceleration_rms_m_per_s2
         turning = runout.bodies
     step = find_step(signals, ramp)
-    said = words.case.step_kN
+    said = factors.case.step_kN
     if abs(step.change_kN - said) > _STEP_OFF * abs(said):
         raise BadInput(
             f"load changes by {step.change_kN:.3g} kN where the words say {said:+g} kN; mend the file's name or "
             "--cases, or the sign of the load in [signs] of the rig file"
         )
-    return Recording(words, as_read, signals, step, rms, turning)
+    return Recording(factors, as_read, signals, step, rms, turning)
 
 
-def process(raw: RawSignals, rig: Rig, words: Words, method: str) -> Processed:
+def process(raw: RawSignals, rig: Rig, factors: RecordFactors, method: str) -> Processed:
     """Return the record that a method of `METHODS` makes of raw signals.
 
     Raises
@@ -53,4 +53,4 @@ def process(raw: RawSignals, rig: Rig, words: Words, method: str) -> Processed:
     BadInput
         With the reason why they are of no use, and the figure behind it.
     """
-    return METHODS[method](prepare(raw, rig, words), rig)
+    return METHODS[method](prepare(raw, rig, factors), rig)

@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from bayes_tyre.signals.channels import Signals
+from bayes_tyre.signals.factors import RecordFactors
 from bayes_tyre.signals.runout import Turning
 from bayes_tyre.signals.steps import Step
-from bayes_tyre.signals.words import Words
 
 Samples = Float[np.ndarray, " samples"]
 
@@ -16,7 +16,7 @@ Samples = Float[np.ndarray, " samples"]
 class Recording(NamedTuple):
     """A recording ready for a method: words, channels (as read, runout removed), step, runout's size and its bodies."""
 
-    words: Words
+    factors: RecordFactors
     raw: Signals
     signals: Signals
     step: Step
@@ -39,7 +39,7 @@ class Processed(NamedTuple):
         What it was made from, for pictures.
     """
 
-    words: Words
+    factors: RecordFactors
     time_s: Samples
     displacement_mm: Samples
     force_kN: Samples
@@ -51,7 +51,7 @@ class Processed(NamedTuple):
     def columns(self) -> dict[str, object]:
         """Return the columns of a record table, words and extras repeated on every row."""
         return {
-            **self.words.row(),
+            **self.factors.row(),
             "time_s": self.time_s,
             "displacement_mm": self.displacement_mm,
             "force_kN": self.force_kN,

@@ -54,7 +54,7 @@ def thesis(recording: Recording, rig: Rig, window_s: float = WINDOW_S) -> Proces
     density = step.acceleration.density * MM_PER_M**2
     lever = float(geometry.wheel_centre_displacement(rig, 1.0))
     return Processed(
-        recording.words,
+        recording.factors,
         signals.time_s[region],
         d + float(signals.laser_mm[: step.quiet].mean()),
         force[region] * per_wheel_centre,

@@ -7,7 +7,7 @@ import numpy as np
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables import read_table
-from bayes_tyre.record import CASE_WORDS, Case
+from bayes_tyre.record import CASE_FACTORS, Case
 
 
 def case_stiffness(case: Case) -> float:
@@ -40,5 +40,5 @@ def case_stiffness(case: Case) -> float:
 @functools.cache
 def _printed() -> dict[Case, float]:
     table = read_table(data_path("published/table_09_stiffness.csv"))
-    rows = table[[*CASE_WORDS, "k_kN_per_mm"]].itertuples(index=False)
+    rows = table[[*CASE_FACTORS, "k_kN_per_mm"]].itertuples(index=False)
     return {Case(name, direction, *map(float, numbers)): float(k) for name, direction, *numbers, k in rows}

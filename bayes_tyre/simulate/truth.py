@@ -89,7 +89,7 @@ class Truth:
         for body in ("wheel", "roller"):
             for order, (amplitude, phase) in enumerate(getattr(self.runout, f"{body}_harmonics"), start=1):
                 turns |= {f"{body}_runout_{order}_mm": amplitude, f"{body}_runout_{order}_rad": phase}
-        words = {"file": plan.file, "record": plan.record, **plan.case._asdict(), "repeat": plan.repeat}
+        factors = {"file": plan.file, "record": plan.record, **plan.case._asdict(), "repeat": plan.repeat}
         recording = {"duration_s": plan.duration_s, "rate_Hz": plan.rate_Hz}
         road = {"road_noise_mm": self.runout.road_noise_mm, "road_slope": self.runout.road_slope}
-        return {**words, **recording, **values, **turns, **road}
+        return {**factors, **recording, **values, **turns, **road}

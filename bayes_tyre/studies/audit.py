@@ -14,11 +14,11 @@ import pandas as pd
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.rig.axle import Rig, load_rig
+from bayes_tyre.signals.factors import RecordFactors
 from bayes_tyre.signals.inertia import inertia
 from bayes_tyre.signals.process import prepare
 from bayes_tyre.signals.processed import Processed, Recording
 from bayes_tyre.signals.thesis import thesis
-from bayes_tyre.signals.words import Words
 from bayes_tyre.simulate.simulator import simulate_record
 from bayes_tyre.studies.audit_grid import CONFIGURATION, FACTORS, PLANS, WINDOW, Plan, Tyre, truth_of
 from bayes_tyre.studies.audit_methods import (
@@ -82,7 +82,7 @@ def study_audit(
     Parameters
     ----------
     plan:
-        Levels of truths and windows.
+        Factors of truths and windows.
     replicates:
         Records a point.
     seed:
@@ -111,10 +111,10 @@ def _in_threads(work: Callable[[tuple[Tyre, int]], _Branches], tasks: list[tuple
 def _branches(task: tuple[Tyre, int], plan: Plan, rig: Rig, seed: int) -> _Branches:
     tyre, replicate = task
     truth = truth_of(tyre, replicate, rig, seed)
-    words = Words(truth.plan.record, truth.plan.case, replicate)
+    factors = RecordFactors(truth.plan.record, truth.plan.case, replicate)
     windows = plan.windows_of(tyre)
     try:
-        recording = prepare(simulate_record(truth, rig).raw, rig, words)
+        recording = prepare(simulate_record(truth, rig).raw, rig, factors)
     except BadInput as error:
         return _Branches(dict.fromkeys(windows, str(error)), str(error), Answer({}, str(error)))
     dt_s = recording.signals.dt_s

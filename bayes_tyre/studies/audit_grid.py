@@ -53,14 +53,14 @@ FACTOR_NAMES = {
 
 @dataclass(frozen=True)
 class Plan:
-    """Levels of the factors.
+    """Factors of the factors.
 
     Attributes
     ----------
     alone:
-        Levels of factors that are varied alone, the others typical.
+        Factors of factors that are varied alone, the others typical.
     crossed:
-        Levels of factors that are varied with each other, the others typical.
+        Factors of factors that are varied with each other, the others typical.
     windows:
         Of the moving mean of `thesis`, samples at 10 kHz, the source's among them; tried on every crossed record.
     """
@@ -79,10 +79,10 @@ class Plan:
 
     def _crossed(self) -> list[Tyre]:
         every = product(*self.crossed.values())
-        return [TYPICAL._replace(**dict(zip(self.crossed, levels, strict=True))) for levels in every]
+        return [TYPICAL._replace(**dict(zip(self.crossed, factors, strict=True))) for factors in every]
 
     def _alone(self) -> list[Tyre]:
-        varied = [(name, level) for name, levels in self.alone.items() for level in levels]
+        varied = [(name, level) for name, factors in self.alone.items() for level in factors]
         return [TYPICAL, *(TYPICAL._replace(**{name: level}) for name, level in varied)]
 
 

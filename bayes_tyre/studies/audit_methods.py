@@ -15,7 +15,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.least_squares.settings import FitSettings
 from bayes_tyre.inference.least_squares.table import fit_records
 from bayes_tyre.inference.motion.record.energy import losses
-from bayes_tyre.inference.motion.record.estimate import MOTION_PARAMETERS, estimate_motion
+from bayes_tyre.inference.motion.record.estimate import RECORD_PARAMETERS, estimate_motion
 from bayes_tyre.inference.motion.record.window import Recorded
 from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.laws.fancher import Fancher
@@ -121,10 +121,10 @@ def motion_answer(recording: Recording, truth: Tyre, rig: Rig) -> Answer:
 def motion_values(
     log_mean: Float[np.ndarray, "5"], log_covariance: Float[np.ndarray, "5 5"], status: str, truth: Tyre, rig: Rig
 ) -> Answer:
-    """Return k, beta, x and the energy of a cycle from the logarithms of `MOTION_PARAMETERS`."""
+    """Return k, beta, x and the energy of a cycle from the logarithms of `RECORD_PARAMETERS`."""
     if not (np.isfinite(log_mean).all() and np.isfinite(log_covariance).all()):
         return Answer({}, status or "the motion's estimate is not finite")
-    at = [MOTION_PARAMETERS.index(name) for name in ("k", "x", "beta")]
+    at = [RECORD_PARAMETERS.index(name) for name in ("k", "x", "beta")]
     log_energy, slope = _log_energy(rig, jnp.asarray(log_mean[at]), middle_mm(rig, truth))
     sd = np.sqrt(np.diag(log_covariance)[at])
     # The delta method: x > k beta in every one of the fit's laws, so the energy has a logarithm.

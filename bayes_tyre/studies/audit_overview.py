@@ -140,8 +140,8 @@ def sways(table: pd.DataFrame, method: str) -> dict[str, Sway]:
             if line[name].nunique() > 1
         ]
         if ratios:
-            levels = rows[name].astype(float)
-            found[name] = Sway(float(levels.min()), float(levels.max()), float(np.exp(np.mean(ratios))))
+            factors = rows[name].astype(float)
+            found[name] = Sway(float(factors.min()), float(factors.max()), float(np.exp(np.mean(ratios))))
     return found
 
 

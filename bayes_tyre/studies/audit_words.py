@@ -41,10 +41,10 @@ def conclusion(table: pd.DataFrame, published_beta_mm: Sequence[float]) -> list[
 def _what_was_done(table: pd.DataFrame) -> str:
     ranges = []
     for name in FACTORS:
-        levels = table[name].dropna().astype(float)
-        if len(levels):
-            words, unit = FACTOR_NAMES[name]
-            ranges.append(f"{words} {_range(levels.min(), levels.max(), unit)}")
+        factors = table[name].dropna().astype(float)
+        if len(factors):
+            factor_table, unit = FACTOR_NAMES[name]
+            ranges.append(f"{factor_table} {_range(factors.min(), factors.max(), unit)}")
     told = at_source_window(table)
     records = int((told["returned"] + told["declined"]).groupby([told["method"], told["parameter"]]).sum().max())
     return (
@@ -105,10 +105,10 @@ def _ringing(table: pd.DataFrame, method: str) -> str:
     """Return what the axle's damping does to a method: the simulated axle may ring more than a rig's."""
     parts = []
     for parameter, unit in (("k", "kN/mm"), ("beta", "mm")):
-        levels = ringing(table, method, parameter)
-        if len(levels) < 2:
+        factors = ringing(table, method, parameter)
+        if len(factors) < 2:
             return ""
-        each = ", ".join(f"{value:.3g} {unit} at {ratio:g}" for ratio, value in levels.items())
+        each = ", ".join(f"{value:.3g} {unit} at {ratio:g}" for ratio, value in factors.items())
         parts.append(f"{parameter} {each}")
     return (
         f"How much the axle rings is part of it: with the typical tyre and other damping ratios `{method}` returns "

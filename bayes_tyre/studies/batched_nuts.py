@@ -18,21 +18,20 @@ from numpyro.handlers import trace
 from numpyro.infer import NUTS
 
 from bayes_tyre.batch import Batch
-from bayes_tyre.inference.model.factors import Levels
-from bayes_tyre.inference.model.hyperparameters import PARAMETERS, population_starts, prior_sites
+from bayes_tyre.inference.model.factors import Factors
+from bayes_tyre.inference.model.hyperparameters import PARAMETERS, hyperparameter_starts, prior_sites
 from bayes_tyre.inference.model.laplace import (
-    Picture,
-    RecordData,
+    LaplaceApproximation,
     RecordEstimates,
     cases_of,
     estimate_records,
     like_their_case,
-    record_data,
 )
 from bayes_tyre.inference.model.likelihood import compress
 from bayes_tyre.inference.model.models import records_model
 from bayes_tyre.inference.model.priors import PRIORS, Prior, prior_medians
 from bayes_tyre.inference.model.repeat_distribution import about_cases, judgeable
+from bayes_tyre.inference.record_data import RecordData, record_data
 from bayes_tyre.inference.sampling.nuts import TARGET_ACCEPTANCE, leave_resonance, start_near
 from bayes_tyre.studies.design import Design
 
@@ -64,7 +63,7 @@ class DataSet(NamedTuple):
     """
 
     data: RecordData
-    picture: Picture
+    picture: LaplaceApproximation
     starts: Mapping[str, ArrayLike]
 
 
@@ -95,9 +94,13 @@ def observe(design: Design, force_kN: Float[np.ndarray, "sets records points"]) 
     found = []
     for i in range(sets):
         batch = design.batch(force_kN[i])
-        own = like_their_case(jax.tree.map(lambda a, i=i: jnp.asarray(a[i]), estimates), batch, design.levels)
+        own = like_their_case(jax.tree.map(lambda a, i=i: jnp.asarray(a[i]), estimates), batch, design.factors)
         found.append(
-            DataSet(record_data(batch), Picture(own, cases_of(own, design.levels)), _starts(own, design.levels))
+            DataSet(
+                record_data(batch),
+                LaplaceApproximation(own, cases_of(own, design.factors)),
+                _starts(own, design.factors),
+            )
         )
     return jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *found)
 
@@ -114,10 +117,10 @@ def _estimates(u: Float[np.ndarray, "rows points"], force: Float[np.ndarray, "ro
     return jax.tree.map(lambda *leaves: np.concatenate([np.asarray(leaf) for leaf in leaves])[:rows], *lots)
 
 
-def _starts(records: RecordEstimates, levels: Levels) -> dict[str, np.ndarray]:
+def _starts(records: RecordEstimates, factors: Factors) -> dict[str, np.ndarray]:
     """Return where a fit of these records starts: prior medians, and where the records say more, their estimates."""
-    J_scale = np.sqrt(np.mean(np.asarray(records.centre[:, 1]) ** 2)) + 1e-3
-    return population_starts(prior_sites(levels), prior_medians() | {"J_scale": np.asarray(J_scale)})
+    sd_J = np.sqrt(np.mean(np.asarray(records.centre[:, 1]) ** 2)) + 1e-3
+    return hyperparameter_starts(prior_sites(factors), prior_medians() | {"sd_J": np.asarray(sd_J)})
 
 
 def with_priors(model: Callable[..., None], priors: Mapping[str, Prior]) -> Callable[..., None]:
@@ -143,20 +146,20 @@ def _with_log_densities(**arguments: Any) -> None:
     with trace() as sites:
         records_model(**arguments)
     numpyro.deterministic("log_likelihood", jnp.sum(sites["force"]["fn"].log_factor))
-    numpyro.deterministic("log_repeats", _log_repeats(sites, arguments["levels"]))
+    numpyro.deterministic("log_repeats", _log_repeats(sites, arguments["factors"]))
 
 
-def _log_repeats(sites: Mapping[str, Any], levels: Levels) -> Array:
+def _log_repeats(sites: Mapping[str, Any], factors: Factors) -> Array:
     """Return the log density of all repeats about their cases, of which the model has cases integrated out."""
     values = {name: jnp.asarray(site["value"]) for name, site in sites.items()}
     deviation, scatter = [], []
     for parameter in PARAMETERS:
-        deviation.append(jnp.log(values[parameter] / values[f"{parameter}_case"][levels.of_record]))
-        typical = f"log_{parameter}_repeat_scatter"
-        of_case = values[f"{typical}_by_speed"][levels.speed.of_case] if levels.speed.varies else values[typical]
-        scatter.append(jnp.broadcast_to(of_case, len(levels.cases))[levels.of_record])
+        deviation.append(jnp.log(values[parameter] / values[f"{parameter}_case"][factors.of_record]))
+        typical = f"sd_log_{parameter}_repeat"
+        of_case = values[f"{typical}_by_speed"][factors.speed.of_case] if factors.speed.varies else values[typical]
+        scatter.append(jnp.broadcast_to(of_case, len(factors.cases))[factors.of_record])
     of_records, scales = (jnp.stack(each, axis=1) for each in (deviation, scatter))
-    return jnp.sum(about_cases(of_records, scales, judgeable("mixture", levels), values).log_density)
+    return jnp.sum(about_cases(of_records, scales, judgeable("mixture", factors), values).log_density)
 
 
 class SideBySide:
@@ -215,7 +218,7 @@ class SideBySide:
         data = jax.tree.map(jnp.asarray, one.data)
         told = self.design.nominal(data) if self._nominal else data
         picture = jax.tree.map(jnp.asarray, one.picture)
-        return {"likelihood": compress(data), "data": told, "picture": picture, "levels": self.design.levels}
+        return {"likelihood": compress(data), "data": told, "picture": picture, "factors": self.design.factors}
 
     def _turns(self, keys: Array, sets: DataSet) -> Sampled:
         return jax.lax.map(lambda turn: self._one(*turn), (keys, sets))

@@ -124,20 +124,20 @@ def log_repeats(design: Design, truths: Truths) -> Float[np.ndarray, " sets"]:
 
     As `bayes_tyre.inference.model.repeat_distribution.about_cases` has it, written out once more.
     """
-    levels = design.levels
+    factors = design.factors
 
     def about_case(widening: float) -> np.ndarray:
         found = np.zeros(truths["k"].shape)
         for parameter in PARAMETERS:
-            case = truths[f"{parameter}_case"][:, levels.of_record]
-            scatter = truths[f"log_{parameter}_repeat_scatter"][:, None]
-            if levels.speed.varies:
-                by_speed = truths[f"log_{parameter}_repeat_scatter_by_speed"]
-                scatter = by_speed[:, levels.speed.of_case[levels.of_record]]
+            case = truths[f"{parameter}_case"][:, factors.of_record]
+            scatter = truths[f"sd_log_{parameter}_repeat"][:, None]
+            if factors.speed.varies:
+                by_speed = truths[f"sd_log_{parameter}_repeat_by_speed"]
+                scatter = by_speed[:, factors.speed.of_case[factors.of_record]]
             found += norm.logpdf(np.log(truths[parameter] / case), 0.0, widening * scatter)
         return found
 
-    if levels.repeats.max() < JUDGEABLE_REPEATS:
+    if factors.repeats.max() < JUDGEABLE_REPEATS:
         return about_case(1.0).sum(axis=1)
     weight = truths["discordant_weight"][:, None]
     usual, odd = np.log1p(-weight) + about_case(1.0), np.log(weight) + about_case(DISCORDANT_WIDENING)
@@ -164,4 +164,4 @@ def judge_sampling(sampled: Sampled, first: int) -> pd.DataFrame:
 
 def _judged(name: str) -> bool:
     """Return whether a quantity varies from draw to draw: probabilities of 0 or 1 hardly do."""
-    return name != "discordant_probability"
+    return name != "outlier_probability"

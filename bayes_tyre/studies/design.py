@@ -8,9 +8,9 @@ import pandas as pd
 from jaxtyping import Float
 
 from bayes_tyre.batch import Batch
-from bayes_tyre.inference.model.factors import Levels, find_levels
-from bayes_tyre.inference.model.laplace import RecordData
-from bayes_tyre.record import CASE_WORDS, Case
+from bayes_tyre.inference.model.factors import Factors, find_factors
+from bayes_tyre.inference.record_data import RecordData
+from bayes_tyre.record import CASE_FACTORS, Case
 
 #: Travel of every record, mm, and the displacement it starts from.
 TRAVEL_MM, START_MM = 5.0, 10.0
@@ -22,32 +22,32 @@ class Design:
 
     Attributes
     ----------
-    words:
+    factor_table:
         A row a record: `record`, the words of its case, `repeat`.
-    levels:
+    factors:
         How the cases group.
     u:
         Shape (records, points): displacement from the start, mm; points lie densest where beta shows.
     """
 
-    words: pd.DataFrame
-    levels: Levels
+    factor_table: pd.DataFrame
+    factors: Factors
     u: Float[np.ndarray, "records points"]
 
     @property
     def start_kN(self) -> Float[np.ndarray, " records"]:
         """The nominal force that each record starts from: what its prior of F_i is about."""
-        return self.words["initial_load_kN"].to_numpy(dtype=float)
+        return self.factor_table["initial_load_kN"].to_numpy(dtype=float)
 
     @property
     def span_kN(self) -> Float[np.ndarray, " records"]:
         """The nominal change of force of each record: the standard deviation of that prior."""
-        return self.words["step_kN"].abs().to_numpy(dtype=float)
+        return self.factor_table["step_kN"].abs().to_numpy(dtype=float)
 
     def batch(self, force_kN: Float[np.ndarray, "records points"]) -> Batch:
         """Return the records with these forces (kN) as the fit takes them."""
         everywhere = np.ones(self.u.shape, dtype=bool)
-        return Batch(tuple(self.words["record"]), START_MM + self.u, force_kN, everywhere)
+        return Batch(tuple(self.factor_table["record"]), START_MM + self.u, force_kN, everywhere)
 
     def nominal(self, data: RecordData) -> RecordData:
         """Return the records with the prior of F_i about the nominal start instead of the first, noisy force.
@@ -60,10 +60,12 @@ class Design:
 def design(cases: list[Case], repeats: int, points: int) -> Design:
     """Return the design in which each case is repeated, with so many points a record."""
     rows = [(*case, repeat) for case in cases for repeat in range(1, repeats + 1)]
-    words = pd.DataFrame(rows, columns=[*CASE_WORDS, "repeat"])
-    words.insert(0, "record", [f"{case.label}({repeat})" for case in cases for repeat in range(1, repeats + 1)])
-    way = np.sign(words["step_kN"].to_numpy(dtype=float))
-    return Design(words, find_levels(words), way[:, None] * TRAVEL_MM * np.linspace(0.0, 1.0, points) ** 2)
+    factor_table = pd.DataFrame(rows, columns=[*CASE_FACTORS, "repeat"])
+    factor_table.insert(0, "record", [f"{case.label}({repeat})" for case in cases for repeat in range(1, repeats + 1)])
+    way = np.sign(factor_table["step_kN"].to_numpy(dtype=float))
+    return Design(
+        factor_table, find_factors(factor_table), way[:, None] * TRAVEL_MM * np.linspace(0.0, 1.0, points) ** 2
+    )
 
 
 def calibration_design() -> Design:

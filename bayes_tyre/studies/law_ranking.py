@@ -19,11 +19,11 @@ from bayes_tyre.inference.motion.record.likelihood import hierarchy_moments, lik
 from bayes_tyre.inference.motion.record.window import Recorded
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.laws.base import StatefulLaw
-from bayes_tyre.record import WORDS
+from bayes_tyre.record import FACTORS
 from bayes_tyre.results.model_comparison import STANDARD_ERRORS, compare
 from bayes_tyre.rig.axle import Rig, load_rig
+from bayes_tyre.signals.factors import RecordFactors
 from bayes_tyre.signals.process import prepare
-from bayes_tyre.signals.words import Words
 from bayes_tyre.simulate.draw import draw_truth, stream
 from bayes_tyre.simulate.plan import Planned, quick_plan
 from bayes_tyre.simulate.simulator import simulate_record
@@ -68,7 +68,7 @@ def simulated(law: MotionLaw, plan: Planned, rig: Rig, seed: int) -> Recorded:
     rest = truth.rest_friction_kN if law.has_friction else 0.0
     truth = replace(truth, m_kg=float(axle_kg(rig, made, truth.m_kg)), rest_friction_kN=rest)
     raw = simulate_record(truth, rig, made).raw
-    return recorded(prepare(raw, rig, Words(plan.record, plan.case, plan.repeat)))
+    return recorded(prepare(raw, rig, RecordFactors(plan.record, plan.case, plan.repeat)))
 
 
 def _made(law: MotionLaw, truth: Truth) -> StatefulLaw:
@@ -135,9 +135,9 @@ def _motions(rig: Rig, plans: list[Planned], estimates: list[MotionEstimate], la
         mean, covariance = hierarchy_moments(*moments, law)
         rows.append((*likelihood, mean, np.diag(covariance), constant, estimate.effective_draws))
     directions, target, mean, variance, constant, effective = map(np.array, zip(*rows, strict=True))
-    words = pd.DataFrame([{"record": p.record, **p.case._asdict(), "repeat": p.repeat} for p in plans])
-    words = words[["record", *WORDS]]
-    return Motions(words, directions, target, mean, variance, law, Readings(constant, effective))
+    factor_table = pd.DataFrame([{"record": p.record, **p.case._asdict(), "repeat": p.repeat} for p in plans])
+    factor_table = factor_table[["record", *FACTORS]]
+    return Motions(factor_table, directions, target, mean, variance, law, Readings(constant, effective))
 
 
 def _estimate_row(true: str, fitted: str, plan: Planned, estimate: MotionEstimate, elpd: float) -> dict[str, Any]:

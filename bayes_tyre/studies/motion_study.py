@@ -10,12 +10,12 @@ import pandas as pd
 from scipy import stats
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.motion.record.estimate import MOTION_PARAMETERS, MotionEstimate, estimate_motion
+from bayes_tyre.inference.motion.record.estimate import RECORD_PARAMETERS, MotionEstimate, estimate_motion
 from bayes_tyre.inference.motion.record.window import Recorded
 from bayes_tyre.rig.axle import load_rig
+from bayes_tyre.signals.factors import RecordFactors
 from bayes_tyre.signals.process import prepare
 from bayes_tyre.signals.processed import Recording
-from bayes_tyre.signals.words import Words
 from bayes_tyre.simulate.draw import draw_truth, stream
 from bayes_tyre.simulate.plan import Planned, thesis_plan
 from bayes_tyre.simulate.simulator import simulate_record
@@ -120,17 +120,19 @@ def _rows(record: Tried, seed: int) -> list[dict[str, object]]:
     # The same axle, tyre and noise with each mismatch: differences are the mismatch's.
     own = int(stream(seed, "motion study", record.kind, str(record.number)).integers(2**32))
     truth, law = MISMATCHES[record.mismatch](draw_truth(plan, rig, own), rig)
-    words = {"mismatch": record.mismatch, "kind": record.kind, "record": plan.record, **plan.case._asdict()}
+    factor_table = {"mismatch": record.mismatch, "kind": record.kind, "record": plan.record, **plan.case._asdict()}
     raw = simulate_record(truth, rig, law).raw
     began = time.process_time()
     try:
-        recording = prepare(raw, rig, Words(plan.record, plan.case, plan.repeat))
+        recording = prepare(raw, rig, RecordFactors(plan.record, plan.case, plan.repeat))
         estimate = estimate_motion(rig, recorded(recording))
     except BadInput as error:
-        return [{**words, "seed": own, **row, "status": str(error), "origin": ORIGIN} for row in _told(truth, None)]
+        return [
+            {**factor_table, "seed": own, **row, "status": str(error), "origin": ORIGIN} for row in _told(truth, None)
+        ]
     said = {"method": estimate.method, "pareto_k": estimate.pareto_k, **_left(estimate)}
     said |= {"cpu_seconds": time.process_time() - began, "status": estimate.status or "ok", "origin": ORIGIN}
-    return [{**words, "seed": own, **row, **said} for row in _told(truth, estimate)]
+    return [{**factor_table, "seed": own, **row, **said} for row in _told(truth, estimate)]
 
 
 def recorded(recording: Recording) -> Recorded:
@@ -143,7 +145,7 @@ def recorded(recording: Recording) -> Recorded:
 
 def _told(truth: Truth, estimate: MotionEstimate | None) -> list[dict[str, object]]:
     rows = []
-    for i, name in enumerate(MOTION_PARAMETERS):
+    for i, name in enumerate(RECORD_PARAMETERS):
         true = float(getattr(truth, _TRUE[name]))
         log = np.nan if estimate is None else float(estimate.log_mean[i])
         sd = np.nan if estimate is None else float(np.sqrt(estimate.log_covariance[i, i]))
@@ -167,14 +169,14 @@ def summarise(records: pd.DataFrame) -> pd.DataFrame:
     for (mismatch, kind), name in product(records[["mismatch", "kind"]].drop_duplicates().to_numpy(), UNITS):
         of = records[(records["mismatch"] == mismatch) & (records["kind"] == kind) & (records["parameter"] == name)]
         found = of[of["estimate"].notna()]
-        words = {
+        factor_table = {
             "mismatch": mismatch,
             "kind": kind,
             "parameter": name,
             "records": len(of),
             "declined": len(of) - len(found),
         }
-        rows.append({**words, **_figures(found), "origin": ORIGIN})
+        rows.append({**factor_table, **_figures(found), "origin": ORIGIN})
     return pd.DataFrame(rows)
 
 

@@ -84,17 +84,17 @@ def study_outliers(
 
 def draw_campaigns(design: Design, share: float, kinds: np.ndarray, rng: np.random.Generator) -> Truths:
     """Return truths of campaigns, one for each of `kinds`, in which each repeat is discordant with this probability."""
-    sets, (record, records) = len(kinds), (design.levels.of_record, len(design.levels.of_record))
+    sets, (record, records) = len(kinds), (design.factors.of_record, len(design.factors.of_record))
     truths: Truths = {"discordant": rng.random((sets, records)) < share}
     for name, typical in TYPICAL.items():
-        case = typical * np.exp(BETWEEN_CASES[name] * rng.standard_normal((sets, len(design.levels.cases))))
+        case = typical * np.exp(BETWEEN_CASES[name] * rng.standard_normal((sets, len(design.factors.cases))))
         ordinary = np.exp(SCATTER[name] * rng.standard_normal((sets, records)))
         scattered = np.exp(_WIDER * SCATTER[name] * rng.standard_normal((sets, records)))
         shifted = 1.0 + rng.choice([-1.0, 1.0], (sets, records)) * rng.uniform(*_SHIFT, (sets, records))
         odd = np.where(kinds[:, None] == "scattered", scattered, shifted * ordinary)
         truths[f"{name}_case"] = case
         truths[name] = case[:, record] * np.where(truths["discordant"], odd, ordinary)
-    way = np.sign(design.words["step_kN"].to_numpy(dtype=float))
+    way = np.sign(design.factor_table["step_kN"].to_numpy(dtype=float))
     truths["J"] = way * _J_KN * np.exp(0.1 * rng.standard_normal((sets, records)))
     truths["F_i"] = design.start_kN + 0.1 * rng.standard_normal((sets, records))
     truths["C"] = truths["F_i"] + truths["J"] - truths["k"] * START_MM
@@ -104,7 +104,7 @@ def draw_campaigns(design: Design, share: float, kinds: np.ndarray, rng: np.rand
 
 def _estimates(design: Design, sets: DataSet, draws: dict[str, np.ndarray], truths: Truths) -> pd.DataFrame:
     """Return what each method tells of each case: a row a campaign, case, parameter and method."""
-    three = truths["discordant"].shape[0], len(design.levels.cases), 3
+    three = truths["discordant"].shape[0], len(design.factors.cases), 3
     odd = truths["discordant"].reshape(three).any(axis=2)
     parts = []
     for name, column in (("k", 2), ("beta", 3)):

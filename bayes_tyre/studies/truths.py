@@ -18,15 +18,17 @@ from bayes_tyre.studies.design import START_MM, Design
 #: ones make, in every third data set, a record from which no method could tell beta (J near zero under coarse noise,
 #: beta beyond the travel), and discordant repeats of wide scatter whose k is thousands of times off.
 NARROWED: dict[str, Prior] = {
-    "k_cell": Prior(dist.LogNormal, (np.log(1.8), 0.3), "kN/mm", "1.0 to 3.2 kN/mm: truck tyres"),
-    "beta_cell": Prior(dist.LogNormal, (np.log(0.1), 0.5), "mm", "0.04 to 0.27 mm: spacing below, travel above"),
-    "log_k_repeat_scatter": Prior(dist.LogNormal, (np.log(0.05), 0.3), "", "2.7 to 9 %"),
-    "log_beta_repeat_scatter": Prior(dist.LogNormal, (np.log(0.10), 0.3), "", "5.5 to 18 %"),
-    "log_k_scatter_spread": Prior(dist.HalfNormal, (0.3,), "", "rolling scatters up to twice as much as standing"),
-    "log_beta_scatter_spread": Prior(dist.HalfNormal, (0.3,), "", "as for k"),
-    "J_scale": Prior(dist.LogNormal, (np.log(3.0), 0.3), "kN", "1.7 to 5.4 kN: an offset that noise does not hide"),
+    "k_group": Prior(dist.LogNormal, (np.log(1.8), 0.3), "kN/mm", "1.0 to 3.2 kN/mm: truck tyres"),
+    "beta_group": Prior(dist.LogNormal, (np.log(0.1), 0.5), "mm", "0.04 to 0.27 mm: spacing below, travel above"),
+    "sd_log_k_repeat": Prior(dist.LogNormal, (np.log(0.05), 0.3), "", "2.7 to 9 %"),
+    "sd_log_beta_repeat": Prior(dist.LogNormal, (np.log(0.10), 0.3), "", "5.5 to 18 %"),
+    "sd_log_k_repeat_over_speeds": Prior(
+        dist.HalfNormal, (0.3,), "", "rolling scatters up to twice as much as standing"
+    ),
+    "sd_log_beta_repeat_over_speeds": Prior(dist.HalfNormal, (0.3,), "", "as for k"),
+    "sd_J": Prior(dist.LogNormal, (np.log(3.0), 0.3), "kN", "1.7 to 5.4 kN: an offset that noise does not hide"),
     "sigma_typical": Prior(dist.LogNormal, (np.log(0.006), 0.4), "kN", "0.003 to 0.013 kN: a good load cell"),
-    "log_sigma_spread": Prior(dist.HalfNormal, (0.4,), "", "noise differs by a factor of two among records"),
+    "sd_log_sigma": Prior(dist.HalfNormal, (0.4,), "", "noise differs by a factor of two among records"),
 }
 
 #: Truths by name of the site, shape (sets, ...).
@@ -61,13 +63,13 @@ def draw_truths(
 
     `discordant` says which repeats are. Parameters of `planted` other than 1 make them truths of another model.
     """
-    levels = design.levels
-    record, records = levels.of_record, len(levels.of_record)
-    scalar = [site for site in prior_sites(levels) if not site.endswith("_cell")]
+    factors = design.factors
+    record, records = factors.of_record, len(factors.of_record)
+    scalar = [site for site in prior_sites(factors) if not site.endswith("_group")]
     truths: Truths = {site: _draw(priors[site], (sets,), rng) for site in scalar}
     for name in (site for site in scalar if _is_effect_scale(site)):
         truths[name] = planted.scales * truths[name]
-    weight = truths["discordant_weight"][:, None] if levels.repeats.max() >= JUDGEABLE_REPEATS else 0.0
+    weight = truths["discordant_weight"][:, None] if factors.repeats.max() >= JUDGEABLE_REPEATS else 0.0
     truths["discordant"] = rng.random((sets, records)) < weight
     for parameter in PARAMETERS:
         mean = _case_means(parameter, design, truths, rng, priors)
@@ -75,10 +77,10 @@ def draw_truths(
         wide = np.where(truths["discordant"], DISCORDANT_WIDENING, 1.0) * planted.scatter
         scatter = wide * _scatter(parameter, design, truths, rng)[:, record]
         truths[parameter] = np.exp(mean[:, record] + scatter * rng.standard_normal((sets, records)))
-    truths["J"] = truths["J_scale"][:, None] * rng.standard_normal((sets, records))
+    truths["J"] = truths["sd_J"][:, None] * rng.standard_normal((sets, records))
     truths["F_i"] = design.start_kN + design.span_kN * rng.standard_normal((sets, records))
     truths["C"] = truths["F_i"] + truths["J"] - truths["k"] * START_MM
-    spread = truths["log_sigma_spread"][:, None] * rng.standard_normal((sets, records))
+    spread = truths["sd_log_sigma"][:, None] * rng.standard_normal((sets, records))
     truths["sigma"] = truths["sigma_typical"][:, None] * np.exp(spread)
     return truths
 
@@ -116,16 +118,16 @@ def _case_means(
     parameter: str, design: Design, truths: Truths, rng: np.random.Generator, priors: Mapping[str, Prior]
 ) -> Float[np.ndarray, "sets cases"]:
     """Return log k or log beta of each case, and put its cells and effects among the truths."""
-    levels, sets = design.levels, len(truths["J_scale"])
-    cell = _draw(priors[f"{parameter}_cell"], (sets, len(levels.cell.labels)), rng)
-    truths[f"{parameter}_cell"] = cell
-    mean = np.log(cell)[:, levels.cell.of_case]
-    for name, factor in levels.factors(parameter).items():
+    factors, sets = design.factors, len(truths["sd_J"])
+    cell = _draw(priors[f"{parameter}_group"], (sets, len(factors.group.labels)), rng)
+    truths[f"{parameter}_group"] = cell
+    mean = np.log(cell)[:, factors.group.of_case]
+    for name, factor in factors.effects(parameter).items():
         free = rng.standard_normal((sets, factor.basis.shape[1]))
-        effect = truths[f"log_{parameter}_{name}_scale"][:, None] * free @ factor.basis.T
+        effect = truths[f"sd_log_{parameter}_{name}"][:, None] * free @ factor.basis.T
         truths[f"log_{parameter}_{name}"] = effect
         mean = mean + effect[:, factor.of_case] * factor.weight
-    remainder = truths.get(f"log_{parameter}_case_scale", np.zeros(sets))
+    remainder = truths.get(f"sd_log_{parameter}_case", np.zeros(sets))
     return mean + remainder[:, None] * rng.standard_normal(mean.shape)
 
 
@@ -133,11 +135,11 @@ def _scatter(
     parameter: str, design: Design, truths: Truths, rng: np.random.Generator
 ) -> Float[np.ndarray, "sets cases"]:
     """Return the scatter of each case's repeats, and put it by speed among the truths."""
-    levels = design.levels
-    typical = truths[f"log_{parameter}_repeat_scatter"][:, None]
-    if not levels.speed.varies:
-        return np.repeat(typical, len(levels.cases), axis=1)
-    spread = truths[f"log_{parameter}_scatter_spread"][:, None]
-    by_speed = typical * np.exp(spread * rng.standard_normal((len(typical), len(levels.speed.labels))))
-    truths[f"log_{parameter}_repeat_scatter_by_speed"] = by_speed
-    return by_speed[:, levels.speed.of_case]
+    factors = design.factors
+    typical = truths[f"sd_log_{parameter}_repeat"][:, None]
+    if not factors.speed.varies:
+        return np.repeat(typical, len(factors.cases), axis=1)
+    spread = truths[f"sd_log_{parameter}_repeat_over_speeds"][:, None]
+    by_speed = typical * np.exp(spread * rng.standard_normal((len(typical), len(factors.speed.labels))))
+    truths[f"sd_log_{parameter}_repeat_by_speed"] = by_speed
+    return by_speed[:, factors.speed.of_case]

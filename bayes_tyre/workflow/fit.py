@@ -22,7 +22,6 @@ from bayes_tyre.inference.sampling.hierarchical_fit import (
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.published import tables
 from bayes_tyre.record_table import origin_of
-from bayes_tyre.results import summary
 from bayes_tyre.results.posterior_predictive import residual_autocorrelation
 from bayes_tyre.results.provenance import begin_run, read_run, sha256, versions
 from bayes_tyre.workflow.execution.resume import Watch, begin
@@ -150,7 +149,7 @@ def fit_table(
     except BadInput as error:
         raise BadInput(f"{plan.records}: {error}") from None
     prepare_folder(out)
-    tree = with_figures(identify_records(tree, table, plan.model, summary.means))
+    tree = with_figures(identify_records(tree, table, plan.model))
     table = used_points(table, plan.model.region)
     diagnostics = diagnose(tree, residual_autocorrelation(tree, table))
     # Only records made from the printed tables have printed values to be held against.
@@ -168,7 +167,7 @@ def fit_published_tables(out: Path, settings: SamplerSettings, interval: float, 
     paths = [data_path(name) for name in inputs]
     run = begin_run(shlex.join(["bayes-tyre", *command]), options, settings.seed, paths, "published")
     printed = tables.case_means()
-    tree = with_figures(identify_published(fit_published(printed, settings), printed, summary.means))
+    tree = with_figures(identify_published(fit_published(printed, settings), printed))
     diagnostics = diagnose(tree)
     write_fit(tree, diagnostics, run, out, printed=printed, interval=interval)
     return diagnostics

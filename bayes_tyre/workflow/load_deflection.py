@@ -19,8 +19,8 @@ from bayes_tyre.report.figures.load_deflection import LoopPanel, load_deflection
 from bayes_tyre.rig.axle import EMBEDDED_RIGS, Rig, load_rig
 from bayes_tyre.signals.load_deflection import (
     CASE_OF_TEST,
+    FACTORS_OF_TEST,
     ON_LINE,
-    WORDS_OF_TEST,
     averaged,
     check_load_deflection,
     with_deflection,
@@ -116,10 +116,10 @@ def _read_steps(path: Path) -> pd.DataFrame:
 def _tests(placed: pd.DataFrame, beta_mm: float | None) -> pd.DataFrame:
     """Return the rows of `load_deflection.csv`: name, words, fits, further columns, origin."""
     first = placed.drop_duplicates("test").reset_index(drop=True)
-    words = pd.DataFrame({"test": first["test"], **{word: first.get(word, "") for word in WORDS_OF_TEST}})
+    factors = pd.DataFrame({"test": first["test"], **{word: first.get(word, "") for word in FACTORS_OF_TEST}})
     if "repeat" in first:
-        words["repeat"] = words["repeat"].astype(int)
-    rows = words.merge(fit_tests(placed, beta_mm), on="test", validate="1:1").rename(columns={"test": "record"})
+        factors["repeat"] = factors["repeat"].astype(int)
+    rows = factors.merge(fit_tests(placed, beta_mm), on="test", validate="1:1").rename(columns={"test": "record"})
     ours = [*ON_LINE.values(), "load_kN", "flat_ground_mm", "flat_ground_kN", "wheel_centre_mm", "wheel_centre_kN"]
     as_records = placed.drop(columns=ours).rename(columns={"record": "given_record", "test": "record"})
     rows = carry_extras(rows, record_extras(as_records)).rename(columns={"record": "test"})
@@ -130,8 +130,8 @@ def _cases(means: pd.DataFrame, beta_mm: float | None) -> pd.DataFrame:
     """Return the rows of `load_deflection_cases.csv`: name, words, how many tests, fits, origin."""
     if means.empty:
         return means
-    words = [word for word in (*CASE_OF_TEST, "repeats", "origin") if word in means]
-    first = means.drop_duplicates("test")[["test", *words]]
+    factors = [word for word in (*CASE_OF_TEST, "repeats", "origin") if word in means]
+    first = means.drop_duplicates("test")[["test", *factors]]
     rows = first.merge(fit_tests(means, beta_mm), on="test", validate="1:1")
     origin = rows.pop("origin") if "origin" in rows else origin_of(means)
     return rows.assign(origin=origin)
@@ -139,10 +139,10 @@ def _cases(means: pd.DataFrame, beta_mm: float | None) -> pd.DataFrame:
 
 def _panels(placed: pd.DataFrame, tests: pd.DataFrame, cases: pd.DataFrame) -> Sequence[LoopPanel]:
     """Return what is drawn: every case that was averaged, and every test of the others."""
-    words = [word for word in CASE_OF_TEST if word in placed]
+    factors = [word for word in CASE_OF_TEST if word in placed]
     panels, drawn = [], set()
     for _, fit in cases.iterrows():
-        mine = placed[(placed[words] == fit[words]).all(axis=1)]
+        mine = placed[(placed[factors] == fit[factors]).all(axis=1)]
         drawn |= set(mine["test"])
         panels.append(_panel(mine, fit))
     for _, fit in tests[~tests["test"].isin(drawn)].iterrows():

@@ -11,7 +11,7 @@ from bayes_tyre.formats.netcdf import write_tree
 from bayes_tyre.formats.tables import write_table
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
 from bayes_tyre.record_table import record_extras
-from bayes_tyre.report.figures import catalogue as figures
+from bayes_tyre.report.figures import catalogue
 from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.report.figures.layout import save
 from bayes_tyre.report.html.figures import HEADINGS
@@ -70,6 +70,6 @@ def write_fit(
 
 def _write_figures(result: Result, folder: Path) -> None:
     """Write the figures of a result; those that it has not, but an earlier one of the folder had, go."""
-    drawn = {name: save(figure, folder / f"{name}.png") for name, figure in figures.draw(result)}
+    drawn = {name: save(figure, folder / f"{name}.png") for name, figure in catalogue.draw(result)}
     for name in HEADINGS.keys() - drawn.keys():
         (folder / f"{name}.png").unlink(missing_ok=True)

@@ -9,9 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bayes_tyre.inference.sampling.datatree import CASE_PARAMETERS
-from bayes_tyre.record import CASE_WORDS
-from bayes_tyre.report.figures import case_axis as case_lines
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.record import CASE_FACTORS
+from bayes_tyre.report.figures import case_axis, layout
 from bayes_tyre.report.figures.colours import INK, PALE, Setting
 from bayes_tyre.report.figures.labels import interval_name, plain
 from bayes_tyre.report.figures.layout import STYLE, WIDTH
@@ -37,28 +36,30 @@ def average_contrasts(contrasts: Mapping[str, pd.DataFrame], setting: Setting) -
     setting:
         What all figures of the results share: the origin names every kind of data, joined by `` + ``.
     """
-    named = {name: table[table[list(CASE_WORDS[2:])].isna().all(axis=1)] for name, table in contrasts.items()}
+    named = {name: table[table[list(CASE_FACTORS[2:])].isna().all(axis=1)] for name, table in contrasts.items()}
     averages = pd.concat([table.assign(result=name) for name, table in named.items()], ignore_index=True)
     keys = ["contrast", "matching", "configuration", "direction"]
     averages[keys] = averages[keys].fillna("")
     listed = averages.drop_duplicates(keys)[keys].sort_values(keys[:2], kind="stable", ignore_index=True)
     headings = [plain(f"{row['contrast']}, {row['matching']}", 60) for row in listed.to_dict("records")]
     labels = [", ".join(word for word in row if word) or "all" for row in listed[keys[2:]].to_numpy()]
-    lines = case_lines.list_lines(headings, [plain(label) for label in labels])
+    lines = case_axis.list_lines(headings, [plain(label) for label in labels])
     averages = averages.merge(listed.assign(y=[line.y for line in lines if not line.heads]))
-    figure = page.page(WIDTH, 1.3 + _LINE * len(lines))
+    figure = layout.page(WIDTH, 1.3 + _LINE * len(lines))
     axes = figure.subplots(1, 2, sharey=True)
     for ax, parameter in zip(axes, CASE_PARAMETERS, strict=True):
         _panel(ax, averages[averages["parameter"] == parameter], list(contrasts))
-        case_lines.name_lines(ax, lines, _LINE, len(lines))
+        case_axis.name_lines(ax, lines, _LINE, len(lines))
         ax.set_xlabel(f"ratio of {parameter} (no unit)")
-    page.legend(figure, [(Line2D([], [], **look), plain(name)) for name, look in zip(contrasts, _LOOKS, strict=False)])
+    layout.legend(
+        figure, [(Line2D([], [], **look), plain(name)) for name, look in zip(contrasts, _LOOKS, strict=False)]
+    )
     contents = " or ".join(interval_name(one) for one in sorted(set(averages["interval"])))
     note = (
         f"Marker: median of the averaged ratio. Line: {contents}, equal-tailed. Dashed: 1, no difference. Bold: the "
         "ratio and which cases are set against each other."
     )
-    return page.finish(figure, setting, note)
+    return layout.finish(figure, setting, note)
 
 
 def _panel(ax: Axes, averages: pd.DataFrame, results: list[str]) -> None:

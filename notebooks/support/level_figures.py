@@ -7,10 +7,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bayes_tyre.inference.sampling.datatree import CASE_PARAMETERS
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.colours import INK, Look, Setting
-from bayes_tyre.report.figures.labels import PARAMETERS, configuration_label, interval_name
+from bayes_tyre.report.figures.labels import configuration_label, interval_name
 from bayes_tyre.report.figures.layout import STYLE, WIDTH
+from bayes_tyre.report.wording import PARAMETERS
 
 _TITLES = {
     "speed_km_h": "by speed (km/h)",
@@ -35,7 +36,7 @@ def by_levels(means: pd.DataFrame, setting: Setting) -> Figure:
     """
     columns = [by for by in _TITLES if (means["by"] == by).any()]
     appearance = setting.looks(means["configuration"])
-    figure = page.page(WIDTH, 5.8)
+    figure = layout.page(WIDTH, 5.8)
     axes = figure.subplots(len(CASE_PARAMETERS), len(columns), sharey="row", squeeze=False)
     for row, parameter in zip(axes, CASE_PARAMETERS, strict=True):
         for ax, by in zip(row, columns, strict=True):
@@ -50,13 +51,13 @@ def by_levels(means: pd.DataFrame, setting: Setting) -> Figure:
     entries = [(look.interval_handle, configuration_label(name)) for name, look in appearance.items()]
     if means["printed"].notna().any():
         entries.append((Line2D([], [], **_PRINTED), "mean of the printed values"))
-    page.legend(figure, entries)
+    layout.legend(figure, entries)
     contents = " or ".join(interval_name(one) for one in sorted(set(means["interval"])))
     note = (
         f"Marker: median. Line: {contents}, equal-tailed. The levels of a panel average the same cases, those measured "
         "at all of them: nothing but the named quantity changes within a panel. Panels average different cases."
     )
-    return page.finish(figure, setting, note)
+    return layout.finish(figure, setting, note)
 
 
 def _panel(ax: Axes, means: pd.DataFrame, appearance: dict[str, Look]) -> None:

@@ -7,10 +7,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.sampling.datatree import CASE_PARAMETERS, RECORD_UNITS
-from bayes_tyre.record import CASE_WORDS
-from bayes_tyre.report.figures.labels import PARAMETERS
-from bayes_tyre.results.contrasts import tree_cases
+from bayes_tyre.inference.sampling.datatree import CASE_PARAMETERS, RECORD_UNITS, tree_cases
+from bayes_tyre.record import CASE_FACTORS
+from bayes_tyre.report.wording import PARAMETERS
 
 #: What a mean may be taken by, with the unit: the size of a step, without its sign.
 BY = {"speed_km_h": "km/h", "initial_load_kN": "kN", "step_size_kN": "kN"}
@@ -36,7 +35,7 @@ class Matched(NamedTuple):
     cases: np.ndarray
 
 
-def matched(words: pd.DataFrame, by: str) -> Matched:
+def matched(factor_table: pd.DataFrame, by: str) -> Matched:
     """Return the cases of one configuration that can be set against each other by a word.
 
     Cases that differ in nothing else make a group. The levels are those that most groups share, a group with more
@@ -50,7 +49,7 @@ def matched(words: pd.DataFrame, by: str) -> Matched:
         A name in `BY`.
     """
     others = ["direction", *(word for word in BY if word != by)]
-    groups = [dict(zip(of[by], of.index, strict=True)) for _, of in words.groupby(others, sort=True)]
+    groups = [dict(zip(of[by], of.index, strict=True)) for _, of in factor_table.groupby(others, sort=True)]
     sets = pd.Series([tuple(sorted(group)) for group in groups], dtype=object)
     if sets.empty:
         return Matched((), np.empty((0, 0), dtype=int))
@@ -78,25 +77,25 @@ def level_means(tree: xr.DataTree, printed: pd.DataFrame | None = None, interval
         `upper`, `interval`, `printed` (NaN where not given). A word with one level has no rows.
     """
     posterior = tree["posterior"].to_dataset()
-    words = pd.DataFrame(tree_cases(posterior), columns=list(CASE_WORDS))
-    numbers = list(CASE_WORDS[2:])
-    words[numbers] = words[numbers].astype(float)  # NaN where the data did not have the word
-    words["step_size_kN"] = words["step_kN"].abs()
+    factor_table = pd.DataFrame(tree_cases(posterior), columns=list(CASE_FACTORS))
+    numbers = list(CASE_FACTORS[2:])
+    factor_table[numbers] = factor_table[numbers].astype(float)  # NaN where the data did not have the word
+    factor_table["step_size_kN"] = factor_table["step_kN"].abs()
     if printed is not None:
-        words = words.merge(printed, on=list(CASE_WORDS), how="left", validate="one_to_one")
+        factor_table = factor_table.merge(printed, on=list(CASE_FACTORS), how="left", validate="one_to_one")
     rows = []
-    for configuration, mine in words.groupby("configuration", sort=True):
+    for configuration, mine in factor_table.groupby("configuration", sort=True):
         for by in BY:
             found = matched(mine, by)
             for level, cases in zip(found.levels, found.cases.T, strict=True):
                 name = {"by": by, "level": level, "configuration": configuration, "cases": len(cases)}
-                rows += [name | of for of in _means(posterior, words, cases, interval)]
+                rows += [name | of for of in _means(posterior, factor_table, cases, interval)]
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     return table[table.groupby("by")["level"].transform("nunique") > 1].reset_index(drop=True)
 
 
 def _means(
-    posterior: xr.Dataset, words: pd.DataFrame, cases: np.ndarray, interval: float
+    posterior: xr.Dataset, factor_table: pd.DataFrame, cases: np.ndarray, interval: float
 ) -> list[dict[Hashable, object]]:
     tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
     rows: list[dict[Hashable, object]] = []
@@ -104,7 +103,7 @@ def _means(
         draws = posterior[f"{parameter}_case"].to_numpy()[..., cases].mean(axis=-1)
         lower, median, upper = np.quantile(draws, tails)
         column = PARAMETERS[parameter][2]
-        mean = words.loc[cases, column].mean() if column in words else np.nan
+        mean = factor_table.loc[cases, column].mean() if column in factor_table else np.nan
         numbers = {"median": median, "lower": lower, "upper": upper, "interval": interval, "printed": mean}
         rows.append({"parameter": parameter, "unit": RECORD_UNITS[parameter], **numbers})
     return rows

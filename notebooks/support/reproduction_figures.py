@@ -6,7 +6,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.colours import INK, PALE, Setting
 from bayes_tyre.report.figures.labels import plain
 from bayes_tyre.report.figures.layout import STYLE, WIDTH
@@ -27,7 +27,7 @@ def calibration_lines(printed: pd.DataFrame, mended: pd.DataFrame, sensors: dict
     sensors:
         Columns of volts (V) and of units, by the sensor's name: `bayes_tyre.published.recompute.SENSORS`.
     """
-    figure = page.page(WIDTH, 3.4)
+    figure = layout.page(WIDTH, 3.4)
     axes = figure.subplots(1, len(sensors), squeeze=False)[0]
     for ax, (name, (volts, unit)) in zip(axes, sensors.items(), strict=True):
         x, before, after = printed[volts].to_numpy(), printed[unit].to_numpy(), mended[unit].to_numpy()
@@ -47,9 +47,9 @@ def calibration_lines(printed: pd.DataFrame, mended: pd.DataFrame, sensors: dict
         (Line2D([], [], **_AS_PRINTED), "reading as printed, without its minus sign"),
         (Line2D([], [], color=PALE), "least squares"),
     ]
-    page.legend(figure, entries)
+    layout.legend(figure, entries)
     note = "The 27 printed rows of appendix B1. Lines: least squares through the readings with their signs put back."
-    return page.finish(figure, Setting("published"), note)
+    return layout.finish(figure, Setting("published"), note)
 
 
 @matplotlib.style.context(STYLE)
@@ -67,7 +67,7 @@ def returned_numbers(check: pd.DataFrame, origin: str) -> Figure:
     groups = {"k of a case": "k (kN/mm), ", "beta of a case": "beta (mm), "}
     groups |= {"a mean of k": "mean k (kN/mm), ", "a mean of beta": "mean beta (mm), "}
     groups["a mean of k by speed"] = "model k (kN/mm), "
-    figure = page.page(WIDTH, 2.9)
+    figure = layout.page(WIDTH, 2.9)
     ax = figure.subplots()
     ax.axvspan(-1, 1, color=PALE, alpha=0.2, linewidth=0)
     names = []
@@ -81,4 +81,4 @@ def returned_numbers(check: pd.DataFrame, origin: str) -> Figure:
     reach = 1.1 * max(1.0, float(off.abs().max()))
     ax.set(xlim=(-reach, reach), xlabel="(returned - printed) / half a unit of the last printed digit (no unit)")
     note = "Marker: a printed number. Shaded: what the printed digits allow. A marker outside would be a fault of ours."
-    return page.finish(figure, Setting(origin), note)
+    return layout.finish(figure, Setting(origin), note)

@@ -11,7 +11,7 @@ import pandas as pd
 from scipy.stats import t
 
 from bayes_tyre.published.campaign import left_out, usual_scatter
-from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.record import CASE_FACTORS
 
 PLAIN, RULE, POSTERIOR = "mean of all", "mean by the rule", "posterior"
 
@@ -35,7 +35,7 @@ def by_multiple(fits: pd.DataFrame, discordant: pd.Series, multiples: Sequence[f
     """
     rows = []
     for multiple in multiples:
-        out = pd.concat([_out(case, multiple) for _, case in fits.groupby(list(CASE_WORDS), sort=False)])
+        out = pd.concat([_out(case, multiple) for _, case in fits.groupby(list(CASE_FACTORS), sort=False)])
         odd = discordant.reindex(out.index).to_numpy(dtype=bool)
         caught = int((out & odd).sum())
         good, missed = int(out.sum()) - caught, int(odd.sum()) - caught
@@ -68,18 +68,18 @@ def k_by_method(fits: pd.DataFrame, cases: pd.DataFrame, multiple: float | int) 
         The means have Student's interval from the repeats they keep.
     """
     of_k = cases[cases["parameter"] == "k"].to_dict("records")
-    posterior = {tuple(row[word] for word in CASE_WORDS): row for row in of_k}
+    posterior = {tuple(row[word] for word in CASE_FACTORS): row for row in of_k}
     rows: list[dict[Hashable, object]] = []
-    for words, case in fits.groupby(list(CASE_WORDS), sort=False):
+    for factor_table, case in fits.groupby(list(CASE_FACTORS), sort=False):
         out = _out(case, multiple)
         k, odd = case["k_kN_per_mm"].to_numpy(), ", ".join(out.index[out])
         estimates = {
             PLAIN: student(k),
             RULE: student(k[~out.to_numpy()]),
-            POSTERIOR: posterior[tuple(words)],
+            POSTERIOR: posterior[tuple(factor_table)],
         }
         for method, found in estimates.items():
-            row: dict[Hashable, object] = dict(zip(CASE_WORDS, words, strict=True))
+            row: dict[Hashable, object] = dict(zip(CASE_FACTORS, factor_table, strict=True))
             row |= {"method": method, "k_kN_per_mm": found["median"], "lower": found["lower"]}
             rows.append(row | {"upper": found["upper"], "left_out": odd})
     return pd.DataFrame(rows)

@@ -7,9 +7,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from support.rule import PLAIN, POSTERIOR, RULE
 
-from bayes_tyre.record import CASE_WORDS
-from bayes_tyre.report.figures import case_axis as case_lines
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.record import CASE_FACTORS
+from bayes_tyre.report.figures import case_axis, layout
 from bayes_tyre.report.figures.colours import INK, PALE, Setting
 from bayes_tyre.report.figures.layout import STYLE, WIDTH
 
@@ -33,13 +32,13 @@ def rule_and_posterior(fits: pd.DataFrame, estimates: pd.DataFrame, setting: Set
     setting:
         What all figures of the result share.
     """
-    rows = case_lines.numbered(case_lines.case_words(estimates).drop_duplicates())
-    rows = case_lines.in_order(rows, [*CASE_WORDS, "nth"])
-    lines = case_lines.grouped_lines(rows)
+    rows = case_axis.numbered(case_axis.case_words(estimates).drop_duplicates())
+    rows = case_axis.in_order(rows, [*CASE_FACTORS, "nth"])
+    lines = case_axis.grouped_lines(rows)
     rows["y"] = [line.y for line in lines if not line.heads]
     repeats, estimates = fits.merge(rows), estimates.merge(rows)
     appearance = setting.looks(rows["configuration"])
-    figure = page.page(WIDTH, 1.3 + _LINE * len(lines))
+    figure = layout.page(WIDTH, 1.3 + _LINE * len(lines))
     ax = figure.subplots()
     out = repeats["record"].isin(set(", ".join(estimates["left_out"]).split(", ")))
     ax.plot(repeats["k_kN_per_mm"], repeats["y"] - 0.32, **_REPEAT)
@@ -52,14 +51,14 @@ def rule_and_posterior(fits: pd.DataFrame, estimates: pd.DataFrame, setting: Set
         ax.plot(mine["k_kN_per_mm"], y, marker, color=colour)
     seen = np.concatenate([repeats["k_kN_per_mm"], estimates.loc[estimates["method"] == POSTERIOR, "upper"]])
     room = 0.15 * np.ptp(seen)
-    ax.set(xlim=(seen.min() - room, seen.max() + room), xlabel="stiffness k (kN/mm)", ylabel=case_lines.CASE_AXIS)
-    case_lines.name_lines(ax, lines, _LINE, len(lines))
+    ax.set(xlim=(seen.min() - room, seen.max() + room), xlabel="stiffness k (kN/mm)", ylabel=case_axis.CASE_AXIS)
+    case_axis.name_lines(ax, lines, _LINE, len(lines))
     entries = [(Line2D([], [], **_REPEAT), "a repeat"), (Line2D([], [], **_LEFT_OUT), "left out by the rule")]
     entries += [(Line2D([], [], color=grey, marker="s"), method) for method, grey in _GREYS.items()]
     entries += [(look.interval_handle, f"{POSTERIOR}, {name}") for name, look in appearance.items()]
-    page.legend(figure, entries)
+    layout.legend(figure, entries)
     note = (
         "Lines: 95 % interval; of a mean Student's, from the repeats that it keeps (a line that leaves the page goes "
         "on). Of the posterior: median, equal-tailed."
     )
-    return page.finish(figure, setting, note)
+    return layout.finish(figure, setting, note)

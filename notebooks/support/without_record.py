@@ -8,10 +8,11 @@ from arviz_stats.base.array import array_stats
 from bayes_tyre.batch import Batch
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.leave_one_out import PARETO_K_MOST
-from bayes_tyre.inference.diagnostics.record_marginal import populations, record_density, standard_points
-from bayes_tyre.inference.model.laplace import estimate_records, record_data
+from bayes_tyre.inference.diagnostics.record_marginal import hyperparameters, record_density, standard_points
+from bayes_tyre.inference.model.laplace import estimate_records
+from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.datatree import CASE_PARAMETERS, RECORD_UNITS
-from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_levels, likelihood_of
+from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_factors, likelihood_of
 
 
 def case_without(tree: xr.DataTree, table: pd.DataFrame, record: str, interval: float = 0.95) -> pd.DataFrame:
@@ -41,14 +42,14 @@ def case_without(tree: xr.DataTree, table: pd.DataFrame, record: str, interval: 
         For a record that is not there.
     """
     model = ModelSettings(repeats=tree.attrs["repeats"], noise=tree.attrs["noise"])
-    batch, _, levels = batch_and_levels(table, model)
+    batch, _, factors = batch_and_factors(table, model)
     if record not in batch.records:
         raise BadInput(f"record {record!r} is not in the table; name one of {', '.join(batch.records[:3])}, ...")
     at = np.array([batch.records.index(record)])
     one = Batch((record,), batch.displacement_mm[at], batch.force_kN[at], batch.present[at])
     data, posterior = record_data(one), tree["posterior"].to_dataset()
-    case = levels.of_record[at]
-    of, z = populations(posterior, levels, case), standard_points(5, seed=0)
+    case = factors.of_record[at]
+    of, z = hyperparameters(posterior, factors, case), standard_points(5, seed=0)
     density = record_density(likelihood_of(data, model, None), data, estimate_records(one, model.noise, None), of, z)
     log_weights, pareto_k = array_stats.psislw(np.asarray(density.log_density)[:, 0])
     weights = np.exp(log_weights - np.max(log_weights))

@@ -51,13 +51,13 @@ def test_the_mixture_predicts_better_where_a_repeat_is_discordant(folder, tmp_pa
 
 
 def test_folders_that_hold_no_two_fits_of_the_same_points_are_refused(folder, tmp_path):
-    for given, words in (
+    for given, factors in (
         ([folder / "mixture"], ["two folders or more"]),
         ([folder / "mixture", folder / "mixture"], ["named twice"]),
         ([folder / "mixture", tmp_path], ["run.json"]),
     ):
         done = here("compare", *given, "--out", tmp_path / "out")
-        assert_refused(done.exit_code, done.stderr, *words)
+        assert_refused(done.exit_code, done.stderr, *factors)
     assert not (tmp_path / "out").exists()
 
 

@@ -38,7 +38,7 @@ from helpers.quick_motions import put_draws_for_the_motions
 from bayes_tyre.embedded import data_path
 from bayes_tyre.inference.diagnostics.leave_one_out import LeaveOneOut
 from bayes_tyre.report.figures import audit as audit_figures
-from bayes_tyre.report.figures import catalogue as figures
+from bayes_tyre.report.figures import catalogue
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import PLANS
 from bayes_tyre.workflow import compare, fit, least_squares, published
@@ -99,8 +99,8 @@ def quick(monkeypatch) -> None:
     monkeypatch.setattr(published, "fit_records", lambda *_: None)
     monkeypatch.setattr(published.campaign, "case_means", lambda _: None)
     monkeypatch.setattr(published.checks, "published_check", lambda _: check)
-    every_figure, every_audit_figure = figures.draw, audit_figures.draw
-    monkeypatch.setattr(figures, "draw", lambda result: islice(every_figure(result), 2))
+    every_figure, every_audit_figure = catalogue.draw, audit_figures.draw
+    monkeypatch.setattr(catalogue, "draw", lambda result: islice(every_figure(result), 2))
     monkeypatch.setattr(audit, "study_audit", lambda *_: audited(blind, replicates=1))
     monkeypatch.setattr(study, "study_motion", lambda records, *_: studied(records))
     monkeypatch.setattr(study, "rank_laws", lambda true_laws, **_: ranked(true_laws))

@@ -18,7 +18,7 @@ from helpers.command_line import CONTRASTS_PNG, FIT_FILES, TABLES, assert_refuse
 from helpers.hand_made_posteriors import posterior, scattered
 from helpers.simulated_records import Plan, simulate
 
-from bayes_tyre.record_table import record_words
+from bayes_tyre.record_table import record_factors
 from bayes_tyre.workflow import fit as workflow
 from bayes_tyre.workflow import result_folder
 
@@ -30,12 +30,12 @@ def put_draws_for_the_sampler(monkeypatch, columns: list[str] | None = None) -> 
     """Put well-mixed draws about the truth in place of the sampler; give the records they belong to."""
     table, truth = simulate(Plan(configurations=("dual", "single"), speeds=(0.0,), loads=(20.0,), points=60), 3)
     table = table[columns] if columns else table
-    words = record_words(table)
-    draws = scattered(words, seed=4)
+    factors = record_factors(table)
+    draws = scattered(factors, seed=4)
     for name in ("k", "beta", "J", "F_i", "sigma"):
         scatter = np.exp(0.001 * np.random.default_rng(5).normal(size=draws[name].shape))
         draws[name] = truth[name].to_numpy() * scatter
-    monkeypatch.setattr(workflow, "fit_hierarchical", lambda *_: posterior(draws, words))
+    monkeypatch.setattr(workflow, "fit_hierarchical", lambda *_: posterior(draws, factors))
     return table
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from helpers.certified_sets import SETS
-from helpers.command_line import COMMAND, WORDS, assert_refused, environment, here, installed, small, tree_of, written
+from helpers.command_line import COMMAND, FACTORS, assert_refused, environment, here, installed, small, tree_of, written
 from helpers.simulated_records import Plan, simulate
 
 # Compilation and module fixtures: over 10 s for the file from cold.
@@ -44,8 +44,8 @@ def test_lsq_needs_only_the_required_columns_and_one_bad_record_stops_no_other(t
     fits = pd.read_csv(tmp_path / "made/here/least_squares.csv", keep_default_na=False, dtype=str)
     parameters = ("k_kN_per_mm", "C_kN", "beta_mm", "d_i_mm", "F_i_kN")
     numbers = [name for parameter in parameters for name in (parameter, f"{parameter}_se")]
-    assert list(fits.columns) == ["record", *WORDS, *numbers, "rmse_kN", "points", "status", "origin"]
-    assert (fits[WORDS] == "").all(axis=None)
+    assert list(fits.columns) == ["record", *FACTORS, *numbers, "rmse_kN", "points", "status", "origin"]
+    assert (fits[FACTORS] == "").all(axis=None)
     assert fits["record"].tolist() == ["short", *names, "still"]
     status = dict(zip(fits["record"], fits["status"], strict=True))
     assert "too few points" in status["short"]
@@ -155,7 +155,7 @@ def test_further_columns_come_along_and_what_cannot_is_said_in_one_line(tmp_path
     assert done.stderr.count("\n") == 1
     fits = result(tmp_path)
     assert list(fits.columns) == [
-        *("record", *WORDS, *NUMBERS, "rmse_kN", "points", "status"),
+        *("record", *FACTORS, *NUMBERS, "rmse_kN", "points", "status"),
         *("pressure_bar", "given_status", "origin"),
     ]
     assert set(fits["pressure_bar"]) == {"7.25"}

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from helpers.command_line import TABLES, WORDS, assert_refused, here, tree_of
+from helpers.command_line import FACTORS, TABLES, assert_refused, here, tree_of
 
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import thesis_plan
@@ -24,7 +24,7 @@ PARAMETERS = ["k", "x", "beta", "m", "c", "energy_per_cycle"]
 UNITS = {"k": "kN/mm", "x": "kN", "beta": "mm", "m": "kg", "c": "kN s/mm", "energy_per_cycle": "J"}
 COLUMNS = {
     *("k_kN_per_mm", "k_kN_per_mm_se", "x_kN", "x_kN_se", "beta_mm", "beta_mm_se", "m_kg", "m_kg_se"),
-    *("c_kN_s_per_mm", "c_kN_s_per_mm_se", "pareto_k", "status", "origin", "record", *WORDS),
+    *("c_kN_s_per_mm", "c_kN_s_per_mm_se", "pareto_k", "status", "origin", "record", *FACTORS),
 }
 FEW = ["--chains", 2, "--warmup", 150, "--draws", 100, "--workers", 1]
 

@@ -24,11 +24,11 @@ PARAMETERS = ("k_kN_per_mm", "beta_mm", "J_kN", "C_kN", "F_i_kN", "d_i_mm")
 
 def a_fit(folder: Path, configurations: tuple[str, ...] = ("single", "dual"), verdict: str = "pass") -> Path:
     """Write what `predict` reads of a fit, from draws made by hand; loading comes with unloading from its end alone."""
-    words = grid(configurations)
-    scatter = {f"log_{name}_repeat_scatter": fixed(0.05, 4, 250) for name in ("k", "beta")}
-    draws = scattered(words, seed=31) | scatter | {"log_sigma_spread": fixed(0.1, 4, 250)}
+    factor_table = grid(configurations)
+    scatter = {f"sd_log_{name}_repeat": fixed(0.05, 4, 250) for name in ("k", "beta")}
+    draws = scattered(factor_table, seed=31) | scatter | {"sd_log_sigma": fixed(0.1, 4, 250)}
     folder.mkdir(parents=True, exist_ok=True)
-    write_tree(posterior(draws, words), folder / "posterior.nc")
+    write_tree(posterior(draws, factor_table), folder / "posterior.nc")
     (folder / "diagnostics.json").write_text(json.dumps({"verdict": verdict}), encoding="utf-8")
     (folder / "run.json").write_text("{}", encoding="utf-8")
     return folder
@@ -164,9 +164,9 @@ def spoil(folder: Path, what: str) -> None:
         draws = xr.Dataset({"theta": (("chain", "draw"), np.zeros((2, 4)))})
         write_tree(xr.DataTree.from_dict({"posterior": draws}), nc)
     elif what == "printed":
-        words = grid(repeats=1).drop(columns=["record", "repeat"])
-        k = fixed(np.ones(len(words)))
-        write_tree(posterior({"k_case": k, "beta_case": k}, words, origin="published"), nc)
+        factor_table = grid(repeats=1).drop(columns=["record", "repeat"])
+        k = fixed(np.ones(len(factor_table)))
+        write_tree(posterior({"k_case": k, "beta_case": k}, factor_table, origin="published"), nc)
     elif what.startswith("no "):
         (folder / what[3:]).unlink()
     else:

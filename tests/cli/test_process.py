@@ -23,7 +23,7 @@ from bayes_tyre.workflow.raw.simulate import write_simulated
 
 GOOD = ("DynamicS(0)30-20(1).lvm", "DynamicS(0)20-30(2).lvm", "DynamicD(0)30-40(3).lvm")
 RIGS = {name: load_rig(name) for name in ("single", "dual")}
-WORDS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN", "repeat"]
+FACTORS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN", "repeat"]
 
 
 def record_into(folder, seed, *names) -> None:
@@ -65,7 +65,7 @@ def test_every_file_is_a_record_or_a_reason(done):
     assert stdout.splitlines()[-1] == "3 records, 3 rejected"
     assert set(records["record"]) == {"S(0)30-20(1)", "S(0)20-30(2)", "D(0)30-40(3)"}
     assert set(records["origin"]) == {"simulated"}
-    assert {*WORDS, "time_s", "displacement_sd_mm", "force_sd_kN", "mass_kg", "load_clarity"} <= set(records)
+    assert {*FACTORS, "time_s", "displacement_sd_mm", "force_sd_kN", "mass_kg", "load_clarity"} <= set(records)
     reasons = rejected.assign(file=[name.split("/")[-1] for name in rejected["file"]]).set_index("file")["reason"]
     assert "a step needs 5" in reasons["DynamicS(0)30-20(2).lvm"]
     assert "--cases" in reasons["run7.lvm"]
@@ -104,7 +104,7 @@ def test_cases_name_what_names_do_not(raw, tmp_path):
     assert here("process", raw / "run7.lvm", *options).exit_code == 0
     records = pd.read_csv(tmp_path / "r.csv")
     assert set(records["record"]) == {"run7"}
-    assert records[WORDS].drop_duplicates().to_numpy().tolist() == [["wide", "unloading", 0.0, 30.0, -10.0, 2]]
+    assert records[FACTORS].drop_duplicates().to_numpy().tolist() == [["wide", "unloading", 0.0, 30.0, -10.0, 2]]
     assert set(records["origin"]) == {"simulated"}
     alone = here("process", raw / "run7.lvm", *options[:2], *options[4:])
     assert_refused(alone.exit_code, alone.stderr, "--rig", "'wide'")
@@ -139,10 +139,10 @@ def test_with_no_usable_file_there_are_reasons_alone(raw, tmp_path):
 
 
 def test_a_fault_of_ours_in_one_file_is_a_row(raw, tmp_path, monkeypatch):
-    def fail(read, rig, words, method):
-        if words.record == "S(0)30-20(1)":
+    def fail(read, rig, factors, method):
+        if factors.record == "S(0)30-20(1)":
             raise ZeroDivisionError("by nothing")
-        return process(read, rig, words, method)
+        return process(read, rig, factors, method)
 
     monkeypatch.setattr(workflow, "process", fail)
     done = here("process", *(raw / name for name in GOOD[:2]), "--out", tmp_path / "r.csv", "--workers", 1)

@@ -84,8 +84,10 @@ def test_figures_of_records_are_those_of_the_fit_where_its_input_is_gone(fitted,
 
 
 def test_the_page_goes_into_the_first_folder_or_where_out_says(tmp_path, quick):
-    words = printed_words("x")
-    one, two = (write_made(tmp_path / name, {"x": 1.0}, words=words, seed=i) for i, name in enumerate(("one", "two")))
+    factors = printed_words("x")
+    one, two = (
+        write_made(tmp_path / name, {"x": 1.0}, factor_table=factors, seed=i) for i, name in enumerate(("one", "two"))
+    )
     done = here("report", one, two)
     assert (done.exit_code, done.stderr) == (0, "")
     assert done.stdout == f"wrote {one / 'report.html'}\n"
@@ -96,9 +98,9 @@ def test_the_page_goes_into_the_first_folder_or_where_out_says(tmp_path, quick):
 
 
 def test_a_failed_verdict_is_written_and_ends_with_code_4(tmp_path, quick):
-    words = printed_words("x")
-    good = write_made(tmp_path / "good", {"x": 1.0}, words=words)
-    bad = write_made(tmp_path / "bad", {"x": 1.0}, verdict="fail", words=words, seed=4)
+    factors = printed_words("x")
+    good = write_made(tmp_path / "good", {"x": 1.0}, factor_table=factors)
+    bad = write_made(tmp_path / "bad", {"x": 1.0}, verdict="fail", factor_table=factors, seed=4)
     done = here("report", good, bad, "--out", tmp_path / "page.html")
     assert done.exit_code == 4
     assert done.stderr == "bayes-tyre: warning: bad: the posterior is not to be trusted; its report says why\n"

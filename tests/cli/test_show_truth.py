@@ -4,14 +4,14 @@ import pandas as pd
 import pytest
 from helpers.command_line import assert_refused, here
 
-from bayes_tyre.record import WORDS
+from bayes_tyre.record import FACTORS
 
 
 @pytest.fixture
 def folder(tmp_path):
-    words = pd.DataFrame([("single", "unloading", 0.0, 30.0, -10.0, 1)], columns=list(WORDS)).assign(record="r")
-    words.assign(k_kN_per_mm=2.0, beta_mm=0.1).to_csv(tmp_path / "truth.csv", index=False)
-    words.assign(k_kN_per_mm=2.1, beta_mm=0.1, status="ok").to_csv(tmp_path / "least_squares.csv", index=False)
+    factors = pd.DataFrame([("single", "unloading", 0.0, 30.0, -10.0, 1)], columns=list(FACTORS)).assign(record="r")
+    factors.assign(k_kN_per_mm=2.0, beta_mm=0.1).to_csv(tmp_path / "truth.csv", index=False)
+    factors.assign(k_kN_per_mm=2.1, beta_mm=0.1, status="ok").to_csv(tmp_path / "least_squares.csv", index=False)
     return tmp_path
 
 

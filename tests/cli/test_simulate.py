@@ -43,10 +43,10 @@ def test_the_quick_plan_is_24_files_and_their_truth(quick):
     assert set(truth["file"]) == NAMES
     assert set(truth["origin"]) == {"simulated"}
     assert truth.notna().all(axis=None)
-    words = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN", "repeat"]
+    factors = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN", "repeat"]
     parameters = ["k_kN_per_mm", "C_kN", "x_kN", "beta_mm", "m_kg", "c_kN_s_per_mm", "rise_time_s", "step_start_s"]
     states = ["start_displacement_mm", "start_friction_kN", "d_i_mm", "F_i_kN"]
-    assert {"record", *words, *parameters, *states, "noise_load_kN", "load_shape"} <= set(truth)
+    assert {"record", *factors, *parameters, *states, "noise_load_kN", "load_shape"} <= set(truth)
 
 
 def test_a_file_reads_back_as_appendix_b1_has_it(quick):

@@ -24,7 +24,7 @@ KEPT = 39
 def calibration(datasets: int, seed: int, wrong: bool) -> Calibration:
     """Return a calibration whose ranks are put there instead of sampled."""
     rng = np.random.default_rng(seed)
-    ranks = pd.DataFrame({name: rng.integers(0, KEPT + 1, datasets) for name in ("k", "log_beta_step_scale")})
+    ranks = pd.DataFrame({name: rng.integers(0, KEPT + 1, datasets) for name in ("k", "sd_log_beta_step")})
     if wrong:
         ranks["k"] //= 2
     table = uniformity_table({str(name): ranks[name].to_numpy() for name in ranks}, KEPT)

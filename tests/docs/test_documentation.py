@@ -11,7 +11,7 @@ from helpers.command_line import COMMANDS
 
 from bayes_tyre.cli import shell
 from bayes_tyre.inference.model.priors import PRIORS
-from bayes_tyre.record import REQUIRED, WORDS
+from bayes_tyre.record import FACTORS, REQUIRED
 from bayes_tyre.results import contrasts, summary
 
 ROOT = Path(__file__).parents[2]
@@ -70,14 +70,14 @@ SHOWN = "24 records, k 1.864 [1.81, 1.908]\n  file   DynamicS(0)30-20(1)\ndone i
     ],
 )
 def test_an_output_is_compared_by_its_words_and_within_two_per_cent(printed, same):
-    assert tutorial.compare(SHOWN, printed).words is not same
+    assert tutorial.compare(SHOWN, printed).factors is not same
 
 
 def test_numbers_that_differ_are_told():
     assert tutorial.compare("k 2.00", "k 2.02").numbers == pytest.approx((0.01,))
     assert tutorial.compare("k 2.00", "k 2.00").numbers == ()
-    assert not tutorial.compare("p 0.001", "p 0.002").words  # a unit of the last digit shown
-    assert tutorial.compare("p 0.001", "p 0.004").words
+    assert not tutorial.compare("p 0.001", "p 0.002").factors  # a unit of the last digit shown
+    assert tutorial.compare("p 0.001", "p 0.004").factors
 
 
 def test_a_page_that_shows_what_is_not_printed_is_told(tmp_path, capsys):
@@ -117,14 +117,14 @@ def test_every_command_and_every_prior_has_its_place_in_the_reference():
     rows = source.prior_rows()
     assert [row[0] for row in rows] == list(PRIORS)
     assert [row[-1] for row in rows] == [prior.reason for prior in PRIORS.values()]
-    assert rows[0][:3] == ("k_cell", "LogNormal(0, 1)", "1 (0.14 to 7.1) kN/mm")
+    assert rows[0][:3] == ("k_group", "LogNormal(0, 1)", "1 (0.14 to 7.1) kN/mm")
 
 
 def test_columns_and_exit_codes_are_the_programs():
     page = text("reference/files.md")
     named = set(re.findall(r"`([A-Za-z_0-9]+)`", page))
-    assert {*REQUIRED, *WORDS, *summary.STATISTICS} <= named
-    assert set(contrasts.COLUMNS) - set(WORDS) <= named
+    assert {*REQUIRED, *FACTORS, *summary.STATISTICS} <= named
+    assert set(contrasts.COLUMNS) - set(FACTORS) <= named
     for code in (shell.BAD_INPUT, shell.NOT_TRUSTED):
         assert f"\n| {code} |" in page
 

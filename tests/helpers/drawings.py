@@ -29,12 +29,12 @@ from bayes_tyre.report.figures import (
 )
 from bayes_tyre.report.figures.colours import Setting
 from bayes_tyre.report.figures.layout import STYLE
-from bayes_tyre.results.hyperparameters import Population
+from bayes_tyre.results.hyperparameters import Hyperparameter
 from bayes_tyre.results.prior_curves import PriorPanel
 from bayes_tyre.results.prior_posterior import Scale
 from bayes_tyre.results.ranks import Ranks
 
-WORDS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN"]
+FACTORS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN"]
 MEASURED = Setting("measured")
 #: Figures whose configurations differ in colour, marker or line, and those that show none.
 OF_CONFIGURATIONS = (
@@ -47,18 +47,18 @@ ALL = (*OF_CONFIGURATIONS, "contrasts", "rank_plot", "prior_and_posterior_of_sca
 def words_of_cases(configurations=("single", "dual"), speeds=(0.0, 25.0)) -> pd.DataFrame:
     steps = (("loading", 10.0, 5.0), ("loading", 20.0, 10.0), ("unloading", 30.0, -10.0))
     rows = [(c, d, v, load, step) for c in configurations for v in speeds for d, load, step in steps]
-    return pd.DataFrame(rows, columns=WORDS)
+    return pd.DataFrame(rows, columns=FACTORS)
 
 
-def printed_values(**words) -> pd.DataFrame:
-    table = words_of_cases(**words)
+def printed_values(**factor_table) -> pd.DataFrame:
+    table = words_of_cases(**factor_table)
     return table.assign(k_kN_per_mm=np.linspace(1.4, 2.6, len(table)), beta_mm=np.geomspace(0.005, 0.1, len(table)))
 
 
-def cases(**words) -> pd.DataFrame:
-    printed = printed_values(**words)
+def cases(**factor_table) -> pd.DataFrame:
+    printed = printed_values(**factor_table)
     blocks = [
-        printed[WORDS].assign(parameter=parameter, unit=unit, median=printed[column] * 1.01)
+        printed[FACTORS].assign(parameter=parameter, unit=unit, median=printed[column] * 1.01)
         for parameter, unit, column in (("k", "kN/mm", "k_kN_per_mm"), ("beta", "mm", "beta_mm"))
     ]
     table = pd.concat(blocks, ignore_index=True)
@@ -67,11 +67,11 @@ def cases(**words) -> pd.DataFrame:
 
 def contrasts(configurations=("single", "dual")) -> pd.DataFrame:
     """Return ratios of the first two configurations, and of the directions of each."""
-    both, blank = " / ".join(configurations[:2]), dict.fromkeys(WORDS, np.nan)
+    both, blank = " / ".join(configurations[:2]), dict.fromkeys(FACTORS, np.nan)
     of_cases = words_of_cases(configurations[:1]).assign(configuration=np.nan, contrast=both, matching="same case")
     average = pd.DataFrame([{**blank, "contrast": both, "matching": "same case"}])
-    words = {"contrast": "loading / unloading", "matching": "same span"}
-    directions = pd.DataFrame([{**blank, **words, "configuration": name} for name in configurations])
+    factor_table = {"contrast": "loading / unloading", "matching": "same span"}
+    directions = pd.DataFrame([{**blank, **factor_table, "configuration": name} for name in configurations])
     table = pd.concat([average, of_cases, directions], ignore_index=True)
     ratios = np.linspace(0.9, 1.4, len(table))
     blocks = [table.assign(parameter=name, median=ratios**power) for name, power in (("k", 1.0), ("beta", 4.0))]
@@ -85,13 +85,13 @@ def cells(configurations=("single", "dual"), spread=0.05, draws=200) -> pd.DataF
     blocks = []
     scales = (("k", "kN/mm", 1.8), ("beta", "mm", 0.03))
     for name, direction, (parameter, unit, middle) in product(configurations, ("loading", "unloading"), scales):
-        words = {"configuration": name, "direction": direction, "parameter": parameter, "unit": unit}
-        blocks.append(pd.DataFrame({**words, "value": middle * np.exp(spread * rng.normal(size=draws))}))
+        factor_table = {"configuration": name, "direction": direction, "parameter": parameter, "unit": unit}
+        blocks.append(pd.DataFrame({**factor_table, "value": middle * np.exp(spread * rng.normal(size=draws))}))
     return pd.concat(blocks, ignore_index=True)
 
 
-def repeats(**words) -> pd.DataFrame:
-    table = words_of_cases(**words).loc[lambda t: t.index.repeat(3)].reset_index(drop=True)
+def repeats(**factor_table) -> pd.DataFrame:
+    table = words_of_cases(**factor_table).loc[lambda t: t.index.repeat(3)].reset_index(drop=True)
     probability = np.linspace(0.001, 0.2, len(table))
     probability[4] = 0.97
     names = [f"record {i}" for i in range(len(table))]
@@ -128,17 +128,17 @@ def panels(configurations=("single", "dual"), curves=3) -> list[PriorPanel]:
     return [PriorPanel("like", name, "loading", pd.concat(prior), band, measured) for name in configurations]
 
 
-def populations(configurations=("single", "dual"), chains=4, draws=200) -> list[Population]:
+def hyperparameters(configurations=("single", "dual"), chains=4, draws=200) -> list[Hyperparameter]:
     rng = np.random.default_rng(7)
     shape = (chains, draws)
-    of_cells = [Population(f"k_cell[{c} loading]", "kN/mm", c, rng.normal(2, 0.1, shape)) for c in configurations]
-    return [*of_cells, Population("log_k_case_scale", "", None, np.exp(rng.normal(-3, 0.2, shape)))]
+    of_groups = [Hyperparameter(f"k_group[{c} loading]", "kN/mm", c, rng.normal(2, 0.1, shape)) for c in configurations]
+    return [*of_groups, Hyperparameter("sd_log_k_case", "", None, np.exp(rng.normal(-3, 0.2, shape)))]
 
 
 def ranks(count=6, chains=4) -> list[Ranks]:
     at = np.linspace(0, 1, 51)
     excess = 0.02 * np.sin(np.arange(1, chains + 1)[:, None] * np.pi * at)
-    return [Ranks(f"k_cell[{i}]", at, excess, 0.05 * np.sqrt(at * (1 - at))) for i in range(count)]
+    return [Ranks(f"k_group[{i}]", at, excess, 0.05 * np.sqrt(at * (1 - at))) for i in range(count)]
 
 
 def scales(contractions=(0.9, 0.1, 0.5, 0.0, 1.0)) -> list[Scale]:
@@ -163,16 +163,16 @@ _FIGURES = {
 
 def made(name: str, configurations: tuple[str, ...]) -> list[Any]:
     """Return the hand-made tables that a figure is drawn from."""
-    words = {"configurations": configurations}
+    factor_table = {"configurations": configurations}
     return {
         "posteriors_by_direction": lambda: [cells(configurations)],
-        "forest_of_cases": lambda: [cases(**words), printed_values(**words)],
-        "contrasts": lambda: [contrasts(**words)],
-        "outlier_probabilities": lambda: [repeats(**words)],
+        "forest_of_cases": lambda: [cases(**factor_table), printed_values(**factor_table)],
+        "contrasts": lambda: [contrasts(**factor_table)],
+        "outlier_probabilities": lambda: [repeats(**factor_table)],
         "records_with_bands": lambda: [*records(configurations)],
         "residuals_against_displacement": lambda: [*residuals(configurations)],
         "prior_predictive_curves": lambda: [panels(configurations)],
-        "pair_plot": lambda: [populations(configurations), np.zeros((4, 200), dtype=bool)],
+        "pair_plot": lambda: [hyperparameters(configurations), np.zeros((4, 200), dtype=bool)],
         "rank_plot": lambda: [ranks()],
         "prior_and_posterior_of_scales": lambda: [scales()],
     }[name]()

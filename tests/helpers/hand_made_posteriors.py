@@ -6,27 +6,30 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.model.factors import find_levels
+from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.sampling.datatree import to_datatree
-from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.record import CASE_FACTORS
 
 
 def posterior(
     draws: Mapping[str, np.ndarray],
-    words: pd.DataFrame,
+    factor_table: pd.DataFrame,
     statistics: Mapping[str, np.ndarray] | None = None,
     origin: str = "simulated",
 ) -> xr.DataTree:
     """Return draws, shape (chains, draws, ...), as the DataTree of a fit; without a `record`, of printed cases."""
     shape = next(iter(draws.values())).shape[:2]
-    if "record" in words:
-        levels, records = find_levels(words), words if "travel_mm" in words else words.assign(travel_mm=4.0)
+    if "record" in factor_table:
+        factors, records = (
+            find_factors(factor_table),
+            factor_table if "travel_mm" in factor_table else factor_table.assign(travel_mm=4.0),
+        )
         model = "records"
     else:
-        known = [word for word in CASE_WORDS if word in words]
-        levels, records, model = find_levels(words[known]), pd.DataFrame({"record": []}), "published"
+        known = [word for word in CASE_FACTORS if word in factor_table]
+        factors, records, model = find_factors(factor_table[known]), pd.DataFrame({"record": []}), "published"
     return to_datatree(
-        draws, quiet(*shape) | dict(statistics or {}), levels, records, {"origin": origin, "model": model}
+        draws, quiet(*shape) | dict(statistics or {}), factors, records, {"origin": origin, "model": model}
     )
 
 
@@ -52,18 +55,18 @@ def grid(configurations: tuple[str, ...] = ("single", "dual"), repeats: int = 3,
         for d, load, step in steps
         for i in range(1, repeats + 1)
     ]
-    return pd.DataFrame(rows, columns=["record", *CASE_WORDS, "repeat"])
+    return pd.DataFrame(rows, columns=["record", *CASE_FACTORS, "repeat"])
 
 
-def scattered(words: pd.DataFrame, seed: int, chains: int = 4, draws: int = 250) -> dict[str, np.ndarray]:
+def scattered(factor_table: pd.DataFrame, seed: int, chains: int = 4, draws: int = 250) -> dict[str, np.ndarray]:
     """Return well-mixed draws of what a fit keeps of records, their cases and populations."""
     rng = np.random.default_rng(seed)
-    levels = find_levels(words)
+    factors = find_factors(factor_table)
 
     def about(middle: np.ndarray | float, spread: float, *shape: int) -> np.ndarray:
         return middle * np.exp(spread * rng.normal(size=(chains, draws, *shape)))
 
-    cases, records = len(levels.cases), len(words)
+    cases, records = len(factors.cases), len(factor_table)
     kept = {
         "k": about(np.linspace(1.2, 2.8, records), 0.02, records),
         "beta": about(np.geomspace(0.01, 0.1, records), 0.1, records),
@@ -71,17 +74,17 @@ def scattered(words: pd.DataFrame, seed: int, chains: int = 4, draws: int = 250)
         "C": about(-3.0, 0.05, records),
         "F_i": about(20.0, 0.001, records),
         "sigma": about(0.03, 0.05, records),
-        "discordant_probability": rng.beta(1.0, 9.0, size=(chains, draws, records)),
+        "outlier_probability": rng.beta(1.0, 9.0, size=(chains, draws, records)),
         "k_case": about(np.linspace(1.4, 2.6, cases), 0.03, cases),
         "beta_case": about(np.geomspace(0.02, 0.08, cases), 0.1, cases),
-        "k_cell": about(1.8, 0.03, len(levels.cell.labels)),
-        "log_k_case_scale": about(0.05, 0.3),
+        "k_group": about(1.8, 0.03, len(factors.group.labels)),
+        "sd_log_k_case": about(0.05, 0.3),
         "sigma_typical": about(0.03, 0.1),
     }
-    kept["beta_cell"] = about(0.05, 0.1, len(levels.cell.labels))
-    kept |= {"log_beta_case_scale": about(0.2, 0.3), "J_scale": about(0.4, 0.2)}
-    if levels.speed.varies:
-        kept["log_k_speed"] = 0.05 * rng.normal(size=(chains, draws, len(levels.speed.labels)))
+    kept["beta_group"] = about(0.05, 0.1, len(factors.group.labels))
+    kept |= {"sd_log_beta_case": about(0.2, 0.3), "sd_J": about(0.4, 0.2)}
+    if factors.speed.varies:
+        kept["log_k_speed"] = 0.05 * rng.normal(size=(chains, draws, len(factors.speed.labels)))
     return kept
 
 
@@ -91,13 +94,13 @@ TYRE = {"k": 1.8, "x": 0.45, "beta": 0.08}
 
 def motion_cases(amplitude_mm: float = 2.0) -> xr.DataTree:
     """Return a posterior of motions of two configurations, every draw the same, dual with twice the friction."""
-    words = [("single", "loading"), ("dual", "loading")]
+    factor_table = [("single", "loading"), ("dual", "loading")]
     values = {name: [value, value * (2 if name == "x" else 1)] for name, value in TYRE.items()}
     draws = {
         f"{name}_case": (("chain", "draw", "case"), np.broadcast_to(of, (2, 5, 2)).copy())
         for name, of in {**values, "m": [280.0, 280.0]}.items()
     }
-    labels = {"configuration": [one[0] for one in words], "direction": [one[1] for one in words]}
+    labels = {"configuration": [one[0] for one in factor_table], "direction": [one[1] for one in factor_table]}
     numbers = {"speed_km_h": 0.0, "initial_load_kN": 20.0, "step_kN": 10.0}
     coords = {f"case_{word}": ("case", of) for word, of in labels.items()}
     coords |= {f"case_{word}": ("case", [of, of]) for word, of in numbers.items()}

@@ -8,14 +8,14 @@ import xarray as xr
 from helpers.command_line import here, small, written
 from helpers.hand_made_posteriors import posterior, scattered
 
-from bayes_tyre.record_table import record_words
+from bayes_tyre.record_table import record_factors
 from bayes_tyre.workflow import fit as workflow
 
 
 def drawn(table: pd.DataFrame, *_: object) -> xr.DataTree:
     """Return well-mixed draws for a record table."""
-    words = record_words(table)
-    return posterior(scattered(words, seed=4), words)
+    factor_table = record_factors(table)
+    return posterior(scattered(factor_table, seed=4), factor_table)
 
 
 def put_draws_for_the_sampler(monkeypatch: pytest.MonkeyPatch) -> None:

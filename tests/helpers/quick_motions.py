@@ -6,7 +6,7 @@ import pytest
 import xarray as xr
 from helpers.hand_made_posteriors import quiet
 
-from bayes_tyre.inference.model.factors import find_levels
+from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import MOTION_PARAMETERS
 from bayes_tyre.inference.motion.hierarchy.model import Motions
 from bayes_tyre.inference.sampling.datatree import to_datatree
@@ -20,7 +20,7 @@ TYPICAL = np.array([1.8, 0.2, 0.08, 285.0, 0.0015])
 
 def estimated(task: Task) -> Done:
     """Return the row of an estimate that a file might have."""
-    words, _ = usable(task)
+    factor_table, _ = usable(task)
     k, settled, beta, m, c = TYPICAL
     values = dict(zip(motion_estimates.parameter_columns(), (k, settled + k * beta, beta, m, c), strict=True))
     told = {"displacement_mm": 10.0, "method": "importance", "pareto_k": 0.1, "status": "ok", "origin": "simulated"}
@@ -29,19 +29,23 @@ def estimated(task: Task) -> Done:
     arrays |= {"log_mean": np.log(TYPICAL), "log_variance": np.full(5, 1e-4)}
     flat = {name: array.ravel().tolist() for name, array in arrays.items()}
     errors = {f"{name}_se": 0.01 * value for name, value in values.items()}
-    return Done(pd.DataFrame([{**words.row(), **values, **errors, **told, **flat}]))
+    return Done(pd.DataFrame([{**factor_table.row(), **values, **errors, **told, **flat}]))
 
 
 def drawn(motions: Motions, *_: object) -> xr.DataTree:
     """Return well-mixed draws of records, cases and cells."""
-    rng, levels = np.random.default_rng(0), find_levels(motions.words)
+    rng, factors = np.random.default_rng(0), find_factors(motions.factor_table)
     draws: dict[str, np.ndarray] = {}
-    for ending, units in (("", len(motions.words)), ("_case", len(levels.cases)), ("_cell", len(levels.cell.labels))):
+    for ending, units in (
+        ("", len(motions.factor_table)),
+        ("_case", len(factors.cases)),
+        ("_group", len(factors.group.labels)),
+    ):
         of = TYPICAL * np.exp(0.03 * rng.standard_normal((4, 250, units, len(TYPICAL))))
         draws |= {f"{name}{ending}": of[..., i] for i, name in enumerate(MOTION_PARAMETERS)}
         draws[f"x{ending}"] = of[..., 1] + of[..., 0] * of[..., 2]
-    draws["log_k_repeat_scatter"] = 0.01 * np.exp(0.1 * rng.standard_normal((4, 250)))
-    return to_datatree(draws, quiet(4, 250), levels, motions.words, {"model": "motion", "repeats": "mixture"})
+    draws["sd_log_k_repeat"] = 0.01 * np.exp(0.1 * rng.standard_normal((4, 250)))
+    return to_datatree(draws, quiet(4, 250), factors, motions.factor_table, {"model": "motion", "repeats": "mixture"})
 
 
 def put_draws_for_the_motions(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from bayes_tyre.inference.model.factors import Levels
+from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
 
 PARAMETERS = 2
@@ -23,19 +23,19 @@ class Numbers(NamedTuple):
     weight: Float[np.ndarray, ""]
 
 
-def some_numbers(levels: Levels, seed: int, ratio: float = 1.0) -> Numbers:
+def some_numbers(factors: Factors, seed: int, ratio: float = 1.0) -> Numbers:
     """Return values of which scatter and deviations are so many times as large as others are."""
-    random, cases = np.random.default_rng(seed), len(levels.cases)
+    random, cases = np.random.default_rng(seed), len(factors.cases)
     scatter = ratio * random.uniform(0.05, 0.2, (PARAMETERS, cases))
-    deviation = random.normal(0.0, 0.2, (len(levels.of_record), PARAMETERS)) * ratio
+    deviation = random.normal(0.0, 0.2, (len(factors.of_record), PARAMETERS)) * ratio
     offset = random.normal(0.0, 0.3, (PARAMETERS, cases))
     remainder = random.uniform(0.0, 0.5, (PARAMETERS, 1)) * random.integers(0, 2, (PARAMETERS, 1))
     return Numbers(deviation, offset, scatter, remainder, np.array(random.uniform(0.01, 0.4)))
 
 
-def by_hand(numbers: Numbers, levels: Levels, case: int) -> dict[tuple[bool, ...], float]:
+def by_hand(numbers: Numbers, factors: Factors, case: int) -> dict[tuple[bool, ...], float]:
     """Return the log density of a case's repeats together with each choice of discordant ones."""
-    members = np.flatnonzero(levels.of_record == case)
+    members = np.flatnonzero(factors.of_record == case)
     found = {}
     for choice in product((False, True), repeat=len(members)):
         odd = np.array(choice)

@@ -11,7 +11,7 @@ from bayes_tyre.inference.diagnostics.convergence import with_figures
 from bayes_tyre.inference.diagnostics.verdict import diagnose
 from bayes_tyre.inference.motion.hierarchy.model import Motions
 from bayes_tyre.inference.motion.hierarchy.posterior_losses import Middle, with_losses
-from bayes_tyre.report.figures import catalogue as figures
+from bayes_tyre.report.figures import catalogue
 from bayes_tyre.results.provenance import begin_run
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.workflow.result_folder import write_fit
@@ -19,17 +19,17 @@ from bayes_tyre.workflow.result_folder import write_fit
 
 def write_motions(folder: Path, configurations: tuple[str, ...] = ("single", "dual")) -> Path:
     """Write a result of motions of stationary records, a cycle of 2 mm; inputs of other folders differ."""
-    words = grid(configurations, repeats=3, speeds=(0.0,))
-    zeros = np.zeros((len(words), 5))
-    tree = drawn(Motions(words, np.zeros((len(words), 5, 5)), zeros, zeros, zeros))
+    factor_table = grid(configurations, repeats=3, speeds=(0.0,))
+    zeros = np.zeros((len(factor_table), 5))
+    tree = drawn(Motions(factor_table, np.zeros((len(factor_table), 5, 5)), zeros, zeros, zeros))
     tree.attrs |= {"origin": "simulated", "law": "fancher"}
-    middles = [Middle(load_rig(name), 10.0) for name in words["configuration"]]
-    tree = with_figures(with_losses(tree, words, middles, 2.0))
+    middles = [Middle(load_rig(name), 10.0) for name in factor_table["configuration"]]
+    tree = with_figures(with_losses(tree, factor_table, middles, 2.0))
     folder.mkdir(parents=True)
     given = folder / "given.txt"
     given.write_text(str(folder))
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(figures, "draw", lambda _: iter(()))
+        monkeypatch.setattr(catalogue, "draw", lambda _: iter(()))
         options = {"amplitude_mm": 2.0}
         run = begin_run("bayes-tyre motion raw --out made", options, 3, [given], "simulated")
         write_fit(tree, diagnose(tree), run, folder)

@@ -13,9 +13,9 @@ from helpers.simulated_records import Plan, simulate
 
 from bayes_tyre.inference.diagnostics.convergence import with_figures
 from bayes_tyre.inference.diagnostics.verdict import diagnose
-from bayes_tyre.inference.model.factors import find_levels
+from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.sampling.datatree import QUANTITIES
-from bayes_tyre.report.figures import catalogue as figures
+from bayes_tyre.report.figures import catalogue
 from bayes_tyre.report.html.load import Reported, read_reported
 from bayes_tyre.results.provenance import begin_run
 from bayes_tyre.workflow.result_folder import write_fit
@@ -32,7 +32,7 @@ def write_made(
     spread: float = 0.02,
     verdict: str = "pass",
     origin: str = "measured",
-    words: pd.DataFrame | None = None,
+    factor_table: pd.DataFrame | None = None,
     repeats: int = 1,
     seed: int = 3,
 ) -> Path:
@@ -40,22 +40,22 @@ def write_made(
 
     The logarithm of each configuration's k has the standard deviation `spread`.
     """
-    words = grid(tuple(stiffness), repeats) if words is None else words
-    cases = find_levels(words).cases
+    factor_table = grid(tuple(stiffness), repeats) if factor_table is None else factor_table
+    cases = find_factors(factor_table).cases
     rng = np.random.default_rng(seed)
-    draws = scattered(words, seed)
-    if "record" not in words:  # of printed tables
+    draws = scattered(factor_table, seed)
+    if "record" not in factor_table:  # of printed tables
         draws = {name: values for name, values in draws.items() if QUANTITIES[name][0] != "record"}
     common = {name: np.exp(spread * rng.normal(size=(4, 250))) for name in sorted(stiffness)}
     way = {"loading": 1.1, "unloading": 1.0}
     k = [stiffness[c.configuration] * way.get(c.direction, 1.0) * common[c.configuration] for c in cases]
-    tree = with_figures(posterior({**draws, "k_case": np.stack(k, axis=-1)}, words, origin=origin))
+    tree = with_figures(posterior({**draws, "k_case": np.stack(k, axis=-1)}, factor_table, origin=origin))
     judged = diagnose(tree)._replace(verdict=verdict, reasons=(REASON,) if verdict == "fail" else ())
     folder.mkdir(parents=True)
     given = folder / "given.txt"
     given.write_text(f"{stiffness} {seed}")
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(figures, "draw", lambda _: iter(()))
+        monkeypatch.setattr(catalogue, "draw", lambda _: iter(()))
         run = begin_run("bayes-tyre fit given.txt --out made", {"chains": 4}, seed, [given], origin)
         write_fit(tree, judged, run, folder)
     return folder
@@ -79,7 +79,7 @@ def write_fitted(folder: Path, configurations: tuple[str, ...] = ("single", SCRI
     table.to_csv(folder / "records.csv", index=False)
     with pytest.MonkeyPatch.context() as monkeypatch:
         put_draws_for_the_sampler(monkeypatch)
-        monkeypatch.setattr(figures, "draw", lambda _: iter(()))
+        monkeypatch.setattr(catalogue, "draw", lambda _: iter(()))
         done = here("fit", folder / "records.csv", "--out", folder, "--quiet")
     assert done.exit_code in (0, 4), done.stderr
     return folder

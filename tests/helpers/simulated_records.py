@@ -48,8 +48,10 @@ def simulate(plan: Plan, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
                         u = np.sign(step) * 3.0 * (1 - np.cos(np.pi * np.linspace(0, 1, plan.points))) / 2
                         force = F_i + (J + k * u) * (1 - np.exp(-np.abs(u) / beta))
                         force = force + rng.normal(0, plan.noise_kN, plan.points)
-                        words = {"record": name, **case, "repeat": repeat}
+                        factor_table = {"record": name, **case, "repeat": repeat}
                         frame = pd.DataFrame({"displacement_mm": d_i + u, "force_kN": force})
-                        tables.append(frame.assign(**words, origin="simulated"))
-                        truths.append({**words, "k": k, "beta": beta, "J": J, "F_i": F_i, "sigma": plan.noise_kN})
+                        tables.append(frame.assign(**factor_table, origin="simulated"))
+                        truths.append(
+                            {**factor_table, "k": k, "beta": beta, "J": J, "F_i": F_i, "sigma": plan.noise_kN}
+                        )
     return pd.concat(tables, ignore_index=True), pd.DataFrame(truths)

@@ -40,12 +40,12 @@ def path(low_mm: float = 1.7, high_mm: float = 20.0, steps: int = 8) -> np.ndarr
 
 
 def on_flat_ground(
-    tyre: Tyre, noise_kN: float = 0.0, seed: int = 0, d: np.ndarray | None = None, **words
+    tyre: Tyre, noise_kN: float = 0.0, seed: int = 0, d: np.ndarray | None = None, **factor_table
 ) -> pd.DataFrame:
     """Return a test whose readings are the tyre's own, as on flat ground (`--rig none`), noise on the force."""
     d = path() if d is None else d
     F = tyre.force(d) + noise_kN * np.random.default_rng(seed).normal(size=len(d))
-    return pd.DataFrame({"test": "one", "load_kN": F, "displacement_mm": d, **words, "origin": "simulated"})
+    return pd.DataFrame({"test": "one", "load_kN": F, "displacement_mm": d, **factor_table, "origin": "simulated"})
 
 
 def from_the_rig(table: pd.DataFrame, rig: dict[str, float]) -> pd.DataFrame:
@@ -68,7 +68,7 @@ def campaign(noise_kN: float = 0.05, repeats: int = 3) -> pd.DataFrame:
         for speed, low in ((0.0, 1.2), (25.0, 3.5)):
             for repeat in range(1, repeats + 1):
                 seed = len(tests)
-                words = {"configuration": configuration, "speed_km_h": speed, "repeat": repeat}
-                test = on_flat_ground(Tyre(k=k), noise_kN, seed, path(low, 26.0 / k), **words)
+                factor_table = {"configuration": configuration, "speed_km_h": speed, "repeat": repeat}
+                test = on_flat_ground(Tyre(k=k), noise_kN, seed, path(low, 26.0 / k), **factor_table)
                 tests.append(from_the_rig(test, rig).assign(test=f"{configuration} ({speed:g}) slow {repeat}"))
     return pd.concat(tests, ignore_index=True)

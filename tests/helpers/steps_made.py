@@ -7,7 +7,7 @@ import numpy as np
 from bayes_tyre.record import Channel, RawSignals
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.signals.channels import Signals
-from bayes_tyre.signals.words import Words, record_name
+from bayes_tyre.signals.factors import RecordFactors, record_name
 from bayes_tyre.simulate.draw import draw_truth
 from bayes_tyre.simulate.plan import Planned, thesis_plan
 from bayes_tyre.simulate.simulator import Simulated, simulate_record
@@ -24,12 +24,12 @@ def planned(file: str, rate_Hz: float = 5000.0, duration_s: float = 3.0, start_s
 @functools.cache
 def simulated(
     file: str, rate_Hz: float = 5000.0, duration_s: float = 3.0, start_s: float = 1.2, seed: int = 0
-) -> tuple[Simulated, Words]:
+) -> tuple[Simulated, RecordFactors]:
     """Return a simulated record of the test plan, cut short, and its words."""
     plan = planned(file, rate_Hz, duration_s, start_s)
     rig = RIGS[plan.case.configuration]
-    words = Words(record_name(plan.file), plan.case, plan.repeat)
-    return simulate_record(draw_truth(plan, rig, seed), rig), words
+    factor_table = RecordFactors(record_name(plan.file), plan.case, plan.repeat)
+    return simulate_record(draw_truth(plan, rig, seed), rig), factor_table
 
 
 def plain(

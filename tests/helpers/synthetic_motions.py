@@ -7,7 +7,7 @@ from helpers.hand_made_posteriors import grid
 from jaxtyping import Float
 
 from bayes_tyre.inference.motion.hierarchy.model import Motions
-from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.record import CASE_FACTORS
 
 #: Logarithms of k, x - k beta, beta, m and c of the single axle; what the dual one's and unloading differ by.
 BASE = np.log([1.8, 0.2, 0.08, 300.0, 0.0015])
@@ -38,23 +38,23 @@ def make(seed: int, odd: int | None = None, silent: int | None = None, repeats: 
         Records a case.
     """
     rng = np.random.default_rng(seed)
-    words = grid(repeats=repeats)
-    cases = words[list(CASE_WORDS)].drop_duplicates()
-    of_record = words.groupby(list(CASE_WORDS), sort=False).ngroup().to_numpy()
+    factor_table = grid(repeats=repeats)
+    cases = factor_table[list(CASE_FACTORS)].drop_duplicates()
+    of_record = factor_table.groupby(list(CASE_FACTORS), sort=False).ngroup().to_numpy()
     dual, unloading = cases["configuration"].to_numpy() == "dual", cases["direction"].to_numpy() == "unloading"
     of_cases = BASE + dual[:, None] * DUAL + unloading[:, None] * UNLOADING
     of_cases = of_cases + [0.02, 0.05, 0.05, 0.0, 0.05] * rng.standard_normal(of_cases.shape)
-    records = of_cases[of_record] + SCATTER * rng.standard_normal((len(words), 5))
+    records = of_cases[of_record] + SCATTER * rng.standard_normal((len(factor_table), 5))
     if odd is not None:
         records[odd] += 0.35
     # x - k beta and beta trade against each other, as those of motions do.
     correlation = np.eye(5)
     correlation[1, 2] = correlation[2, 1] = -0.7
     covariance = correlation * SD[:, None] * SD
-    estimates = records + rng.multivariate_normal(np.zeros(5), covariance, len(words))
-    rows = np.broadcast_to(np.linalg.inv(np.linalg.cholesky(covariance)), (len(words), 5, 5)).copy()
+    estimates = records + rng.multivariate_normal(np.zeros(5), covariance, len(factor_table))
+    rows = np.broadcast_to(np.linalg.inv(np.linalg.cholesky(covariance)), (len(factor_table), 5, 5)).copy()
     if silent is not None:
         rows[silent, 4] = 0.0
     target = np.einsum("rij,rj->ri", rows, estimates)
     variance = np.broadcast_to(SD**2, estimates.shape).copy()
-    return Made(Motions(words, rows, target, estimates, variance), records, of_cases)
+    return Made(Motions(factor_table, rows, target, estimates, variance), records, of_cases)

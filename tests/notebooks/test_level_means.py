@@ -9,7 +9,7 @@ from support.level_figures import by_levels
 from support.level_means import BY, level_means
 
 from bayes_tyre.published import tables
-from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.record import CASE_FACTORS
 from bayes_tyre.report.figures.colours import Setting, looks
 
 
@@ -21,7 +21,7 @@ def printed() -> pd.DataFrame:
 @pytest.fixture(scope="module")
 def means(printed) -> pd.DataFrame:
     draws = {"k_case": fixed(printed["k_kN_per_mm"]), "beta_case": fixed(printed["beta_mm"])}
-    return level_means(posterior(draws, printed[list(CASE_WORDS)], origin="published"), printed)
+    return level_means(posterior(draws, printed[list(CASE_FACTORS)], origin="published"), printed)
 
 
 def test_levels_of_the_source_average_the_same_cases(means, printed):
@@ -44,8 +44,8 @@ def test_a_posterior_that_is_the_printed_values_has_their_means(means):
 
 
 def test_cases_without_their_words_have_no_means():
-    words = pd.DataFrame({"configuration": ["a", "b"], "direction": ["loading"] * 2})
-    assert level_means(posterior({"k_case": fixed([1, 2]), "beta_case": fixed([1, 2])}, words)).empty
+    factor_table = pd.DataFrame({"configuration": ["a", "b"], "direction": ["loading"] * 2})
+    assert level_means(posterior({"k_case": fixed([1, 2]), "beta_case": fixed([1, 2])}, factor_table)).empty
 
 
 def test_the_figure_has_a_marker_a_level_and_the_colours_of_every_figure(means):

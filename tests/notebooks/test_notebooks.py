@@ -104,9 +104,9 @@ def test_a_question_heads_every_figure_and_every_output_says_what_its_data_are(n
             assert base64.b64decode(output["data"]["image/png"]).startswith(b"\x89PNG")
 
 
-def ran(*words: object) -> subprocess.CompletedProcess[str]:
+def ran(*factor_table: object) -> subprocess.CompletedProcess[str]:
     """Return how a run of `run.py` ended."""
-    command = [sys.executable, str(FOLDER / "run.py"), *map(str, words)]
+    command = [sys.executable, str(FOLDER / "run.py"), *map(str, factor_table)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 

@@ -8,7 +8,7 @@ from scipy.stats import t
 from support.rule import PLAIN, POSTERIOR, RULE, by_multiple, k_by_method
 from support.rule_figures import rule_and_posterior
 
-from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.record import CASE_FACTORS
 from bayes_tyre.report.figures.colours import Setting, looks
 
 #: k of three repeats: one far off by 30 % of the others' mean, or 7.5 times the usual scatter; none.
@@ -22,12 +22,12 @@ def fits() -> pd.DataFrame:
         for name, repeats in K.items()
         for i, k in enumerate(repeats)
     ]
-    return pd.DataFrame(rows, columns=["record", *CASE_WORDS, "repeat", "k_kN_per_mm"])
+    return pd.DataFrame(rows, columns=["record", *CASE_FACTORS, "repeat", "k_kN_per_mm"])
 
 
 @pytest.fixture
 def cases(fits) -> pd.DataFrame:
-    of = fits.drop_duplicates("configuration")[list(CASE_WORDS)]
+    of = fits.drop_duplicates("configuration")[list(CASE_FACTORS)]
     k = of.assign(parameter="k", median=[1.02, 2.02], lower=[0.95, 1.9], upper=[1.1, 2.15], interval=0.95)
     return pd.concat([k, k.assign(parameter="beta", median=0.03)], ignore_index=True)
 

@@ -8,8 +8,8 @@ from support.without_record import case_without
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.laplace import estimate_records
-from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_levels
-from bayes_tyre.record_table import check_record_table, record_words
+from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_factors
+from bayes_tyre.record_table import check_record_table, record_factors
 
 #: Of log k: the posterior's standard deviation, the repeats' scatter, the record's distance from the posterior's mean.
 SD, SCATTER, AWAY = 0.05, 0.1, 0.05
@@ -21,7 +21,7 @@ def made():
     table, _ = simulate(Plan(("x",), (0.0,), (20.0,), (10.0,), repeats=3, points=60), seed=3)
     table = check_record_table(table)
     table = table[table["direction"] == table["direction"].iloc[0]].reset_index(drop=True)
-    batch, _, _ = batch_and_levels(table, ModelSettings())
+    batch, _, _ = batch_and_factors(table, ModelSettings())
     log_k, log_beta = np.asarray(estimate_records(batch, "iid", None).centre)[0, 2:]
     rng = np.random.default_rng(8)
 
@@ -31,10 +31,10 @@ def made():
     draws = {
         "k_case": np.exp(log_k - AWAY + SD * rng.standard_normal((CHAINS, DRAWS, 1))),
         "beta_case": np.exp(log_beta + np.zeros((CHAINS, DRAWS, 1))),
-        **{"log_k_repeat_scatter": known(SCATTER), "log_beta_repeat_scatter": known(0.2)},
-        **{"J_scale": known(1.0), "sigma_typical": known(0.03), "log_sigma_spread": known(0.2)},
+        **{"sd_log_k_repeat": known(SCATTER), "sd_log_beta_repeat": known(0.2)},
+        **{"sd_J": known(1.0), "sigma_typical": known(0.03), "sd_log_sigma": known(0.2)},
     }
-    tree = posterior(draws, record_words(table))
+    tree = posterior(draws, record_factors(table))
     tree.attrs |= {"repeats": "normal", "noise": "iid"}
     return tree, table, batch.records, log_k
 

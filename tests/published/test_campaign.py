@@ -21,7 +21,7 @@ from bayes_tyre.published.campaign import (
     usual_scatter,
 )
 from bayes_tyre.published.checks import round_trip_rows
-from bayes_tyre.record import CASE_WORDS, WORDS
+from bayes_tyre.record import CASE_FACTORS, FACTORS
 from bayes_tyre.record_table import check_record_table
 from bayes_tyre.rig.axle import Rig, load_rig
 from bayes_tyre.rig.geometry import flat_ground_force, sin_theta
@@ -49,10 +49,10 @@ def fits(campaign) -> dict[str, pd.DataFrame]:
 
 
 def test_there_are_three_repeats_of_every_published_case(campaign):
-    repeats = campaign.truth.groupby([*CASE_WORDS])["repeat"].agg(sorted)
+    repeats = campaign.truth.groupby([*CASE_FACTORS])["repeat"].agg(sorted)
     assert len(repeats) == 48
     assert (repeats.map(tuple) == (1, 2, 3)).all()
-    published = tables.case_means()[[*CASE_WORDS]]
+    published = tables.case_means()[[*CASE_FACTORS]]
     assert set(map(tuple, published.to_numpy())) == set(repeats.index)
     assert campaign.truth["record"].is_unique
     assert campaign.truth["record"].to_list() == campaign.records["record"].drop_duplicates().to_list()
@@ -60,10 +60,10 @@ def test_there_are_three_repeats_of_every_published_case(campaign):
 
 def test_it_is_a_checked_record_table(campaign):
     pd.testing.assert_frame_equal(check_record_table(campaign.records)[NUMBERS], campaign.records[NUMBERS])
-    assert list(campaign.records.columns) == ["record", *WORDS, *NUMBERS, "origin"]
+    assert list(campaign.records.columns) == ["record", *FACTORS, *NUMBERS, "origin"]
     assert campaign.records.groupby("record").size().between(225, 255).all()
-    words = campaign.records.drop_duplicates("record").set_index("record")[[*WORDS]]
-    pd.testing.assert_frame_equal(words, campaign.truth.set_index("record")[[*WORDS]])
+    factors = campaign.records.drop_duplicates("record").set_index("record")[[*FACTORS]]
+    pd.testing.assert_frame_equal(factors, campaign.truth.set_index("record")[[*FACTORS]])
 
 
 def test_every_row_says_reconstructed(campaign, fits):
@@ -107,8 +107,8 @@ def expect_same(committed: pd.DataFrame, made: pd.DataFrame, tolerance: float) -
 def test_the_rule_finds_exactly_the_discordant_repeats(truth, fits):
     for table in (truth, *(fit.set_index("record", drop=False) for fit in fits.values())):
         means = case_means(table)
-        found = {(*row[:5], row[5]) for row in means[[*CASE_WORDS, "left_out"]].dropna().to_numpy()}
-        discordant = truth.loc[truth["discordant"], [*CASE_WORDS, "repeat"]]
+        found = {(*row[:5], row[5]) for row in means[[*CASE_FACTORS, "left_out"]].dropna().to_numpy()}
+        discordant = truth.loc[truth["discordant"], [*CASE_FACTORS, "repeat"]]
         assert found == set(map(tuple, discordant.to_numpy()))
 
 
@@ -116,16 +116,16 @@ def test_six_repeats_are_discordant_all_standing_and_shifted_by_thirty_percent_a
     discordant = truth[truth["discordant"]]
     assert len(discordant) == 6
     assert (discordant["speed_km_h"] == 0).all()
-    assert not discordant.duplicated([*CASE_WORDS]).any()
+    assert not discordant.duplicated([*CASE_FACTORS]).any()
     for parameter in ("k_kN_per_mm", "beta_mm"):
-        printed = discordant.merge(tables.case_means(), on=[*CASE_WORDS], suffixes=("", "_printed"))
+        printed = discordant.merge(tables.case_means(), on=[*CASE_FACTORS], suffixes=("", "_printed"))
         shift = printed[parameter] / printed[f"{parameter}_printed"] - 1
         assert (shift.abs() >= 0.30 - 1e-12).all()
 
 
 def test_kept_repeats_average_to_the_printed_values(truth):
-    kept = truth[~truth["discordant"]].groupby([*CASE_WORDS])[["k_kN_per_mm", "beta_mm"]].mean().reset_index()
-    both = tables.case_means().merge(kept, on=[*CASE_WORDS], suffixes=("", "_kept"), validate="one_to_one")
+    kept = truth[~truth["discordant"]].groupby([*CASE_FACTORS])[["k_kN_per_mm", "beta_mm"]].mean().reset_index()
+    both = tables.case_means().merge(kept, on=[*CASE_FACTORS], suffixes=("", "_kept"), validate="one_to_one")
     assert len(both) == 48
     for parameter in ("k_kN_per_mm", "beta_mm"):
         np.testing.assert_allclose(both[f"{parameter}_kept"], both[parameter], rtol=1e-12)
@@ -135,7 +135,7 @@ def test_kept_repeats_average_to_the_printed_values(truth):
 @pytest.mark.parametrize("standing", [True, False])
 def test_kept_repeats_scatter_as_stated(truth, parameter, factor, standing):
     kept = truth[~truth["discordant"] & ((truth["speed_km_h"] == 0) == standing)]
-    cases = kept.groupby([*CASE_WORDS])[parameter]
+    cases = kept.groupby([*CASE_FACTORS])[parameter]
     repeats = cases.transform("size")
     # Deviations from the mean of n repeats are stretched by n / (n - 1) in the square, and cut where they are rare.
     square = (kept[parameter] / cases.transform("mean") - 1) ** 2 * (repeats - 1) / repeats
@@ -168,7 +168,7 @@ def test_four_decimals_lose_the_printed_digits(campaign):
 
 
 def test_without_the_rule_the_printed_means_do_not_come_back(truth):
-    plain = truth.groupby([*CASE_WORDS])[["k_kN_per_mm", "beta_mm"]].mean().reset_index()
+    plain = truth.groupby([*CASE_FACTORS])[["k_kN_per_mm", "beta_mm"]].mean().reset_index()
     rows = round_trip_rows(plain)
     cells = rows[rows["quantity"].str.startswith("k (kN/mm)")]
     assert (~cells["agrees"]).sum() == 6
@@ -217,7 +217,7 @@ def test_displacement_is_a_cosine_ramp_in_time(campaign):
 
 
 def test_the_start_is_the_rig_s_geometry_with_the_axle_s_load_in_it(truth):
-    for row in truth.drop_duplicates([*CASE_WORDS]).to_dict("records"):
+    for row in truth.drop_duplicates([*CASE_FACTORS]).to_dict("records"):
         rig = load_rig(row["configuration"])
         lever = rig.axle.support_to_load_mm / rig.axle.support_to_wheel_centre_mm
         on_tyre = row["initial_load_kN"] * lever + rig.axle.axle_load_kN
@@ -261,6 +261,6 @@ def test_the_rule_leaves_out_at_most_the_most_distant_repeat(k, expected):
 
 def test_case_means_say_which_repeat_is_left_out(truth):
     means = case_means(truth)
-    assert list(means.columns) == [*CASE_WORDS, "k_kN_per_mm", "beta_mm", "left_out"]
+    assert list(means.columns) == [*CASE_FACTORS, "k_kN_per_mm", "beta_mm", "left_out"]
     assert means["left_out"].notna().sum() == 6
     assert means["left_out"].dropna().isin([1, 2, 3]).all()

@@ -6,7 +6,7 @@ import pytest
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.published import tables
-from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.record import CASE_FACTORS
 
 NAMES = sorted(path.stem for path in data_path("published").glob("*.csv"))
 
@@ -42,7 +42,7 @@ def test_eleven_tables():
 )
 def test_48_cases_that_average_to_the_printed_means(table, value):
     assert len(table) == 48
-    assert not table.duplicated(list(CASE_WORDS)).any()
+    assert not table.duplicated(list(CASE_FACTORS)).any()
     assert ((table["direction"] == "loading") == (table["step_kN"] > 0)).all()
     means = table.groupby(["configuration", "direction"])[value].mean()
     printed = tables.means(value).set_index(["configuration", "direction"])
@@ -84,7 +84,7 @@ def test_table_10_averages_table_9_by_speed():
 
 def test_table_8_has_three_repeats_of_four_cases():
     table = tables.repeat_displacement()
-    assert table.groupby(list(CASE_WORDS))["repeat"].agg(sorted).to_list() == [[1, 2, 3]] * 4
+    assert table.groupby(list(CASE_FACTORS))["repeat"].agg(sorted).to_list() == [[1, 2, 3]] * 4
     assert table["displacement_mm"].sum() == pytest.approx(28.541)
 
 

@@ -11,9 +11,9 @@ from helpers.hand_made_posteriors import fixed, grid, posterior, scattered
 from bayes_tyre.published import tables
 from bayes_tyre.results.contrasts import contrasts
 
-WORDS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN"]
+FACTORS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN"]
 COLUMNS = [
-    *("contrast", "matching", *WORDS, "parameter"),
+    *("contrast", "matching", *FACTORS, "parameter"),
     *("median", "lower", "upper", "interval", "p_greater_than_1", "origin", "verdict"),
 ]
 PRINTED: dict[str, Literal["k_kN_per_mm", "beta_mm"]] = {"k": "k_kN_per_mm", "beta": "beta_mm"}
@@ -24,17 +24,17 @@ def of_cases(table: pd.DataFrame) -> xr.DataTree:
     return posterior({"k_case": fixed(table["k_kN_per_mm"]), "beta_case": fixed(table["beta_mm"])}, table)
 
 
-def numbered(words: pd.DataFrame) -> pd.DataFrame:
+def numbered(factor_table: pd.DataFrame) -> pd.DataFrame:
     """Return one row a case with values that no two ratios share."""
-    cases = words.drop(columns=["record", "repeat"], errors="ignore").drop_duplicates(ignore_index=True)
+    cases = factor_table.drop(columns=["record", "repeat"], errors="ignore").drop_duplicates(ignore_index=True)
     return cases.assign(k_kN_per_mm=1.0 + np.sqrt(np.arange(len(cases))), beta_mm=np.geomspace(0.01, 0.3, len(cases)))
 
 
-def medians(table: pd.DataFrame, contrast: str, matching: str, **words: object) -> dict[str, float]:
+def medians(table: pd.DataFrame, contrast: str, matching: str, **factor_table: object) -> dict[str, float]:
     """Return the median by parameter of the row that holds just these words fixed."""
     rows = table[(table["contrast"] == contrast) & (table["matching"] == matching)]
-    for word in WORDS:
-        rows = rows[rows[word] == words[word]] if word in words else rows[rows[word].isna()]
+    for word in FACTORS:
+        rows = rows[rows[word] == factor_table[word]] if word in factor_table else rows[rows[word].isna()]
     assert not rows.duplicated("parameter").any()
     return dict(zip(rows["parameter"], rows["median"], strict=True))
 
@@ -55,14 +55,14 @@ def test_columns_are_those_of_the_contract(published):
 
 @pytest.mark.parametrize("verdict", ["pass", "fail"])
 def test_every_row_ends_with_the_verdict_and_says_where_its_numbers_come_from(verdict):
-    words = grid()
-    table = contrasts(posterior(scattered(words, seed=1), words, origin="reconstructed"), verdict)
+    factor_table = grid()
+    table = contrasts(posterior(scattered(factor_table, seed=1), factor_table, origin="reconstructed"), verdict)
     assert set(table["verdict"]) == {verdict}
     assert set(table["origin"]) == {"reconstructed"}
 
 
 def test_no_two_rows_say_the_same(published):
-    assert not published.duplicated(["contrast", "matching", *WORDS, "parameter"]).any()
+    assert not published.duplicated(["contrast", "matching", *FACTORS, "parameter"]).any()
 
 
 @pytest.mark.parametrize(("matching", "beta"), [("same span", 1.86), ("same initial load", 0.71)])
@@ -87,12 +87,12 @@ def test_the_pooled_comparison_is_the_ratio_of_the_printed_averages(published):
 
 
 def test_dual_is_held_against_single_in_all_24_cells_and_over_them(published):
-    printed = tables.case_means().pivot(index=WORDS[1:], columns="configuration", values=list(PRINTED.values()))
+    printed = tables.case_means().pivot(index=FACTORS[1:], columns="configuration", values=list(PRINTED.values()))
     assert len(printed) == 24
     for parameter, column in PRINTED.items():
         ratio = printed[column]["dual"] / printed[column]["single"]
-        for words, expected in ratio.items():
-            of = dict(zip(WORDS[1:], words, strict=True))
+        for factor_table, expected in ratio.items():
+            of = dict(zip(FACTORS[1:], factor_table, strict=True))
             assert medians(published, "dual / single", "same case", **of)[parameter] == pytest.approx(expected)
         over_all = medians(published, "dual / single", "same case")[parameter]
         assert over_all == pytest.approx(geometric(ratio), rel=1e-12)
@@ -120,7 +120,7 @@ def test_directions_are_matched_within_a_configuration_and_averaged_over_its_pai
 
 
 def test_a_span_is_the_same_two_loads_swapped_and_an_initial_load_the_same_start(published):
-    printed = tables.case_means().set_index(WORDS)["beta_mm"]
+    printed = tables.case_means().set_index(FACTORS)["beta_mm"]
     row = {"configuration": "dual", "speed_km_h": 0.0, "initial_load_kN": 20.0, "step_kN": 10.0}
     up = printed["dual", "loading", 0.0, 20.0, 10.0]
     span = medians(published, "loading / unloading", "same span", **row)["beta"]
@@ -130,29 +130,29 @@ def test_a_span_is_the_same_two_loads_swapped_and_an_initial_load_the_same_start
 
 
 def test_loads_that_add_up_only_in_decimals_match():
-    words = pd.DataFrame(
+    factor_table = pd.DataFrame(
         [("a", "loading", 0.0, 10.1, 3.3), ("a", "unloading", 0.0, 13.4, -3.3)],
-        columns=WORDS,
+        columns=FACTORS,
     )
     assert 10.1 + 3.3 != 13.4
-    assert "same span" in set(contrasts(of_cases(numbered(words)), "pass")["matching"])
+    assert "same span" in set(contrasts(of_cases(numbered(factor_table)), "pass")["matching"])
 
 
 def test_no_matched_pair_gives_no_row():
-    words = pd.DataFrame(
+    factor_table = pd.DataFrame(
         [
             ("single", "loading", 0.0, 10.0, 5.0),
             ("dual", "loading", 15.0, 10.0, 5.0),
             ("single", "unloading", 0.0, 30.0, -10.0),
         ],
-        columns=WORDS,
+        columns=FACTORS,
     )
-    table = contrasts(of_cases(numbered(words)), "pass")
+    table = contrasts(of_cases(numbered(factor_table)), "pass")
     assert set(zip(table["contrast"], table["matching"], strict=True)) == {
         ("loading / unloading", "pooled as published")
     }
     assert set(table["configuration"]) == {"single"}
-    one_way = contrasts(of_cases(numbered(words[:1])), "pass")
+    one_way = contrasts(of_cases(numbered(factor_table[:1])), "pass")
     assert one_way.empty
 
 
@@ -160,16 +160,18 @@ def test_every_pair_of_configurations_has_the_earlier_in_sorted_order_above():
     cases = numbered(grid(("c", "a", "b")))
     table = contrasts(of_cases(cases), "pass")
     assert [c for c in table["contrast"].unique() if c != "loading / unloading"] == ["a / b", "a / c", "b / c"]
-    k = cases.set_index(WORDS)["k_kN_per_mm"]
-    words = {"direction": "loading", "speed_km_h": 25.0, "initial_load_kN": 20.0, "step_kN": 10.0}
+    k = cases.set_index(FACTORS)["k_kN_per_mm"]
+    factor_table = {"direction": "loading", "speed_km_h": 25.0, "initial_load_kN": 20.0, "step_kN": 10.0}
     for above, below in (("a", "b"), ("a", "c"), ("b", "c")):
-        expected = k[above, *words.values()] / k[below, *words.values()]
-        assert medians(table, f"{above} / {below}", "same case", **words)["k"] == pytest.approx(expected, rel=1e-12)
+        expected = k[above, *factor_table.values()] / k[below, *factor_table.values()]
+        assert medians(table, f"{above} / {below}", "same case", **factor_table)["k"] == pytest.approx(
+            expected, rel=1e-12
+        )
 
 
 def test_only_the_cells_that_both_configurations_have_are_averaged():
     cases = numbered(grid()).query("not (configuration == 'dual' and speed_km_h == 25.0)").reset_index(drop=True)
-    k = cases.set_index(WORDS)["k_kN_per_mm"]
+    k = cases.set_index(FACTORS)["k_kN_per_mm"]
     both = [("loading", 0.0, 20.0, 10.0), ("unloading", 0.0, 30.0, -10.0)]
     expected = np.exp(np.mean([np.log(k["dual", *cell] / k["single", *cell]) for cell in both]))
     table = contrasts(of_cases(cases), "pass")
@@ -188,20 +190,20 @@ def test_only_the_cells_that_both_configurations_have_are_averaged():
     ],
 )
 def test_missing_words_hold_nothing_fixed_and_repeat_no_row(kept, found):
-    words = grid()[["record", *kept]]
-    table = contrasts(posterior(scattered(words, seed=2), words), "pass")
+    factor_table = grid()[["record", *kept]]
+    table = contrasts(posterior(scattered(factor_table, seed=2), factor_table), "pass")
     assert set(table["matching"]) == found
-    missing = [word for word in WORDS if word not in kept]
+    missing = [word for word in FACTORS if word not in kept]
     assert table[missing].isna().all(axis=None)
-    assert not table.duplicated(["contrast", "matching", *WORDS, "parameter"]).any()
+    assert not table.duplicated(["contrast", "matching", *FACTORS, "parameter"]).any()
 
 
 def test_a_ratio_of_draws_has_their_quantiles_and_the_share_above_one():
-    words = pd.DataFrame([("single", "loading"), ("dual", "loading")], columns=WORDS[:2])
+    factor_table = pd.DataFrame([("single", "loading"), ("dual", "loading")], columns=FACTORS[:2])
     draws = np.exp(np.random.default_rng(3).normal(0.1, 0.2, size=(4, 300, 2)))
     ratio = (draws[..., 1] / draws[..., 0]).ravel()
     for interval in (0.95, 0.5):
-        table = contrasts(posterior({"k_case": draws, "beta_case": draws[..., ::-1]}, words), "pass", interval)
+        table = contrasts(posterior({"k_case": draws, "beta_case": draws[..., ::-1]}, factor_table), "pass", interval)
         k, beta = (table[table["parameter"] == name].iloc[0] for name in ("k", "beta"))
         tails = np.quantile(ratio, [(1 - interval) / 2, 0.5, (1 + interval) / 2])
         np.testing.assert_allclose([k["lower"], k["median"], k["upper"]], tails, rtol=1e-12)
@@ -212,9 +214,9 @@ def test_a_ratio_of_draws_has_their_quantiles_and_the_share_above_one():
 
 
 def test_a_common_factor_on_displacement_leaves_every_ratio_as_it_is():
-    words = grid()
-    draws = scattered(words, seed=4)
+    factor_table = grid()
+    draws = scattered(factor_table, seed=4)
     factor = np.exp(np.random.default_rng(5).normal(0, 0.05, size=(*draws["k_case"].shape[:2], 1)))
     moved = draws | {"k_case": draws["k_case"] / factor, "beta_case": draws["beta_case"] * factor}
-    before, after = (contrasts(posterior(one, words), "pass") for one in (draws, moved))
+    before, after = (contrasts(posterior(one, factor_table), "pass") for one in (draws, moved))
     pd.testing.assert_frame_equal(before, after, rtol=1e-10)

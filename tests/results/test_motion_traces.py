@@ -31,10 +31,10 @@ def readings(seed: int = 0, blocks: int = 40, missing: int = 5) -> pd.DataFrame:
     return readings_table(window, expected, off)
 
 
-def told(table: pd.DataFrame, **words: str) -> pd.DataFrame:
-    return table.assign(**{"record": "S", "configuration": "single", "shown": "worst", "status": "ok"} | words).assign(
-        origin="simulated"
-    )
+def told(table: pd.DataFrame, **factor_table: str) -> pd.DataFrame:
+    return table.assign(
+        **{"record": "S", "configuration": "single", "shown": "worst", "status": "ok"} | factor_table
+    ).assign(origin="simulated")
 
 
 def test_readings_less_fitted_motion_are_what_is_left_over_and_what_is_not_there_is_empty():

@@ -11,24 +11,23 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.motion.hierarchy.model import Motions
 from bayes_tyre.inference.motion.hierarchy.posterior_losses import Middle, with_losses
 from bayes_tyre.inference.sampling.datatree import MOTION_CASE_PARAMETERS
-from bayes_tyre.report.figures import catalogue as figures
-from bayes_tyre.report.figures.catalogue import Result
-from bayes_tyre.report.figures.chosen_figure import chosen_figure
+from bayes_tyre.report.figures import catalogue
+from bayes_tyre.report.figures.catalogue import Result, chosen_figure
 from bayes_tyre.results import summary
 from bayes_tyre.results.contrasts import contrasts
-from bayes_tyre.results.hyperparameters import paired, populations
+from bayes_tyre.results.hyperparameters import hyperparameters, paired
 from bayes_tyre.results.recovery import OF_MOTIONS, of_posterior
 from bayes_tyre.rig.axle import load_rig
 
-WORDS = grid(repeats=3, speeds=(0.0,))
+FACTORS = grid(repeats=3, speeds=(0.0,))
 
 
 @pytest.fixture(scope="module")
 def tree() -> xr.DataTree:
-    nothing = np.zeros((len(WORDS), 5))
-    tree = drawn(Motions(WORDS, np.zeros((len(WORDS), 5, 5)), nothing, nothing, nothing))
+    nothing = np.zeros((len(FACTORS), 5))
+    tree = drawn(Motions(FACTORS, np.zeros((len(FACTORS), 5, 5)), nothing, nothing, nothing))
     tree.attrs["origin"] = "simulated"
-    return with_losses(tree, WORDS, [Middle(load_rig(name), 10.0) for name in WORDS["configuration"]], 2.0)
+    return with_losses(tree, FACTORS, [Middle(load_rig(name), 10.0) for name in FACTORS["configuration"]], 2.0)
 
 
 def test_every_table_has_the_parameters_of_motions(tree):
@@ -44,23 +43,23 @@ def test_every_table_has_the_parameters_of_motions(tree):
 def test_figures_have_a_panel_a_parameter_and_name_the_amplitude(tree):
     result = Result(tree, "pass")
     for name in ("forest_of_cases", "contrasts"):
-        assert len(figures.ALWAYS[name](result).axes) == len(MOTION_CASE_PARAMETERS)
-    energy = figures.OF_MOTIONS["energy_per_cycle"](result)
+        assert len(catalogue.ALWAYS[name](result).axes) == len(MOTION_CASE_PARAMETERS)
+    energy = catalogue.OF_MOTIONS["energy_per_cycle"](result)
     assert len(energy.axes) == 2  # loading, unloading
     assert "2 mm amplitude at the wheel centre" in " ".join(text.get_text() for text in energy.texts)
     assert "not measured" in " ".join(text.get_text() for text in energy.texts)
 
 
 def test_the_pair_plot_shows_cells_of_k_friction_and_beta(tree):
-    shown = [one.name.split("[")[0] for one in paired(populations(tree))]
-    assert set(shown) == {"k_cell", "settled_cell", "beta_cell", "log_k_repeat_scatter"}
+    shown = [one.name.split("[")[0] for one in paired(hyperparameters(tree))]
+    assert set(shown) == {"k_group", "settled_group", "beta_group", "sd_log_k_repeat"}
     assert len(shown) <= 10
 
 
 def test_the_truth_is_set_beside_all_five(tree):
     k, settled, beta, m, c = TYPICAL
     values = dict(zip(OF_MOTIONS.values(), (k, settled + k * beta, beta, m, 2 * c), strict=True))
-    found = of_posterior(pd.DataFrame({**WORDS, **values}), summary.repeats(tree, "pass"))
+    found = of_posterior(pd.DataFrame({**FACTORS, **values}), summary.repeats(tree, "pass"))
     assert found.parameters == ["k", "x", "beta", "m", "c"]
     of = found.summary.set_index("parameter")
     # Draws scatter by 3 % about the truth; the medians of 1000 lie within 1 %. Of c the truth given is twice that.

@@ -9,7 +9,7 @@ import xarray as xr
 from helpers.hand_made_posteriors import fixed, grid, posterior, scattered
 from scipy.stats import binom
 
-from bayes_tyre.results import posterior_predictive as predictive
+from bayes_tyre.results import posterior_predictive
 
 #: Probability that a correct band fails a coverage test, both sides together.
 FALSE_ALARM = 1e-4
@@ -59,7 +59,7 @@ def binomial_bounds(trials: int, rate: float) -> tuple[float, float]:
 def test_bands_hold_new_points_of_a_known_record_at_the_stated_rate(interval):
     tree, truth = known(1)
     d = 12.0 + path(4000)
-    band = predictive.predictive_bands(tree, table_of([np.linspace(0, 1, 4000)], [d]), ["r0"], interval)
+    band = posterior_predictive.predictive_bands(tree, table_of([np.linspace(0, 1, 4000)], [d]), ["r0"], interval)
     F_i, J, k, beta, sigma = truth.values()
     new = curve(d - d[0], F_i, J, k, beta) + sigma * np.random.default_rng(11).normal(size=len(d))
     inside = np.mean((band["lower_kN"] < new) & (new < band["upper_kN"]))
@@ -75,7 +75,7 @@ def test_bands_hold_new_points_at_the_stated_rate_when_parameters_are_uncertain(
     shifted = {"F_i": 20.0 + spread["F_i"], "J": 0.4 + spread["J"]}
     tree, truth = known(records, sigma=0.03, spread=shifted)
     d, names = [path(8)] * records, [f"r{i}" for i in range(records)]
-    band = predictive.predictive_bands(tree, table_of([np.linspace(0, 1, 8)] * records, d), names, interval)
+    band = posterior_predictive.predictive_bands(tree, table_of([np.linspace(0, 1, 8)] * records, d), names, interval)
     end = band.groupby("record", sort=False).last()
     F_i, J = 20.0 + 0.03 * rng.normal(size=records), 0.4 + 0.05 * rng.normal(size=records)
     new = F_i + (J + truth["k"] * 3.0) + truth["sigma"] * rng.normal(size=records)  # beta is far behind at 3 mm
@@ -87,7 +87,7 @@ def test_bands_hold_new_points_at_the_stated_rate_when_parameters_are_uncertain(
 def test_the_middle_of_a_band_is_equation_2_and_its_width_the_noise():
     tree, truth = known(1, sigma=0.001)
     d = 5.0 - path(60)  # unloading
-    band = predictive.predictive_bands(tree, table_of([np.linspace(1, 0, 60)], [d]), ["r0"])
+    band = posterior_predictive.predictive_bands(tree, table_of([np.linspace(1, 0, 60)], [d]), ["r0"])
     F_i, J, k, beta, sigma = truth.values()
     np.testing.assert_allclose(band["median_kN"], curve(d - d[0], F_i, J, k, beta), atol=5 * sigma / np.sqrt(1000))
     np.testing.assert_allclose(band["upper_kN"] - band["lower_kN"], 2 * 1.96 * sigma, rtol=0.25)
@@ -99,7 +99,7 @@ def test_bands_stand_at_the_points_of_the_records_asked_for_whatever_their_lengt
     tree, _ = known(4)
     lengths = [20, 31, 12, 40]
     table = table_of([np.linspace(0, 1, n) for n in lengths], [i + path(n) for i, n in enumerate(lengths)])
-    band = predictive.predictive_bands(tree, table, ["r3", "r1"])
+    band = posterior_predictive.predictive_bands(tree, table, ["r3", "r1"])
     assert band.groupby("record").size().to_dict() == {"r1": 31, "r3": 40}
     for record, rows in band.groupby("record"):
         mine = table.loc[table["record"] == record, "displacement_mm"]
@@ -109,7 +109,9 @@ def test_bands_stand_at_the_points_of_the_records_asked_for_whatever_their_lengt
 def test_a_record_gets_the_band_of_its_own_draws():
     level = np.stack([fixed(10.0, draws=500), fixed(30.0, draws=500)], axis=-1)
     tree, _ = known(2, spread={"F_i": level})
-    band = predictive.predictive_bands(tree, table_of([np.linspace(0, 1, 20)] * 2, [path(20)] * 2), ["r0", "r1"])
+    band = posterior_predictive.predictive_bands(
+        tree, table_of([np.linspace(0, 1, 20)] * 2, [path(20)] * 2), ["r0", "r1"]
+    )
     first = band.groupby("record")["median_kN"].first()
     assert first.to_dict() == pytest.approx({"r0": 10.0, "r1": 30.0}, abs=0.01)
 
@@ -117,7 +119,7 @@ def test_a_record_gets_the_band_of_its_own_draws():
 def test_the_same_seed_gives_the_same_band():
     tree, _ = known(1)
     table = table_of([np.linspace(0, 1, 20)], [path(20)])
-    one, same, other = (predictive.predictive_bands(tree, table, ["r0"], seed=seed) for seed in (0, 0, 1))
+    one, same, other = (posterior_predictive.predictive_bands(tree, table, ["r0"], seed=seed) for seed in (0, 0, 1))
     pd.testing.assert_frame_equal(one, same, check_exact=True)
     assert not one["lower_kN"].equals(other["lower_kN"])
 
@@ -129,7 +131,7 @@ def test_residuals_show_the_autocorrelation_of_the_noise(rho):
     F_i, J, k, beta, sigma = truth.values()
     clean = curve(path(points), F_i, J, k, beta)
     forces = [clean + sigma * ar1(rng, rho, points) for _ in range(records)]
-    found = predictive.residual_autocorrelation(tree, table_of(forces, [path(points)] * records))
+    found = posterior_predictive.residual_autocorrelation(tree, table_of(forces, [path(points)] * records))
     # The median of 60 has a standard error of 1.25 sqrt((1 - rho^2) / 240 / 60) < 0.011, a bias of -(1 + 3 rho) / 240.
     assert found == pytest.approx(rho - (1 + 3 * rho) / points, abs=4 * 0.011)
 
@@ -147,7 +149,7 @@ def test_the_autocorrelation_of_ragged_records_is_that_of_each_alone():
         left -= left.mean()
         alone.append(np.sum(left[1:] * left[:-1]) / np.sum(left**2))
     assert alone[1] == max(alone)
-    found = predictive.residual_autocorrelation(tree, table_of(forces, [7.0 + path(n) for n in lengths]))
+    found = posterior_predictive.residual_autocorrelation(tree, table_of(forces, [7.0 + path(n) for n in lengths]))
     assert found == pytest.approx(np.median(alone), rel=1e-6)
 
 
@@ -158,8 +160,8 @@ def test_residual_tables_hold_the_records_asked_for_and_a_row_for_every_record()
     noise = [0.03 * rng.normal(size=n) for n in lengths]
     forces = [curve(path(n), F_i, J, k, beta) + e for n, e in zip(lengths, noise, strict=True)]
     table = table_of(forces, [5.0 + path(n) for n in lengths]).assign(configuration="a")
-    found = predictive.residuals(tree, table)
-    points, every = predictive.residual_tables(found, table, ["r0", "r2"])
+    found = posterior_predictive.residuals(tree, table)
+    points, every = posterior_predictive.residual_tables(found, table, ["r0", "r2"])
     assert points.groupby("record").size().to_dict() == {"r0": 20, "r2": 12}
     for name, left in (("r0", noise[0]), ("r2", noise[2])):
         mine = points[points["record"] == name]
@@ -170,7 +172,7 @@ def test_residual_tables_hold_the_records_asked_for_and_a_row_for_every_record()
     centred = [left - left.mean() for left in noise]
     alone = [np.sum(e[1:] * e[:-1]) / np.sum(e**2) for e in centred]
     np.testing.assert_allclose(every["autocorrelation"], alone, rtol=1e-9)
-    assert predictive.residual_autocorrelation(tree, table) == pytest.approx(np.median(alone), rel=1e-9)
+    assert posterior_predictive.residual_autocorrelation(tree, table) == pytest.approx(np.median(alone), rel=1e-9)
 
 
 def test_a_factor_on_displacement_leaves_residuals_and_bands_as_they_are():
@@ -184,43 +186,43 @@ def test_a_factor_on_displacement_leaves_residuals_and_bands_as_they_are():
     F_i, J, k, beta, sigma = truth.values()
     forces = [curve(path(50), F_i, J, k, beta) + sigma * rng.normal(size=50) for _ in range(2)]
     table = table_of(forces, [3.0 + path(50)] * 2)
-    plain, under_factor = (predictive.residuals(of, table) for of in (tree, scaled))
+    plain, under_factor = (posterior_predictive.residuals(of, table) for of in (tree, scaled))
     np.testing.assert_allclose(under_factor.residual_kN, plain.residual_kN, atol=1e-12)
-    bands = [predictive.predictive_bands(of, table, ["r0"]) for of in (tree, scaled)]
+    bands = [posterior_predictive.predictive_bands(of, table, ["r0"]) for of in (tree, scaled)]
     np.testing.assert_allclose(bands[0]["upper_kN"], bands[1]["upper_kN"], atol=1e-12)
 
 
 def test_one_record_of_each_configuration_and_direction_is_shown_and_the_most_discordant():
-    words = grid()
-    draws = scattered(words, seed=15)
+    factor_table = grid()
+    draws = scattered(factor_table, seed=15)
     odd = {"single 25 unloading 2", "dual 0 unloading 3"}
-    draws["discordant_probability"][..., words["record"].isin(odd)] = 0.99
-    shown = predictive.records_to_show(posterior(draws, words))
-    assert len(shown) == len(set(shown)) == predictive.SHOWN_RECORDS
+    draws["outlier_probability"][..., factor_table["record"].isin(odd)] = 0.99
+    shown = posterior_predictive.records_to_show(posterior(draws, factor_table))
+    assert len(shown) == len(set(shown)) == posterior_predictive.SHOWN_RECORDS
     assert odd <= set(shown)
-    cells = words[words["record"].isin(shown)].groupby(["configuration", "direction"]).size()
+    cells = factor_table[factor_table["record"].isin(shown)].groupby(["configuration", "direction"]).size()
     assert len(cells) == 4
 
 
 def test_of_many_cells_every_configuration_is_shown_before_a_second_direction():
-    words = grid(("a", "b", "c"))
-    shown = predictive.records_to_show(posterior(scattered(words, seed=18), words))[:4]
-    chosen = words.set_index("record").loc[shown]
+    factor_table = grid(("a", "b", "c"))
+    shown = posterior_predictive.records_to_show(posterior(scattered(factor_table, seed=18), factor_table))[:4]
+    chosen = factor_table.set_index("record").loc[shown]
     assert set(chosen["configuration"]) == {"a", "b", "c"}
     assert chosen["direction"].tolist().count("loading") == 3
 
 
 @pytest.mark.parametrize(("configurations", "repeats"), [(("single",), 1), (("a", "b", "c", "d", "e"), 3)])
 def test_some_records_are_shown_whatever_the_campaign_and_never_more_than_six(configurations, repeats):
-    words = grid(configurations, repeats)
-    shown = predictive.records_to_show(posterior(scattered(words, seed=16), words))
-    assert 1 < len(shown) <= predictive.SHOWN_RECORDS
-    assert set(shown) <= set(words["record"])
+    factor_table = grid(configurations, repeats)
+    shown = posterior_predictive.records_to_show(posterior(scattered(factor_table, seed=16), factor_table))
+    assert 1 < len(shown) <= posterior_predictive.SHOWN_RECORDS
+    assert set(shown) <= set(factor_table["record"])
 
 
 @pytest.mark.parametrize("count", [1, 2, 9])
 def test_records_without_words_are_shown_too(count):
-    words = grid(repeats=3)[["record"]][:count]
-    shown = predictive.records_to_show(posterior(scattered(words, seed=17), words))
-    assert 1 <= len(shown) <= min(count, predictive.SHOWN_RECORDS)
-    assert set(shown) <= set(words["record"])
+    factor_table = grid(repeats=3)[["record"]][:count]
+    shown = posterior_predictive.records_to_show(posterior(scattered(factor_table, seed=17), factor_table))
+    assert 1 <= len(shown) <= min(count, posterior_predictive.SHOWN_RECORDS)
+    assert set(shown) <= set(factor_table["record"])

@@ -25,24 +25,24 @@ def predict(tree: xr.DataTree, *texts: str, u: object = None, **more: object) ->
 
 
 def campaign(repeats: int = 3, **changed: tuple) -> xr.DataTree:
-    words = grid(repeats=repeats, **changed)
-    return posterior(scattered(words, seed=21), words)
+    factor_table = grid(repeats=repeats, **changed)
+    return posterior(scattered(factor_table, seed=21), factor_table)
 
 
 def single_case(**changed: np.ndarray) -> xr.DataTree:
     """Return a posterior of one case, `single (0)20-30`, that is sure of everything but what is given."""
-    words = grid(("single",), 3, speeds=(0.0,)).query("direction == 'loading'").reset_index(drop=True)
+    factor_table = grid(("single",), 3, speeds=(0.0,)).query("direction == 'loading'").reset_index(drop=True)
     of_record = {"k": 1.9, "beta": 0.07, "J": 0.4, "C": 3.2, "F_i": 15.0, "sigma": 0.03}
     draws = {name: fixed(np.full(3, value), draws=2000) for name, value in of_record.items()}
     draws |= {"k_case": fixed([1.8], draws=2000), "beta_case": fixed([0.05], draws=2000)}
     scalars = {
-        "log_k_repeat_scatter": 0.05,
-        "log_beta_repeat_scatter": 0.1,
+        "sd_log_k_repeat": 0.05,
+        "sd_log_beta_repeat": 0.1,
         "sigma_typical": 0.02,
-        "log_sigma_spread": 1e-9,
+        "sd_log_sigma": 1e-9,
     }
     draws |= {name: fixed(value, draws=2000) for name, value in scalars.items()}
-    return posterior(draws | changed, words)
+    return posterior(draws | changed, factor_table)
 
 
 def test_the_curve_of_a_case_is_equation_2_loading_up_and_unloading_down():
@@ -107,8 +107,8 @@ def test_an_unknown_scale_of_displacement_widens_the_curve_and_moves_its_start_w
 
 
 def test_without_displacements_the_curve_runs_as_far_as_the_records_of_the_case():
-    words = grid()
-    tree = posterior(scattered(words, seed=21), words.assign(travel_mm=np.arange(1.0, 25.0)))
+    factor_table = grid()
+    tree = posterior(scattered(factor_table, seed=21), factor_table.assign(travel_mm=np.arange(1.0, 25.0)))
     for label, end in (("single (0)20-30", 3.0), ("single (0)30-20", -6.0)):
         made = predict(tree, label).curves
         np.testing.assert_allclose(made["displacement_mm"], np.linspace(0.0, end, 101))
@@ -121,8 +121,8 @@ def both_ways() -> xr.DataTree:
     """Return steps of 10 kN from 20 kN up and down, of -5 kN down alone, of two configurations."""
     steps = (("loading", 10.0), ("unloading", -10.0), ("unloading", -5.0))
     rows = [(f"{c} {s}", c, d, 0.0, 20.0, s) for c in ("single", "dual") for d, s in steps]
-    words = pd.DataFrame(rows, columns=["record", *Case._fields])
-    return posterior(scattered(words, seed=22), words)
+    factor_table = pd.DataFrame(rows, columns=["record", *Case._fields])
+    return posterior(scattered(factor_table, seed=22), factor_table)
 
 
 def test_cases_asked_for_come_loading_before_unloading_and_what_has_no_opposite_is_said():
@@ -158,8 +158,8 @@ def test_displacements_that_no_case_can_use_are_refused():
 
 
 def test_a_case_without_direction_takes_displacements_as_they_are_and_needs_them():
-    words = pd.DataFrame({"record": ["a", "b"]})
-    tree = posterior(scattered(words, seed=24), words)
+    factor_table = pd.DataFrame({"record": ["a", "b"]})
+    tree = posterior(scattered(factor_table, seed=24), factor_table)
     made = predict(tree, "all records", u=[-2.0, 0.0, 2.0])
     assert made.curves["displacement_mm"].tolist() == [-2.0, 0.0, 2.0]
     assert made.curves[list(Case._fields)].isin(["", None]).all(axis=None)
@@ -192,15 +192,15 @@ def width_of_repeat(tree: xr.DataTree, label: str, u: float) -> float:
 
 
 def test_a_repeat_scatters_as_repeats_do_at_its_speed():
-    words = grid(("single",), 3)
-    draws = scattered(words, seed=26, draws=1000) | {
+    factor_table = grid(("single",), 3)
+    draws = scattered(factor_table, seed=26, draws=1000) | {
         "k_case": fixed([1.8] * 4, chains=4, draws=1000),
-        "log_k_repeat_scatter": fixed(1.0, chains=4, draws=1000),
-        "log_k_repeat_scatter_by_speed": fixed([0.02, 0.2], chains=4, draws=1000),
-        "log_beta_repeat_scatter": fixed(0.1, chains=4, draws=1000),
-        "log_sigma_spread": fixed(0.1, chains=4, draws=1000),
+        "sd_log_k_repeat": fixed(1.0, chains=4, draws=1000),
+        "sd_log_k_repeat_by_speed": fixed([0.02, 0.2], chains=4, draws=1000),
+        "sd_log_beta_repeat": fixed(0.1, chains=4, draws=1000),
+        "sd_log_sigma": fixed(0.1, chains=4, draws=1000),
     }
-    tree = posterior(draws, words)
+    tree = posterior(draws, factor_table)
     slow, fast = (width_of_repeat(tree, f"single ({speed})20-30", 100.0) / 180.0 for speed in (0, 25))
     # Half the central 68 % of a log-normal is its scatter; the quantiles of 4000 draws leave 2 % of it uncertain.
     assert slow == pytest.approx(0.02, rel=0.1)
@@ -215,25 +215,25 @@ def test_a_repeat_may_be_discordant_as_often_as_the_posterior_says():
 
 
 def test_the_noise_of_a_repeat_is_that_of_a_new_record():
-    silent = {name: fixed(1e-9, draws=2000) for name in ("log_k_repeat_scatter", "log_beta_repeat_scatter")}
+    silent = {name: fixed(1e-9, draws=2000) for name in ("sd_log_k_repeat", "sd_log_beta_repeat")}
     assert width_of_repeat(single_case(**silent), "single (0)20-30", 0.0) == pytest.approx(0.02, rel=0.1)
-    spread = single_case(**silent, log_sigma_spread=fixed(2.0, draws=2000))
+    spread = single_case(**silent, sd_log_sigma=fixed(2.0, draws=2000))
     tails = predict(spread, "single (0)20-30", u=[0.0], of="repeat", interval=0.99).curves.iloc[0]
     assert tails["upper"] - tails["lower"] > 5 * 2 * 2.58 * 0.02
 
 
 def test_a_posterior_without_the_scatter_of_repeats_tells_of_no_repeat():
     tree = campaign()
-    with pytest.raises(BadInput, match=r"lacks log_k_repeat_scatter.*; ask for the case"):
+    with pytest.raises(BadInput, match=r"lacks sd_log_k_repeat.*; ask for the case"):
         predict(tree, "single (0)20-30", of="repeat")
     with pytest.raises(BadInput, match="case or repeat"):
         predict(tree, "single (0)20-30", of="nonsense")
 
 
 def test_the_seed_and_the_case_alone_decide_what_a_repeat_adds():
-    scatter = {f"log_{name}_repeat_scatter": fixed(0.05, chains=4, draws=250) for name in ("k", "beta")}
-    words = grid()
-    tree = posterior(scattered(words, seed=27) | scatter | {"log_sigma_spread": fixed(0.1, 4, 250)}, words)
+    scatter = {f"sd_log_{name}_repeat": fixed(0.05, chains=4, draws=250) for name in ("k", "beta")}
+    factor_table = grid()
+    tree = posterior(scattered(factor_table, seed=27) | scatter | {"sd_log_sigma": fixed(0.1, 4, 250)}, factor_table)
     one, same, other = (predict(tree, "dual (0)20-30", of="repeat", seed=seed).curves for seed in (1, 1, 2))
     pd.testing.assert_frame_equal(one, same, check_exact=True)
     assert not one["median"].equals(other["median"])
@@ -262,9 +262,9 @@ def without(*names: str) -> xr.DataTree:
 
 
 def test_only_a_posterior_of_records_can_be_predicted_from():
-    words = grid(repeats=1).drop(columns=["record", "repeat"])
-    k = fixed(np.ones(len(words)))
-    printed = posterior({"k_case": k, "beta_case": k}, words, origin="published")
+    factor_table = grid(repeats=1).drop(columns=["record", "repeat"])
+    k = fixed(np.ones(len(factor_table)))
+    printed = posterior({"k_case": k, "beta_case": k}, factor_table, origin="published")
     nameless = campaign()
     del nameless.attrs["origin"]
     for tree, said in (

@@ -6,15 +6,15 @@ import pytest
 from helpers.hand_made_posteriors import posterior, scattered
 from helpers.simulated_records import Plan, simulate
 
-from bayes_tyre.record_table import record_words
+from bayes_tyre.record_table import record_factors
 from bayes_tyre.results.prior_curves import DRAWN, PANELS, POINTS, REAL, PriorPanel, prior_panels
 
 CAMPAIGN = Plan(speeds=(0.0,), points=40)
 
 
 def panels_of(table: pd.DataFrame, **settings) -> list[PriorPanel]:
-    words = record_words(table)
-    return prior_panels(posterior(scattered(words, seed=31), words), table, **settings)
+    factor_table = record_factors(table)
+    return prior_panels(posterior(scattered(factor_table, seed=31), factor_table), table, **settings)
 
 
 def test_each_configuration_and_direction_has_a_panel_that_starts_and_travels_like_one_of_its_records():
@@ -84,9 +84,9 @@ def test_records_without_words_and_many_cells_and_repeats_are_shown_as_far_as_th
 
 def test_a_slope_over_actual_loads_in_the_posterior_is_one_in_the_priors():
     table, _ = simulate(Plan(configurations=("a",), speeds=(0.0,), loads=(20.0, 30.0), points=30), 7)
-    words = record_words(table)
-    draws = scattered(words, seed=32)
-    tree = posterior(draws, words)
+    factor_table = record_factors(table)
+    draws = scattered(factor_table, seed=32)
+    tree = posterior(draws, factor_table)
     nominal = prior_panels(tree, table)[0].curves
     slope = np.zeros((*draws["k"].shape[:2], 1))
     dataset = tree["posterior"].to_dataset().drop_vars("load", errors="ignore")

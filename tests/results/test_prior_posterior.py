@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from bayes_tyre.inference.model.prior_predictive import prior_draws
-from bayes_tyre.inference.model.priors import PRIORS, prior_law
-from bayes_tyre.results.hyperparameters import Population
+from bayes_tyre.inference.model.priors import PRIORS, prior_distribution
+from bayes_tyre.results.hyperparameters import Hyperparameter
 from bayes_tyre.results.prior_posterior import Scale, scales
 
-SCALARS = [name for name in PRIORS if not name.endswith("_cell")]
+SCALARS = [name for name in PRIORS if not name.endswith("_group")]
 
 
 def scale_of(name: str, draws: np.ndarray) -> Scale:
-    (found,) = scales([Population(name, "kN", None, draws.reshape(4, -1))])
+    (found,) = scales([Hyperparameter(name, "kN", None, draws.reshape(4, -1))])
     return found
 
 
@@ -26,7 +26,7 @@ def test_a_posterior_that_is_the_prior_has_no_contraction_and_the_same_density(n
     assert found.log == (PRIORS[name].family.__name__ == "LogNormal")
 
 
-@pytest.mark.parametrize("name", ["sigma_typical", "log_k_case_scale"])
+@pytest.mark.parametrize("name", ["sigma_typical", "sd_log_k_case"])
 def test_contraction_of_a_log_normal_scale_is_that_of_the_variance_of_its_logarithm(name):
     location, spread = PRIORS[name].parameters
     draws = np.exp(location + 0.1 * spread * np.random.default_rng(2).normal(size=20000))
@@ -35,7 +35,7 @@ def test_contraction_of_a_log_normal_scale_is_that_of_the_variance_of_its_logari
 
 def test_a_half_normal_scale_that_shrinks_towards_zero_contracts_on_its_own_scale():
     draws = np.abs(0.02 * np.random.default_rng(3).normal(size=20000))  # a tenth of its prior's width
-    found = scale_of("log_k_step_scale", draws)
+    found = scale_of("sd_log_k_step", draws)
     assert found.contraction == pytest.approx(1 - 0.1**2, abs=0.002)
     assert not found.log
     assert found.at[0] == 0.0
@@ -44,7 +44,7 @@ def test_a_half_normal_scale_that_shrinks_towards_zero_contracts_on_its_own_scal
 
 def test_the_axis_holds_the_whole_posterior_and_all_but_the_prior_s_tails():
     draws = 40.0 + np.random.default_rng(4).normal(size=4000)  # far above its prior
-    found = scale_of("J_scale", draws)
+    found = scale_of("sd_J", draws)
     assert found.at[-1] == draws.max()
     assert found.at[0] == 0.0
     assert np.all(np.diff(found.at) >= 0)
@@ -52,7 +52,7 @@ def test_the_axis_holds_the_whole_posterior_and_all_but_the_prior_s_tails():
     assert found.posterior.max() == pytest.approx(1.0, abs=0.01)
     assert found.prior[np.searchsorted(found.at, 30.0)] < 1e-6
     narrow = scale_of("sigma_typical", 0.03 + 1e-5 * np.random.default_rng(5).normal(size=4000))
-    low, high = prior_law("sigma_typical").ppf([0.005, 0.995])
+    low, high = prior_distribution("sigma_typical").ppf([0.005, 0.995])
     np.testing.assert_allclose(narrow.at[[0, -1]], [low, high])
     assert narrow.posterior.max() == pytest.approx(1.0, abs=0.02)
 
@@ -61,9 +61,9 @@ def test_only_scalars_with_a_prior_that_vary_are_scales():
     rng = np.random.default_rng(6)
     draws = np.abs(rng.normal(1, 0.1, (4, 100)))
     given = [
-        Population("k_cell", "kN/mm", "", draws),
-        Population("displacement_scale", "", None, draws),
-        Population("J_scale", "kN", None, draws),
-        Population("sigma_typical", "kN", None, np.full((4, 100), 0.03)),
+        Hyperparameter("k_group", "kN/mm", "", draws),
+        Hyperparameter("displacement_scale", "", None, draws),
+        Hyperparameter("sd_J", "kN", None, draws),
+        Hyperparameter("sigma_typical", "kN", None, np.full((4, 100), 0.03)),
     ]
-    assert [one.name for one in scales(given)] == ["J_scale"]
+    assert [one.name for one in scales(given)] == ["sd_J"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from bayes_tyre.results.hyperparameters import Population
+from bayes_tyre.results.hyperparameters import Hyperparameter
 from bayes_tyre.results.ranks import BAND, LEAST, Ranks, ranks
 
 #: Probability that a correct band fails a test of its rate.
@@ -12,7 +12,7 @@ FALSE_ALARM = 1e-4
 
 
 def ranked(draws: np.ndarray) -> Ranks:
-    return ranks(Population("k", "kN/mm", None, draws))
+    return ranks(Hyperparameter("k", "kN/mm", None, draws))
 
 
 def outside(one: Ranks) -> np.ndarray:

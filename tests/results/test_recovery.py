@@ -9,14 +9,14 @@ import pytest
 from rich.console import Console
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.record import WORDS
+from bayes_tyre.record import FACTORS
 from bayes_tyre.report.terminal.recovery_table import print_recovery
 from bayes_tyre.results.recovery import WHAT_IT_COMPARES, of_least_squares, of_posterior
 
 
 def worded(repeats: int = 3) -> pd.DataFrame:
     rows = [("single", "unloading", 0.0, 30.0, -10.0, repeat + 1) for repeat in range(repeats)]
-    return pd.DataFrame(rows, columns=list(WORDS))
+    return pd.DataFrame(rows, columns=list(FACTORS))
 
 
 TRUTH = worded().assign(record=["t1", "t2", "t3"], k_kN_per_mm=[1.0, 2.0, 4.0], beta_mm=[0.1, 0.1, 0.2])

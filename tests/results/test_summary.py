@@ -10,10 +10,11 @@ import xarray as xr
 from helpers.hand_made_posteriors import fixed, grid, posterior, scattered
 
 from bayes_tyre.formats.tables import read_table, write_table
+from bayes_tyre.inference.sampling.group_means import group_means
 from bayes_tyre.published import tables
 from bayes_tyre.results import summary
 
-WORDS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN"]
+FACTORS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN"]
 FIGURES = [
     *("parameter", "unit", "mean", "sd", "median", "lower", "upper", "interval"),
     *("mcse_mean", "ess_bulk", "ess_tail", "r_hat"),
@@ -22,13 +23,13 @@ UNITS = {"k": "kN/mm", "beta": "mm", "J": "kN", "C": "kN", "sigma": "kN"}
 
 
 @pytest.fixture(scope="module")
-def words() -> pd.DataFrame:
+def factor_table() -> pd.DataFrame:
     return grid()
 
 
 @pytest.fixture(scope="module")
-def tree(words) -> xr.DataTree:
-    return posterior(scattered(words, seed=1), words)
+def tree(factor_table) -> xr.DataTree:
+    return posterior(scattered(factor_table, seed=1), factor_table)
 
 
 def printed_tree() -> xr.DataTree:
@@ -38,11 +39,11 @@ def printed_tree() -> xr.DataTree:
 
 
 def test_columns_are_those_of_the_contract(tree):
-    assert list(summary.cases(tree, "pass").columns) == [*WORDS, *FIGURES, "origin", "verdict"]
+    assert list(summary.cases(tree, "pass").columns) == [*FACTORS, *FIGURES, "origin", "verdict"]
     outliers = ["outlier_probability", "origin", "verdict"]
-    assert list(summary.repeats(tree, "pass").columns) == ["record", *WORDS, "repeat", *FIGURES, *outliers]
+    assert list(summary.repeats(tree, "pass").columns) == ["record", *FACTORS, "repeat", *FIGURES, *outliers]
     said = ["contraction", "prior_sensitivity", "likelihood_sensitivity", "decided_by", "origin", "verdict"]
-    assert list(summary.summary(tree, "pass").columns) == ["record", *WORDS, "repeat", *FIGURES, *said]
+    assert list(summary.summary(tree, "pass").columns) == ["record", *FACTORS, "repeat", *FIGURES, *said]
 
 
 def test_a_posterior_of_printed_tables_has_the_same_columns_and_no_repeats(tree):
@@ -62,26 +63,26 @@ def test_every_row_ends_with_the_verdict_and_says_where_its_numbers_come_from(tr
         assert set(made["origin"]) == {"simulated"}
 
 
-def test_a_case_has_k_and_beta_and_a_record_five_parameters_each_with_its_unit(tree, words):
+def test_a_case_has_k_and_beta_and_a_record_five_parameters_each_with_its_unit(tree, factor_table):
     cases, repeats = summary.cases(tree, "pass"), summary.repeats(tree, "pass")
     assert cases.groupby("parameter").size().to_dict() == {"k": 8, "beta": 8}
-    assert repeats.groupby("parameter").size().to_dict() == dict.fromkeys(UNITS, len(words))
+    assert repeats.groupby("parameter").size().to_dict() == dict.fromkeys(UNITS, len(factor_table))
     for table in (cases, repeats):
         assert dict(zip(table["parameter"], table["unit"], strict=True)) == {
             name: UNITS[name] for name in table["parameter"].unique()
         }
 
 
-def test_a_row_carries_the_words_of_its_own_draws(tree, words):
+def test_a_row_carries_the_words_of_its_own_draws(tree, factor_table):
     posterior_of = tree["posterior"].to_dataset()
     repeats = summary.repeats(tree, "pass").query("parameter == 'beta'").reset_index(drop=True)
     of_record = {record: i for i, record in enumerate(posterior_of["record"].to_numpy())}
     for row in repeats.itertuples():
         mean = posterior_of["beta"][:, :, of_record[row.record]].to_numpy().mean()
         assert row.mean == pytest.approx(mean, rel=1e-12)
-    pd.testing.assert_frame_equal(repeats[list(words.columns)], words, check_dtype=False)
-    cases = summary.cases(tree, "pass").query("parameter == 'k'").set_index(WORDS)["mean"]
-    unique = words[WORDS].drop_duplicates().itertuples(index=False, name=None)
+    pd.testing.assert_frame_equal(repeats[list(factor_table.columns)], factor_table, check_dtype=False)
+    cases = summary.cases(tree, "pass").query("parameter == 'k'").set_index(FACTORS)["mean"]
+    unique = factor_table[FACTORS].drop_duplicates().itertuples(index=False, name=None)
     for i, case in enumerate(unique):
         assert cases[case] == pytest.approx(posterior_of["k_case"][:, :, i].to_numpy().mean(), rel=1e-12)
 
@@ -132,16 +133,16 @@ def test_what_never_varies_has_no_r_hat_and_no_warning():
     assert np.isnan(row["r_hat"])
 
 
-def test_the_outlier_probability_is_the_mean_over_draws_and_the_same_for_every_parameter(tree, words):
-    expected = tree["posterior"]["discordant_probability"].mean(("chain", "draw")).to_numpy()
+def test_the_outlier_probability_is_the_mean_over_draws_and_the_same_for_every_parameter(tree, factor_table):
+    expected = tree["posterior"]["outlier_probability"].mean(("chain", "draw")).to_numpy()
     repeats = summary.repeats(tree, "pass")
     for _, rows in repeats.groupby("parameter"):
         np.testing.assert_allclose(rows["outlier_probability"], expected, rtol=1e-12)
 
 
 def test_the_outlier_probability_is_empty_for_cases_of_fewer_than_three_repeats(tmp_path):
-    words = pd.concat([grid(("single",), repeats=3), grid(("dual",), repeats=2)], ignore_index=True)
-    repeats = summary.repeats(posterior(scattered(words, seed=6), words), "pass")
+    factor_table = pd.concat([grid(("single",), repeats=3), grid(("dual",), repeats=2)], ignore_index=True)
+    repeats = summary.repeats(posterior(scattered(factor_table, seed=6), factor_table), "pass")
     write_table(repeats, tmp_path / "repeats.csv")
     written = pd.read_csv(tmp_path / "repeats.csv", dtype=str, keep_default_na=False)
     for configuration, empty in (("single", False), ("dual", True)):
@@ -151,23 +152,23 @@ def test_the_outlier_probability_is_empty_for_cases_of_fewer_than_three_repeats(
 
 
 def test_three_records_of_two_cases_are_not_three_repeats():
-    words = grid(("single",), repeats=3)
-    words["speed_km_h"] = words["repeat"].map({1: 0.0, 2: 0.0, 3: 25.0})
-    words = words.drop_duplicates(["record"])[: len(words) // 2]
-    assert words.groupby(WORDS).size().max() == 2
-    assert summary.outlier_probability(posterior(scattered(words, seed=7), words)).isna().all()
+    factor_table = grid(("single",), repeats=3)
+    factor_table["speed_km_h"] = factor_table["repeat"].map({1: 0.0, 2: 0.0, 3: 25.0})
+    factor_table = factor_table.drop_duplicates(["record"])[: len(factor_table) // 2]
+    assert factor_table.groupby(FACTORS).size().max() == 2
+    assert summary.outlier_probability(posterior(scattered(factor_table, seed=7), factor_table)).isna().all()
 
 
 @pytest.mark.parametrize("kept", [[], ["direction"], ["configuration", "speed_km_h"], ["initial_load_kN", "step_kN"]])
 def test_missing_words_stay_empty_and_repeats_are_still_counted(kept):
-    words = grid(("single",), repeats=3)[["record", *kept]]
-    made = posterior(scattered(words, seed=8), words)
+    factor_table = grid(("single",), repeats=3)[["record", *kept]]
+    made = posterior(scattered(factor_table, seed=8), factor_table)
     repeats = summary.repeats(made, "pass")
-    missing = [word for word in (*WORDS, "repeat") if word not in kept]
+    missing = [word for word in (*FACTORS, "repeat") if word not in kept]
     assert repeats[missing].isna().all(axis=None)
     assert repeats[["record", *kept]].notna().all(axis=None)
     assert repeats["outlier_probability"].notna().all()
-    assert len(summary.cases(made, "pass")) == 2 * (len(words[kept].drop_duplicates()) if kept else 1)
+    assert len(summary.cases(made, "pass")) == 2 * (len(factor_table[kept].drop_duplicates()) if kept else 1)
     assert summary.summary(made, "pass")[FIGURES[2:]].notna().all(axis=None)
 
 
@@ -176,14 +177,14 @@ def test_the_summary_has_a_row_for_every_scalar_and_names_levels(tree):
     sizes = {name: one[0, 0].size for name, one in tree["posterior"].data_vars.items()}
     named = table["parameter"].str.replace(r"\[.*\]", "", regex=True).value_counts().to_dict()
     assert named == {**sizes, "k_mean": 4, "beta_mean": 4}
-    assert {"log_k_speed[0]", "log_k_speed[25]", "k_cell[dual loading]", "sigma_typical"} <= set(table["parameter"])
-    assert not table.duplicated(["record", *WORDS, "parameter"]).any()
+    assert {"log_k_speed[0]", "log_k_speed[25]", "k_group[dual loading]", "sigma_typical"} <= set(table["parameter"])
+    assert not table.duplicated(["record", *FACTORS, "parameter"]).any()
 
 
 def test_the_summary_gives_units_and_leaves_pure_numbers_without(tree):
     units = summary.summary(tree, "pass").set_index("parameter")["unit"].to_dict()
-    expected = {"k": "kN/mm", "beta_case": "mm", "k_cell[dual loading]": "kN/mm", "beta_mean": "mm", "sigma": "kN"}
-    expected |= dict.fromkeys(("log_k_case_scale", "log_k_speed[25]", "discordant_probability"), "")
+    expected = {"k": "kN/mm", "beta_case": "mm", "k_group[dual loading]": "kN/mm", "beta_mean": "mm", "sigma": "kN"}
+    expected |= dict.fromkeys(("sd_log_k_case", "log_k_speed[25]", "outlier_probability"), "")
     assert {name: units[name] for name in expected} == expected
 
 
@@ -197,11 +198,11 @@ def test_means_over_cases_are_the_printed_averages_of_tables_9_and_11():
         assert (off - printed["half_digit"] <= 0).all()
 
 
-def test_means_over_cases_are_taken_draw_by_draw(tree, words):
-    means = summary.cell_means(tree)
-    cases = words[WORDS].drop_duplicates().reset_index(drop=True)
-    assert means["k"].dims == ("chain", "draw", "cell")
-    for i in range(means.sizes["cell"]):
+def test_means_over_cases_are_taken_draw_by_draw(tree, factor_table):
+    means = group_means(tree)
+    cases = factor_table[FACTORS].drop_duplicates().reset_index(drop=True)
+    assert means["k"].dims == ("chain", "draw", "group")
+    for i in range(means.sizes["group"]):
         mine = (cases["configuration"] == str(means["configuration"].to_numpy()[i])) & (
             cases["direction"] == str(means["direction"].to_numpy()[i])
         )

@@ -9,9 +9,9 @@ from bayes_tyre.signals.process import prepare
 
 
 def path_and_truth(file, **options):
-    record, words = simulated(file, **options)
-    rig = RIGS[words.case.configuration]
-    found = prepare(record.raw, rig, words)
+    record, factors = simulated(file, **options)
+    rig = RIGS[factors.case.configuration]
+    found = prepare(record.raw, rig, factors)
     path = anchored_path(found.signals, found.step, found.step.start - 10)
     lever = rig.axle.support_to_measurement_mm / rig.axle.support_to_wheel_centre_mm
     true = record.motion.displacement_mm[path.first : path.first + len(path.displacement_mm)] * lever
@@ -40,8 +40,8 @@ def test_the_stated_uncertainty_covers_the_error():
 
 
 def test_a_laser_that_disagrees_is_said():
-    record, words = simulated("DynamicS(0)30-20(1).lvm")
-    found = prepare(record.raw, RIGS["single"], words)
+    record, factors = simulated("DynamicS(0)30-20(1).lvm")
+    found = prepare(record.raw, RIGS["single"], factors)
     off = found.signals._replace(laser_mm=found.signals.laser_mm * 1.5)
     path = anchored_path(off, found.step, found.step.start)
     assert abs(path.laser_less_accelerometer_mm) > 4 * path.accelerometer_sd_mm

@@ -34,16 +34,16 @@ def test_the_greatest_load_ends_the_loading_and_begins_the_unloading():
 
 
 def test_directions_given_are_followed_to_the_letter():
-    words = ["loading"] * 3 + ["unloading"] * 2
-    assert on_lines(readings(direction=words)) == ["up", "up", "up", "down", "down"]
+    factors = ["loading"] * 3 + ["unloading"] * 2
+    assert on_lines(readings(direction=factors)) == ["up", "up", "up", "down", "down"]
     twice = [0.0, 9.9, 10.0, 0.0]
     assert on_lines(readings(twice, direction=["loading"] * 2 + ["unloading"] * 2)) == ["up", "up", "down", "down"]
     assert on_lines(readings([10.0, 5.0], direction=["unloading"] * 2)) == ["down", "down"]
 
 
 def with_cell(column: str, cell: str | float, row: int = 2) -> pd.DataFrame:
-    words = {"configuration": "single", "speed_km_h": 0.0, "repeat": 1, "origin": "simulated"}
-    table = readings(**words, direction=["loading"] * 3 + ["unloading"] * 2).astype({column: object})
+    factors = {"configuration": "single", "speed_km_h": 0.0, "repeat": 1, "origin": "simulated"}
+    table = readings(**factors, direction=["loading"] * 3 + ["unloading"] * 2).astype({column: object})
     table.loc[row - 1, column] = cell
     return table
 

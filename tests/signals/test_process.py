@@ -18,8 +18,8 @@ FILES = ("DynamicS(0)30-20(1).lvm", "DynamicS(0)20-30(2).lvm", "DynamicD(0)20-10
 
 def processed(file: str, method: str = "inertia", **options: Any) -> tuple[Processed, Any]:
     """Return a processed record, and what it was simulated from."""
-    record, words = simulated(file, **options)
-    return process(record.raw, RIGS[words.case.configuration], words, method), record
+    record, factors = simulated(file, **options)
+    return process(record.raw, RIGS[factors.case.configuration], factors, method), record
 
 
 def line_past(d, force, share=0.1):
@@ -51,7 +51,7 @@ def test_inertia_gives_the_tyres_own_path(file):
 @pytest.mark.parametrize("file", FILES)
 def test_inertia_goes_one_way_to_the_first_reversal(file):
     found, record = processed(file)
-    sign = np.sign(found.words.case.step_kN)
+    sign = np.sign(found.factors.case.step_kN)
     moved = sign * np.diff(found.displacement_mm)
     assert moved.min() > -1e-3
     lever = record.motion.displacement_mm
@@ -102,23 +102,23 @@ def test_a_record_that_asks_for_another_mass_is_rejected_with_both_masses():
 
 def spoilt(name: str, factor: float) -> tuple[RawSignals, Any]:
     """Return a recording with one channel multiplied, and its words."""
-    record, words = simulated("DynamicD(0)20-10(1).lvm")
+    record, factors = simulated("DynamicD(0)20-10(1).lvm")
     channels = [
         replace(channel, values=channel.values * factor) if channel.name == name else channel
         for channel in record.raw.segments[0]
     ]
-    return RawSignals((tuple(channels),)), words
+    return RawSignals((tuple(channels),)), factors
 
 
 @pytest.mark.parametrize(("name", "factor"), [("Acc m/s^2", 1 / 9.81), ("Disp mm", -1.0), ("Disp mm", 1e-3)])
 def test_a_sensor_in_another_unit_or_with_another_sign_parts_from_the_other(name, factor):
-    raw, words = spoilt(name, factor)
+    raw, factors = spoilt(name, factor)
     with pytest.raises(BadInput, match=r"laser says .* mm of travel, accelerometer .* check units, signs"):
-        process(raw, RIGS["dual"], words, "inertia")
+        process(raw, RIGS["dual"], factors, "inertia")
 
 
 def test_a_load_of_another_gain_is_told_by_the_mass():
     """Standing, the mass comes from the record to some per cent: what is left is the calibration, or the rig file."""
-    raw, words = spoilt("Load kN", 0.62)
+    raw, factors = spoilt("Load kN", 0.62)
     with pytest.raises(BadInput, match="mend the calibration of accelerometer or load, or mend effective_mass_kg"):
-        process(raw, RIGS["dual"], words, "inertia")
+        process(raw, RIGS["dual"], factors, "inertia")

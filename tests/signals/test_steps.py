@@ -48,17 +48,17 @@ def test_a_step_at_the_very_end_has_no_rest(start_s):
 @pytest.mark.parametrize("rate_Hz", [1000.0, 5000.0])
 @pytest.mark.parametrize("file", ["DynamicS(0)30-20(1).lvm", "DynamicD(0)20-30(1).lvm", "DynamicS(0)10-3(2).lvm"])
 def test_the_onset_is_within_ms_of_the_loads_step(file, rate_Hz):
-    record, words = simulated(file, rate_Hz)
-    step = prepare(record.raw, RIGS[words.case.configuration], words).step
+    record, factors = simulated(file, rate_Hz)
+    step = prepare(record.raw, RIGS[factors.case.configuration], factors).step
     late_s = step.onset / rate_Hz - float(str(record.row["step_start_s"]))
     assert -1e-3 <= late_s <= 5e-3
 
 
 @pytest.mark.parametrize("file", ["DynamicS(35)10-15(1).lvm", "DynamicD(25)20-30(1).lvm", "DynamicS(15)30-25(1).lvm"])
 def test_rolling_steps_stand_out_once_the_runout_is_removed(file):
-    record, words = simulated(file, 2000.0, 6.0, 3.5)
-    rig = RIGS[words.case.configuration]
-    found = prepare(record.raw, rig, words)
+    record, factors = simulated(file, 2000.0, 6.0, 3.5)
+    rig = RIGS[factors.case.configuration]
+    found = prepare(record.raw, rig, factors)
     quiet = found.step.quiet
     raw = find_channels(record.raw, rig).acceleration_m_per_s2[:quiet]
     assert np.std(found.signals.acceleration_m_per_s2[:quiet]) < 0.75 * np.std(raw)
@@ -67,7 +67,7 @@ def test_rolling_steps_stand_out_once_the_runout_is_removed(file):
 
 
 def test_a_load_that_goes_the_other_way_than_its_words_is_refused():
-    record, words = simulated("DynamicS(0)30-20(1).lvm")
-    wrong = words._replace(case=words.case._replace(step_kN=10.0, direction="loading"))
+    record, factors = simulated("DynamicS(0)30-20(1).lvm")
+    wrong = factors._replace(case=factors.case._replace(step_kN=10.0, direction="loading"))
     with pytest.raises(BadInput, match=r"changes by -.* kN where the words say \+10 kN"):
         prepare(record.raw, RIGS["single"], wrong)

@@ -25,11 +25,11 @@ def test_every_truth_of_a_plan_stands_once_and_loses_energy(name):
     assert len(set(tyres)) == len(tyres)
     assert TYPICAL in tyres
     assert all(tyre.x_kN > 1.5 * tyre.k_kN_per_mm * tyre.beta_mm for tyre in tyres)
-    for factor, levels in (*plan.alone.items(), *plan.crossed.items()):
+    for factor, factors in (*plan.alone.items(), *plan.crossed.items()):
         others = {tyre for tyre in tyres if tyre._replace(**{factor: getattr(TYPICAL, factor)}) == TYPICAL}
-        assert {getattr(tyre, factor) for tyre in others} >= set(levels)
+        assert {getattr(tyre, factor) for tyre in others} >= set(factors)
     crossed = [tyre for tyre in tyres if len(plan.windows_of(tyre)) > 1]
-    assert len(crossed) == np.prod([len(levels) for levels in plan.crossed.values()])
+    assert len(crossed) == np.prod([len(factors) for factors in plan.crossed.values()])
     assert all(SOURCE_WINDOW in plan.windows_of(tyre) for tyre in tyres)
     assert count_records(plan, 3) == 3 * len(tyres)
 

@@ -11,10 +11,10 @@ from bayes_tyre.studies.truths import Planted, draw_truths, simulate_forces, stu
 
 def test_elements_of_a_parameter_take_turns():
     rng = np.random.default_rng(0)
-    truths = {"k": np.tile([[-9.0, 0.0, 9.0]], (6, 1)), "J_scale": np.zeros(6)}
-    draws = {"k": rng.standard_normal((6, 39, 3)), "J_scale": rng.standard_normal((6, 39)), "odd": np.zeros((6, 39))}
+    truths = {"k": np.tile([[-9.0, 0.0, 9.0]], (6, 1)), "sd_J": np.zeros(6)}
+    draws = {"k": rng.standard_normal((6, 39, 3)), "sd_J": rng.standard_normal((6, 39)), "odd": np.zeros((6, 39))}
     ranked = rank_truths(truths, draws, 0, rng)
-    assert list(ranked.columns) == ["dataset", "k", "J_scale"]
+    assert list(ranked.columns) == ["dataset", "k", "sd_J"]
     np.testing.assert_array_equal(ranked["k"].to_numpy()[[0, 2, 3, 5]], [0, 39, 0, 39])
     np.testing.assert_array_equal(rank_truths(truths, draws, 2, rng)["k"].to_numpy()[:2], [39, 0])
 
@@ -34,12 +34,12 @@ def test_the_log_likelihood_of_truths_is_that_of_their_noise():
 def test_the_density_of_repeats_at_truths_is_that_of_the_model():
     design = quick_design()
     truths = draw_truths(design, 3, np.random.default_rng(0), study_priors(), Planted())
-    case = design.levels.of_record
-    speed = design.levels.speed.of_case[case]
+    case = design.factors.of_record
+    speed = design.factors.speed.of_case[case]
     for i, found in enumerate(log_repeats(design, truths)):
         both = ("k", "beta")
         deviation = np.stack([np.log(truths[name][i] / truths[f"{name}_case"][i][case]) for name in both], axis=1)
-        scatter = np.stack([truths[f"log_{name}_repeat_scatter_by_speed"][i][speed] for name in both], axis=1)
-        populations = {"discordant_weight": jnp.asarray(truths["discordant_weight"][i])}
-        of_model = about_cases(jnp.asarray(deviation), jnp.asarray(scatter), "mixture", populations)
+        scatter = np.stack([truths[f"sd_log_{name}_repeat_by_speed"][i][speed] for name in both], axis=1)
+        hyperparameters = {"discordant_weight": jnp.asarray(truths["discordant_weight"][i])}
+        of_model = about_cases(jnp.asarray(deviation), jnp.asarray(scatter), "mixture", hyperparameters)
         np.testing.assert_allclose(found, jnp.sum(of_model.log_density), rtol=1e-9)

@@ -53,7 +53,7 @@ def test_campaigns_have_the_discordant_repeats_they_are_asked_for():
     truths = draw_campaigns(design, 0.15, kinds, np.random.default_rng(2))
     odd = truths["discordant"]
     assert odd.mean() == pytest.approx(0.15, abs=0.02)
-    off = truths["k"] / truths["k_case"][:, design.levels.of_record]
+    off = truths["k"] / truths["k_case"][:, design.factors.of_record]
     shifted = np.abs(off[1::2][odd[1::2]] - 1.0)
     assert np.mean(shifted > 0.1) > 0.95
     assert np.std(np.log(off[::2][odd[::2]])) == pytest.approx(0.24, rel=0.15)

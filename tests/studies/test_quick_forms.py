@@ -33,7 +33,7 @@ def test_the_right_model_is_calibrated(engine):
     # All parameters together are called calibrated with a probability of at least 95 %; the seed is one of those, so
     # a failure here means that model, simulator or sampler has changed.
     assert found.table["calibrated"].all(), found.table.loc[~found.table["calibrated"]]
-    expected = {"k_cell", "beta_cell", "k_case", "beta_case", "k", "beta", "J", "C", "F_i", "sigma", "log_likelihood"}
+    expected = {"k_group", "beta_group", "k_case", "beta_case", "k", "beta", "J", "C", "F_i", "sigma", "log_likelihood"}
     expected |= {"log_repeats"}
     assert expected <= set(found.table["parameter"])
     assert len(found.datasets) == SETS

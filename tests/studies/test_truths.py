@@ -6,7 +6,7 @@ from numpyro import distributions as dist
 from numpyro.handlers import seed, trace
 from scipy.stats import kstest
 
-from bayes_tyre.inference.model.factors import Levels
+from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.priors import PRIORS, Prior
 from bayes_tyre.studies.batched_nuts import with_priors
 from bayes_tyre.studies.design import Design, calibration_design, outlier_design, quick_design
@@ -19,25 +19,25 @@ def drawn(planted: Planted = NOTHING) -> Truths:
     return draw_truths(calibration_design(), SETS, np.random.default_rng(1), study_priors(), planted)
 
 
-def levels_with_every_term(levels: Levels) -> bool:
-    factors = {"speed", "step", "direction_step"}
-    return factors <= set(levels.factors("beta")) and all(map(levels.has_remainder, ("k", "beta")))
+def levels_with_every_term(factors: Factors) -> bool:
+    effects = {"speed", "step", "direction_step"}
+    return effects <= set(factors.effects("beta")) and all(map(factors.has_remainder, ("k", "beta")))
 
 
 def test_the_design_has_every_kind_of_term_and_repeats_that_can_be_judged():
-    assert levels_with_every_term(calibration_design().levels)
+    assert levels_with_every_term(calibration_design().factors)
     for made in (calibration_design(), quick_design(), outlier_design()):
-        assert made.levels.repeats.min() == 3
-        assert made.u.shape[0] == len(made.words)
-        assert (np.sign(made.u[:, -1]) == np.sign(made.words["step_kN"])).all()
+        assert made.factors.repeats.min() == 3
+        assert made.u.shape[0] == len(made.factor_table)
+        assert (np.sign(made.u[:, -1]) == np.sign(made.factor_table["step_kN"])).all()
 
 
 @pytest.mark.parametrize(
     ("site", "law"),
     [
-        ("k_cell", dist.LogNormal(np.log(1.8), 0.3)),
+        ("k_group", dist.LogNormal(np.log(1.8), 0.3)),
         ("sigma_typical", dist.LogNormal(np.log(0.006), 0.4)),
-        ("log_k_case_scale", dist.LogNormal(*PRIORS["log_k_case_scale"].parameters)),
+        ("sd_log_k_case", dist.LogNormal(*PRIORS["sd_log_k_case"].parameters)),
         ("discordant_weight", dist.Beta(1.0, 19.0)),
     ],
 )
@@ -48,25 +48,25 @@ def test_populations_have_the_law_of_their_prior(site, law):
 
 def test_what_lies_below_a_population_scatters_as_it_says():
     truths = drawn()
-    by_speed = truths["log_beta_repeat_scatter_by_speed"][:, calibration_design().levels.speed.of_case]
-    record = calibration_design().levels.of_record
+    by_speed = truths["sd_log_beta_repeat_by_speed"][:, calibration_design().factors.speed.of_case]
+    record = calibration_design().factors.of_record
     usual = ~truths["discordant"]
     z = (np.log(truths["beta"]) - np.log(truths["beta_case"])[:, record]) / by_speed[:, record]
     # 36 000 standard normal numbers: their standard deviation is within 1.5 % of 1 but for a chance of 1e-4.
     assert np.std(z[usual]) == pytest.approx(1.0, rel=0.015)
     assert np.std(z[truths["discordant"]]) == pytest.approx(6.0, rel=0.1)
     assert np.mean(truths["discordant"]) == pytest.approx(0.05, abs=0.01)
-    assert np.std(truths["J"] / truths["J_scale"][:, None]) == pytest.approx(1.0, rel=0.015)
+    assert np.std(truths["J"] / truths["sd_J"][:, None]) == pytest.approx(1.0, rel=0.015)
     np.testing.assert_allclose(truths["C"], truths["F_i"] + truths["J"] - 10.0 * truths["k"])
 
 
 def test_planted_errors_change_what_they_name_and_nothing_else():
     right, wrong = drawn(), drawn(Planted(scales=1.5))
-    np.testing.assert_allclose(wrong["log_beta_step_scale"], 1.5 * right["log_beta_step_scale"])
-    np.testing.assert_array_equal(wrong["log_beta_case_scale"], right["log_beta_case_scale"])
+    np.testing.assert_allclose(wrong["sd_log_beta_step"], 1.5 * right["sd_log_beta_step"])
+    np.testing.assert_array_equal(wrong["sd_log_beta_case"], right["sd_log_beta_case"])
     np.testing.assert_array_equal(wrong["J"], right["J"])
     wider = drawn(Planted(scatter=1.5))
-    record = calibration_design().levels.of_record
+    record = calibration_design().factors.of_record
     deviation = [np.log(t["k"]) - np.log(t["k_case"])[:, record] for t in (right, wider)]
     np.testing.assert_allclose(deviation[1], 1.5 * deviation[0])
 
@@ -88,16 +88,16 @@ def test_a_changed_prior_takes_the_place_of_the_models_own():
     def model() -> None:
         import numpyro
 
-        log_cell = numpyro.sample("log_cell", dist.Normal(*PRIORS["k_cell"].parameters))
-        numpyro.deterministic("k_cell", np.e**log_cell)
-        numpyro.sample("J_scale", PRIORS["J_scale"].distribution())
+        log_cell = numpyro.sample("log_cell", dist.Normal(*PRIORS["k_group"].parameters))
+        numpyro.deterministic("k_group", np.e**log_cell)
+        numpyro.sample("sd_J", PRIORS["sd_J"].distribution())
 
     priors = PRIORS | {
-        "k_cell": Prior(dist.LogNormal, (0.3, 0.2), "kN/mm", ""),
-        "J_scale": Prior(dist.LogNormal, (0.5, 0.3), "kN", ""),
+        "k_group": Prior(dist.LogNormal, (0.3, 0.2), "kN/mm", ""),
+        "sd_J": Prior(dist.LogNormal, (0.5, 0.3), "kN", ""),
     }
     sites = trace(seed(with_priors(model, priors), 0)).get_trace()
     density = sum(float(site["fn"].log_prob(site["value"])) for site in sites.values() if site["type"] == "sample")
     expected = float(dist.Normal(0.3, 0.2).log_prob(sites["log_cell"]["value"]))
-    expected += float(dist.LogNormal(0.5, 0.3).log_prob(sites["J_scale"]["value"]))
+    expected += float(dist.LogNormal(0.5, 0.3).log_prob(sites["sd_J"]["value"]))
     assert density == pytest.approx(expected, rel=1e-6)

@@ -10,10 +10,10 @@ import pandas as pd
 import xarray as xr
 
 from bayes_tyre.inference.diagnostics.power_scaling import CONTRACTION_LEAST, GROUP, SENSITIVE, identified
-from bayes_tyre.inference.model.factors import find_levels
+from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS
 from bayes_tyre.inference.model.priors import PRIORS
-from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.record import CASE_FACTORS
 
 #: Scatter among repeats of one test (of the logarithm) above which they are none: the priors' upper ends, doubled.
 SCATTER_MOST = {"k": 0.5, "beta": 1.0, "settled": 1.0, "m": 0.3, "c": 1.0}
@@ -37,7 +37,7 @@ _NAMED = 3
 NOISE_LEAST_KN = 1e-6
 
 
-def find_doubts(posterior: xr.Dataset) -> list[str]:
+def failed_checks(posterior: xr.Dataset) -> list[str]:
     """Return why the records cannot support what is asked of them: the parameter, the figure, and what to do.
 
     Parameters
@@ -50,10 +50,10 @@ def find_doubts(posterior: xr.Dataset) -> list[str]:
 
 def _uninformed(posterior: xr.Dataset) -> Iterator[str]:
     for parameter in REMEDIES:
-        name = f"{parameter}_cell"
+        name = f"{parameter}_group"
         if name not in posterior:
             continue
-        draws = posterior[name].transpose("chain", "draw", "cell")
+        draws = posterior[name].transpose("chain", "draw", "group")
         shares = np.log(draws.to_numpy()).std(axis=(0, 1)) / PRIORS[name].parameters[1]
         for label, share in zip(draws["cell"].to_numpy(), shares, strict=True):
             if not 1.0 - share**2 < CONTRACTION_LEAST:
@@ -66,7 +66,7 @@ def _uninformed(posterior: xr.Dataset) -> Iterator[str]:
 
 def _no_repeats(posterior: xr.Dataset) -> Iterator[str]:
     for parameter, most in SCATTER_MOST.items():
-        name = f"log_{parameter}_repeat_scatter"
+        name = f"sd_log_{parameter}_repeat"
         if name in posterior and (scatter := float(posterior[name].median())) > most:
             yield (
                 f"{name}: repeats of a case differ by a factor of {np.exp(scatter):.1f}: no value stands for the case; "
@@ -75,16 +75,16 @@ def _no_repeats(posterior: xr.Dataset) -> Iterator[str]:
 
 
 def _outvoted(posterior: xr.Dataset) -> Iterator[str]:
-    if "discordant_probability" not in posterior:
+    if "outlier_probability" not in posterior:
         return
-    odd = (posterior["discordant_probability"].mean(("chain", "draw")) > 0.5).to_numpy()
-    words = pd.DataFrame(
-        {word: posterior[f"record_{word}"] for word in CASE_WORDS if f"record_{word}" in posterior.coords},
+    odd = (posterior["outlier_probability"].mean(("chain", "draw")) > 0.5).to_numpy()
+    factor_table = pd.DataFrame(
+        {word: posterior[f"record_{word}"] for word in CASE_FACTORS if f"record_{word}" in posterior.coords},
         index=range(len(odd)),
     )
-    levels = find_levels(words)
-    discordant = np.bincount(levels.of_record, weights=odd, minlength=len(levels.cases))
-    for case, found, repeats in zip(levels.cases, discordant, levels.repeats, strict=True):
+    factors = find_factors(factor_table)
+    discordant = np.bincount(factors.of_record, weights=odd, minlength=len(factors.cases))
+    for case, found, repeats in zip(factors.cases, discordant, factors.repeats, strict=True):
         if repeats >= JUDGEABLE_REPEATS and 2 * found >= repeats:
             yield (
                 f"k[{case.label}]: {found:.0f} of its {repeats} repeats are discordant: nothing says which to believe; "
@@ -104,23 +104,23 @@ def _noiseless(posterior: xr.Dataset) -> Iterator[str]:
         )
 
 
-def find_remarks(tree: xr.DataTree) -> list[str]:
+def find_limitations(tree: xr.DataTree) -> list[str]:
     """Return where the data did not speak, and what its prior moves; nothing for a tree without `GROUP`.
 
-    Of cells that the data do not determine `find_doubts` speaks.
+    Of cells that the data do not determine `failed_checks` speaks.
     """
     if GROUP not in tree.children:
         return []
     figures = {str(name): each for name, each in tree[GROUP].to_dataset().data_vars.items()}
     said = {name: identified(tree, name).assign(element=_elements(each)) for name, each in figures.items()}
     asked = {name: table for name, table in said.items() if _parameter(name) in REMEDIES}
-    populations = pd.concat([table for name, table in said.items() if name not in asked])
-    return [*_silent(asked, populations), *_moved(pd.concat(asked.values()), populations)]
+    hyperparameters = pd.concat([table for name, table in said.items() if name not in asked])
+    return [*_silent(asked, hyperparameters), *_moved(pd.concat(asked.values()), hyperparameters)]
 
 
 def _parameter(name: str) -> str:
     """Return the parameter that a quantity of a case, a record or their mean is of."""
-    return name.removesuffix("_case").removesuffix("_mean").removesuffix("_cell")
+    return name.removesuffix("_case").removesuffix("_mean").removesuffix("_group")
 
 
 def _elements(figures: xr.DataArray) -> list[str]:
@@ -135,16 +135,16 @@ def _listed(elements: pd.Series) -> str:
     return ", ".join(elements[:_NAMED]) + more
 
 
-def _silent(asked: dict[str, pd.DataFrame], populations: pd.DataFrame) -> Iterator[str]:
+def _silent(asked: dict[str, pd.DataFrame], hyperparameters: pd.DataFrame) -> Iterator[str]:
     for name, table in asked.items():
         silent = table[table["contraction"] < CONTRACTION_LEAST]
-        if len(silent) and not name.endswith("_cell"):
+        if len(silent) and not name.endswith("_group"):
             least = silent["contraction"].min()
             yield (
                 f"{_listed(silent['element'])}: the data did not speak: contraction {least:.3f} (below "
                 f"{CONTRACTION_LEAST}), the posterior is little more than the prior; {REMEDIES[_parameter(name)]}"
             )
-    silent = populations[populations["contraction"] < CONTRACTION_LEAST]
+    silent = hyperparameters[hyperparameters["contraction"] < CONTRACTION_LEAST]
     if len(silent):
         yield (
             f"{_listed(silent['element'])}: the data hardly spoke: contraction {silent['contraction'].min():.3f} "
@@ -152,10 +152,10 @@ def _silent(asked: dict[str, pd.DataFrame], populations: pd.DataFrame) -> Iterat
         )
 
 
-def _moved(asked: pd.DataFrame, populations: pd.DataFrame) -> Iterator[str]:
+def _moved(asked: pd.DataFrame, hyperparameters: pd.DataFrame) -> Iterator[str]:
     for table, remedy in (
         (asked, "say so where you quote them, and measure more repeats or cases"),
-        (populations, "measure more cases or levels if the populations matter"),
+        (hyperparameters, "measure more cases or levels if the populations matter"),
     ):
         moved = table[table["decided_by"].isin(["prior", "both"])]
         moved = moved.sort_values("prior_sensitivity", ascending=False, kind="stable")

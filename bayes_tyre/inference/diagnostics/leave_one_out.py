@@ -20,15 +20,16 @@ from bayes_tyre.batch import Batch
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.record_marginal import (
     RecordDensity,
-    populations,
+    hyperparameters,
     record_density,
     standard_points,
 )
-from bayes_tyre.inference.model.factors import Levels
-from bayes_tyre.inference.model.laplace import estimate_records, record_data
+from bayes_tyre.inference.model.factors import Factors
+from bayes_tyre.inference.model.laplace import estimate_records
+from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.hierarchical_fit import (
     ModelSettings,
-    batch_and_levels,
+    batch_and_factors,
     fit_batch,
     likelihood_of,
     whitening_for,
@@ -96,16 +97,16 @@ def leave_one_record_out(
     BadInput
         With a single record there is nothing to predict it from.
     """
-    batch, words, levels = batch_and_levels(table, model)
+    batch, factor_table, factors = batch_and_factors(table, model)
     if len(batch.records) < 2:
         raise BadInput("one record cannot be predicted from others; models are compared on two or more")
-    found = _densities(as_measured(thinned(tree)), batch, levels, levels.of_record, model)
+    found = _densities(as_measured(thinned(tree)), batch, factors, factors.of_record, model)
     chains = tree["posterior"].sizes["chain"]
     by_chain = np.asarray(found.log_density).reshape(chains, -1, len(batch.records))
     effective = np.median(np.asarray(found.effective_points), axis=0)
 
     def exactly(record: int) -> float:
-        return _exactly(record, batch, words, levels, refit or SamplerSettings(), model)
+        return _exactly(record, batch, factor_table, factors, refit or SamplerSettings(), model)
 
     return left_out(by_chain, batch.records, effective, exactly if refit is not None else None, on_refit)
 
@@ -161,24 +162,29 @@ def thinned(tree: xr.DataTree) -> xr.Dataset:
 
 
 def _densities(
-    posterior: xr.Dataset, batch: Batch, levels: Levels, cases: np.ndarray, model: ModelSettings
+    posterior: xr.Dataset, batch: Batch, factors: Factors, cases: np.ndarray, model: ModelSettings
 ) -> RecordDensity:
     """Return the density of the records of a batch, whose cases are given, under a posterior's populations."""
     data, whitening = record_data(batch), whitening_for(batch, model)
     estimates = estimate_records(batch, model.noise, whitening)
-    of = populations(posterior, levels, cases)
+    of = hyperparameters(posterior, factors, cases)
     z = standard_points(6 if model.noise == "ar1" else 5, seed=0)
     return record_density(likelihood_of(data, model, whitening), data, estimates, of, z)
 
 
 def _exactly(
-    record: int, batch: Batch, words: pd.DataFrame, levels: Levels, settings: SamplerSettings, model: ModelSettings
+    record: int,
+    batch: Batch,
+    factor_table: pd.DataFrame,
+    factors: Factors,
+    settings: SamplerSettings,
+    model: ModelSettings,
 ) -> float:
     """Return the log predictive density of a record from a fit without it; its case stays, if only as its words."""
     others = np.arange(len(batch.records)) != record
-    without = replace(levels, of_record=levels.of_record[others])
-    posterior = fit_batch(_chosen(batch, others), words[others].reset_index(drop=True), without, settings, model)
-    found = _densities(thinned(posterior), _chosen(batch, ~others), levels, levels.of_record[~others], model)
+    without = replace(factors, of_record=factors.of_record[others])
+    posterior = fit_batch(_chosen(batch, others), factor_table[others].reset_index(drop=True), without, settings, model)
+    found = _densities(thinned(posterior), _chosen(batch, ~others), factors, factors.of_record[~others], model)
     log_density = np.asarray(found.log_density)[:, 0]
     return float(np.logaddexp.reduce(log_density) - np.log(len(log_density)))
 

@@ -16,18 +16,17 @@ import xarray as xr
 from jaxtyping import Array, Float
 from scipy import stats
 
-from bayes_tyre.inference.model.laplace import RecordData
 from bayes_tyre.inference.model.likelihood import DirectLikelihood, Likelihood
 from bayes_tyre.inference.model.prior_predictive import is_of_logarithm
-from bayes_tyre.inference.model.priors import prior_law
-from bayes_tyre.inference.motion.hierarchy.model import Motions, log_likelihood
+from bayes_tyre.inference.model.priors import prior_distribution
+from bayes_tyre.inference.record_data import RecordData
 from bayes_tyre.inference.sampling.datatree import as_measured
 
 #: Numbers that the densities of the draws taken together may hold at once: memory stays, however many draws.
 _TOGETHER = 2_000_000
 #: Of a table entry of the compressed likelihood, per record: coefficients times products.
 _GATHERED = 100
-_SAMPLE = ("chain", "draw")
+SAMPLE = ("chain", "draw")
 
 
 def log_prior(posterior: xr.Dataset, sites: Sequence[str], data: RecordData | None = None) -> xr.Dataset:
@@ -52,13 +51,13 @@ def log_prior(posterior: xr.Dataset, sites: Sequence[str], data: RecordData | No
             continue
         values = measured[site].to_numpy()
         with np.errstate(divide="ignore", invalid="ignore"):  # a draw that is no number is told by the verdict
-            density = prior_law(site).logpdf(values) + (np.log(values) if is_of_logarithm(site) else 0.0)
+            density = prior_distribution(site).logpdf(values) + (np.log(values) if is_of_logarithm(site) else 0.0)
         found[site] = measured[site].copy(data=density)
     if data is not None:
-        F_i = measured["F_i"].transpose(*_SAMPLE, "record").to_numpy()
+        F_i = measured["F_i"].transpose(*SAMPLE, "record").to_numpy()
         density = stats.norm.logpdf(F_i, np.asarray(data.F_0), np.asarray(data.span)).sum(axis=2)
-        found["F_i"] = xr.DataArray(density, dims=_SAMPLE)
-    return _bare(found)
+        found["F_i"] = xr.DataArray(density, dims=SAMPLE)
+    return without_labels(found)
 
 
 def log_likelihood_of_records(posterior: xr.Dataset, likelihood: Likelihood) -> xr.Dataset:
@@ -70,7 +69,7 @@ def log_likelihood_of_records(posterior: xr.Dataset, likelihood: Likelihood) -> 
     measured = as_measured(posterior)
 
     def flat(name: str) -> np.ndarray:
-        values = measured[name].transpose(*_SAMPLE, "record").to_numpy()
+        values = measured[name].transpose(*SAMPLE, "record").to_numpy()
         return values.reshape(-1, values.shape[2])
 
     theta = np.stack([flat("F_i"), flat("J"), np.log(flat("k")), np.log(flat("beta"))], axis=2)
@@ -78,9 +77,9 @@ def log_likelihood_of_records(posterior: xr.Dataset, likelihood: Likelihood) -> 
     work = likelihood.data.u.size if isinstance(likelihood, DirectLikelihood) else theta.shape[1] * _GATHERED
     together = max(1, min(len(theta), _TOGETHER // work))
     density = _at_each(likelihood, jnp.asarray(theta), jnp.asarray(flat("sigma")), rho, together)
-    shape = [measured.sizes[dim] for dim in (*_SAMPLE, "record")]
-    force = measured["sigma"].transpose(*_SAMPLE, "record").copy(data=np.asarray(density).reshape(shape))
-    return _bare({"force": force})
+    shape = [measured.sizes[dim] for dim in (*SAMPLE, "record")]
+    force = measured["sigma"].transpose(*SAMPLE, "record").copy(data=np.asarray(density).reshape(shape))
+    return without_labels({"force": force})
 
 
 @eqx.filter_jit
@@ -92,21 +91,6 @@ def _at_each(
     together: int,
 ) -> Float[Array, "draws records"]:
     return jax.lax.map(lambda one: likelihood(*one), (theta, sigma, rho), batch_size=together)
-
-
-def log_likelihood_of_motions(posterior: xr.Dataset, motions: Motions) -> xr.Dataset:
-    """Return the log density of each record's readings at each draw but for a constant: `motion`, dims ..., record.
-
-    Parameters
-    ----------
-    posterior, motions:
-        Of `bayes_tyre.inference.motion.hierarchy.model.fit_motions`, and what it took.
-    """
-    of_record = [posterior[name].transpose(*_SAMPLE, "record").to_numpy() for name in motions.law.parameters]
-    rows, target = jnp.asarray(motions.rows), jnp.asarray(motions.target)
-    density = log_likelihood(jnp.log(jnp.stack(of_record, axis=-1)), rows, target)
-    like = posterior["k"].transpose(*_SAMPLE, "record")
-    return _bare({"motion": like.copy(data=np.asarray(density))})
 
 
 def log_likelihood_of_print(posterior: xr.Dataset, printed: Mapping[str, np.ndarray]) -> xr.Dataset:
@@ -121,16 +105,16 @@ def log_likelihood_of_print(posterior: xr.Dataset, printed: Mapping[str, np.ndar
     """
     found = {}
     for parameter, values in printed.items():
-        expected = posterior[f"{parameter}_case"].transpose(*_SAMPLE, "case")
-        scatter = posterior[f"published_scatter_{parameter}"].to_numpy()[:, :, None]
+        expected = posterior[f"{parameter}_case"].transpose(*SAMPLE, "case")
+        scatter = posterior[f"sd_log_{parameter}_published"].to_numpy()[:, :, None]
         # The case's value is the mean of a log-normal number.
         middle = np.log(expected.to_numpy()) - 0.5 * scatter**2
         density = stats.norm.logpdf(np.log(values), middle, scatter) - np.log(values)
         found[f"printed_{parameter}"] = expected.copy(data=density)
-    return _bare(found)
+    return without_labels(found)
 
 
-def _bare(found: Mapping[str, xr.DataArray]) -> xr.Dataset:
+def without_labels(found: Mapping[str, xr.DataArray]) -> xr.Dataset:
     """Return the densities without units, and without the words along their cases and records."""
     named = xr.Dataset(dict(found))
     bare = named.drop_vars([name for name in named.coords if name not in named.dims])

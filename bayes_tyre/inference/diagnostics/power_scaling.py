@@ -1,7 +1,7 @@
 """What the data said of each quantity, and what its prior did: contraction, and sensitivity to both."""
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import arviz as az
 import numpy as np
@@ -9,26 +9,24 @@ import pandas as pd
 import xarray as xr
 
 from bayes_tyre.inference.diagnostics.log_densities import (
-    log_likelihood_of_motions,
     log_likelihood_of_print,
     log_likelihood_of_records,
     log_prior,
 )
-from bayes_tyre.inference.model.factors import Levels, find_levels
-from bayes_tyre.inference.model.hyperparameters import motion_sites, prior_sites, published_sites
-from bayes_tyre.inference.model.laplace import record_data
+from bayes_tyre.inference.model.factors import Factors, find_factors
+from bayes_tyre.inference.model.hyperparameters import prior_sites, published_sites
 from bayes_tyre.inference.model.prior_predictive import RecordStarts, is_of_logarithm, prior_quantities
 from bayes_tyre.inference.model.priors import PRIORS
-from bayes_tyre.inference.motion.hierarchy.model import Motions
-from bayes_tyre.inference.motion.laws import OF_AXLE, OF_TYRES
+from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.datatree import to_datatree
+from bayes_tyre.inference.sampling.group_means import named_group_means
 from bayes_tyre.inference.sampling.hierarchical_fit import (
     ModelSettings,
-    batch_and_levels,
+    batch_and_factors,
     likelihood_of,
     whitening_for,
 )
-from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.record import CASE_FACTORS
 
 #: The group of a posterior's tree that holds all this, and what stands along its dimension `measure`.
 GROUP = "identifiability"
@@ -45,11 +43,9 @@ DRAWS, _NOISES = 2000, 20
 _SAMPLE = ("chain", "draw")
 _LOGARITHMIC = frozenset(
     f"{name}{ending}"
-    for name in (*OF_TYRES, *OF_AXLE, "x", "sigma", "energy_per_cycle")
+    for name in (*(of for of, _, group in (site.partition("_group") for site in PRIORS) if group), "x", "sigma")
     for ending in ("", "_case", "_mean")
-)
-
-Derive = Callable[[xr.DataTree], xr.Dataset]
+) | {"energy_per_cycle", "energy_per_cycle_case", "energy_per_cycle_mean"}
 
 
 def on_prior_scale(name: str, values: xr.DataArray) -> xr.DataArray:
@@ -132,96 +128,70 @@ def identified(tree: xr.DataTree, name: str) -> pd.DataFrame:
     return table.assign(decided_by=[decided_by(*pair, of_prior) for pair in figures])
 
 
-def identify_records(
-    tree: xr.DataTree, table: pd.DataFrame, model: ModelSettings, derive: Derive | None = None
-) -> xr.DataTree:
+def identify_records(tree: xr.DataTree, table: pd.DataFrame, model: ModelSettings) -> xr.DataTree:
     """Return the posterior of a record table with the group `GROUP`: each quantity along the dimension `measure`.
 
     Parameters
     ----------
     tree, table, model:
         The posterior, the checked table it was fitted to, and what else the model was told.
-    derive:
-        Makes further quantities of a posterior's tree, or the prior's: dims chain, draw, ...
     """
-    batch, words, levels = batch_and_levels(table, model)
+    batch, factor_table, factors = batch_and_factors(table, model)
     data = record_data(batch)
-    sites = prior_sites(levels, model.repeats, model.noise)
-    draws = max(PRIOR_DRAWS // 10, min(PRIOR_DRAWS, _PRIOR_NUMBERS // len(words)))
+    sites = prior_sites(factors, model.repeats, model.noise)
+    draws = max(PRIOR_DRAWS // 10, min(PRIOR_DRAWS, _PRIOR_NUMBERS // len(factor_table)))
     start = RecordStarts(*(np.asarray(values) for values in (data.F_0, data.span, data.d_0)))
-    prior = _tree_of(prior_quantities(levels, sites, draws, seed=0, start=start), levels, words)
-    some = _thinned(tree["posterior"].to_dataset())
+    prior = prior_tree(prior_quantities(factors, sites, draws, seed=0, start=start), factors, factor_table)
+    some = thinned(tree["posterior"].to_dataset())
     likelihood = likelihood_of(data, model, whitening_for(batch, model))
     densities = log_prior(some, sites, data), log_likelihood_of_records(some, likelihood)
-    return _identify(tree, prior, *densities, derive)
+    return with_identifiability(tree, prior, *densities)
 
 
-def identify_published(tree: xr.DataTree, table: pd.DataFrame, derive: Derive | None = None) -> xr.DataTree:
+def identify_published(tree: xr.DataTree, table: pd.DataFrame) -> xr.DataTree:
     """Return the posterior of printed case means with the group that `identify_records` adds.
 
     Parameters
     ----------
     tree, table:
         The posterior, and the table that `bayes_tyre.inference.sampling.hierarchical_fit.fit_published` took.
-    derive:
-        As `identify_records` has it.
     """
-    levels = find_levels(table[list(CASE_WORDS)])
-    sites = published_sites(levels)
+    factors = find_factors(table[list(CASE_FACTORS)])
+    sites = published_sites(factors)
     printed = {"k": table["k_kN_per_mm"].to_numpy(dtype=float), "beta": table["beta_mm"].to_numpy(dtype=float)}
-    drawn = prior_quantities(levels, sites, PRIOR_DRAWS, seed=0)
-    some = _thinned(tree["posterior"].to_dataset())
+    drawn = prior_quantities(factors, sites, PRIOR_DRAWS, seed=0)
+    some = thinned(tree["posterior"].to_dataset())
     densities = log_prior(some, sites), log_likelihood_of_print(some, printed)
-    return _identify(tree, _tree_of(drawn, levels, pd.DataFrame({"record": []})), *densities, derive)
+    return with_identifiability(tree, prior_tree(drawn, factors, pd.DataFrame({"record": []})), *densities)
 
 
-def identify_motions(tree: xr.DataTree, motions: Motions, derive: Derive | None = None) -> xr.DataTree:
-    """Return the posterior of motions with the group that `identify_records` adds.
-
-    Parameters
-    ----------
-    tree, motions:
-        The posterior, and what `bayes_tyre.inference.motion.hierarchy.model.fit_motions` took.
-    derive:
-        As `identify_records` has it.
-    """
-    levels = find_levels(motions.words)
-    law = motions.law
-    sites = motion_sites(levels, tree.attrs["repeats"], law.parameters)
-    drawn = prior_quantities(levels, sites, PRIOR_DRAWS, seed=0, parameters=law.parameters)
-    for ending in ("", "_case") if "x" in law.told else ():
-        drawn[f"x{ending}"] = drawn[f"settled{ending}"] + drawn[f"k{ending}"] * drawn[f"beta{ending}"]
-    some = _thinned(tree["posterior"].to_dataset())
-    densities = log_prior(some, sites), log_likelihood_of_motions(some, motions)
-    return _identify(tree, _tree_of(drawn, levels, motions.words), *densities, derive)
+def prior_tree(drawn: Mapping[str, np.ndarray], factors: Factors, factor_table: pd.DataFrame) -> xr.DataTree:
+    """Return draws of the prior, shape (draws, ...) by name, as the tree of one chain."""
+    return to_datatree({name: values[None] for name, values in drawn.items()}, {}, factors, factor_table, {})
 
 
-def _tree_of(drawn: Mapping[str, np.ndarray], levels: Levels, words: pd.DataFrame) -> xr.DataTree:
-    return to_datatree({name: values[None] for name, values in drawn.items()}, {}, levels, words, {})
-
-
-def _thinned(posterior: xr.Dataset) -> xr.Dataset:
+def thinned(posterior: xr.Dataset) -> xr.Dataset:
+    """Return the draws that sensitivities rest on, evenly taken."""
     every = max(1, -(-posterior.sizes["chain"] * posterior.sizes["draw"] // DRAWS))
     return posterior.isel(draw=slice(None, None, every))
 
 
-def _identify(
+def with_identifiability(
     tree: xr.DataTree,
     prior: xr.DataTree,
     log_prior: xr.Dataset,
     log_likelihood: xr.Dataset,
-    derive: Derive | None,
 ) -> xr.DataTree:
     """Return the tree with `GROUP`; a measure that a quantity does not have is NaN.
 
     A record's own quantities have a contraction alone: at 2 ms each, a thousand sensitivities would cost more than they
     say beyond their case's.
     """
-    posterior, of_prior = (_quantities(each, derive) for each in (tree, prior))
+    posterior, of_prior = (_quantities(each) for each in (tree, prior))
     above_records = posterior.drop_vars([name for name in posterior.data_vars if "record" in posterior[name].dims])
     found = {
         "contraction": contraction(posterior, of_prior),
-        **sensitivity(_thinned(above_records), log_prior, log_likelihood),
+        **sensitivity(thinned(above_records), log_prior, log_likelihood),
     }
     measured = {}
     for name in (str(name) for name in posterior.data_vars):
@@ -237,6 +207,5 @@ def _identify(
     return with_all
 
 
-def _quantities(tree: xr.DataTree, derive: Derive | None) -> xr.Dataset:
-    posterior = tree["posterior"].to_dataset()
-    return posterior if derive is None else posterior.merge(derive(tree))
+def _quantities(tree: xr.DataTree) -> xr.Dataset:
+    return tree["posterior"].to_dataset().merge(named_group_means(tree))

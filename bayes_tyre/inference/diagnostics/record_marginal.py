@@ -17,11 +17,12 @@ from jax.scipy.special import gammaln, logsumexp
 from jaxtyping import Array, Float
 from scipy.stats import chi2, norm, qmc
 
-from bayes_tyre.inference.model.factors import Levels
-from bayes_tyre.inference.model.laplace import RecordData, RecordEstimates
+from bayes_tyre.inference.model.factors import Factors
+from bayes_tyre.inference.model.laplace import RecordEstimates
 from bayes_tyre.inference.model.likelihood import Likelihood
 from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.reparameterisation import Gaussian, Placed, place
+from bayes_tyre.inference.record_data import RecordData
 
 #: Points of each integral (a power of two, for Sobol's sequence), and degrees of freedom of the t they are drawn from.
 POINTS, TAILS = 256, 6.0
@@ -29,40 +30,40 @@ POINTS, TAILS = 256, 6.0
 _STUDENT_WIDENING = 1.5
 
 
-class Populations(NamedTuple):
+class Hyperparameters(NamedTuple):
     """What a record's parameters are drawn from, a draw of the posterior each; scales of k and beta are relative.
 
     Attributes
     ----------
     log_case, log_scatter:
         Shape (draws, records, 2): logarithms of k (kN/mm) and beta (mm) of each record's case, and of the scatter.
-    J_scale, log_sigma, log_sigma_spread:
+    sd_J, log_sigma, sd_log_sigma:
         Shape (draws,): kN; logarithm of the typical sigma (kN), and its spread among records.
     discordant_weight, student_nu:
         Shape (draws,), or None where repeats are not so modelled.
-    atanh_rho, atanh_rho_spread:
+    atanh_rho, sd_atanh_rho:
         Shape (draws,), or None for independent noise.
     """
 
     log_case: Float[Array, "*draws records 2"]
     log_scatter: Float[Array, "*draws records 2"]
-    J_scale: Float[Array, "*draws"]
+    sd_J: Float[Array, "*draws"]
     log_sigma: Float[Array, "*draws"]
-    log_sigma_spread: Float[Array, "*draws"]
+    sd_log_sigma: Float[Array, "*draws"]
     discordant_weight: Float[Array, "*draws"] | None
     student_nu: Float[Array, "*draws"] | None
     atanh_rho: Float[Array, "*draws"] | None
-    atanh_rho_spread: Float[Array, "*draws"] | None
+    sd_atanh_rho: Float[Array, "*draws"] | None
 
 
-def populations(posterior: xr.Dataset, levels: Levels, records: np.ndarray) -> Populations:
+def hyperparameters(posterior: xr.Dataset, factors: Factors, records: np.ndarray) -> Hyperparameters:
     """Return the populations that records of some cases are drawn from.
 
     Parameters
     ----------
     posterior:
         Dims chain, draw, case, ...; for displacement as it was measured.
-    levels:
+    factors:
         What the posterior was fitted with.
     records:
         Shape (records,): the case of each record.
@@ -70,18 +71,18 @@ def populations(posterior: xr.Dataset, levels: Levels, records: np.ndarray) -> P
     by_case, scatter = [], []
     for parameter in ("k", "beta"):
         by_case.append(np.log(_flat(posterior[f"{parameter}_case"]))[:, records])
-        name = f"log_{parameter}_repeat_scatter"
+        name = f"sd_log_{parameter}_repeat"
         if f"{name}_by_speed" in posterior:
-            scatter.append(_flat(posterior[f"{name}_by_speed"])[:, levels.speed.of_case[records]])
+            scatter.append(_flat(posterior[f"{name}_by_speed"])[:, factors.speed.of_case[records]])
         else:
             scatter.append(np.broadcast_to(_flat(posterior[name])[:, None], by_case[-1].shape))
-    names = ("discordant_weight", "student_nu", "atanh_rho_typical", "atanh_rho_spread")
-    return Populations(
+    names = ("discordant_weight", "student_nu", "atanh_rho_typical", "sd_atanh_rho")
+    return Hyperparameters(
         jnp.asarray(np.stack(by_case, axis=2)),
         jnp.asarray(np.log(np.stack(scatter, axis=2))),
-        jnp.asarray(_flat(posterior["J_scale"])),
+        jnp.asarray(_flat(posterior["sd_J"])),
         jnp.asarray(np.log(_flat(posterior["sigma_typical"]))),
-        jnp.asarray(_flat(posterior["log_sigma_spread"])),
+        jnp.asarray(_flat(posterior["sd_log_sigma"])),
         *(jnp.asarray(_flat(posterior[name])) if name in posterior else None for name in names),
     )
 
@@ -132,7 +133,7 @@ def record_density(
     likelihood: Likelihood,
     data: RecordData,
     estimates: RecordEstimates,
-    of: Populations,
+    of: Hyperparameters,
     z: Float[Array, "points dimensions"],
 ) -> RecordDensity:
     """Return the density of each record's forces given each draw of the populations alone.
@@ -148,7 +149,7 @@ def record_density(
     """
     information, log_z = _information(estimates), _log_standard(z)
 
-    def given(population: Populations) -> RecordDensity:
+    def given(population: Hyperparameters) -> RecordDensity:
         def integral(log_widening: float) -> tuple[Array, Array]:
             wide = population._replace(log_scatter=population.log_scatter + log_widening)
             theta, volume = _theta(z[:, :4], data, estimates, information, wide)
@@ -177,11 +178,11 @@ def _theta(
     data: RecordData,
     estimates: RecordEstimates,
     information: Float[Array, "records 4 4"],
-    of: Populations,
+    of: Hyperparameters,
 ) -> tuple[Float[Array, "points records 4"], Float[Array, " records"]]:
     """Return (F_i, J, log k, log beta) about each record's posterior given the populations; the map's log volume."""
     widen = 0.0 if of.student_nu is None else jnp.log(_STUDENT_WIDENING)
-    log_J = jnp.broadcast_to(jnp.log(of.J_scale), data.span.shape)
+    log_J = jnp.broadcast_to(jnp.log(of.sd_J), data.span.shape)
     log_scale = jnp.stack([jnp.log(data.span), log_J, *(of.log_scatter + widen).T], axis=1)
     above = jnp.stack([data.F_0, jnp.zeros_like(data.F_0), *of.log_case.T], axis=1)
     # In units of the scales above, which may be anything between nothing and far more than the data know.
@@ -197,7 +198,7 @@ def _theta(
 
 
 def _noise(
-    z: Float[Array, "points some"], estimates: RecordEstimates, of: Populations
+    z: Float[Array, "points some"], estimates: RecordEstimates, of: Hyperparameters
 ) -> tuple[Float[Array, "points records"], Float[Array, "points records"] | None, Float[Array, "points records"]]:
     """Return log sigma, and atanh rho for autoregressive noise, likewise; and the log volume of the map."""
 
@@ -211,13 +212,13 @@ def _noise(
 
     value, volume, atanh_rho = estimates.log_sigma, jnp.zeros(shape), None
     if of.atanh_rho is not None:
-        assert of.atanh_rho_spread is not None
+        assert of.sd_atanh_rho is not None
         known = estimates.points * (1.0 - estimates.rho**2)
-        rho = placed(z[:, 1], jnp.arctanh(estimates.rho), known, of.atanh_rho, of.atanh_rho_spread)
+        rho = placed(z[:, 1], jnp.arctanh(estimates.rho), known, of.atanh_rho, of.sd_atanh_rho)
         atanh_rho, volume = rho.value, rho.log_volume
         # As in the model: what is new in each point is known whatever rho is, and sigma follows rho.
         value = value + 0.5 * (jnp.log1p(-(estimates.rho**2)) - jnp.log1p(-(jnp.tanh(atanh_rho) ** 2)))
-    sigma = placed(z[:, 0], value, 2.0 * estimates.points, of.log_sigma, of.log_sigma_spread)
+    sigma = placed(z[:, 0], value, 2.0 * estimates.points, of.log_sigma, of.sd_log_sigma)
     return sigma.value, atanh_rho, volume + sigma.log_volume
 
 
@@ -230,21 +231,19 @@ def _log_prior(
     log_sigma: Float[Array, "points records"],
     atanh_rho: Float[Array, "points records"] | None,
     data: RecordData,
-    of: Populations,
+    of: Hyperparameters,
 ) -> Float[Array, "points records"]:
     """Return the log density of F_i, J and the noise of each record, as `hierarchical` has them."""
-    prior = _log_normal(theta[..., 0], data.F_0, jnp.log(data.span)) + _log_normal(
-        theta[..., 1], 0.0, jnp.log(of.J_scale)
-    )
-    prior = prior + _log_normal(log_sigma, of.log_sigma, jnp.log(of.log_sigma_spread))
+    prior = _log_normal(theta[..., 0], data.F_0, jnp.log(data.span)) + _log_normal(theta[..., 1], 0.0, jnp.log(of.sd_J))
+    prior = prior + _log_normal(log_sigma, of.log_sigma, jnp.log(of.sd_log_sigma))
     if atanh_rho is None:
         return prior
     assert of.atanh_rho is not None
-    assert of.atanh_rho_spread is not None
-    return prior + _log_normal(atanh_rho, of.atanh_rho, jnp.log(of.atanh_rho_spread))
+    assert of.sd_atanh_rho is not None
+    return prior + _log_normal(atanh_rho, of.atanh_rho, jnp.log(of.sd_atanh_rho))
 
 
-def _about_case(log_values: Float[Array, "points records 2"], of: Populations) -> Float[Array, "points records"]:
+def _about_case(log_values: Float[Array, "points records 2"], of: Hyperparameters) -> Float[Array, "points records"]:
     """Return the log density of (log k, log beta) about the case, of usual records or of a Student-t."""
     if of.student_nu is None:
         return _log_normal(log_values, of.log_case, of.log_scatter).sum(axis=2)

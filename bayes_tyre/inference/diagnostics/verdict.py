@@ -18,7 +18,7 @@ from bayes_tyre.inference.diagnostics.convergence import (
     where_divergent,
     worst,
 )
-from bayes_tyre.inference.diagnostics.data_checks import find_doubts, find_remarks
+from bayes_tyre.inference.diagnostics.data_checks import failed_checks, find_limitations
 
 R_HAT_MOST = 1.01
 ESS_LEAST_PER_CHAIN = 100
@@ -103,7 +103,7 @@ def diagnose(tree: xr.DataTree, residual_autocorrelation: float = np.nan) -> Dia
             f"sigma: residuals have lag-1 autocorrelation {residual_autocorrelation:.2f}: intervals are too narrow; "
             f"{_REMEDY_SMOOTHED if residual_autocorrelation > SMOOTHED else _REMEDY}"
         )
-    reasons += find_doubts(posterior)
+    reasons += failed_checks(posterior)
     return Diagnostics(
         "fail" if reasons else "pass",
         tuple(reasons),
@@ -115,7 +115,7 @@ def diagnose(tree: xr.DataTree, residual_autocorrelation: float = np.nan) -> Dia
         draws,
         chains,
         residual_autocorrelation,
-        (*_deep_trees(sampler, draws), *find_remarks(tree)),
+        (*_deep_trees(sampler, draws), *find_limitations(tree)),
         by_parameter(figures),
         sampler,
     )

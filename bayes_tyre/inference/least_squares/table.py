@@ -16,8 +16,8 @@ from bayes_tyre.inference.least_squares import estimate as ls
 from bayes_tyre.inference.least_squares.parameters import PARAMETERS
 from bayes_tyre.inference.least_squares.settings import REGIONS, FitSettings
 from bayes_tyre.inference.least_squares.status import LARGEST, hopeless, status
-from bayes_tyre.record import WORDS
-from bayes_tyre.record_table import carry_extras, origin_of, record_extras, record_words
+from bayes_tyre.record import FACTORS
+from bayes_tyre.record_table import carry_extras, origin_of, record_extras, record_factors
 
 __all__ = ["COLUMNS", "LARGEST", "REGIONS", "THESIS_KEPT", "FitSettings", "fit_records"]
 
@@ -63,12 +63,12 @@ def fit_records(
     for fitted in _fit_batches(table, settings):
         rows.append(fitted)
         on_progress(len(fitted))
-    fits = record_words(table).merge(pd.concat(rows), on="record", how="left", validate="1:1")
-    for word in WORDS:
+    fits = record_factors(table).merge(pd.concat(rows), on="record", how="left", validate="1:1")
+    for word in FACTORS:
         if word not in fits:
             fits[word] = ""
     fits["origin"] = table.drop_duplicates("record")["origin"].to_numpy() if "origin" in table else origin_of(table)
-    ours = ["record", *WORDS, *NUMBERS, "rmse_kN", "points", "status"]
+    ours = ["record", *FACTORS, *NUMBERS, "rmse_kN", "points", "status"]
     return carry_extras(fits[ours], record_extras(table)).assign(origin=fits["origin"])
 
 

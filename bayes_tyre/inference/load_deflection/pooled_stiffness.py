@@ -43,20 +43,20 @@ def shared_stiffness(tests: pd.DataFrame, steps: pd.DataFrame) -> pd.DataFrame:
         `_se` (kN/mm); `tests` and `steps`, how many estimates; `tension` (standard errors); `status`. Only where both
         sides have one; rows without a value or a standard error are left out.
     """
-    words = [word for word in SHARED if _told(tests, word) and _told(steps, word)]
-    sides = {"tests": _by_words(tests, words), "steps": _by_words(steps, words)}
+    factor_table = [word for word in SHARED if _told(tests, word) and _told(steps, word)]
+    sides = {"tests": _by_words(tests, factor_table), "steps": _by_words(steps, factor_table)}
     rows = []
     for case in sides["tests"]:
         if case not in sides["steps"]:
             continue
-        row: dict[str, object] = dict(zip(words, case, strict=True))
+        row: dict[str, object] = dict(zip(factor_table, case, strict=True))
         (k_tests, se_tests), (k_steps, se_steps) = (weighted_mean(*sides[side][case]) for side in sides)
         combined = _inverse_variance([k_tests, k_steps], [se_tests, se_steps])
         tension = (k_steps - k_tests) / float(np.hypot(se_tests, se_steps))
         numbers = (k_tests, se_tests, k_steps, se_steps, *combined)
         counts = (len(sides["tests"][case][0]), len(sides["steps"][case][0]))
         rows.append(row | dict(zip(COLUMNS, (*numbers, *counts, tension, _status(tension)), strict=True)))
-    return pd.DataFrame(rows, columns=[*words, *COLUMNS])
+    return pd.DataFrame(rows, columns=[*factor_table, *COLUMNS])
 
 
 def weighted_mean(values: Sequence[float] | np.ndarray, errors: Sequence[float] | np.ndarray) -> tuple[float, float]:
@@ -94,11 +94,11 @@ def _told(table: pd.DataFrame, word: str) -> bool:
     return word in table and bool((table[word].notna() & (table[word].astype(str).str.strip() != "")).any())
 
 
-def _by_words(table: pd.DataFrame, words: list[str]) -> dict[tuple[object, ...], tuple[_Values, _Values]]:
+def _by_words(table: pd.DataFrame, factor_table: list[str]) -> dict[tuple[object, ...], tuple[_Values, _Values]]:
     """Return k and its standard errors, kN/mm, by the words' values."""
     k, error = (pd.to_numeric(table[column], errors="coerce").to_numpy(float) for column in (K, K_SE))
     usable = np.isfinite(k) & np.isfinite(error) & (error > 0)
-    keys = [_comparable(table[word], word) for word in words]
+    keys = [_comparable(table[word], word) for word in factor_table]
     cases: dict[tuple[object, ...], list[int]] = {}
     for i in np.flatnonzero(usable):
         cases.setdefault(tuple(key[i] for key in keys), []).append(int(i))

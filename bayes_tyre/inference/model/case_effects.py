@@ -13,7 +13,7 @@ from jax.scipy.stats import norm
 from jaxtyping import Array, ArrayLike, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
-from bayes_tyre.inference.model.factors import Levels
+from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS, effect_scales
 from bayes_tyre.inference.model.laplace_cases import CaseEstimates
 from bayes_tyre.inference.model.priors import PRIORS
@@ -23,7 +23,7 @@ from bayes_tyre.inference.model.reparameterisation import Gaussian, place, place
 _ALMOST_NONE = 1e-6
 
 #: What was sampled of the priors, by name.
-Populations = Mapping[str, Array]
+Hyperparameters = Mapping[str, Array]
 
 
 def keep(name: str, value: Array) -> Array:
@@ -59,9 +59,9 @@ def placed(site: str, estimate: Gaussian, above: ArrayLike, scale: ArrayLike) ->
     return unknown.value
 
 
-def _of_each(name: str, parameters: Sequence[str], populations: Populations) -> Float[Array, "parameters 1"]:
+def _of_each(name: str, parameters: Sequence[str], hyperparameters: Hyperparameters) -> Float[Array, "parameters 1"]:
     """Return a number of the populations for each parameter, by its name in place of the asterisk."""
-    return jnp.stack([populations[name.replace("*", parameter)] for parameter in parameters])[:, None]
+    return jnp.stack([hyperparameters[name.replace("*", parameter)] for parameter in parameters])[:, None]
 
 
 class Terms(NamedTuple):
@@ -88,42 +88,42 @@ class Terms(NamedTuple):
     scales: tuple[str, ...]
     which: Float[np.ndarray, "parameters terms scales"]
 
-    def scale(self, populations: Populations) -> Float[Array, "parameters terms"]:
+    def scale(self, hyperparameters: Hyperparameters) -> Float[Array, "parameters terms"]:
         """Return the standard deviation of each term."""
         if not self.scales:
             return jnp.asarray(self.fixed)
-        learnt = jnp.stack([populations[name] for name in self.scales])
+        learnt = jnp.stack([hyperparameters[name] for name in self.scales])
         return jnp.asarray(self.fixed) + jnp.asarray(self.which) @ learnt
 
 
-def find_terms(levels: Levels, parameters: Sequence[str]) -> Terms:
+def find_terms(factors: Factors, parameters: Sequence[str]) -> Terms:
     """Return the terms of the cases' words: their cell, then the coordinates of each factor's effects."""
-    cells = len(levels.cell.labels)
-    designs = [levels.design(parameter) for parameter in parameters]
+    cells = len(factors.group.labels)
+    designs = [factors.design(parameter) for parameter in parameters]
     lengths = tuple(design.shape[1] for design in designs)
-    scales = tuple(name for parameter in parameters for name in effect_scales(parameter, levels))
+    scales = tuple(name for parameter in parameters for name in effect_scales(parameter, factors))
     above, fixed = np.zeros((2, len(parameters), max(lengths)))
     which = np.zeros((*fixed.shape, len(scales)))
     for i, parameter in enumerate(parameters):
-        above[i, :cells], fixed[i, :cells] = PRIORS[f"{parameter}_cell"].parameters
+        above[i, :cells], fixed[i, :cells] = PRIORS[f"{parameter}_group"].parameters
         fixed[i, lengths[i] :] = 1.0
-        for name, (start, basis) in _effects(parameter, levels).items():
-            which[i, start : start + basis.shape[1], scales.index(f"log_{parameter}_{name}_scale")] = 1.0
+        for name, (start, basis) in _effects(parameter, factors).items():
+            which[i, start : start + basis.shape[1], scales.index(f"sd_log_{parameter}_{name}")] = 1.0
     design = np.stack([np.pad(one, ((0, 0), (0, max(lengths) - one.shape[1]))) for one in designs])
     return Terms(design, lengths, above, fixed, scales, which)
 
 
-def _effects(parameter: str, levels: Levels) -> dict[str, tuple[int, np.ndarray]]:
+def _effects(parameter: str, factors: Factors) -> dict[str, tuple[int, np.ndarray]]:
     """Return where the coordinates of each factor start among a parameter's terms, and their basis."""
-    start, found = len(levels.cell.labels), {}
-    for name, factor in levels.factors(parameter).items():
+    start, found = len(factors.group.labels), {}
+    for name, factor in factors.effects(parameter).items():
         found[name] = start, factor.basis
         start += factor.basis.shape[1]
     return found
 
 
 def case_structure(
-    levels: Levels, estimate: Gaussian, populations: Populations, parameters: Sequence[str] = PARAMETERS
+    factors: Factors, estimate: Gaussian, hyperparameters: Hyperparameters, parameters: Sequence[str] = PARAMETERS
 ) -> Float[Array, "parameters cases"]:
     """Return the mean of the logarithm of k (kN/mm) and of beta (mm) that the words of each case predict.
 
@@ -133,31 +133,31 @@ def case_structure(
 
     `estimate` shapes the coordinates: what is known of each case, with its precision about what the words say.
     """
-    terms = find_terms(levels, parameters)
-    scale = terms.scale(populations)
+    terms = find_terms(factors, parameters)
+    scale = terms.scale(hyperparameters)
     pieces = jnp.split(flat("words_z", (sum(terms.lengths),)), np.cumsum(terms.lengths)[:-1])
     z = jnp.stack([jnp.pad(piece, (0, scale.shape[1] - len(piece))) for piece in pieces])
-    words = place_jointly(z, terms.design, estimate, terms.above, scale)
-    numpyro.factor("words_density", norm.logpdf(words.deviation, 0.0, scale))
-    numpyro.factor("words_volume", words.log_volume)
-    for parameter, value in zip(parameters, words.value, strict=True):
-        keep(f"{parameter}_cell", jnp.exp(value[: len(levels.cell.labels)]))
-        for name, (start, basis) in _effects(parameter, levels).items():
+    factor_table = place_jointly(z, terms.design, estimate, terms.above, scale)
+    numpyro.factor("words_density", norm.logpdf(factor_table.deviation, 0.0, scale))
+    numpyro.factor("words_volume", factor_table.log_volume)
+    for parameter, value in zip(parameters, factor_table.value, strict=True):
+        keep(f"{parameter}_group", jnp.exp(value[: len(factors.group.labels)]))
+        for name, (start, basis) in _effects(parameter, factors).items():
             keep(f"log_{parameter}_{name}", jnp.asarray(basis) @ value[start : start + basis.shape[1]])
-    return jnp.einsum("pct,pt->pc", jnp.asarray(terms.design), words.value)
+    return jnp.einsum("pct,pt->pc", jnp.asarray(terms.design), factor_table.value)
 
 
 def _repeat_scatter(
-    levels: Levels, estimate: Gaussian, populations: Populations, parameters: Sequence[str]
+    factors: Factors, estimate: Gaussian, hyperparameters: Hyperparameters, parameters: Sequence[str]
 ) -> Float[Array, "parameters cases"]:
     """Return the scatter of log k and log beta among repeats at each case's speed, partially pooled over speeds."""
-    typical = _of_each("log_*_repeat_scatter", parameters, populations)
-    if not levels.speed.varies:
-        return jnp.broadcast_to(typical, (len(parameters), len(levels.cases)))
-    spread = _of_each("log_*_scatter_spread", parameters, populations)
+    typical = _of_each("sd_log_*_repeat", parameters, hyperparameters)
+    if not factors.speed.varies:
+        return jnp.broadcast_to(typical, (len(parameters), len(factors.cases)))
+    spread = _of_each("sd_log_*_repeat_over_speeds", parameters, hyperparameters)
     scatter = jnp.exp(placed("repeat_scatter", estimate, jnp.log(typical), spread))
-    _keep_each("log_*_repeat_scatter_by_speed", parameters, scatter)
-    return scatter[:, levels.speed.of_case]
+    _keep_each("sd_log_*_repeat_by_speed", parameters, scatter)
+    return scatter[:, factors.speed.of_case]
 
 
 class AboutWords(NamedTuple):
@@ -165,7 +165,7 @@ class AboutWords(NamedTuple):
 
     Attributes
     ----------
-    words:
+    factor_table:
         What the words predict of the logarithms.
     remainder:
         Standard deviation of the cases about it: a parameter whose cases have no remainder has 0.
@@ -177,7 +177,7 @@ class AboutWords(NamedTuple):
         Indices of the parameters whose cases have one.
     """
 
-    words: Float[Array, "parameters cases"]
+    factor_table: Float[Array, "parameters cases"]
     remainder: Float[Array, "parameters 1"]
     scatter: Float[Array, "parameters cases"]
     estimate: Gaussian
@@ -185,33 +185,33 @@ class AboutWords(NamedTuple):
 
 
 def about_words(
-    levels: Levels, estimates: CaseEstimates, populations: Populations, parameters: Sequence[str] = PARAMETERS
+    factors: Factors, estimates: CaseEstimates, hyperparameters: Hyperparameters, parameters: Sequence[str] = PARAMETERS
 ) -> AboutWords:
     """Return what the words say of each case, with the scales of what they leave over.
 
     Where a remainder cannot be told from the scatter of repeats or from the words, there is none.
     """
-    scatter = _repeat_scatter(levels, estimates.log_scatter, populations, parameters)
-    repeats = np.maximum(levels.repeats, _ALMOST_NONE)
+    scatter = _repeat_scatter(factors, estimates.log_scatter, hyperparameters, parameters)
+    repeats = np.maximum(factors.repeats, _ALMOST_NONE)
     variance = (scatter**2 + estimates.variance) / jnp.asarray(repeats)
-    rest = [index for index, parameter in enumerate(parameters) if levels.has_remainder(parameter)]
+    rest = [index for index, parameter in enumerate(parameters) if factors.has_remainder(parameter)]
     remainder = jnp.zeros((len(parameters), 1))
     if rest:
-        of_rest = _of_each("log_*_case_scale", [parameters[index] for index in rest], populations)
+        of_rest = _of_each("sd_log_*_case", [parameters[index] for index in rest], hyperparameters)
         remainder = of_rest if len(rest) == len(parameters) else remainder.at[np.array(rest)].set(of_rest)
     near_words = Gaussian(estimates.middle, 1.0 / (variance + remainder**2))
-    words = case_structure(levels, near_words, populations, parameters)
-    return AboutWords(words, remainder, scatter, Gaussian(estimates.middle, 1.0 / variance), rest)
+    factor_table = case_structure(factors, near_words, hyperparameters, parameters)
+    return AboutWords(factor_table, remainder, scatter, Gaussian(estimates.middle, 1.0 / variance), rest)
 
 
 def sample_cases(site: str, about: AboutWords) -> Float[Array, "parameters cases"]:
     """Sample the logarithms of the cases' values: what their words predict, and a remainder where they have one."""
     rest = about.has_remainder
     if not rest:
-        return about.words
-    here = np.array(rest) if len(rest) < len(about.words) else slice(None)
+        return about.factor_table
+    here = np.array(rest) if len(rest) < len(about.factor_table) else slice(None)
     own = Gaussian(about.estimate.value[here], about.estimate.precision[here])
-    return about.words.at[here].set(placed(site, own, about.words[here], about.remainder[here]))
+    return about.factor_table.at[here].set(placed(site, own, about.factor_table[here], about.remainder[here]))
 
 
 def keep_cases(parameters: Sequence[str], log_values: Float[Array, "parameters cases"]) -> None:

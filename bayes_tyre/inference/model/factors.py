@@ -9,7 +9,7 @@ import pandas as pd
 from jaxtyping import Float, Int
 from scipy.linalg import helmert, null_space
 
-from bayes_tyre.record import CASE_WORDS, Case
+from bayes_tyre.record import CASE_FACTORS, Case
 
 #: A slope over the initial force is told per this many kN: the distance of the source's nominal loads.
 SLOPE_UNIT_KN = 10.0
@@ -43,20 +43,20 @@ class Factor:
         return self.basis.shape[1] > 0
 
     @property
-    def design(self) -> Float[np.ndarray, "cases coordinates"]:
+    def matrix(self) -> Float[np.ndarray, "cases coordinates"]:
         """What each coordinate adds to each case."""
         return self.basis[self.of_case] * self.weight[:, None]
 
 
 @dataclass(frozen=True)
-class Levels:
+class Factors:
     """Cases, how they group, and which case each record repeats.
 
     Attributes
     ----------
     cases:
         In order of first appearance.
-    cell, speed, load, step, direction_step:
+    group, speed, load, step, direction_step:
         Groupings by configuration x direction, speed (km/h), initial load (kN; or a slope over the force that a
         step really started from), size of the step (kN), and direction x size of the step.
     of_record:
@@ -64,7 +64,7 @@ class Levels:
     """
 
     cases: tuple[Case, ...]
-    cell: Factor
+    group: Factor
     speed: Factor
     load: Factor
     step: Factor
@@ -76,7 +76,7 @@ class Levels:
         """Number of records of each case."""
         return np.bincount(self.of_record, minlength=len(self.cases))
 
-    def factors(self, parameter: str) -> dict[str, Factor]:
+    def effects(self, parameter: str) -> dict[str, Factor]:
         """Return what `k` or `beta` of a case depends on beside its cell, by name; only what varies in the data.
 
         The size of the step acts on beta by direction too (Table 11: strongly in loading, hardly in unloading).
@@ -88,8 +88,8 @@ class Levels:
 
     def design(self, parameter: str) -> Float[np.ndarray, "cases terms"]:
         """Return what the words say of each case: its cell, and the coordinates of each factor's effects."""
-        cells = np.eye(len(self.cell.labels))[self.cell.of_case]
-        return np.concatenate([cells, *(factor.design for factor in self.factors(parameter).values())], axis=1)
+        cells = np.eye(len(self.group.labels))[self.group.of_case]
+        return np.concatenate([cells, *(factor.matrix for factor in self.effects(parameter).values())], axis=1)
 
     def has_remainder(self, parameter: str) -> bool:
         """Whether cases can differ by more than their words say.
@@ -124,24 +124,26 @@ def _interaction(values: Sequence[str], groups: Sequence[str], main: Factor) -> 
     return Factor(factor.labels, factor.of_case, null_space(known.T), factor.weight)
 
 
-def find_levels(words: pd.DataFrame, initial_force_kN: Float[np.ndarray, " records"] | None = None) -> Levels:
+def find_factors(factor_table: pd.DataFrame, initial_force_kN: Float[np.ndarray, " records"] | None = None) -> Factors:
     """Return the levels in a table of words, one row a record.
 
     Parameters
     ----------
-    words:
-        As `bayes_tyre.record.record_words` gives them. A word that the table lacks is one level: all records
+    factor_table:
+        As `bayes_tyre.record.record_factors` gives them. A word that the table lacks is one level: all records
         then share it. `repeat` is not used: records with the same words are repeats of one case.
     initial_force_kN:
         The force each record really started from. Where given, `load` is a slope over its mean in each case,
         in place of an effect of each nominal initial load.
     """
-    complete = words.copy()
-    for word in CASE_WORDS:
+    complete = factor_table.copy()
+    for word in CASE_FACTORS:
         if word not in complete:
             complete[word] = "" if word in ("configuration", "direction") else np.nan
     # NaN is not equal to itself, which would make every record without the word a case of its own.
-    keys = [tuple(None if pd.isna(value) else value for value in row) for row in complete[list(CASE_WORDS)].to_numpy()]
+    keys = [
+        tuple(None if pd.isna(value) else value for value in row) for row in complete[list(CASE_FACTORS)].to_numpy()
+    ]
     unique = list(dict.fromkeys(keys))
     cases = tuple(Case._make(np.nan if value is None else value for value in key) for key in unique)
     sizes = ["" if np.isnan(case.step_kN) else f"{abs(case.step_kN):g}" for case in cases]
@@ -152,9 +154,9 @@ def find_levels(words: pd.DataFrame, initial_force_kN: Float[np.ndarray, " recor
     load = _factor([_level(case.initial_load_kN) for case in cases])
     if initial_force_kN is not None:
         load = _slope(np.bincount(of_record, weights=initial_force_kN) / np.bincount(of_record))
-    return Levels(
+    return Factors(
         cases=cases,
-        cell=_factor([f"{case.configuration} {case.direction}".strip() for case in cases]),
+        group=_factor([f"{case.configuration} {case.direction}".strip() for case in cases]),
         speed=_factor([_level(case.speed_km_h) for case in cases]),
         load=load,
         step=step,

@@ -12,7 +12,7 @@ import numpyro
 from jaxtyping import Array
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
-from bayes_tyre.inference.model.factors import Levels
+from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.half_normal import HalfNormal
 from bayes_tyre.inference.model.priors import PRIORS
 
@@ -24,54 +24,54 @@ MOTION_PARAMETERS = ("k", "settled", "beta", "m", "c")
 #: Repeats that a case needs before one of them can be called discordant.
 JUDGEABLE_REPEATS = 3
 #: Names that end so are sampled where their level is, in coordinates that follow what is below it.
-_PLACED = ("_cell", "_typical")
+_PLACED = ("_group", "_typical")
 #: Laws that NUTS walks in coordinates other than NumPyro's.
 _SAMPLED_AS: Mapping[type[dist.Distribution], type[dist.Distribution]] = {dist.HalfNormal: HalfNormal}
 #: Sites that every record's prior goes through, whatever its words.
-_OF_RECORDS = ("J_scale", "sigma_typical")
+_OF_RECORDS = ("sd_J", "sigma_typical")
 
 
-def prior_sites(levels: Levels, repeats: str = "mixture", noise: str = "iid") -> tuple[str, ...]:
+def prior_sites(factors: Factors, repeats: str = "mixture", noise: str = "iid") -> tuple[str, ...]:
     """Return the names in `PRIORS` that the model of records with these levels, repeats and noise has."""
-    several = len(levels.of_record) > 1
-    sites = [*_OF_RECORDS, *["log_sigma_spread"] * several]
+    several = len(factors.of_record) > 1
+    sites = [*_OF_RECORDS, *["sd_log_sigma"] * several]
     if noise == "ar1":
-        sites += ["atanh_rho_typical", *["atanh_rho_spread"] * several]
-    return (*sites, *_case_sites(levels, PARAMETERS, repeats))
+        sites += ["atanh_rho_typical", *["sd_atanh_rho"] * several]
+    return (*sites, *_case_sites(factors, PARAMETERS, repeats))
 
 
 def motion_sites(
-    levels: Levels, repeats: str = "mixture", parameters: Sequence[str] = MOTION_PARAMETERS
+    factors: Factors, repeats: str = "mixture", parameters: Sequence[str] = MOTION_PARAMETERS
 ) -> tuple[str, ...]:
     """Return the names in `PRIORS` that the model of motions with these levels, repeats and parameters has."""
-    return _case_sites(levels, parameters, repeats)
+    return _case_sites(factors, parameters, repeats)
 
 
-def _case_sites(levels: Levels, parameters: Sequence[str], repeats: str) -> tuple[str, ...]:
+def _case_sites(factors: Factors, parameters: Sequence[str], repeats: str) -> tuple[str, ...]:
     """Return the names of cells, effects and remainders of cases, and of the scatter of repeats about them."""
     of_repeats = {"mixture": ["discordant_weight"], "student": ["student_nu"], "normal": []}[repeats]
     sites = []
     for parameter in parameters:
-        sites += [f"{parameter}_cell", f"log_{parameter}_repeat_scatter", *effect_scales(parameter, levels)]
-        sites += [f"log_{parameter}_scatter_spread"] * levels.speed.varies
-        sites += [f"log_{parameter}_case_scale"] * levels.has_remainder(parameter)
-    return (*sites, *(of_repeats if levels.repeats.max() >= JUDGEABLE_REPEATS else ()))
+        sites += [f"{parameter}_group", f"sd_log_{parameter}_repeat", *effect_scales(parameter, factors)]
+        sites += [f"sd_log_{parameter}_repeat_over_speeds"] * factors.speed.varies
+        sites += [f"sd_log_{parameter}_case"] * factors.has_remainder(parameter)
+    return (*sites, *(of_repeats if factors.repeats.max() >= JUDGEABLE_REPEATS else ()))
 
 
-def published_sites(levels: Levels) -> tuple[str, ...]:
+def published_sites(factors: Factors) -> tuple[str, ...]:
     """Return the names in `PRIORS` that the model of printed case means with these levels has."""
     sites = []
     for parameter in PARAMETERS:
-        sites += [f"{parameter}_cell", f"published_scatter_{parameter}", *effect_scales(parameter, levels)]
+        sites += [f"{parameter}_group", f"sd_log_{parameter}_published", *effect_scales(parameter, factors)]
     return tuple(sites)
 
 
-def effect_scales(parameter: str, levels: Levels) -> list[str]:
-    """Return the names of the scales of what a case's words add to its cell, in the order of `levels.factors`."""
-    return [f"log_{parameter}_{name}_scale" for name in levels.factors(parameter)]
+def effect_scales(parameter: str, factors: Factors) -> list[str]:
+    """Return the names of the scales of what a case's words add to its cell, in the order of `Factors.effects`."""
+    return [f"sd_log_{parameter}_{name}" for name in factors.effects(parameter)]
 
 
-def sample_populations(sites: Iterable[str]) -> dict[str, Array]:
+def sample_hyperparameters(sites: Iterable[str]) -> dict[str, Array]:
     """Sample the priors of these names, and keep each among the posterior's quantities; those of `_PLACED` are not."""
     found: dict[str, Array] = {}
     for site, names in _by_family(sites).items():
@@ -85,8 +85,8 @@ def sample_populations(sites: Iterable[str]) -> dict[str, Array]:
     return found
 
 
-def population_starts(sites: Iterable[str], values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return values by name of the prior as the starts of the sites of `sample_populations`."""
+def hyperparameter_starts(sites: Iterable[str], values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return values by name of the prior as the starts of the sites of `sample_hyperparameters`."""
     return {site: np.stack([values[name] for name in names]) for site, names in _by_family(sites).items()}
 
 

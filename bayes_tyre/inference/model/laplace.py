@@ -10,16 +10,16 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.correlated_noise import Whitening, innovations, lag_1
 from bayes_tyre.inference.least_squares import estimate as ls
-from bayes_tyre.inference.model.factors import Levels
+from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS
 from bayes_tyre.inference.model.laplace_cases import CaseEstimates, case_estimates
 from bayes_tyre.inference.model.reparameterisation import Gaussian
-from bayes_tyre.laws.fancher import equation_2_offset
+from bayes_tyre.inference.record_data import RecordData, force_curve, record_data
 
 #: Widest standard deviations of log k and log beta that the picture of a record may have.
 _LOG_K_SD, _LOG_BETA_SD = 0.5, 1.0
@@ -32,27 +32,6 @@ _POLISHING_STEPS = 4
 _TRADED_BETA, _TRADED_K = 0.5, 3.0
 #: Beta is held within these multiples of the travel where the record leaves it open.
 _BETA_WITHIN_TRAVEL = (1e-4, 3.0)
-
-
-class RecordData(NamedTuple):
-    """The measured records as the models take them: d_0 is the first displacement, u the distance from it.
-
-    Attributes
-    ----------
-    u, F:
-        Shape (records, points); mm, kN.
-    present:
-        Shape (records, points); False on padding.
-    d_0, F_0, span:
-        Shape (records,); first displacement (mm), first force (kN), largest change of force (kN).
-    """
-
-    u: Float[Array, "records points"]
-    F: Float[Array, "records points"]
-    present: Bool[Array, "records points"]
-    d_0: Float[Array, " records"]
-    F_0: Float[Array, " records"]
-    span: Float[Array, " records"]
 
 
 class RecordEstimates(NamedTuple):
@@ -87,20 +66,6 @@ class RecordEstimates(NamedTuple):
     def log_beta(self) -> Float[Array, " records"]:
         """Estimates of log beta, beta in mm."""
         return self.centre[:, 3]
-
-
-def record_data(batch: Batch) -> RecordData:
-    """Return a batch of records as the models take it."""
-    # In NumPy: JAX would compile each step by itself.
-    d, F = batch.displacement_mm, batch.force_kN
-    span = np.max(np.where(batch.present, np.abs(F - F[:, :1]), 0.0), axis=1)
-    numbers = d - d[:, :1], F, batch.present, d[:, 0], F[:, 0], np.where(span > 0, span, 1.0)
-    return RecordData(*map(jnp.asarray, numbers))
-
-
-def force_curve(u: Float[Array, " points"], theta: Float[Array, "4"]) -> Float[Array, " points"]:
-    """Return the force (kN) of Equation 2 at u (mm) for theta = (F_i, J, log k, log beta)."""
-    return theta[0] + equation_2_offset(u, k=jnp.exp(theta[2]), J=theta[1], beta=jnp.exp(theta[3]))
 
 
 def estimate_records(
@@ -209,37 +174,41 @@ def _centre(data: RecordData, estimate: ls.Estimate) -> Float[Array, "4"]:
     return jnp.stack([F_i, J, jnp.log(k), jnp.log(beta)])
 
 
-class Picture(NamedTuple):
+class LaplaceApproximation(NamedTuple):
     """The whole picture: of the records, and of the cases' k and beta."""
 
     records: RecordEstimates
     cases: CaseEstimates
 
 
-def draw_picture(batch: Batch, levels: Levels, noise: str = "iid", whitening: Whitening | None = None) -> Picture:
+def laplace_approximation(
+    batch: Batch, factors: Factors, noise: str = "iid", whitening: Whitening | None = None
+) -> LaplaceApproximation:
     """Return the Gaussian picture of a batch's records, and of the cases they repeat; noise as `estimate_records`."""
-    records = like_their_case(estimate_records(batch, noise, whitening), batch, levels, noise, whitening)
-    return Picture(records, cases_of(records, levels))
+    records = like_their_case(estimate_records(batch, noise, whitening), batch, factors, noise, whitening)
+    return LaplaceApproximation(records, cases_of(records, factors))
 
 
-def blank_picture(records: int, levels: Levels) -> Picture:
-    """Return a picture of nothing, of the shapes that `draw_picture` gives: what is compiled for it takes those."""
+def empty_approximation(records: int, factors: Factors) -> LaplaceApproximation:
+    """Return a picture of nothing, of the shapes that `laplace_approximation` gives."""
     shapes = (records, 4), *[(records, 2, 2)] * 3, *[(records,)] * 3
     blank = RecordEstimates(*(jnp.asarray(np.zeros(shape)) for shape in shapes))
-    cases, speeds = (jnp.asarray(np.zeros((len(PARAMETERS), n))) for n in (len(levels.cases), len(levels.speed.labels)))
+    cases, speeds = (
+        jnp.asarray(np.zeros((len(PARAMETERS), n))) for n in (len(factors.cases), len(factors.speed.labels))
+    )
     none = jnp.asarray(np.zeros(records, dtype=bool))
-    return Picture(blank, CaseEstimates(cases, cases, Gaussian(speeds, speeds), none))
+    return LaplaceApproximation(blank, CaseEstimates(cases, cases, Gaussian(speeds, speeds), none))
 
 
-def cases_of(records: RecordEstimates, levels: Levels) -> CaseEstimates:
+def cases_of(records: RecordEstimates, factors: Factors) -> CaseEstimates:
     """Return what a picture of records says of their cases."""
     # Of one parameter with the other held: near enough for coordinates.
     variance = 1.0 / np.diagonal(np.asarray(records.precision), axis1=1, axis2=2)
-    return case_estimates(np.asarray(records.centre[:, 2:]), variance, levels)
+    return case_estimates(np.asarray(records.centre[:, 2:]), variance, factors)
 
 
 def like_their_case(
-    records: RecordEstimates, batch: Batch, levels: Levels, noise: str = "iid", whitening: Whitening | None = None
+    records: RecordEstimates, batch: Batch, factors: Factors, noise: str = "iid", whitening: Whitening | None = None
 ) -> RecordEstimates:
     """Return the picture with records whose k and beta were traded drawn where the other records of their case lie.
 
@@ -255,7 +224,7 @@ def like_their_case(
         return records
     beta = log_beta.copy()
     for record in np.flatnonzero(traded):
-        alike = ~traded & (levels.of_record == levels.of_record[record])
+        alike = ~traded & (factors.of_record == factors.of_record[record])
         beta[record] = np.median(log_beta[alike if alike.any() else ~traded])
     drawn = estimate_records(batch, noise, whitening, np.exp(beta))
 

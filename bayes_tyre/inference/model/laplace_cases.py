@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy import stats
 
-from bayes_tyre.inference.model.factors import Levels
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING, prior_law
+from bayes_tyre.inference.model.factors import Factors
+from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING, prior_distribution
 from bayes_tyre.inference.model.reparameterisation import Gaussian
 
 #: Scatter of repeats where no case has two of them; it counts with no weight.
@@ -38,19 +38,21 @@ class CaseEstimates(NamedTuple):
 
 
 def case_estimates(
-    values: Float[np.ndarray, "records parameters"], variances: Float[np.ndarray, "records parameters"], levels: Levels
+    values: Float[np.ndarray, "records parameters"],
+    variances: Float[np.ndarray, "records parameters"],
+    factors: Factors,
 ) -> CaseEstimates:
     """Return what the records say of the logarithms of their cases; a discordant repeat moves none."""
-    members = [levels.of_record == case for case in range(len(levels.cases))]
+    members = [factors.of_record == case for case in range(len(factors.cases))]
     # A case without records has no estimate: any value will do, for it has no weight.
     members = [member if member.any() else np.ones_like(member) for member in members]
     median = np.array([np.median(values[member], axis=0) for member in members])
     variance = np.array([np.mean(variances[member], axis=0) for member in members]).T
     both = zip(values.T, variance, strict=True)
-    scatter = [_log_scatter([own[member] for member in members], of_one, levels) for own, of_one in both]
+    scatter = [_log_scatter([own[member] for member in members], of_one, factors) for own, of_one in both]
     log_scatter = Gaussian(*(jnp.asarray(np.stack(of_each)) for of_each in zip(*scatter, strict=True)))
-    typical = np.exp(log_scatter.value)[:, levels.speed.of_case[levels.of_record]].T
-    discordant = _look_discordant(values - median[levels.of_record], variances, typical)
+    typical = np.exp(log_scatter.value)[:, factors.speed.of_case[factors.of_record]].T
+    discordant = _look_discordant(values - median[factors.of_record], variances, typical)
     usual = [member & ~discordant if (member & ~discordant).any() else member for member in members]
     middle, variance = (np.array([np.mean(of[member], axis=0) for member in usual]).T for of in (values, variances))
     return CaseEstimates(jnp.asarray(middle), jnp.asarray(variance), log_scatter, jnp.asarray(discordant))
@@ -66,21 +68,21 @@ def _look_discordant(
         stats.norm.logpdf(deviation, 0.0, np.sqrt((widening * scatter) ** 2 + variance)).sum(axis=1)
         for widening in (1.0, DISCORDANT_WIDENING)
     )
-    weight = prior_law("discordant_weight").mean()
+    weight = prior_distribution("discordant_weight").mean()
     return np.log(weight) + widened > np.log1p(-weight) + usual
 
 
 def _log_scatter(
-    by_case: list[np.ndarray], variance: np.ndarray, levels: Levels
+    by_case: list[np.ndarray], variance: np.ndarray, factors: Factors
 ) -> tuple[Float[np.ndarray, " speeds"], Float[np.ndarray, " speeds"]]:
     """Return estimates and precisions of the scatter of repeats by speed.
 
     They are from the median over cases of their variance: robust to odd repeats.
     """
-    spare = levels.repeats - 1
+    spare = factors.repeats - 1
     estimates, precisions = [], []
-    for speed in range(len(levels.speed.labels)):
-        cases = np.flatnonzero((levels.speed.of_case == speed) & (spare > 0))
+    for speed in range(len(factors.speed.labels)):
+        cases = np.flatnonzero((factors.speed.of_case == speed) & (spare > 0))
         if not len(cases):
             estimates.append(np.log(_UNKNOWN_SCATTER))
             precisions.append(0.0)

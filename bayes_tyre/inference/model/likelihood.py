@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from bayes_tyre.inference.correlated_noise import Whitening
-from bayes_tyre.inference.model.laplace import RecordData, force_curve
+from bayes_tyre.inference.record_data import RecordData, force_curve
 
 #: Cells in log beta, and the degree in each: the table is then off by 1e-7 in the log density (see the tests).
 CELLS, DEGREE = 48, 12

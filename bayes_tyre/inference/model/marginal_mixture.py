@@ -15,7 +15,7 @@ import numpy as np
 from jax.scipy.special import logsumexp, ndtr, xlog1py, xlogy
 from jaxtyping import Array, Bool, Float, Int
 
-from bayes_tyre.inference.model.factors import Levels
+from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
 
 #: With more repeats in a case the choices, two to their number, are too many.
@@ -43,20 +43,20 @@ class Members(NamedTuple):
     choices: Bool[np.ndarray, "choices repeats"]
 
 
-def find_members(levels: Levels, kind: str) -> Members | None:
+def find_members(factors: Factors, kind: str) -> Members | None:
     """Return the members of the cases, for repeats that scatter as a ``mixture``; None if not summable.
 
     Choices of more repeats than `MOST_REPEATS` are too many. A Student-t has no closed form, and normal repeats have
     no modes that it would be needed for.
     """
-    most = int(levels.repeats.max())
+    most = int(factors.repeats.max())
     if kind != "mixture" or most > MOST_REPEATS:
         return None
-    records = np.zeros((len(levels.cases), most), dtype=int)
+    records = np.zeros((len(factors.cases), most), dtype=int)
     present = np.zeros(records.shape, dtype=bool)
-    place = np.zeros(len(levels.of_record), dtype=int)
-    for case in range(len(levels.cases)):
-        members = np.flatnonzero(levels.of_record == case)
+    place = np.zeros(len(factors.of_record), dtype=int)
+    for case in range(len(factors.cases)):
+        members = np.flatnonzero(factors.of_record == case)
         records[case, : len(members)], present[case, : len(members)] = members, True
         place[members] = np.arange(len(members))
     return Members(records, present, place, np.array(list(product((False, True), repeat=most)), dtype=bool))
@@ -146,7 +146,7 @@ def draw_cases(
     return mean + sd * z
 
 
-def discordant_probability(found: SummedOut, members: Members, levels: Levels) -> Float[Array, " records"]:
+def outlier_probability(found: SummedOut, members: Members, factors: Factors) -> Float[Array, " records"]:
     """Return the probability that each record is discordant, given the values of all repeats of its case."""
     by_place = jnp.sum(jnp.exp(found.log_choice)[:, :, None] * members.choices[:, None, :], axis=0)
-    return jax.lax.stop_gradient(by_place)[levels.of_record, members.place]
+    return jax.lax.stop_gradient(by_place)[factors.of_record, members.place]

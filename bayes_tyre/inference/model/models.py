@@ -13,21 +13,22 @@ from jax.scipy.stats import norm
 from jaxtyping import Array, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
-from bayes_tyre.inference.model.case_effects import Populations, case_structure, flat, keep, placed
-from bayes_tyre.inference.model.factors import Levels
-from bayes_tyre.inference.model.hyperparameters import PARAMETERS, prior_sites, published_sites, sample_populations
-from bayes_tyre.inference.model.laplace import Picture, RecordData, RecordEstimates
+from bayes_tyre.inference.model.case_effects import Hyperparameters, case_structure, flat, keep, placed
+from bayes_tyre.inference.model.factors import Factors
+from bayes_tyre.inference.model.hyperparameters import PARAMETERS, prior_sites, published_sites, sample_hyperparameters
+from bayes_tyre.inference.model.laplace import LaplaceApproximation, RecordEstimates
 from bayes_tyre.inference.model.likelihood import Likelihood
 from bayes_tyre.inference.model.priors import PRIORS
 from bayes_tyre.inference.model.record_effects import records_about_cases
 from bayes_tyre.inference.model.reparameterisation import Gaussian, Placed, place_few
+from bayes_tyre.inference.record_data import RecordData
 
 #: What the noise of a record is like.
 NOISE = ("iid", "ar1")
 
 
 def _record_level(
-    picture: Picture, levels: Levels, repeats: str, populations: Populations
+    picture: LaplaceApproximation, factors: Factors, repeats: str, hyperparameters: Hyperparameters
 ) -> Float[Array, "records 4"]:
     """Return each record's (F_i, J, log k, log beta), with the density of the last two about their case."""
     estimates = picture.records
@@ -35,7 +36,7 @@ def _record_level(
     def place(above: Float[Array, "records 2"], scale: Float[Array, "records 2"]) -> Placed:
         return place_few(flat("shape_z", above.shape), estimates.centre[:, 2:], estimates.precision, above, scale)
 
-    pair, _ = records_about_cases(place, levels, picture.cases, repeats, populations)
+    pair, _ = records_about_cases(place, factors, picture.cases, repeats, hyperparameters)
     numpyro.factor("shape_volume", pair.log_volume)
     centre = estimates.centre
     deviation = jnp.einsum("rij,rj->ri", estimates.slope, pair.value - centre[:, 2:])
@@ -45,7 +46,7 @@ def _record_level(
 
 
 def _about_typical(
-    name: str, estimate: Gaussian, spread: str, populations: Populations
+    name: str, estimate: Gaussian, spread: str, hyperparameters: Hyperparameters
 ) -> tuple[Float[Array, " records"], Float[Array, ""]]:
     """Return a number of each record's noise, normally spread about a typical one, and that.
 
@@ -56,23 +57,23 @@ def _about_typical(
     if len(estimate.value) == 1:
         alone = placed(name, estimate, *prior.parameters)
         return alone, alone[0]
-    weight = 1.0 / (populations[spread] ** 2 + 1.0 / estimate.precision)
+    weight = 1.0 / (hyperparameters[spread] ** 2 + 1.0 / estimate.precision)
     total = jnp.sum(weight)
     told = Gaussian(jnp.reshape(jnp.sum(weight * estimate.value) / total, (1,)), jnp.reshape(total, (1,)))
     typical = placed(name, told, *prior.parameters)[0]
-    return placed(f"{name}_records", estimate, typical, populations[spread]), typical
+    return placed(f"{name}_records", estimate, typical, hyperparameters[spread]), typical
 
 
-def _autocorrelation(estimates: RecordEstimates, populations: Populations) -> Float[Array, " records"]:
+def _autocorrelation(estimates: RecordEstimates, hyperparameters: Hyperparameters) -> Float[Array, " records"]:
     """Return rho of each record's noise, partially pooled."""
     told = Gaussian(jnp.arctanh(estimates.rho), estimates.points * (1.0 - estimates.rho**2))
-    value, typical = _about_typical("atanh_rho_typical", told, "atanh_rho_spread", populations)
+    value, typical = _about_typical("atanh_rho_typical", told, "sd_atanh_rho", hyperparameters)
     keep("atanh_rho_typical", typical)
     return keep("rho", jnp.tanh(value))
 
 
 def _noise(
-    estimates: RecordEstimates, rho: Float[Array, " records"] | None, populations: Populations
+    estimates: RecordEstimates, rho: Float[Array, " records"] | None, hyperparameters: Hyperparameters
 ) -> Float[Array, " records"]:
     """Return sigma (kN) of each record, partially pooled."""
     value = estimates.log_sigma
@@ -80,7 +81,7 @@ def _noise(
         # What is new in each point is known whatever rho is; sigma then follows rho.
         value = value + 0.5 * (jnp.log1p(-(estimates.rho**2)) - jnp.log1p(-(rho**2)))
     told = Gaussian(value, 2.0 * estimates.points)
-    value, typical = _about_typical("sigma_typical", told, "log_sigma_spread", populations)
+    value, typical = _about_typical("sigma_typical", told, "sd_log_sigma", hyperparameters)
     keep("sigma_typical", jnp.exp(typical))
     return keep("sigma", jnp.exp(value))
 
@@ -88,8 +89,8 @@ def _noise(
 def records_model(
     likelihood: Likelihood,
     data: RecordData,
-    picture: Picture,
-    levels: Levels,
+    picture: LaplaceApproximation,
+    factors: Factors,
     *,
     repeats: str = "mixture",
     noise: str = "iid",
@@ -104,20 +105,20 @@ def records_model(
         The records as measured: where each starts.
     picture:
         Their Gaussian picture, which shapes the coordinates and leaves the posterior as it is.
-    levels:
+    factors:
         Cases and how they group.
     repeats:
         One of `REPEATS`; with fewer than `JUDGEABLE_REPEATS` repeats a case, always ``normal``.
     noise:
         One of `NOISE`; ``ar1`` samples a lag-1 autocorrelation rho for each record.
     """
-    populations = sample_populations(prior_sites(levels, repeats, noise))
-    theta = _record_level(picture, levels, repeats, populations)
+    hyperparameters = sample_hyperparameters(prior_sites(factors, repeats, noise))
+    theta = _record_level(picture, factors, repeats, hyperparameters)
     F_i, J, log_k, log_beta = theta.T
     numpyro.factor("F_i_prior", norm.logpdf(F_i, data.F_0, data.span))
-    numpyro.factor("J_prior", norm.logpdf(J, 0.0, populations["J_scale"]))
-    rho = _autocorrelation(picture.records, populations) if noise == "ar1" else None
-    numpyro.factor("force", likelihood(theta, _noise(picture.records, rho, populations), rho))
+    numpyro.factor("J_prior", norm.logpdf(J, 0.0, hyperparameters["sd_J"]))
+    rho = _autocorrelation(picture.records, hyperparameters) if noise == "ar1" else None
+    numpyro.factor("force", likelihood(theta, _noise(picture.records, rho, hyperparameters), rho))
 
     k = keep("k", jnp.exp(log_k))
     numpyro.deterministic("beta", jnp.exp(log_beta))
@@ -126,7 +127,7 @@ def records_model(
     numpyro.deterministic("C", F_i + J - k * data.d_0)
 
 
-def published_model(values: Mapping[str, Float[np.ndarray, " cases"]], levels: Levels) -> None:
+def published_model(values: Mapping[str, Float[np.ndarray, " cases"]], factors: Factors) -> None:
     """Model printed case means, one a case, such as Tables 9 and 11.
 
     One value a case cannot tell the scatter of repeats from the case's remainder: both are one term, and
@@ -137,14 +138,14 @@ def published_model(values: Mapping[str, Float[np.ndarray, " cases"]], levels: L
     ----------
     values:
         ``k`` (kN/mm) and ``beta`` (mm) by case.
-    levels:
+    factors:
         How the cases group.
     """
-    populations = sample_populations(published_sites(levels))
+    hyperparameters = sample_hyperparameters(published_sites(factors))
     printed = jnp.log(jnp.stack([jnp.asarray(values[parameter]) for parameter in PARAMETERS]))
-    scatter = jnp.stack([populations[f"published_scatter_{parameter}"] for parameter in PARAMETERS])[:, None]
+    scatter = jnp.stack([hyperparameters[f"sd_log_{parameter}_published"] for parameter in PARAMETERS])[:, None]
     known = Gaussian(printed, jnp.broadcast_to(scatter**-2.0, printed.shape))
-    mean = case_structure(levels, known, populations)
+    mean = case_structure(factors, known, hyperparameters)
     for parameter, expected in zip(PARAMETERS, jnp.exp(mean + 0.5 * scatter**2), strict=True):
         # The mean of a log-normal number, not its median: printed averages over cases are to be met by averages.
         keep(f"{parameter}_case", expected)

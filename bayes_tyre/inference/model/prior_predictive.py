@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
-from bayes_tyre.inference.model.factors import Levels
+from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS, prior_sites
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING, PRIORS, prior_law
+from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING, PRIORS, prior_distribution
 from bayes_tyre.laws.fancher import equation_2_offset
 
 
@@ -45,11 +45,11 @@ def is_of_logarithm(site: str) -> bool:
 def prior_draws(sites: tuple[str, ...], draws: int, seed: int) -> dict[str, Float[np.ndarray, " draws"]]:
     """Return independent draws of single sites of `PRIORS`, each in its unit."""
     rng = np.random.default_rng(seed)
-    return {site: prior_law(site).rvs(draws, random_state=rng) for site in sites}
+    return {site: prior_distribution(site).rvs(draws, random_state=rng) for site in sites}
 
 
 def prior_parameters(
-    levels: Levels, case: int, draws: int, seed: int, repeats: str = "mixture"
+    factors: Factors, case: int, draws: int, seed: int, repeats: str = "mixture"
 ) -> dict[str, Float[np.ndarray, " draws"]]:
     """Return k (kN/mm), beta (mm), J and sigma (kN) of one record of a case, every draw from populations of its own.
 
@@ -57,29 +57,29 @@ def prior_parameters(
     case's remainder, the scatter of repeats (wider where the record is discordant, or in a Student-t's tails), J and
     sigma of a record. A common factor on displacement is left out: it is far narrower than the priors.
     """
-    sites = prior_draws(prior_sites(levels, repeats), draws, seed)
+    sites = prior_draws(prior_sites(factors, repeats), draws, seed)
     rng = np.random.default_rng((seed, 0))
     widening = np.where(rng.random(draws) < sites.get("discordant_weight", 0.0), DISCORDANT_WIDENING, 1.0)
     if "student_nu" in sites:
         widening = np.sqrt(sites["student_nu"] / rng.chisquare(sites["student_nu"]))
     found = {}
     for parameter in PARAMETERS:
-        log_value = np.log(sites[f"{parameter}_cell"])
-        for name, factor in levels.factors(parameter).items():
-            effects = rng.standard_normal((draws, factor.basis.shape[1])) @ factor.design[case]
-            log_value = log_value + sites[f"log_{parameter}_{name}_scale"] * effects
-        remainder = sites.get(f"log_{parameter}_case_scale", 0.0) * rng.standard_normal(draws)
-        spread = sites.get(f"log_{parameter}_scatter_spread", 0.0) * rng.standard_normal(draws)
-        scatter = widening * sites[f"log_{parameter}_repeat_scatter"] * np.exp(spread)
+        log_value = np.log(sites[f"{parameter}_group"])
+        for name, factor in factors.effects(parameter).items():
+            effects = rng.standard_normal((draws, factor.basis.shape[1])) @ factor.matrix[case]
+            log_value = log_value + sites[f"sd_log_{parameter}_{name}"] * effects
+        remainder = sites.get(f"sd_log_{parameter}_case", 0.0) * rng.standard_normal(draws)
+        spread = sites.get(f"sd_log_{parameter}_repeat_over_speeds", 0.0) * rng.standard_normal(draws)
+        scatter = widening * sites[f"sd_log_{parameter}_repeat"] * np.exp(spread)
         found[parameter] = np.exp(log_value + remainder + scatter * rng.standard_normal(draws))
-    found["J"] = sites["J_scale"] * rng.standard_normal(draws)
-    spread = sites.get("log_sigma_spread", 0.0)
+    found["J"] = sites["sd_J"] * rng.standard_normal(draws)
+    spread = sites.get("sd_log_sigma", 0.0)
     found["sigma"] = sites["sigma_typical"] * np.exp(spread * rng.standard_normal(draws))
     return found
 
 
 def prior_quantities(
-    levels: Levels,
+    factors: Factors,
     sites: tuple[str, ...],
     draws: int,
     seed: int,
@@ -93,7 +93,7 @@ def prior_quantities(
 
     Parameters
     ----------
-    levels:
+    factors:
         How the cases group.
     sites:
         What the model samples of `PRIORS`: `prior_sites`, `published_sites` or `motion_sites`.
@@ -107,27 +107,27 @@ def prior_quantities(
     found: dict[str, Any] = dict(prior_draws(sites, draws, seed))
     rng = np.random.default_rng((seed, 2))
     for parameter in parameters:
-        cells = prior_law(f"{parameter}_cell").rvs((draws, len(levels.cell.labels)), random_state=rng)
-        found[f"{parameter}_cell"] = cells
-        log_case = np.log(cells)[:, levels.cell.of_case]
-        for name, factor in levels.factors(parameter).items():
+        cells = prior_distribution(f"{parameter}_group").rvs((draws, len(factors.group.labels)), random_state=rng)
+        found[f"{parameter}_group"] = cells
+        log_case = np.log(cells)[:, factors.group.of_case]
+        for name, factor in factors.effects(parameter).items():
             coordinates = rng.standard_normal((draws, factor.basis.shape[1]))
-            coordinates *= found[f"log_{parameter}_{name}_scale"][:, None]
+            coordinates *= found[f"sd_log_{parameter}_{name}"][:, None]
             found[f"log_{parameter}_{name}"] = coordinates @ factor.basis.T
-            log_case = log_case + coordinates @ factor.design.T
-        if f"published_scatter_{parameter}" in found:
+            log_case = log_case + coordinates @ factor.matrix.T
+        if f"sd_log_{parameter}_published" in found:
             # The mean of a log-normal number, as `published_model` has it.
-            found[f"{parameter}_case"] = np.exp(log_case + 0.5 * found[f"published_scatter_{parameter}"][:, None] ** 2)
+            found[f"{parameter}_case"] = np.exp(log_case + 0.5 * found[f"sd_log_{parameter}_published"][:, None] ** 2)
             continue
-        if (remainder := found.get(f"log_{parameter}_case_scale")) is not None:
+        if (remainder := found.get(f"sd_log_{parameter}_case")) is not None:
             log_case = log_case + remainder[:, None] * rng.standard_normal(log_case.shape)
         found[f"{parameter}_case"] = np.exp(log_case)
-        scatter = f"log_{parameter}_repeat_scatter"
-        if (spread := found.get(f"log_{parameter}_scatter_spread")) is not None:
-            deviation = rng.standard_normal((draws, len(levels.speed.labels)))
+        scatter = f"sd_log_{parameter}_repeat"
+        if (spread := found.get(f"sd_log_{parameter}_repeat_over_speeds")) is not None:
+            deviation = rng.standard_normal((draws, len(factors.speed.labels)))
             found[f"{scatter}_by_speed"] = found[scatter][:, None] * np.exp(spread[:, None] * deviation)
-        usual = rng.standard_normal((draws, len(levels.of_record)))
-        found[parameter] = np.exp(log_case[:, levels.of_record] + found[scatter][:, None] * usual)
+        usual = rng.standard_normal((draws, len(factors.of_record)))
+        found[parameter] = np.exp(log_case[:, factors.of_record] + found[scatter][:, None] * usual)
     return found if start is None else found | _of_records(found, start, rng)
 
 
@@ -139,23 +139,23 @@ def _of_records(found: dict[str, Any], start: RecordStarts, rng: np.random.Gener
         # A record by itself is the typical one.
         return middle[:, None] + found.get(scale, np.zeros(shape[0]))[:, None] * rng.standard_normal(shape)
 
-    J = about(np.zeros(shape[0]), "J_scale")
+    J = about(np.zeros(shape[0]), "sd_J")
     F_i = start.F_0 + start.span * rng.standard_normal(shape)
     of_records = {"J": J, "F_i": F_i, "C": F_i + J - found["k"] * start.d_0}
-    of_records["sigma"] = np.exp(about(np.log(found["sigma_typical"]), "log_sigma_spread"))
+    of_records["sigma"] = np.exp(about(np.log(found["sigma_typical"]), "sd_log_sigma"))
     if "atanh_rho_typical" in found:
-        of_records["rho"] = np.tanh(about(found["atanh_rho_typical"], "atanh_rho_spread"))
+        of_records["rho"] = np.tanh(about(found["atanh_rho_typical"], "sd_atanh_rho"))
     return of_records
 
 
 def prior_records(
-    levels: Levels, case: int, start: Start, draws: int = 1000, seed: int = 0, repeats: str = "mixture"
+    factors: Factors, case: int, start: Start, draws: int = 1000, seed: int = 0, repeats: str = "mixture"
 ) -> Float[np.ndarray, "draws points"]:
     """Return the forces (kN) of records of a case drawn from the priors alone, noise of each point included.
 
     Parameters
     ----------
-    levels, case:
+    factors, case:
         How the cases group, and which of them the records repeat.
     start:
         Where each record starts and how far it goes.
@@ -166,7 +166,7 @@ def prior_records(
     repeats:
         How repeats scatter about their case.
     """
-    parameters = prior_parameters(levels, case, draws, seed, repeats)
+    parameters = prior_parameters(factors, case, draws, seed, repeats)
     of_record = {name: values[:, None] for name, values in parameters.items()}
     rng = np.random.default_rng((seed, 1))
     F_i = start.F_0 + start.span * rng.standard_normal((draws, 1))

@@ -14,17 +14,24 @@ from jax.scipy.stats import norm
 from jaxtyping import Array, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
-from bayes_tyre.inference.model.case_effects import AboutWords, Populations, about_words, keep, keep_cases, sample_cases
-from bayes_tyre.inference.model.factors import Levels
+from bayes_tyre.inference.model.case_effects import (
+    AboutWords,
+    Hyperparameters,
+    about_words,
+    keep,
+    keep_cases,
+    sample_cases,
+)
+from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS
 from bayes_tyre.inference.model.laplace_cases import CaseEstimates
 from bayes_tyre.inference.model.marginal_mixture import (
     Members,
     SummedOut,
     chosen,
-    discordant_probability,
     draw_cases,
     find_members,
+    outlier_probability,
     sum_out,
 )
 from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
@@ -37,10 +44,10 @@ Place = Callable[[Float[Array, "records parameters"], Float[Array, "records para
 
 def records_about_cases(
     place: Place,
-    levels: Levels,
+    factors: Factors,
     estimates: CaseEstimates,
     repeats: str,
-    populations: Populations,
+    hyperparameters: Hyperparameters,
     parameters: Sequence[str] = PARAMETERS,
 ) -> tuple[Placed, Float[Array, "parameters cases"]]:
     """Return the logarithms of the records' values and of their cases', with the density of all but the placing.
@@ -49,7 +56,7 @@ def records_about_cases(
     ----------
     place:
         Called once; what it returns has the records along its first axis.
-    levels:
+    factors:
         Cases and how they group.
     estimates:
         What the records say of their cases; it shapes the coordinates and leaves the posterior as it is.
@@ -58,24 +65,24 @@ def records_about_cases(
     populations, parameters:
         What was sampled of the priors, and of which parameters cases and records are.
     """
-    kind = judgeable(repeats, levels)
-    members = find_members(levels, kind)
-    about = about_words(levels, estimates, populations, parameters)
-    scale = about.scatter.T[levels.of_record]
+    kind = judgeable(repeats, factors)
+    members = find_members(factors, kind)
+    about = about_words(factors, estimates, hyperparameters, parameters)
+    scale = about.scatter.T[factors.of_record]
     if members is None:
         cases = sample_cases("case", about)
-        records = place(cases.T[levels.of_record], scale)
-        repeats_about_cases(records.deviation, scale, kind, populations)
+        records = place(cases.T[factors.of_record], scale)
+        repeats_about_cases(records.deviation, scale, kind, hyperparameters)
     else:
         stand_in = sample_cases("stand_in", about)
         scale = jnp.where(estimates.discordant[:, None], DISCORDANT_WIDENING, 1.0) * scale
-        records = place(stand_in.T[levels.of_record], scale)
+        records = place(stand_in.T[factors.of_record], scale)
         numpyro.factor("repeats", norm.logpdf(records.deviation, 0.0, scale))
-        weight = populations["discordant_weight"]
-        offset = stand_in - about.words
+        weight = hyperparameters["discordant_weight"]
+        offset = stand_in - about.factor_table
         found = sum_out(records.deviation, offset, about.scatter, about.remainder, weight, members)
         _put_right(found, estimates, weight, members)
-        keep("discordant_probability", discordant_probability(found, members, levels))
+        keep("outlier_probability", outlier_probability(found, members, factors))
         cases = _drawn(found, about)
     keep_cases(parameters, cases)
     return records, cases
@@ -91,9 +98,9 @@ def _put_right(found: SummedOut, estimates: CaseEstimates, weight: Array, member
 def _drawn(found: SummedOut, about: AboutWords) -> Float[Array, "parameters cases"]:
     """Sample the cases themselves; one without a remainder is what its words predict."""
     if not about.has_remainder:
-        return about.words
+        return about.factor_table
     choosing, z = (
         jnp.asarray(numpyro.sample(name, dist.Normal(0.0, 1.0).expand(shape).to_event()))
-        for name, shape in (("choice_z", about.words.shape[1:]), ("case_z", about.words.shape))
+        for name, shape in (("choice_z", about.factor_table.shape[1:]), ("case_z", about.factor_table.shape))
     )
-    return about.words + draw_cases(found, choosing, z)
+    return about.factor_table + draw_cases(found, choosing, z)

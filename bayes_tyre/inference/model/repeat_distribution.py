@@ -9,17 +9,17 @@ from jax.scipy.special import gammaln
 from jax.scipy.stats import norm
 from jaxtyping import Array, Float
 
-from bayes_tyre.inference.model.case_effects import Populations
-from bayes_tyre.inference.model.factors import Levels
+from bayes_tyre.inference.model.case_effects import Hyperparameters
+from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS
 from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
 
 REPEATS = ("mixture", "student", "normal")
 
 
-def judgeable(kind: str, levels: Levels) -> str:
+def judgeable(kind: str, factors: Factors) -> str:
     """Return the kind of scatter that the data can tell: two repeats that differ cannot say which of them is odd."""
-    return kind if levels.repeats.max() >= JUDGEABLE_REPEATS else "normal"
+    return kind if factors.repeats.max() >= JUDGEABLE_REPEATS else "normal"
 
 
 class AboutCases(NamedTuple):
@@ -36,7 +36,7 @@ def about_cases(
     deviation: Float[Array, "records parameters"],
     scatter: Float[Array, "records parameters"],
     kind: str,
-    populations: Populations,
+    hyperparameters: Hyperparameters,
 ) -> AboutCases:
     """Return the density of the logarithms of the records' parameters about their cases.
 
@@ -50,13 +50,13 @@ def about_cases(
     if kind == "normal":
         return AboutCases(normal(1.0))
     if kind == "student":
-        nu, half = populations["student_nu"], 0.5 * scatter.shape[1]
+        nu, half = hyperparameters["student_nu"], 0.5 * scatter.shape[1]
         # A t on independent axes: a normal whose variance is nu over a chi-squared number of nu degrees.
         squares = jnp.sum((deviation / scatter) ** 2, axis=1)
         volume = gammaln(0.5 * nu + half) - gammaln(0.5 * nu) - half * jnp.log(nu * jnp.pi)
         volume = volume - jnp.sum(jnp.log(scatter), axis=1)
         return AboutCases(volume - (0.5 * nu + half) * jnp.log1p(squares / nu))
-    weight = populations["discordant_weight"]
+    weight = hyperparameters["discordant_weight"]
     usual = jnp.log1p(-weight) + normal(1.0)
     discordant = jnp.log(weight) + normal(DISCORDANT_WIDENING)
     return AboutCases(jnp.logaddexp(usual, discordant), jax.nn.sigmoid(discordant - usual))
@@ -66,10 +66,10 @@ def repeats_about_cases(
     deviation: Float[Array, "records parameters"],
     scatter: Float[Array, "records parameters"],
     kind: str,
-    populations: Populations,
+    hyperparameters: Hyperparameters,
 ) -> None:
     """Add `about_cases` to a model; keep the probability that each record is discordant where there is one."""
-    found = about_cases(deviation, scatter, kind, populations)
+    found = about_cases(deviation, scatter, kind, hyperparameters)
     numpyro.factor("repeats", found.log_density)
     if found.discordant is not None:
-        numpyro.deterministic("discordant_probability", found.discordant)
+        numpyro.deterministic("outlier_probability", found.discordant)

@@ -38,7 +38,7 @@ class Before(NamedTuple):
 #: favoured by what was known before. `settled` is half the distance between the branches on which the force settles;
 #: of Fancher's law x - k beta, which loses energy only where x > k beta: there is no other place to go.
 OF_TYRES: dict[str, Before] = {
-    "k": Before(np.log(1.0), 1.0, "0.14 to 7.1 kN/mm: car tyre to a pair of truck tyres, as `k_cell` of the fit"),
+    "k": Before(np.log(1.0), 1.0, "0.14 to 7.1 kN/mm: car tyre to a pair of truck tyres, as `k_group` of the fit"),
     "settled": Before(np.log(0.2), 1.0, "0.03 to 1.4 kN: 0.1 to 10 % of a truck tyre's load as friction"),
     "beta": Before(np.log(0.1), 1.5, "0.005 to 1.9 mm: below the travel between two samples to half a step's travel"),
     "n": Before(0.0, 0.4, "0.46 to 2.2 about 1, where Bouc-Wen's law is Fancher's: slower or more sudden settling"),

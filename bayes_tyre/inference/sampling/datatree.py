@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.model.factors import Levels
-from bayes_tyre.record import WORDS
+from bayes_tyre.inference.model.factors import Factors
+from bayes_tyre.record import CASE_FACTORS, FACTORS, Case
 
 #: Units by parameter; the parameters that a record has. Those after `sigma` are of motions; `settled` is x - k beta.
 RECORD_UNITS = {
@@ -28,22 +28,22 @@ _POWERS = {"k": -1.0, "beta": 1.0}
 def _quantities() -> dict[str, tuple[str | None, str]]:
     """Return dimension (None: a scalar) and unit (empty: a pure number) by name."""
     kept: dict[str, tuple[str | None, str]] = {name: ("record", unit) for name, unit in RECORD_UNITS.items()}
-    kept |= {"discordant_probability": ("record", ""), "rho": ("record", "")}
+    kept |= {"outlier_probability": ("record", ""), "rho": ("record", "")}
     kept["x_case"] = ("case", "kN")
     for name in (*CASE_PARAMETERS, "settled", "n", *_BELT, "m", "c"):
         kept[f"{name}_case"] = ("case", RECORD_UNITS[name])
-        kept[f"{name}_cell"] = ("cell", RECORD_UNITS[name])
+        kept[f"{name}_group"] = ("group", RECORD_UNITS[name])
         for factor in ("speed", "load", "step", "direction_step"):
             kept[f"log_{name}_{factor}"] = (factor, "")
-            kept[f"log_{name}_{factor}_scale"] = (None, "")
-        kept[f"log_{name}_case_scale"] = (None, "")
-        kept[f"log_{name}_repeat_scatter"] = (None, "")
-        kept[f"log_{name}_scatter_spread"] = (None, "")
-        kept[f"log_{name}_repeat_scatter_by_speed"] = ("speed", "")
-        kept[f"published_scatter_{name}"] = (None, "")
-    pure = ("discordant_weight", "student_nu", "log_sigma_spread", "atanh_rho_typical", "atanh_rho_spread")
+            kept[f"sd_log_{name}_{factor}"] = (None, "")
+        kept[f"sd_log_{name}_case"] = (None, "")
+        kept[f"sd_log_{name}_repeat"] = (None, "")
+        kept[f"sd_log_{name}_repeat_over_speeds"] = (None, "")
+        kept[f"sd_log_{name}_repeat_by_speed"] = ("speed", "")
+        kept[f"sd_log_{name}_published"] = (None, "")
+    pure = ("discordant_weight", "student_nu", "sd_log_sigma", "atanh_rho_typical", "sd_atanh_rho")
     kept |= dict.fromkeys(pure, (None, ""))
-    kept |= {"J_scale": (None, "kN"), "sigma_typical": (None, "kN")}
+    kept |= {"sd_J": (None, "kN"), "sigma_typical": (None, "kN")}
     return kept
 
 
@@ -69,8 +69,8 @@ def is_of_motions(posterior: xr.Dataset) -> bool:
 def to_datatree(
     draws: Mapping[str, np.ndarray],
     statistics: Mapping[str, np.ndarray],
-    levels: Levels,
-    words: pd.DataFrame,
+    factors: Factors,
+    factor_table: pd.DataFrame,
     attributes: Mapping[str, str],
 ) -> xr.DataTree:
     """Return draws as an ArviZ DataTree with named dimensions, labels, words and units.
@@ -81,21 +81,21 @@ def to_datatree(
         By site, shape (chains, draws, ...); sites that `QUANTITIES` does not name are left out.
     statistics:
         By name as ArviZ has them (`diverging`, `energy`, ...), shape (chains, draws).
-    levels, words:
-        What the cases, records and groupings are called; `words` has a row a record, or none. A column `travel_mm`
-        in it, how far a record goes from its start, is kept beside the words.
+    factors, factor_table:
+        What the cases, records and groupings are called; `factor_table` has a row a record, or none. A column
+        `travel_mm` in it, how far a record goes from its start, is kept beside the factors.
     attributes:
         Put on the root: origin of the data, the model.
     """
     kept = {name: np.asarray(draws[name]) for name in QUANTITIES if name in draws}
-    groupings = {name: getattr(levels, name).labels for name in ("cell", "speed", "load", "step", "direction_step")}
-    coordinates = {"case": [case.label for case in levels.cases], "record": list(words["record"]), **groupings}
+    groupings = {name: getattr(factors, name).labels for name in ("group", "speed", "load", "step", "direction_step")}
+    coordinates = {"case": [case.label for case in factors.cases], "record": list(factor_table["record"]), **groupings}
     tree = az.from_dict(
         {"posterior": kept, "sample_stats": dict(statistics)},
         coords={name: np.asarray(labels) for name, labels in coordinates.items() if len(labels)},
         dims={name: [dim] for name in kept if (dim := QUANTITIES[name][0])},
     )
-    posterior = _with_words(tree["posterior"].to_dataset(), levels, words)
+    posterior = _with_words(tree["posterior"].to_dataset(), factors, factor_table)
     for name in kept:
         posterior[name].attrs["units"] = QUANTITIES[name][1] or "1"
     tree["posterior"] = xr.DataTree(posterior)
@@ -125,7 +125,7 @@ def scale_displacement(tree: xr.DataTree, relative_sd: float, seed: int) -> xr.D
     drawn = np.exp(relative_sd * np.random.default_rng(seed).standard_normal(shape))
     factor = xr.DataArray(drawn, dims=("chain", "draw"), attrs={"units": "1"})
     for parameter, power in _POWERS.items():
-        for name in (parameter, f"{parameter}_case", f"{parameter}_cell"):
+        for name in (parameter, f"{parameter}_case", f"{parameter}_group"):
             if name in posterior:
                 scaled = posterior[name] * factor**power
                 posterior[name] = scaled.transpose(*posterior[name].dims).assign_attrs(posterior[name].attrs)
@@ -141,19 +141,25 @@ def as_measured(posterior: xr.Dataset) -> xr.Dataset:
     factor = posterior["displacement_scale"]
     measured = {}
     for parameter, power in _POWERS.items():
-        for name in (parameter, f"{parameter}_case", f"{parameter}_cell"):
+        for name in (parameter, f"{parameter}_case", f"{parameter}_group"):
             if name in posterior:
                 measured[name] = (posterior[name] * factor**-power).transpose(*posterior[name].dims)
     return posterior.assign(measured)
 
 
-def _with_words(posterior: xr.Dataset, levels: Levels, words: pd.DataFrame) -> xr.Dataset:
+def _with_words(posterior: xr.Dataset, factors: Factors, factor_table: pd.DataFrame) -> xr.Dataset:
     """Return the posterior with the words as labels along its cases and records."""
-    cases = pd.DataFrame(levels.cases)
-    for dim, table in (("case", cases), ("record", words)):
+    cases = pd.DataFrame(factors.cases)
+    for dim, table in (("case", cases), ("record", factor_table)):
         if dim in posterior.dims:
-            columns = [word for word in (*WORDS, "travel_mm") if word in table]
+            columns = [word for word in (*FACTORS, "travel_mm") if word in table]
             posterior = posterior.assign_coords(
                 {f"{dim}_{word}": (dim, np.asarray(table[word].tolist())) for word in columns}
             )
     return posterior
+
+
+def tree_cases(posterior: xr.Dataset) -> list[Case]:
+    """Return the cases of a posterior in its order; None where the data did not have the word."""
+    columns = [posterior[f"case_{word}"].to_numpy().tolist() for word in CASE_FACTORS]
+    return [Case._make(None if value != value else value for value in row) for row in zip(*columns, strict=True)]

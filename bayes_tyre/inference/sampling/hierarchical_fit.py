@@ -12,25 +12,24 @@ from bayes_tyre.batch import Batch, pad
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.correlated_noise import Whitening, smoothed_noise
 from bayes_tyre.inference.least_squares.table import LARGEST, REGIONS, THESIS_KEPT
-from bayes_tyre.inference.model.factors import Levels, find_levels
-from bayes_tyre.inference.model.hyperparameters import population_starts, prior_sites, published_sites
+from bayes_tyre.inference.model.factors import Factors, find_factors
+from bayes_tyre.inference.model.hyperparameters import hyperparameter_starts, prior_sites, published_sites
 from bayes_tyre.inference.model.laplace import (
-    Picture,
-    RecordData,
+    LaplaceApproximation,
     RecordEstimates,
-    blank_picture,
-    draw_picture,
-    record_data,
+    empty_approximation,
+    laplace_approximation,
 )
 from bayes_tyre.inference.model.likelihood import DirectLikelihood, Likelihood, compress
 from bayes_tyre.inference.model.models import NOISE, published_model, records_model
 from bayes_tyre.inference.model.priors import prior_medians
 from bayes_tyre.inference.model.repeat_distribution import REPEATS
+from bayes_tyre.inference.record_data import RecordData, record_data
 from bayes_tyre.inference.sampling.datatree import scale_displacement, to_datatree
 from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.run import SamplerSettings, run, sample
-from bayes_tyre.record import CASE_WORDS
-from bayes_tyre.record_table import origin_of, record_words
+from bayes_tyre.record import CASE_FACTORS
+from bayes_tyre.record_table import origin_of, record_factors
 
 #: F_i, J, k, beta and sigma of a record, and one point to spare.
 LEAST_POINTS = 6
@@ -155,15 +154,15 @@ def fit_hierarchical(
         For a record with too few points or no travel.
     """
     settings, model = settings or SamplerSettings(), model or ModelSettings()
-    batch, words, levels = batch_and_levels(table, model)
-    tree = fit_batch(batch, words, levels, settings, model)
+    batch, factor_table, factors = batch_and_factors(table, model)
+    tree = fit_batch(batch, factor_table, factors, settings, model)
     tree.attrs["origin"] = origin_of(table)
     if model.displacement_scale_sd > 0:
         tree = scale_displacement(tree, model.displacement_scale_sd, settings.seed)
     return tree
 
 
-def batch_and_levels(table: pd.DataFrame, model: ModelSettings) -> tuple[Batch, pd.DataFrame, Levels]:
+def batch_and_factors(table: pd.DataFrame, model: ModelSettings) -> tuple[Batch, pd.DataFrame, Factors]:
     """Return the records of a checked table as the model is told to take them, their words, and the levels in these.
 
     Raises
@@ -173,38 +172,45 @@ def batch_and_levels(table: pd.DataFrame, model: ModelSettings) -> tuple[Batch, 
     """
     batch = record_batch(used_points(table, model.region))
     travel = np.abs(batch.displacement_mm - batch.displacement_mm[:, :1]).max(axis=1)
-    words = record_words(table).assign(travel_mm=travel)
-    return batch, words, find_levels(words, batch.force_kN[:, 0] if model.initial_load == "actual" else None)
+    factor_table = record_factors(table).assign(travel_mm=travel)
+    return (
+        batch,
+        factor_table,
+        find_factors(factor_table, batch.force_kN[:, 0] if model.initial_load == "actual" else None),
+    )
 
 
 def fit_batch(
-    batch: Batch, words: pd.DataFrame, levels: Levels, settings: SamplerSettings, model: ModelSettings
+    batch: Batch, factor_table: pd.DataFrame, factors: Factors, settings: SamplerSettings, model: ModelSettings
 ) -> xr.DataTree:
     """Return the posterior of a batch of records as `fit_hierarchical` does, for displacement as it was measured.
 
     Parameters
     ----------
-    batch, words, levels:
-        As `batch_and_levels` gives them; levels may hold cases without a record.
+    batch, factor_table, factors:
+        As `batch_and_factors` gives them; levels may hold cases without a record.
     settings, model:
         How much to sample, and of what.
     """
     whitening, data = whitening_for(batch, model), record_data(batch)
-    likelihood, sites = likelihood_of(data, model, whitening), prior_sites(levels, model.repeats, model.noise)
+    likelihood, sites = likelihood_of(data, model, whitening), prior_sites(factors, model.repeats, model.noise)
 
-    def arguments(picture: Picture) -> dict[str, Any]:
+    def arguments(picture: LaplaceApproximation) -> dict[str, Any]:
         of_records = {"likelihood": likelihood, "data": data, "picture": picture}
-        return {**of_records, "levels": levels, "repeats": model.repeats, "noise": model.noise}
+        return {**of_records, "factors": factors, "repeats": model.repeats, "noise": model.noise}
 
     # Least squares and the chains are compiled side by side: these need to know the shapes of the picture alone.
     with ThreadPoolExecutor(1) as beside:
-        drawing = beside.submit(draw_picture, batch, levels, model.noise, whitening)
-        blank, medians = arguments(blank_picture(len(batch.records), levels)), population_starts(sites, prior_medians())
+        drawing = beside.submit(laplace_approximation, batch, factors, model.noise, whitening)
+        blank, medians = (
+            arguments(empty_approximation(len(batch.records), factors)),
+            hyperparameter_starts(sites, prior_medians()),
+        )
         chains = Chains(records_model, blank, settings.chains, settings.warmup, medians)
         picture = drawing.result()
-    draws = run(chains.given(arguments(picture), population_starts(sites, _starts(picture.records))), settings)
+    draws = run(chains.given(arguments(picture), hyperparameter_starts(sites, _starts(picture.records))), settings)
     told = {name: str(getattr(model, name)) for name in ("repeats", "noise", "noise_window")}
-    return to_datatree(draws.sites, draws.statistics, levels, words, {"model": "records", **told})
+    return to_datatree(draws.sites, draws.statistics, factors, factor_table, {"model": "records", **told})
 
 
 def whitening_for(batch: Batch, model: ModelSettings) -> Whitening | None:
@@ -222,7 +228,7 @@ def likelihood_of(data: RecordData, model: ModelSettings, whitening: Whitening |
 def _starts(records: RecordEstimates) -> dict[str, np.ndarray]:
     """Return where each population starts: its median, and where the records' own estimates say more, these."""
     starts = prior_medians()
-    starts["J_scale"] = np.asarray(np.sqrt(np.mean(np.asarray(records.centre[:, 1]) ** 2)) + 1e-3)
+    starts["sd_J"] = np.asarray(np.sqrt(np.mean(np.asarray(records.centre[:, 1]) ** 2)) + 1e-3)
     return starts
 
 
@@ -236,11 +242,11 @@ def fit_published(table: pd.DataFrame, settings: SamplerSettings | None = None) 
     settings:
         How much to sample.
     """
-    levels = find_levels(table[list(CASE_WORDS)])
+    factors = find_factors(table[list(CASE_FACTORS)])
     columns = {"k": "k_kN_per_mm", "beta": "beta_mm"}
     values = {name: table[column].to_numpy(dtype=float) for name, column in columns.items()}
-    arguments = {"values": values, "levels": levels}
-    starts = population_starts(published_sites(levels), prior_medians())
+    arguments = {"values": values, "factors": factors}
+    starts = hyperparameter_starts(published_sites(factors), prior_medians())
     draws = sample(published_model, arguments, settings or SamplerSettings(), starts)
     attributes = {"origin": "published", "model": "published"}
-    return to_datatree(draws.sites, draws.statistics, levels, pd.DataFrame({"record": []}), attributes)
+    return to_datatree(draws.sites, draws.statistics, factors, pd.DataFrame({"record": []}), attributes)

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.stats import binomtest
 
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.colours import INK, PALE, Look, Setting, looks_of_none
-from bayes_tyre.report.figures.labels import called
 from bayes_tyre.report.figures.layout import STYLE, WIDTH
+from bayes_tyre.report.wording import called
 
 #: Simulated, whatever is shown.
 _SETTING = Setting("simulated")
@@ -61,7 +61,7 @@ def one_record(truth: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Figure
         The same by method, each from its own first point; a displacement may be counted from anywhere.
     """
     appearance = _looks(paths)
-    figure = page.page(WIDTH, 4.0)
+    figure = layout.page(WIDTH, 4.0)
     ax = figure.subplots()
     styles = {"truth": {"color": INK, "linewidth": 2.5, "alpha": 0.5}}
     styles |= {name: {"color": appearance[name].colour, "linestyle": appearance[name].line} for name in paths}
@@ -70,8 +70,8 @@ def one_record(truth: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Figure
         ax.plot(u, path["force_kN"], **{"linewidth": 1.2, **styles[name]})
     ax.set_xlabel("displacement from the step's start, flat ground (mm)")
     ax.set_ylabel("force, flat ground (kN)")
-    page.legend(figure, [(Line2D([], [], **style), name) for name, style in styles.items()])
-    return page.finish(figure, _SETTING, "One simulated record of a stationary axle; truth: what its tyre did.")
+    layout.legend(figure, [(Line2D([], [], **style), name) for name, style in styles.items()])
+    return layout.finish(figure, _SETTING, "One simulated record of a stationary axle; truth: what its tyre did.")
 
 
 @matplotlib.style.context(STYLE)
@@ -87,7 +87,7 @@ def beta_returned(table: pd.DataFrame, source_window: int) -> Figure:
     """
     rows = _positive(table[table["parameter"] == "beta"])
     methods, top = list(dict.fromkeys(table["method"])), _top(rows)
-    figure = page.page(WIDTH, 3.4)
+    figure = layout.page(WIDTH, 3.4)
     axes = figure.subplots(1, len(methods), sharex=True, sharey=True, squeeze=False)[0]
     appearance = _looks(methods)
     for ax, method in zip(axes, methods, strict=True):
@@ -99,7 +99,7 @@ def beta_returned(table: pd.DataFrame, source_window: int) -> Figure:
         for part, colour in ((other, PALE), (~other, look.colour)):
             _arrows(ax, of["truth"][part], of["median"][part], top, colour)
         ends = [rows["truth"].min(), rows["truth"].max()] if len(rows) else [0.01, 0.1]
-        page.log_axis(ax, 0.8 * ends[0], 1.25 * ends[1], crowd=2.0)
+        layout.log_axis(ax, 0.8 * ends[0], 1.25 * ends[1], crowd=2.0)
         _log_up_to(ax, rows["median"], top)
         ax.tick_params(labelsize=7)
         ax.plot(ends, ends, **_IDENTITY)
@@ -110,13 +110,13 @@ def beta_returned(table: pd.DataFrame, source_window: int) -> Figure:
         (Line2D([], [], **_IDENTITY), "the truth"),
         (Line2D([], [], color=PALE, marker=".", linestyle=""), "thesis, other windows"),
     ]
-    page.legend(figure, handles)
+    layout.legend(figure, handles)
     note = (
         f"Simulated records of a stationary axle; a point a truth (k, x, beta, damping, rise time, step). thesis with "
         f"the source's window of {source_window} samples, and pale with others; the other methods smooth nothing."
         f"{_beyond(rows['median'], top)}"
     )
-    return page.finish(figure, _SETTING, note)
+    return layout.finish(figure, _SETTING, note)
 
 
 @matplotlib.style.context(STYLE)
@@ -124,7 +124,7 @@ def k_bias(table: pd.DataFrame, factors: Mapping[str, tuple[str, str]], typical:
     """Return the bias of k by method against each factor, the others typical; arguments as of `draw`."""
     rows = table[table["parameter"] == "k"].dropna(subset=["bias_percent"])
     appearance = _looks(table["method"])
-    figure = page.page(WIDTH, 4.8)
+    figure = layout.page(WIDTH, 4.8)
     axes = figure.subplots(2, math.ceil(len(factors) / 2), sharey=True, squeeze=False)
     for ax in axes.ravel()[len(factors) :]:
         ax.set_visible(False)
@@ -135,7 +135,7 @@ def k_bias(table: pd.DataFrame, factors: Mapping[str, tuple[str, str]], typical:
         ax.set_xlabel(f"{name} ({unit})", fontsize=7)
     for ax in axes[:, 0]:
         ax.set_ylabel("bias of k, median (%)", fontsize=8)
-    page.legend(figure, [(look.interval_handle, method) for method, look in appearance.items()])
+    layout.legend(figure, [(look.interval_handle, method) for method, look in appearance.items()])
     about = ", ".join(
         f"{name} {typical[factor]:g} {unit}".replace("-", "\u2212") for factor, (name, unit) in factors.items()
     )
@@ -143,7 +143,7 @@ def k_bias(table: pd.DataFrame, factors: Mapping[str, tuple[str, str]], typical:
         f"Simulated records of a stationary axle; one factor varied at a time about {about}. The window is thesis's. "
         "Dashed: no bias."
     )
-    return page.finish(figure, _SETTING, note)
+    return layout.finish(figure, _SETTING, note)
 
 
 def _varied(rows: pd.DataFrame, but: str, typical: Mapping[str, float]) -> pd.DataFrame:
@@ -169,7 +169,7 @@ def coverage(shown: pd.DataFrame) -> Figure:
     """Return the share of 95 % intervals that hold the truth, by parameter and method, with its own 95 % interval."""
     rows = shown[shown["intervals"] > 0].reset_index(drop=True)
     appearance = _looks(shown["method"])
-    figure = page.page(WIDTH, 1.4 + 0.25 * max(4, len(rows)))
+    figure = layout.page(WIDTH, 1.4 + 0.25 * max(4, len(rows)))
     ax = figure.subplots()
     for i, (_, row) in enumerate(rows.iterrows()):
         look, intervals = appearance[row["method"]], int(row["intervals"])
@@ -190,7 +190,7 @@ def coverage(shown: pd.DataFrame) -> Figure:
         "line: its own 95 % interval (exact binomial); dashed: 95 %. thesis and inertia: least squares' standard "
         "errors; motion: its own covariance."
     )
-    return page.finish(figure, _SETTING, note)
+    return layout.finish(figure, _SETTING, note)
 
 
 @matplotlib.style.context(STYLE)
@@ -203,7 +203,7 @@ def beta_window(table: pd.DataFrame, factors: Mapping[str, tuple[str, str]], typ
     betas = sorted(set(of["truth"]))
     rises, top = sorted(set(of["rise_s"])), _top(of)
     by_rise = dict(zip(rises, looks_of_none(map(str, rises)).values(), strict=True))
-    figure = page.page(WIDTH, 3.4)
+    figure = layout.page(WIDTH, 3.4)
     axes = figure.subplots(1, max(1, len(betas)), sharex=True, sharey=True, squeeze=False)[0]
     for ax, beta in zip(axes, betas, strict=False):
         for rise, look in by_rise.items():
@@ -218,13 +218,13 @@ def beta_window(table: pd.DataFrame, factors: Mapping[str, tuple[str, str]], typ
         ax.tick_params(labelsize=6)
     axes[0].set_ylabel("beta by thesis, median\n(mm, log scale)", fontsize=8)
     handles = [(look.interval_handle, f"rise {1e3 * rise:g} ms") for rise, look in by_rise.items()]
-    page.legend(figure, [*handles, (Line2D([], [], **_IDENTITY), "the truth")])
+    layout.legend(figure, [*handles, (Line2D([], [], **_IDENTITY), "the truth")])
     note = (
         "Simulated records of a stationary axle, 10 kHz; only the moving mean's length is changed, all else as the "
         f"source has it (its own: {typical['window_samples']:g} samples; 1: not smoothed). "
         f"No point where records do not determine beta.{_beyond(of['median'], top)}"
     )
-    return page.finish(figure, _SETTING, note)
+    return layout.finish(figure, _SETTING, note)
 
 
 def _looks(methods: Iterable[str]) -> dict[str, Look]:
@@ -242,7 +242,7 @@ def _log_up_to(ax: Axes, values: pd.Series, top: float) -> None:
     if len(values) and values.max() > top:
         ax.set_ylim(0.7 * values.min(), top)
     if len(values):
-        page.plain_ticks(ax.yaxis, page.log_steps(values.min(), min(values.max(), top), crowd=1.5))
+        layout.plain_ticks(ax.yaxis, layout.log_steps(values.min(), min(values.max(), top), crowd=1.5))
 
 
 def _arrows(ax: Axes, x: pd.Series, values: pd.Series, top: float, colour: str) -> None:

@@ -8,8 +8,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bayes_tyre.record import CASE_WORDS, DIRECTIONS
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.record import CASE_FACTORS, DIRECTIONS
+from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.labels import plain
 from bayes_tyre.report.figures.layout import TALLEST
 from bayes_tyre.results.columns import numbers, texts
@@ -30,7 +30,7 @@ def direction_rank(direction: str) -> tuple[int, str]:
 def case_words(table: pd.DataFrame) -> pd.DataFrame:
     """Return the five words of a case (km/h, kN) for each row, "" or NaN where the table does not say."""
     text = ("configuration", "direction")
-    return pd.DataFrame({word: texts(table, word) if word in text else numbers(table, word) for word in CASE_WORDS})
+    return pd.DataFrame({word: texts(table, word) if word in text else numbers(table, word) for word in CASE_FACTORS})
 
 
 def in_order(table: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
@@ -43,9 +43,9 @@ def in_order(table: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
     )
 
 
-def numbered(words: pd.DataFrame) -> pd.DataFrame:
+def numbered(factors: pd.DataFrame) -> pd.DataFrame:
     """Return the table with a column `nth` that counts the rows sharing all their words, from 0."""
-    return words.assign(nth=words.groupby(list(words.columns), dropna=False).cumcount())
+    return factors.assign(nth=factors.groupby(list(factors.columns), dropna=False).cumcount())
 
 
 def case_label(speed_km_h: float, initial_load_kN: float, step_kN: float) -> str:
@@ -103,7 +103,7 @@ def parameter_panels(count: int, spare: float, line: float, room: int) -> tuple[
     across = min(_ACROSS, count)
     down = math.ceil(count / across)
     spare += _BETWEEN_ROWS * (down - 1)
-    figure = page.page(page.wide(across), min(TALLEST, spare + line * room * down))
+    figure = layout.page(layout.wide(across), min(TALLEST, spare + line * room * down))
     axes = list(figure.subplots(down, across, sharey=True, squeeze=False).ravel())
     for ax in axes[count:]:
         ax.remove()

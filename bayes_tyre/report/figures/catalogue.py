@@ -8,8 +8,10 @@ import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
+from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.verdict import AUTOCORRELATION_MOST
-from bayes_tyre.inference.sampling.datatree import RECORD_UNITS, is_of_motions
+from bayes_tyre.inference.sampling.datatree import RECORD_UNITS, is_of_motions, tree_cases
+from bayes_tyre.inference.sampling.group_means import group_means
 from bayes_tyre.report.figures.colours import Setting
 from bayes_tyre.report.figures.contrast import contrasts_by_case
 from bayes_tyre.report.figures.densities import posteriors_by_direction, prior_and_posterior_of_scales
@@ -21,10 +23,9 @@ from bayes_tyre.report.figures.record import (
     residuals_against_displacement,
 )
 from bayes_tyre.report.figures.sampler import pair_plot, rank_plot
-from bayes_tyre.results import posterior_predictive as predictive
-from bayes_tyre.results import summary
-from bayes_tyre.results.contrasts import contrasts, tree_cases
-from bayes_tyre.results.hyperparameters import Population, divergences, paired, populations
+from bayes_tyre.results import posterior_predictive, summary
+from bayes_tyre.results.contrasts import contrasts
+from bayes_tyre.results.hyperparameters import Hyperparameter, divergences, hyperparameters, paired
 from bayes_tyre.results.hysteresis_loops import LAW, friction_loops
 from bayes_tyre.results.prior_curves import prior_panels
 from bayes_tyre.results.prior_posterior import scales
@@ -96,14 +97,14 @@ class Result:
         return Setting(self.tree.attrs["origin"], self.verdict, tuple(sorted(configurations)))
 
     @cached_property
-    def populations(self) -> list[Population]:
+    def hyperparameters(self) -> list[Hyperparameter]:
         """The parameters of its populations."""
-        return populations(self.tree)
+        return hyperparameters(self.tree)
 
     @cached_property
     def shown(self) -> list[str]:
         """The names of a few of its records."""
-        return predictive.records_to_show(self.tree)
+        return posterior_predictive.records_to_show(self.tree)
 
 
 def draw(result: Result) -> Iterator[tuple[str, Figure]]:
@@ -150,11 +151,11 @@ def _about_energy(result: Result) -> str:
 
 def _cell_draws(tree: xr.DataTree) -> pd.DataFrame:
     """Return the draws of the cell means in long form: configuration, direction, parameter, unit, value."""
-    means = summary.cell_means(tree)
-    long = means.stack(sample=("chain", "draw", "cell")).reset_index("sample", drop=True)
-    words = {word: long[word].to_numpy() for word in ("configuration", "direction")}
+    means = group_means(tree)
+    long = means.stack(sample=("chain", "draw", "group")).reset_index("sample", drop=True)
+    factor_table = {word: long[word].to_numpy() for word in ("configuration", "direction")}
     blocks = [
-        pd.DataFrame({**words, "parameter": name, "unit": RECORD_UNITS[str(name)], "value": draws.to_numpy()})
+        pd.DataFrame({**factor_table, "parameter": name, "unit": RECORD_UNITS[str(name)], "value": draws.to_numpy()})
         for name, draws in long.data_vars.items()
     ]
     return pd.concat(blocks, ignore_index=True)
@@ -171,15 +172,15 @@ def _contrasts(result: Result) -> Figure:
 
 
 def _scales(result: Result) -> Figure:
-    return prior_and_posterior_of_scales(scales(result.populations), result.setting)
+    return prior_and_posterior_of_scales(scales(result.hyperparameters), result.setting)
 
 
 def _ranks(result: Result) -> Figure:
-    return rank_plot([ranks(one) for one in result.populations if one.varies], result.setting)
+    return rank_plot([ranks(one) for one in result.hyperparameters if one.varies], result.setting)
 
 
 def _pairs(result: Result) -> Figure:
-    return pair_plot(paired(result.populations), divergences(result.tree), result.setting)
+    return pair_plot(paired(result.hyperparameters), divergences(result.tree), result.setting)
 
 
 def _priors(result: Result, table: pd.DataFrame) -> Figure:
@@ -188,13 +189,13 @@ def _priors(result: Result, table: pd.DataFrame) -> Figure:
 
 
 def _bands(result: Result, table: pd.DataFrame) -> Figure:
-    bands = predictive.predictive_bands(result.tree, table, result.shown, result.interval)
+    bands = posterior_predictive.predictive_bands(result.tree, table, result.shown, result.interval)
     return records_with_bands(table[table["record"].isin(result.shown)], bands, result.setting, result.interval)
 
 
 def _residuals(result: Result, table: pd.DataFrame) -> Figure:
-    found = predictive.residuals(result.tree, table)
-    points, records = predictive.residual_tables(found, table, result.shown)
+    found = posterior_predictive.residuals(result.tree, table)
+    points, records = posterior_predictive.residual_tables(found, table, result.shown)
     return residuals_against_displacement(points, records, result.setting, AUTOCORRELATION_MOST)
 
 
@@ -221,3 +222,47 @@ OF_RECORDS: Mapping[str, Callable[[Result, pd.DataFrame], Figure]] = {
     "residuals_against_displacement": _residuals,
 }
 OF_REPEATS: Mapping[str, Callable[[Result], Figure]] = {OUTLIERS: _outliers}
+
+
+def chosen_figure(
+    tree: xr.DataTree,
+    verdict: str,
+    name: str,
+    table: pd.DataFrame | None = None,
+    printed: pd.DataFrame | None = None,
+    interval: float = 0.95,
+) -> Figure:
+    """Return a figure that `bayes_tyre.report.figures.catalogue` knows.
+
+    Parameters
+    ----------
+    tree, verdict:
+        A posterior, and ``pass`` or ``fail``.
+    name:
+        Of its file, without suffix.
+    table:
+        The points it was fitted to; figures of records need them.
+    printed:
+        Printed `k_kN_per_mm` and `beta_mm` by case, shown beside the posterior where given.
+    interval:
+        Probability of every interval, equal-tailed.
+
+    Raises
+    ------
+    BadInput
+        For a name that there is not, a figure of records without records, and one of odd repeats where none is judged.
+    """
+    result = Result(tree, verdict, table, printed, interval)
+    of_tree = {**ALWAYS, **OF_MOTIONS} if result.of_motions else ALWAYS
+    known = [*of_tree, *([] if result.of_motions else OF_RECORDS), *OF_REPEATS]
+    if name not in known:
+        raise BadInput(f"figure {name!r} is unknown; use one of {', '.join(known)}")
+    if name in of_tree:
+        return of_tree[name](result)
+    if name in OF_REPEATS and result.judges:
+        return OF_REPEATS[name](result)
+    if name in OF_RECORDS and table is not None and "record" in tree["posterior"].dims:
+        return OF_RECORDS[name](result, table)
+    if name in OF_REPEATS and "record" in tree["posterior"].dims:
+        raise BadInput(f"figure {name}: this posterior judges no record; that takes repeats mixture, three of a case")
+    raise BadInput(f"figure {name} shows records; give the posterior of records, and their table")

@@ -9,12 +9,12 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bayes_tyre.record import CASE_WORDS
-from bayes_tyre.report.figures import case_axis as case_lines
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.record import CASE_FACTORS
+from bayes_tyre.report.figures import case_axis, layout
 from bayes_tyre.report.figures.colours import INK, Setting
-from bayes_tyre.report.figures.labels import PARAMETERS, called, interval_name, panels, plain
+from bayes_tyre.report.figures.labels import interval_name, plain
 from bayes_tyre.report.figures.layout import STYLE
+from bayes_tyre.report.wording import PARAMETERS, called, panels
 from bayes_tyre.results.columns import numbers, texts
 
 #: Height of a line, inches; the room of the shortest list, lines.
@@ -40,7 +40,7 @@ def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting, about: str = ""
     about:
         A sentence on what the ratios are of, where it is not plain; it joins the note.
     """
-    rows = case_lines.case_words(contrasts)
+    rows = case_axis.case_words(contrasts)
     for column in ("contrast", "matching", "parameter"):
         rows[column] = texts(contrasts, column)
     for column in ("median", "lower", "upper", "interval", "p_greater_than_1"):
@@ -48,33 +48,33 @@ def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting, about: str = ""
     rows["of_case"] = ~rows["initial_load_kN"].isna() | ~rows["step_kN"].isna()
     between_directions = rows["contrast"].str.contains("loading")
     rows = rows[rows["parameter"].isin(list(PARAMETERS)) & ~(between_directions & rows["of_case"])]
-    listed = rows.drop_duplicates(["contrast", "matching", *CASE_WORDS]).reset_index(drop=True)
+    listed = rows.drop_duplicates(["contrast", "matching", *CASE_FACTORS]).reset_index(drop=True)
     headings = [plain(f"{row['contrast']}, {row['matching']}", 60) for row in listed.to_dict("records")]
-    lines = case_lines.list_lines(headings, [_label(row) for row in listed.to_dict("records")])
+    lines = case_axis.list_lines(headings, [_label(row) for row in listed.to_dict("records")])
     listed["y"] = [line.y for line in lines if not line.heads]
-    rows = rows.merge(listed[["contrast", "matching", *CASE_WORDS, "y"]])
+    rows = rows.merge(listed[["contrast", "matching", *CASE_FACTORS, "y"]])
     room = max(_LEAST, len(lines))
     parameters = panels(rows["parameter"])
-    figure, axes, inches = case_lines.parameter_panels(len(parameters), 1.1, _LINE, room)
+    figure, axes, inches = case_axis.parameter_panels(len(parameters), 1.1, _LINE, room)
     for ax, parameter in zip(axes, parameters, strict=True):
         _panel(ax, rows[rows["parameter"] == parameter], parameter)
-        case_lines.name_lines(ax, lines, inches, room)
+        case_axis.name_lines(ax, lines, inches, room)
     contents = " or ".join(interval_name(one) for one in sorted(set(rows["interval"].dropna()))) or "interval"
     if rows.empty:
-        return page.finish(figure, setting, "No two configurations or directions have cases that match.")
+        return layout.finish(figure, setting, "No two configurations or directions have cases that match.")
     note = (
         f"Marker: median. Line: {contents}. At the right: probability that the ratio is above 1. Dashed: 1, no "
         f"difference. Bold: averages over the matched cases. {about}"
     )
-    return page.finish(figure, setting, note.rstrip())
+    return layout.finish(figure, setting, note.rstrip())
 
 
 def _label(row: Mapping[Hashable, Any]) -> str:
     """Return what a ratio is of: its case, or which cases it averages."""
     if row["of_case"]:
-        case = case_lines.case_label(*(row[word] for word in CASE_WORDS[2:]))
+        case = case_axis.case_label(*(row[word] for word in CASE_FACTORS[2:]))
         return " ".join(plain(part, 24) for part in (row["configuration"], row["direction"], case) if part)
-    fixed = [plain(row[word], 24) for word in CASE_WORDS[:2] if row[word]]
+    fixed = [plain(row[word], 24) for word in CASE_FACTORS[:2] if row[word]]
     return ", ".join(["average", *fixed])
 
 
@@ -92,7 +92,7 @@ def _panel(ax: Axes, rows: pd.DataFrame, parameter: str) -> None:
     low, high = values.min(), values.max()
     log = bool(low > 0 and high > _LOG_FROM * low)
     if log:
-        page.log_axis(ax, low / 1.05, high * (high / low) ** _ROOM)
+        layout.log_axis(ax, low / 1.05, high * (high / low) ** _ROOM)
     else:
         ax.set_xlim(low - 0.05 * (high - low or 1.0), high + _ROOM * (high - low or 1.0))
     ax.set_xlabel(f"ratio of {called(parameter)} (no unit{', log scale' if log else ''})")

@@ -11,20 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from bayes_tyre.report.figures import case_axis as case_lines
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.report.figures import case_axis, layout
 from bayes_tyre.report.figures.colours import INK, PALE, Look, Setting
-from bayes_tyre.report.figures.labels import (
-    PARAMETERS,
-    WIDE,
-    configuration_label,
-    decimals,
-    interval_name,
-    panels,
-    plain,
-    unit_name,
-)
+from bayes_tyre.report.figures.labels import configuration_label, decimals, interval_name, plain, unit_name
 from bayes_tyre.report.figures.layout import STYLE, WIDTH
+from bayes_tyre.report.wording import PARAMETERS, WIDE, panels
 from bayes_tyre.results.columns import numbers, texts
 from bayes_tyre.results.prior_posterior import Scale
 
@@ -55,11 +46,11 @@ def posteriors_by_direction(cells: pd.DataFrame, setting: Setting, interval: flo
     draws = pd.DataFrame({word: texts(cells, word) for word in ("configuration", "direction", "parameter", "unit")})
     draws["value"] = numbers(cells, "value")
     draws = draws[draws["value"].notna() & draws["parameter"].isin(list(PARAMETERS))]
-    directions = sorted(set(draws["direction"]), key=case_lines.direction_rank) or [""]
+    directions = sorted(set(draws["direction"]), key=case_axis.direction_rank) or [""]
     parameters = panels(draws["parameter"])
     appearance = setting.looks(draws["configuration"])
     each = (2.3 if len(parameters) <= _TALL else 1.7) + 0.1 * len(appearance)
-    figure = page.page(WIDTH, 1.0 + each * len(parameters))
+    figure = layout.page(WIDTH, 1.0 + each * len(parameters))
     axes = figure.subplots(len(parameters), len(directions), sharex="row", sharey="row", squeeze=False)
     for row, parameter in zip(axes, parameters, strict=True):
         here = draws[draws["parameter"] == parameter]
@@ -68,9 +59,9 @@ def posteriors_by_direction(cells: pd.DataFrame, setting: Setting, interval: flo
             row[0].locator_params(axis="x", nbins=_FEW)
     for ax, direction in zip(axes[0], directions, strict=True):
         ax.set_title(plain(direction or "direction not stated"))
-    page.legend(figure, [(look.density_handle, configuration_label(name)) for name, look in appearance.items()])
+    layout.legend(figure, [(look.density_handle, configuration_label(name)) for name, look in appearance.items()])
     note = f"Mean over the cases of a direction. Bar, shading: {interval_name(interval)}, equal-tailed. Marker: median."
-    return page.finish(figure, setting, f"{note} {about}".rstrip())
+    return layout.finish(figure, setting, f"{note} {about}".rstrip())
 
 
 def _density_row(
@@ -82,7 +73,7 @@ def _density_row(
     strip = min(0.5, 0.08 * len(appearance))
     highest = 0.0
     for ax, panel in zip(axes, panels, strict=True):
-        unit = page.name_axis(ax, parameter, draws, log)
+        unit = layout.name_axis(ax, parameter, draws, log)
         for i, (configuration, look) in enumerate(appearance.items()):
             values = panel.loc[panel["configuration"] == configuration, "value"].to_numpy()
             if len(values):
@@ -91,7 +82,7 @@ def _density_row(
         axes[0].set_ylabel(f"density (per {f'decade of {unit}' if log else unit})")
         ax.axhline(0, color="#666666", linewidth=0.7)
     if log:
-        page.log_axis(axes[0], low, high)
+        layout.log_axis(axes[0], low, high)
     top = 1.05 * highest or 1.0
     axes[0].set_ylim(-top * strip / (1 - strip), top)
     axes[0].set_yticks([tick for tick in axes[0].get_yticks() if 0 <= tick <= top])
@@ -127,7 +118,7 @@ def prior_and_posterior_of_scales(scales: list[Scale], setting: Setting) -> Figu
     shown = scales[:MOST_SCALES]
     across = max(1, min(ACROSS, len(shown)))
     down = max(1, math.ceil(len(shown) / across))
-    figure = page.page(WIDTH, 0.9 + ROW * down)
+    figure = layout.page(WIDTH, 0.9 + ROW * down)
     axes = figure.subplots(down, across, squeeze=False).ravel()
     for ax, scale in zip(axes, shown, strict=False):
         _scale_panel(ax, scale)
@@ -135,13 +126,13 @@ def prior_and_posterior_of_scales(scales: list[Scale], setting: Setting) -> Figu
         ax.set_visible(False)
     for ax in axes[: len(shown) : across]:
         ax.set_ylabel("density / highest\n(no unit)", fontsize=7)
-    page.legend(figure, [(Patch(**_PRIOR), "prior"), (Line2D([], [], color=INK), "posterior")])
+    layout.legend(figure, [(Patch(**_PRIOR), "prior"), (Line2D([], [], color=INK), "posterior")])
     note = (
         "Contraction: 1 - (interquartile range of posterior / prior) squared, of the logarithm on logarithmic axes; "
         f"0: the data said nothing, 1: they said all. Bold: below {LITTLE:g}, the prior decides."
     )
     left_out = "" if len(scales) == len(shown) else f" The first {len(shown)} of {len(scales)} scales."
-    return page.finish(figure, setting, note + left_out)
+    return layout.finish(figure, setting, note + left_out)
 
 
 def _scale_panel(ax: Axes, scale: Scale) -> None:
@@ -154,7 +145,7 @@ def _scale_panel(ax: Axes, scale: Scale) -> None:
         fontweight="bold" if little else "normal",
     )
     if scale.log:
-        page.log_axis(ax, scale.at[0], scale.at[-1], crowd=1.6)
+        layout.log_axis(ax, scale.at[0], scale.at[-1], crowd=1.6)
     else:
         ax.set_xlim(scale.at[0], scale.at[-1])
     ax.set_xlabel(f"({unit_name(scale.unit)}{', log scale' if scale.log else ''})", fontsize=7, labelpad=1)

@@ -10,21 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from bayes_tyre.record import CASE_WORDS
-from bayes_tyre.report.figures import case_axis as case_lines
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.record import CASE_FACTORS
+from bayes_tyre.report.figures import case_axis, layout
 from bayes_tyre.report.figures.case_axis import Line
 from bayes_tyre.report.figures.colours import INK, Look, Setting
-from bayes_tyre.report.figures.labels import (
-    PARAMETERS,
-    USUAL,
-    WIDE,
-    configuration_label,
-    interval_name,
-    panels,
-    plain,
-)
+from bayes_tyre.report.figures.labels import configuration_label, interval_name, plain
 from bayes_tyre.report.figures.layout import STYLE, TALLEST, WIDTH
+from bayes_tyre.report.wording import PARAMETERS, USUAL, WIDE, panels
 from bayes_tyre.results.columns import numbers, texts
 
 #: Height of a line in a list, inches; the room of the shortest list, lines.
@@ -49,31 +41,31 @@ def forest_of_cases(cases: pd.DataFrame, printed: pd.DataFrame | None, setting: 
         A sentence on what the intervals are of, where it is not plain; it joins the note.
     """
     cases = cases[texts(cases, "parameter").isin(list(PARAMETERS))]
-    shown = case_lines.numbered(case_lines.case_words(cases).assign(parameter=texts(cases, "parameter")))
+    shown = case_axis.numbered(case_axis.case_words(cases).assign(parameter=texts(cases, "parameter")))
     shown = shown.assign(**{column: numbers(cases, column) for column in ("median", "lower", "upper")})
     shown["unit"] = texts(cases, "unit")
-    rows = case_lines.in_order(shown[[*CASE_WORDS, "nth"]].drop_duplicates(), [*CASE_WORDS, "nth"])
-    lines = case_lines.grouped_lines(rows)
+    rows = case_axis.in_order(shown[[*CASE_FACTORS, "nth"]].drop_duplicates(), [*CASE_FACTORS, "nth"])
+    lines = case_axis.grouped_lines(rows)
     rows["y"] = [line.y for line in lines if not line.heads]
     shown = shown.merge(rows)
     appearance = setting.looks(rows["configuration"])
     entries = [(look.interval_handle, configuration_label(name)) for name, look in appearance.items()]
     if printed is not None:
         values = {name: numbers(printed, PARAMETERS[name][2]) for name in USUAL}
-        rows = rows.merge(case_lines.numbered(case_lines.case_words(printed)).assign(**values), how="left")
+        rows = rows.merge(case_axis.numbered(case_axis.case_words(printed)).assign(**values), how="left")
         entries.append((Line2D([], [], **_PRINTED), "printed value"))
     room = max(LEAST, len(lines))
     parameters = panels(shown["parameter"])
-    figure, axes, inches = case_lines.parameter_panels(len(parameters), 1.3, LINE, room)
+    figure, axes, inches = case_axis.parameter_panels(len(parameters), 1.3, LINE, room)
     for ax, parameter in zip(axes, parameters, strict=True):
         _forest_panel(ax, shown[shown["parameter"] == parameter], rows, appearance, parameter)
         if len(parameters) > 2:  # narrow panels: a long name goes on below
             ax.set_xlabel("\n".join(textwrap.wrap(ax.get_xlabel(), 32)))
-        case_lines.name_lines(ax, lines, inches, len(lines))
-    page.legend(figure, entries)
+        case_axis.name_lines(ax, lines, inches, len(lines))
+    layout.legend(figure, entries)
     contents = sorted(set(numbers(cases, "interval").dropna()))
     note = f"Marker: median. Line: {' or '.join(map(interval_name, contents)) or 'interval'}."
-    return page.finish(figure, setting, f"{note} {about}".rstrip())
+    return layout.finish(figure, setting, f"{note} {about}".rstrip())
 
 
 def _forest_panel(
@@ -90,8 +82,8 @@ def _forest_panel(
     values = values[np.isfinite(values)]
     log = bool(parameter in WIDE and len(values) and values.min() > 0)
     if log:
-        page.log_axis(ax, values.min() / 1.1, values.max() * 1.1)
-    page.name_axis(ax, parameter, shown, log)
+        layout.log_axis(ax, values.min() / 1.1, values.max() * 1.1)
+    layout.name_axis(ax, parameter, shown, log)
 
 
 @matplotlib.style.context(STYLE)
@@ -106,34 +98,34 @@ def outlier_probabilities(repeats: pd.DataFrame, setting: Setting) -> Figure:
     setting:
         What all figures of the result share.
     """
-    records = case_lines.case_words(repeats).assign(record=texts(repeats, "record"), repeat=numbers(repeats, "repeat"))
+    records = case_axis.case_words(repeats).assign(record=texts(repeats, "record"), repeat=numbers(repeats, "repeat"))
     records["p"] = numbers(repeats, "outlier_probability")
-    records["own"] = records["record"].where(records[list(CASE_WORDS[2:])].isna().all(axis=1), "")
-    records = case_lines.in_order(records, ["configuration", "speed_km_h", *CASE_WORDS, "own", "repeat", "record"])
+    records["own"] = records["record"].where(records[list(CASE_FACTORS[2:])].isna().all(axis=1), "")
+    records = case_axis.in_order(records, ["configuration", "speed_km_h", *CASE_FACTORS, "own", "repeat", "record"])
     appearance = setting.looks(records["configuration"])
     panels = [_outlier_lines(records[records["configuration"] == name]) for name in appearance]
     columns = 2 if len(panels) > 1 else 1
     sizes = [max(LEAST, len(lines)) for lines, _ in panels] or [LEAST]
     tall = [max(sizes[i : i + columns]) for i in range(0, len(sizes), columns)]
     spare = 0.8 + 0.6 * len(tall)
-    figure = page.page(WIDTH, min(TALLEST, spare + LINE * sum(tall)))
+    figure = layout.page(WIDTH, min(TALLEST, spare + LINE * sum(tall)))
     axes = figure.subplots(len(tall), columns, squeeze=False, height_ratios=tall).ravel()
     inches = min(LINE, max(1.0, TALLEST - spare) / sum(tall))
     for i, (ax, (name, look), (lines, cases)) in enumerate(zip(axes, appearance.items(), panels, strict=False)):
-        ax.set(title=configuration_label(name), ylabel="" if i % columns else case_lines.CASE_AXIS)
+        ax.set(title=configuration_label(name), ylabel="" if i % columns else case_axis.CASE_AXIS)
         _outlier_panel(ax, cases, look)
-        case_lines.name_lines(ax, lines, inches, tall[i // columns])
+        case_axis.name_lines(ax, lines, inches, tall[i // columns])
     for ax in axes[len(panels) :]:
         ax.set_visible(False)
-    return page.finish(figure, setting, _outlier_note(records))
+    return layout.finish(figure, setting, _outlier_note(records))
 
 
 def _outlier_lines(records: pd.DataFrame) -> tuple[list[Line], list[tuple[int, pd.DataFrame]]]:
     """Return the lines of one panel, and for each case its place and its records."""
-    cases = [case for _, case in records.groupby([*CASE_WORDS, "own"], sort=False, dropna=False)]
+    cases = [case for _, case in records.groupby([*CASE_FACTORS, "own"], sort=False, dropna=False)]
     firsts = [case.iloc[0] for case in cases]
     headings = ["" if math.isnan(case["speed_km_h"]) else f"{case['speed_km_h']:g} km/h" for case in firsts]
-    lines = case_lines.list_lines(headings, [case_lines.line_label(case) for case in firsts])
+    lines = case_axis.list_lines(headings, [case_axis.line_label(case) for case in firsts])
     return lines, list(zip([line.y for line in lines if not line.heads], cases, strict=True))
 
 
@@ -153,7 +145,7 @@ def _outlier_panel(ax: Axes, cases: list[tuple[int, pd.DataFrame]], look: Look) 
 
 def _outlier_note(records: pd.DataFrame) -> str:
     missing = records["p"].isna()
-    sizes = records.groupby(list(CASE_WORDS), dropna=False)["record"].transform("size")
+    sizes = records.groupby(list(CASE_FACTORS), dropna=False)["record"].transform("size")
     reason = "fewer than three repeats" + ("" if (sizes[missing] < 3).all() else ", or a model that gives none")
     note = f" {missing.sum()} of {len(records)} records have no marker: {reason}." if missing.any() else ""
     return f"Dashed: 0.5; records above it are named.{note}"

@@ -17,7 +17,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from bayes_tyre.formats.files import whole_file
 from bayes_tyre.report.figures.colours import Setting
-from bayes_tyre.report.figures.labels import PARAMETERS, origin_note, plain
+from bayes_tyre.report.figures.labels import origin_note, plain
+from bayes_tyre.report.wording import PARAMETERS
 
 STYLE = str(Path(__file__).with_name("style.mplstyle"))
 #: Width of a figure, and the tallest, inches.

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.colours import INK, PALE, Setting
 from bayes_tyre.report.figures.labels import plain
 from bayes_tyre.report.figures.layout import STYLE, WIDTH
@@ -66,7 +66,7 @@ def load_deflection_loops(panels: Sequence[LoopPanel], setting: Setting, place: 
         Where forces (kN) and displacements (mm) are; the note says it.
     """
     shown = panels[:MOST_CASES]
-    figure = page.page(WIDTH, 1.1 + 2.3 * max(1, len(shown)))
+    figure = layout.page(WIDTH, 1.1 + 2.3 * max(1, len(shown)))
     axes = figure.subplots(max(1, len(shown)), 2, squeeze=False, width_ratios=[1.0, 1.25])
     looks = setting.looks(panel.configuration for panel in shown)
     for row, panel in zip(axes, shown, strict=False):
@@ -75,14 +75,14 @@ def load_deflection_loops(panels: Sequence[LoopPanel], setting: Setting, place: 
         _loop(row[1], panel, colour)
     for ax in axes[-1]:
         ax.set_xlabel("displacement (mm)")
-    page.legend(figure, _entries(shown))
+    layout.legend(figure, _entries(shown))
     left_out = "" if len(shown) == len(panels) else f" The first {len(shown)} of {len(panels)} cases."
     note = (
         f"Displacement and force {place}; energies at the wheel centre. Readings of all tests of a case; lines and law "
         "are fitted to their average where they were averaged. Right: force less the law's middle line k d + C; "
         "± behind a number: one standard error."
     )
-    return page.finish(figure, setting, note + left_out)
+    return layout.finish(figure, setting, note + left_out)
 
 
 def _entries(panels: Sequence[LoopPanel]) -> list[tuple[Any, str]]:

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from bayes_tyre.report.figures import case_axis as case_lines
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.report.figures import case_axis, layout
 from bayes_tyre.report.figures.colours import INK, PALE, Look, Setting, looks
 from bayes_tyre.report.figures.labels import configuration_label, interval_name, plain
 from bayes_tyre.report.figures.layout import STYLE, WIDTH
@@ -39,7 +38,7 @@ def motion_figure(readings: pd.DataFrame, setting: Setting) -> Figure:
     record, configuration, status = (str(readings[name].iloc[0]) for name in ("record", "configuration", "status"))
     colour = setting.looks([configuration])[configuration].colour
     time_s = readings["time_s"].to_numpy()
-    figure = page.page(WIDTH, 6.0)
+    figure = layout.page(WIDTH, 6.0)
     axes = figure.subplots(3, 2, sharex=True, width_ratios=(1.4, 1.0))
     for row, channel in zip(axes, CHANNELS, strict=True):
         read, fitted, left = (readings[name].to_numpy(float) for name in channel[1:])
@@ -57,13 +56,13 @@ def motion_figure(readings: pd.DataFrame, setting: Setting) -> Figure:
         (Line2D([], [], color=colour), f"fitted motion, {configuration_label(configuration)}"),
         (Patch(**_EXPECTED), "where 95 % should lie"),
     ]
-    page.legend(figure, entries)
+    layout.legend(figure, entries)
     block_ms = 1e3 * float(np.diff(time_s[:2])[0]) if len(time_s) > 1 else 0.0
     note = (
         f"Record {record}. Readings: means over {block_ms:.2g} ms. Left over: reading less fitted motion, in standard "
         f"deviations. Check of the estimate: {status}."
     )
-    return page.finish(figure, setting, plain(note, 600))
+    return layout.finish(figure, setting, plain(note, 600))
 
 
 def motion_png(readings: pd.DataFrame, origin: str) -> bytes:
@@ -89,9 +88,9 @@ def loops_by_direction(loops: pd.DataFrame, setting: Setting, amplitude_mm: floa
     interval:
         Content of the bands.
     """
-    directions = sorted(set(loops["direction"]), key=case_lines.direction_rank)
+    directions = sorted(set(loops["direction"]), key=case_axis.direction_rank)
     appearance = setting.looks(loops["configuration"])
-    figure = page.page(WIDTH, 3.9)
+    figure = layout.page(WIDTH, 3.9)
     axes = figure.subplots(1, len(directions), sharey=True, squeeze=False)[0]
     for ax, direction in zip(axes, directions, strict=True):
         _loop_panel(ax, loops[loops["direction"] == direction], appearance)
@@ -100,13 +99,13 @@ def loops_by_direction(loops: pd.DataFrame, setting: Setting, amplitude_mm: floa
     axes[0].set_ylabel("force less k d + C, flat ground (kN)")
     axes[0].locator_params(axis="y", nbins=5)
     entries = [(_loop_handle(look), configuration_label(name)) for name, look in appearance.items()]
-    page.legend(figure, entries)
+    layout.legend(figure, entries)
     note = (
         f"Line: median; band: {interval_name(interval)}; mean over the cases of a direction. Half the stroke is "
         f"{amplitude_mm:g} mm. Above: displacement grows; below: it falls. Their distance is 2 (x - k beta), the area "
         "between them what a cycle loses; tables state it at the wheel centre."
     )
-    return page.finish(figure, setting, note)
+    return layout.finish(figure, setting, note)
 
 
 def _loop_handle(look: Look) -> tuple[Patch, Line2D]:
@@ -133,7 +132,7 @@ def loop_figure(path: pd.DataFrame, amplitude_mm: float) -> Figure:
     amplitude_mm:
         Half the stroke.
     """
-    figure = page.page(WIDTH, 3.4)
+    figure = layout.page(WIDTH, 3.4)
     axes = figure.subplots(1, 2)
     names = (("force_kN", "force less C, flat ground (kN)"), ("friction_kN", "force less k d + C, flat ground (kN)"))
     for ax, (column, label) in zip(axes, names, strict=True):
@@ -145,7 +144,7 @@ def loop_figure(path: pd.DataFrame, amplitude_mm: float) -> Figure:
         f"A simulated tyre moved up and down by {amplitude_mm:g} mm either way. The shaded area, the same at both "
         "sides, is the energy that a cycle loses."
     )
-    return page.finish(figure, Setting("simulated"), note)
+    return layout.finish(figure, Setting("simulated"), note)
 
 
 @matplotlib.style.context(STYLE)
@@ -159,7 +158,7 @@ def off_the_truth(table: pd.DataFrame) -> Figure:
     """
     quantities = list(dict.fromkeys(table["quantity"]))
     appearance = looks(table["record"])
-    figure = page.page(WIDTH, 1.2 + 0.34 * len(quantities))
+    figure = layout.page(WIDTH, 1.2 + 0.34 * len(quantities))
     ax = figure.subplots()
     ax.axvline(0.0, **_TRUTH)
     for i, (record, look) in enumerate(appearance.items()):
@@ -172,5 +171,5 @@ def off_the_truth(table: pd.DataFrame) -> Figure:
     ax.invert_yaxis()
     ax.set_xlabel("off the truth (%)")
     style = {"color": INK, "linewidth": 1.2}
-    page.legend(figure, [(Line2D([], [], marker=look.marker, **style), plain(n)) for n, look in appearance.items()])
-    return page.finish(figure, Setting("simulated"), "Marker: median. Line: 95 % interval. Dashed: the truth.")
+    layout.legend(figure, [(Line2D([], [], marker=look.marker, **style), plain(n)) for n, look in appearance.items()])
+    return layout.finish(figure, Setting("simulated"), "Marker: median. Line: 95 % interval. Dashed: the truth.")

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.labels import origin_note
 from bayes_tyre.results.provenance import RUN_JSON, read_run
 
@@ -18,7 +18,7 @@ DOTS, COLOURS = 100, 256
 KEPT_COLOURS = 64
 
 
-class Picture:
+class NotebookFigure:
     """A figure that notebooks show by themselves, whatever they are told about drawing.
 
     Attributes
@@ -30,7 +30,7 @@ class Picture:
     def __init__(self, figure: Figure) -> None:
         self.figure = figure
 
-    @matplotlib.style.context(page.STYLE)
+    @matplotlib.style.context(layout.STYLE)
     def _repr_png_(self) -> bytes:
         kept = BytesIO()
         self.figure.savefig(kept, format="png", dpi=DOTS)
@@ -45,10 +45,10 @@ class Picture:
 
     def save(self, path: str | Path) -> Path:
         """Write it as PNG at 150 dots an inch, whole or not at all; return the path."""
-        return page.save(self.figure, Path(path))
+        return layout.save(self.figure, Path(path))
 
 
-class KeptPicture:
+class StoredFigure:
     """A figure as it lies in the folder of a result, which notebooks show by themselves: nothing is drawn anew.
 
     Parameters
@@ -71,7 +71,7 @@ class KeptPicture:
 
     def _repr_png_(self) -> bytes:
         picture = Image.open(self._path).convert("RGB")
-        picture.thumbnail((round(page.WIDTH * DOTS), round(page.TALLEST * DOTS)))
+        picture.thumbnail((round(layout.WIDTH * DOTS), round(layout.TALLEST * DOTS)))
         return _png(picture, KEPT_COLOURS)
 
     def __repr__(self) -> str:

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.colours import INK, Setting
 from bayes_tyre.report.figures.labels import plain
 from bayes_tyre.report.figures.layout import STYLE
@@ -37,7 +37,7 @@ def record_figure(processed: Processed, origin: str) -> Figure:
         `measured` or `simulated`; it stands in the corner.
     """
     recording, step = processed.recording, processed.recording.step
-    figure = page.page(8.5, 6.0)
+    figure = layout.page(8.5, 6.0)
     panels = np.atleast_1d(np.asarray(figure.subfigures(1, 2, width_ratios=(1.25, 1.0)), dtype=object))
     axes = panels[0].subplots(3, 2, sharex="col", width_ratios=(1.0, 1.3))
     labels = ("acceleration (m/s²)", "laser (mm)", "cylinder load (kN)")
@@ -58,8 +58,8 @@ def record_figure(processed: Processed, origin: str) -> Figure:
     ax.plot(processed.displacement_mm[:1], processed.force_kN[:1], "o", markersize=5, color=_MARK)
     ax.set_xlabel("displacement, flat ground (mm)")
     ax.set_ylabel("force, flat ground (kN)")
-    figure.suptitle(plain(f"{processed.words.record}, {processed.extras.get('method', '')}"), fontsize=9)
-    return page.finish(figure, Setting(origin), _note(processed))
+    figure.suptitle(plain(f"{processed.factors.record}, {processed.extras.get('method', '')}"), fontsize=9)
+    return layout.finish(figure, Setting(origin), _note(processed))
 
 
 def record_png(processed: Processed, origin: str) -> bytes:

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.colours import INK, PALE, Look, Setting
 from bayes_tyre.report.figures.labels import configuration_label, decimals, interval_name, plain
 from bayes_tyre.report.figures.layout import STYLE, WIDTH
@@ -52,7 +52,7 @@ def records_with_bands(points: pd.DataFrame, bands: pd.DataFrame, setting: Setti
     names = list(dict.fromkeys(measured["record"]))
     shown = names[:MOST_RECORDS]
     down = max(1, math.ceil(len(shown) / 2))
-    figure = page.page(WIDTH, 1.0 + 3.2 * down)
+    figure = layout.page(WIDTH, 1.0 + 3.2 * down)
     cells = figure.subfigures(down, min(2, max(1, len(shown))), squeeze=False).ravel()
     appearance = setting.looks(measured.loc[measured["record"].isin(shown), "configuration"])
     for cell, record in zip(cells, shown, strict=False):
@@ -61,13 +61,13 @@ def records_with_bands(points: pd.DataFrame, bands: pd.DataFrame, setting: Setti
     lines = _entries(appearance, f"median and {interval_name(interval)}", {"linewidth": 0.9})
     bands_of = [Patch(**look.band) for look in appearance.values()]
     with_bands = [((patch, line), label) for patch, (line, label) in zip(bands_of, lines, strict=True)]
-    page.legend(figure, [(Line2D([], [], **_POINTS), "data"), *with_bands])
+    layout.legend(figure, [(Line2D([], [], **_POINTS), "data"), *with_bands])
     note = (
         "Median and interval: posterior predictive, noise of a new point included. Residual: data less median; "
         f"nearest points on the left edge. Inset: first {100 * START:g} % of the travel."
     )
     left_out = "" if len(names) == len(shown) else f" The first {len(shown)} of {len(names)} records."
-    return page.finish(figure, setting, note + left_out)
+    return layout.finish(figure, setting, note + left_out)
 
 
 def _entries(appearance: dict[str, Look], what: str, line: dict[str, Any]) -> list[tuple[Line2D, str]]:
@@ -105,7 +105,7 @@ def _record_panel(cell: SubFigure, points: pd.DataFrame, band: pd.DataFrame, loo
     order = np.argsort(far, kind="stable")
     below.fill_between(far[order], (lower - median)[order], (upper - median)[order], **look.band)
     below.plot(away, residual, **_POINTS)
-    page.log_axis(below, nearest * 0.9, travel * 1.1)
+    layout.log_axis(below, nearest * 0.9, travel * 1.1)
 
 
 @matplotlib.style.context(STYLE)
@@ -129,7 +129,7 @@ def residuals_against_displacement(
     every = of_records(records, ["sigma_kN", "autocorrelation"])
     shown = list(dict.fromkeys(left["record"]))[:MOST_RECORDS]
     rows = math.ceil(len(shown) / 2)
-    figure = page.page(WIDTH, 1.0 + 1.75 * rows + 2.0)
+    figure = layout.page(WIDTH, 1.0 + 1.75 * rows + 2.0)
     grid = figure.add_gridspec(rows + 1, 2, height_ratios=[*[1.75] * rows, 2.0])
     appearance = setting.looks(every["configuration"])
     for i, record in enumerate(shown):
@@ -137,9 +137,9 @@ def residuals_against_displacement(
         ax = figure.add_subplot(grid[i // 2, across])
         _residual_panel(ax, left[left["record"] == record], every[every["record"] == record].iloc[0], appearance)
     _autocorrelation_panel(figure.add_subplot(grid[rows, :]), every, appearance, threshold)
-    page.legend(figure, [(Line2D([], [], **_POINTS), "residual"), *_entries(appearance, "± sigma", _SIGMA)])
+    layout.legend(figure, [(Line2D([], [], **_POINTS), "residual"), *_entries(appearance, "± sigma", _SIGMA)])
     note = "Residual: data less Equation 2 at the posterior mean. Sigma: posterior mean. In the titles: the residuals'"
-    return page.finish(figure, setting, f"{note} autocorrelation at lag 1, about 0 where the noise is independent.")
+    return layout.finish(figure, setting, f"{note} autocorrelation at lag 1, about 0 where the noise is independent.")
 
 
 def _residual_panel(ax: Axes, points: pd.DataFrame, record: pd.Series, appearance: dict[str, Look]) -> None:
@@ -188,7 +188,7 @@ def prior_predictive_curves(panels: list[PriorPanel], setting: Setting, interval
     shown = panels[:MOST_RECORDS]
     across = 2 if len(shown) > 1 else 1
     down = max(1, math.ceil(len(shown) / across))
-    figure = page.page(WIDTH, 0.9 + 2.6 * down)
+    figure = layout.page(WIDTH, 0.9 + 2.6 * down)
     axes = figure.subplots(down, across, squeeze=False).ravel()
     appearance = setting.looks(panel.configuration for panel in shown)
     for ax, panel in zip(axes, shown, strict=False):
@@ -196,9 +196,9 @@ def prior_predictive_curves(panels: list[PriorPanel], setting: Setting, interval
     for ax in axes[len(shown) :]:
         ax.set_visible(False)
     drawn = Line2D([], [], color=PALE, linewidth=0.6), "records drawn from the priors"
-    page.legend(figure, [drawn, (Patch(**_PRIOR), interval_name(interval)), *_entries(appearance, "data", _DATA)])
+    layout.legend(figure, [drawn, (Patch(**_PRIOR), interval_name(interval)), *_entries(appearance, "data", _DATA)])
     note = "Prior records start and travel like the record named, one of median travel; the data are of its case."
-    return page.finish(figure, setting, note)
+    return layout.finish(figure, setting, note)
 
 
 def _prior_panel(ax: Axes, panel: PriorPanel, look: Look) -> None:
@@ -211,5 +211,5 @@ def _prior_panel(ax: Axes, panel: PriorPanel, look: Look) -> None:
     seen = np.concatenate([band["lower_kN"], band["upper_kN"], panel.points["force_kN"]])
     room = 0.05 * np.ptp(seen)
     ax.set(xlabel=_DISPLACEMENT, ylabel=_FORCE, ylim=(seen.min() - room, seen.max() + room))
-    words = ", ".join(plain(word, 24) for word in (panel.configuration, panel.direction) if word)
-    ax.set_title("\n".join([*([words] if words else []), f"like {plain(panel.like)}"]), fontsize=8)
+    factors = ", ".join(plain(word, 24) for word in (panel.configuration, panel.direction) if word)
+    ax.set_title("\n".join([*([factors] if factors else []), f"like {plain(panel.like)}"]), fontsize=8)

@@ -15,11 +15,11 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from bayes_tyre.record import DIRECTIONS
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.colours import INK, PALE, Look, Setting
 from bayes_tyre.report.figures.labels import decimals, plain, unit_name
 from bayes_tyre.report.figures.layout import STYLE, WIDTH
-from bayes_tyre.results.hyperparameters import Population
+from bayes_tyre.results.hyperparameters import Hyperparameter
 from bayes_tyre.results.ranks import BAND, Ranks
 
 #: Panels side by side, the height of a row of them (inches), the most panels.
@@ -58,7 +58,7 @@ def rank_plot(ranks: list[Ranks], setting: Setting) -> Figure:
     shown = ranks[:MOST_RANKED]
     across = max(1, min(ACROSS, len(shown)))
     down = max(1, math.ceil(len(shown) / across))
-    figure = page.page(WIDTH, 1.1 + ROW * down)
+    figure = layout.page(WIDTH, 1.1 + ROW * down)
     axes = figure.subplots(down, across, squeeze=False, sharex=True, sharey=True).ravel()
     chains = max((len(one.excess) for one in shown), default=1)
     colours = matplotlib.colormaps["viridis"](np.linspace(0, 0.9, chains))
@@ -77,17 +77,17 @@ def rank_plot(ranks: list[Ranks], setting: Setting) -> Figure:
         ax.set_visible(False)
     entries = [(Line2D([], [], color=colour), f"chain {i + 1}") for i, colour in enumerate(colours)]
     band = Patch(**_BAND), f"{100 * BAND:g} % band"
-    page.legend(figure, [*(entries if chains <= 8 else []), band])
+    layout.legend(figure, [*(entries if chains <= 8 else []), band])
     note = (
         "Excess: share of a chain's draws up to a rank among all, less the share expected; draws thinned to the "
         "effective size. Where chains agree, all stay inside the band; above it are too many low values, below too few."
     )
     left_out = "" if len(ranks) == len(shown) else f" The first {len(shown)} of {len(ranks)} parameters."
-    return page.finish(figure, setting, note + left_out)
+    return layout.finish(figure, setting, note + left_out)
 
 
 @matplotlib.style.context(STYLE)
-def pair_plot(shown: list[Population], divergent: Bool[np.ndarray, "chains draws"], setting: Setting) -> Figure:
+def pair_plot(shown: list[Hyperparameter], divergent: Bool[np.ndarray, "chains draws"], setting: Setting) -> Figure:
     """Return each population parameter against each other with their correlation, and its density on the diagonal.
 
     Parameters
@@ -100,7 +100,7 @@ def pair_plot(shown: list[Population], divergent: Bool[np.ndarray, "chains draws
         What all figures of the result share.
     """
     size = max(1, len(shown))
-    figure = page.page(WIDTH, 1.0 + (WIDTH - 0.5) * max(size, 3) / max(size, 4))
+    figure = layout.page(WIDTH, 1.0 + (WIDTH - 0.5) * max(size, 3) / max(size, 4))
     grid = figure.add_gridspec(size, size)
     appearance = setting.looks(one.configuration for one in shown if one.configuration is not None)
     axes = [_paired(one, _OF_NONE if one.configuration is None else appearance[one.configuration]) for one in shown]
@@ -114,7 +114,7 @@ def pair_plot(shown: list[Population], divergent: Bool[np.ndarray, "chains draws
                 _cloud(ax, right.values, down.values, divergent, apart)
             _name_edges(ax, i, j, size, right, down)
     figure.align_labels()
-    return page.finish(figure, setting, _pair_note(divergent, apart))
+    return layout.finish(figure, setting, _pair_note(divergent, apart))
 
 
 def _cloud(ax: Axes, right: np.ndarray, down: np.ndarray, divergent: np.ndarray, apart: int) -> None:
@@ -152,7 +152,7 @@ def _name_edges(ax: Axes, i: int, j: int, size: int, right: _Paired, down: _Pair
         ax.set_ylabel(down.name, fontsize=6, labelpad=2)
 
 
-def _paired(one: Population, look: Look) -> _Paired:
+def _paired(one: Hyperparameter, look: Look) -> _Paired:
     """Return a parameter as a pair plot has it: its logarithm where it ranges over more than a decade."""
     low, high = float(one.draws.min()), float(one.draws.max())
     log = low > 0 and high > 10 * low
@@ -162,13 +162,13 @@ def _paired(one: Population, look: Look) -> _Paired:
     return _Paired(_name(one, log), look, values, (low - room, high + room))
 
 
-def _name(one: Population, log: bool) -> str:
-    """Return a parameter's name and unit on short lines: ``k_cell``, ``dual``, ``loading``, ``(kN/mm)``."""
+def _name(one: Hyperparameter, log: bool) -> str:
+    """Return a parameter's name and unit on short lines: ``k_group``, ``dual``, ``loading``, ``(kN/mm)``."""
     name, _, label = one.name.removesuffix("]").partition("[")
     names = name.replace("_repeat", "\n_repeat").replace("_case", "\n_case").replace("_scatter", "\n_scatter")
     first, _, last = label.rpartition(" ")
-    words = [first, last] if last in DIRECTIONS else [label]
-    lines = ["log10 of" if log else "", names, *(plain(word, 12) for word in words), f"({unit_name(one.unit)})"]
+    factors = [first, last] if last in DIRECTIONS else [label]
+    lines = ["log10 of" if log else "", names, *(plain(word, 12) for word in factors), f"({unit_name(one.unit)})"]
     return "\n".join(line for line in lines if line)
 
 

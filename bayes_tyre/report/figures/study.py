@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.colours import INK, PALE, Setting, looks_of_none
 from bayes_tyre.report.figures.labels import plain
 from bayes_tyre.report.figures.layout import STYLE, WIDTH
@@ -55,7 +55,7 @@ def calibration_plot(curves: RankCurves) -> Figure:
     """Return the distribution of each parameter's ranks less the uniform one, with bands that hold for all together."""
     names = list(curves.excess)
     down = math.ceil(len(names) / ACROSS)
-    figure = page.page(WIDTH, 1.1 + ROW * down)
+    figure = layout.page(WIDTH, 1.1 + ROW * down)
     axes = figure.subplots(down, ACROSS, squeeze=False, sharex=True, sharey=True).ravel()
     for ax, name in zip(axes, names, strict=False):
         ax.fill_between(curves.at, curves.lower, curves.upper, step="mid", **_BAND)
@@ -70,20 +70,20 @@ def calibration_plot(curves: RankCurves) -> Figure:
     for ax in axes[len(names) :]:
         ax.set_visible(False)
     entries = [(Line2D([], [], color=INK), "calibrated"), (Line2D([], [], color=_WRONG), "not calibrated")]
-    page.legend(figure, [*entries, (Patch(**_BAND), f"{100 * curves.together:g} % band for all panels together")])
+    layout.legend(figure, [*entries, (Patch(**_BAND), f"{100 * curves.together:g} % band for all panels together")])
     note = (
         f"Ranks of {curves.datasets} truths among {curves.kept} draws of their posteriors: the share up to "
         "each rank less the share expected. Truths are drawn from the priors. All above zero: estimates too high; all "
         "below: too low; first below, then above: intervals too wide; first above, then below: too narrow."
     )
-    return page.finish(figure, _SETTING, note)
+    return layout.finish(figure, _SETTING, note)
 
 
 @matplotlib.style.context(STYLE)
 def outlier_plot(table: pd.DataFrame) -> Figure:
     """Return error and coverage of each method against the share of discordant repeats, for case k and beta."""
     shown = table[table["group"] == "all cases"]
-    figure = page.page(WIDTH, 4.6)
+    figure = layout.page(WIDTH, 4.6)
     axes = figure.subplots(2, 4, sharex=True, sharey="row")
     columns = [(parameter, kind) for parameter in ("k", "beta") for kind in sorted(set(shown["kind"]))]
     appearance = looks_of_none(shown["method"])
@@ -98,16 +98,16 @@ def outlier_plot(table: pd.DataFrame) -> Figure:
             axes[1, j].errorbar(x, 100 * rows["coverage"], 100 * np.array(either), linewidth=1, **line)
         axes[0, j].set_title(f"{parameter} of a case, {kind}", fontsize=8)
         axes[0, j].set_yscale("log")
-        page.plain_ticks(axes[0, j].yaxis, (1.0, 2.0, 5.0))
+        layout.plain_ticks(axes[0, j].yaxis, (1.0, 2.0, 5.0))
         axes[1, j].axhline(95.0, color=PALE, linewidth=0.8)
         axes[1, j].set_xlabel("discordant repeats (%)", fontsize=8)
     axes[0, 0].set_ylabel("relative error, rms (%)", fontsize=8)
     axes[1, 0].set_ylabel("coverage of\n95 % intervals (%)", fontsize=8)
     handles = [(look.interval_handle, method) for method, look in appearance.items()]
-    page.legend(figure, handles)
+    layout.legend(figure, handles)
     note = (
         "Simulated campaigns of 12 cases x 3 repeats. Scattered: a discordant repeat has six times the usual scatter; "
         "shifted: it is 20 to 40 % off. Bars: 95 % interval of what is shown. The mean and the rules have Student's "
         "interval of the repeats kept."
     )
-    return page.finish(figure, _SETTING, note)
+    return layout.finish(figure, _SETTING, note)

@@ -11,12 +11,12 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.sampling.datatree import case_parameters
-from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.inference.sampling.datatree import case_parameters, tree_cases
+from bayes_tyre.record import CASE_FACTORS
 from bayes_tyre.report.html.formatting import label
 from bayes_tyre.report.html.losses import ENERGY
 from bayes_tyre.report.html.ratios import SAME_CASE, Ratio, ratio_of
-from bayes_tyre.results.contrasts import contrasts, tree_cases
+from bayes_tyre.results.contrasts import contrasts
 
 #: Why two results may have no ratio.
 SAME_RECORDS = (
@@ -97,8 +97,8 @@ def _flat(tree: xr.DataTree, parameters: Sequence[str], seed: int) -> xr.Dataset
     flat = kept.stack(sample=("chain", "draw")).transpose("case", "sample")
     order = np.random.default_rng(seed).permutation(flat.sizes["sample"])
     plain = flat.drop_vars(["sample", "chain", "draw"]).isel(sample=order).rename(sample="draw")
-    words = {f"case_{word}": ("case", posterior[f"case_{word}"].to_numpy()) for word in CASE_WORDS}
-    return plain.expand_dims("chain").transpose("chain", "draw", "case").assign_coords(words)
+    factor_table = {f"case_{word}": ("case", posterior[f"case_{word}"].to_numpy()) for word in CASE_FACTORS}
+    return plain.expand_dims("chain").transpose("chain", "draw", "case").assign_coords(factor_table)
 
 
 def _only(cases: xr.Dataset, configuration: str, name: str) -> xr.Dataset:

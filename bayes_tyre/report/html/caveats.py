@@ -3,12 +3,12 @@
 from collections.abc import Iterator
 
 from bayes_tyre.record import ORIGIN_UNKNOWN
-from bayes_tyre.report.figures.labels import called
 from bayes_tyre.report.html.formatting import interval_words, label, probability, ratio_text
 from bayes_tyre.report.html.headline import STIFFNESS, prior_clause
 from bayes_tyre.report.html.load import Reported
 from bayes_tyre.report.html.losses import losses_cautions
 from bayes_tyre.report.html.ratios import SAME_LOAD, SAME_SPAN, Ratio, between_configurations, between_directions
+from bayes_tyre.report.wording import called
 
 #: Each kind of data, for a reader who sees nothing but the page; anything that is no measurement is marked.
 ORIGINS = {

@@ -2,7 +2,7 @@
 
 import math
 
-from bayes_tyre.report.terminal.results_table import shown
+from bayes_tyre.report.wording import shown
 
 #: Significant digits in a table; the most letters of a label.
 DIGITS, LONGEST = 4, 80

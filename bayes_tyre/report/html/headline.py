@@ -2,7 +2,7 @@
 
 from bayes_tyre.report.html.formatting import interval_words, label, percent_apart, probability, ratio_text, rounded
 from bayes_tyre.report.html.load import Reported
-from bayes_tyre.report.html.losses import losses_answer, of_cell
+from bayes_tyre.report.html.losses import losses_answer, of_group
 from bayes_tyre.report.html.ratios import (
     SAME_LOAD,
     SAME_SPAN,
@@ -37,7 +37,7 @@ def prior_clause(result: Reported, parameter: str = STIFFNESS) -> str:
     """Return which means of a parameter the data alone do not decide; nothing where they decide all."""
     rows = result.means(parameter)
     found = [
-        f"{parameter} of {of_cell(row)} {DECIDED[row['decided_by']]}"
+        f"{parameter} of {of_group(row)} {DECIDED[row['decided_by']]}"
         for _, row in rows[rows["decided_by"].isin(list(DECIDED))].iterrows()
     ]
     return ", ".join(found[:2]) + (f", and {len(found) - 2} more likewise" if len(found) > 2 else "")
@@ -92,7 +92,7 @@ def _levels(result: Reported) -> str:
         return f"This result holds no mean stiffness {STIFFNESS}"
     size = interval_words(result.interval)
     said = [
-        f"{rounded(row['median'])} {label(row['unit'])} for {of_cell(row)} ({size} {rounded(row['lower'])} to "
+        f"{rounded(row['median'])} {label(row['unit'])} for {of_group(row)} ({size} {rounded(row['lower'])} to "
         f"{rounded(row['upper'])})"
         for _, row in rows.iterrows()
     ]

@@ -9,7 +9,7 @@ import pandas as pd
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables import read_table
-from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.record import CASE_FACTORS
 from bayes_tyre.results.columns import numbers, texts
 from bayes_tyre.results.provenance import RUN_JSON
 
@@ -131,10 +131,10 @@ def _table(path: Path, name: str) -> pd.DataFrame:
     missing = [column for column in _NEEDED[name] if column not in read]
     if missing:
         raise BadInput(f"{path}: is not what fit writes: no column {missing[0]}; run fit again")
-    words = ("record", *CASE_WORDS[:2], "parameter", "unit", "contrast", "matching", "decided_by")
-    measures = (*CASE_WORDS[2:], "repeat", *_NUMBERS, "p_greater_than_1", "outlier_probability", "r_hat")
+    factor_table = ("record", *CASE_FACTORS[:2], "parameter", "unit", "contrast", "matching", "decided_by")
+    measures = (*CASE_FACTORS[2:], "repeat", *_NUMBERS, "p_greater_than_1", "outlier_probability", "r_hat")
     table = pd.DataFrame(
-        {**{word: texts(read, word) for word in words}, **{column: numbers(read, column) for column in measures}}
+        {**{word: texts(read, word) for word in factor_table}, **{column: numbers(read, column) for column in measures}}
     )
     if name in ("summary", "cases") and not table[list(_NUMBERS)].notna().all(axis=1).any():
         raise BadInput(f"{path}: is not what fit writes: no numbers below the header; run fit again")

@@ -40,10 +40,10 @@ def losses_answer(result: Reported) -> str:
 def _value(row: pd.Series, result: Reported, with_interval: bool) -> str:
     size = f"{interval_words(result.interval)} {rounded(row['lower'])} to {rounded(row['upper'])}"
     reach = f" ({size})" if with_interval else ""
-    return f"{rounded(row['median'])} {label(row['unit'])} for {of_cell(row)}{reach}"
+    return f"{rounded(row['median'])} {label(row['unit'])} for {of_group(row)}{reach}"
 
 
-def of_cell(row: pd.Series) -> str:
+def of_group(row: pd.Series) -> str:
     """Return what a mean is of, such as ``single in loading``."""
     known = [label(row[word]) for word in ("configuration", "direction") if row[word]]
     return " in ".join(known) if known else "all records"

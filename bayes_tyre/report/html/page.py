@@ -10,16 +10,16 @@ from typing import Any, NamedTuple
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from bayes_tyre.report.figures.labels import called
 from bayes_tyre.report.html import tables
 from bayes_tyre.report.html.between_results import Across
 from bayes_tyre.report.html.caveats import cautions, origin_sentence
-from bayes_tyre.report.html.figures import Picture
+from bayes_tyre.report.html.figures import EmbeddedFigure
 from bayes_tyre.report.html.formatting import interval_words, label, probable, rounded
 from bayes_tyre.report.html.glossary import glossary
 from bayes_tyre.report.html.headline import STIFFNESS, answer, comparison_of
 from bayes_tyre.report.html.load import Reported
 from bayes_tyre.report.html.tables import Cell, Column, Table
+from bayes_tyre.report.wording import called
 
 TEMPLATES = Path(__file__).parents[1] / "templates"
 VERDICTS = {
@@ -42,7 +42,7 @@ class Part(NamedTuple):
     """A result for the document: its tables, its figures, and what to say of figures that are not there."""
 
     result: Reported
-    pictures: Sequence[Picture]
+    pictures: Sequence[EmbeddedFigure]
     note: str = ""
 
 
@@ -144,7 +144,7 @@ def _across_shown(across: Sequence[Across]) -> dict[str, Any]:
 
 def _figures(parts: Sequence[Part]) -> list[dict[str, Any]]:
     """Return the figures by name, in the order of the first result that has each; those of one name stand together."""
-    found: dict[str, list[tuple[str, Picture]]] = {}
+    found: dict[str, list[tuple[str, EmbeddedFigure]]] = {}
     for part in parts:
         for picture in part.pictures:
             found.setdefault(picture.name, []).append((label(part.result.name), picture))

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import pandas as pd
 
-from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.record import CASE_FACTORS
 from bayes_tyre.report.html.load import Reported
 from bayes_tyre.results.contrasts import DIRECTIONS
 
@@ -45,7 +45,7 @@ class Ratio:
 def averages(result: Reported, parameter: str) -> pd.DataFrame:
     """Return the rows of `contrasts.csv` that average a parameter's ratio over all matched cases."""
     rows = result.contrasts[result.contrasts["parameter"] == parameter]
-    free = (rows[list(CASE_WORDS[:2])] == "").all(axis=1) & rows[list(CASE_WORDS[2:])].isna().all(axis=1)
+    free = (rows[list(CASE_FACTORS[:2])] == "").all(axis=1) & rows[list(CASE_FACTORS[2:])].isna().all(axis=1)
     return rows[free & rows[["median", "lower", "upper"]].gt(0.0).all(axis=1)]
 
 
@@ -77,7 +77,7 @@ def ratio_of(above: str, below: str, row: pd.Series) -> Ratio:
 
 def matched_cases(result: Reported, one: str, other: str) -> int:
     """Return how many cases two configurations have in common."""
-    words = [word for word in CASE_WORDS if word != "configuration"]
-    cases = result.cases.drop_duplicates(["configuration", *words])
-    mine, theirs = (cases.loc[cases["configuration"] == name, words].fillna("") for name in (one, other))
+    factor_table = [word for word in CASE_FACTORS if word != "configuration"]
+    cases = result.cases.drop_duplicates(["configuration", *factor_table])
+    mine, theirs = (cases.loc[cases["configuration"] == name, factor_table].fillna("") for name in (one, other))
     return len(mine.merge(theirs))

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from bayes_tyre.record import CASE_WORDS, WORDS
-from bayes_tyre.report.figures.labels import called
+from bayes_tyre.record import CASE_FACTORS, FACTORS
 from bayes_tyre.report.html.formatting import given, label, probable, rounded
 from bayes_tyre.report.html.load import MEAN, Reported
 from bayes_tyre.report.html.losses import losses_tables
+from bayes_tyre.report.wording import called
 
 #: What words are called above a column, and their unit; whether they are numbers.
 HEADINGS = {
@@ -81,26 +81,26 @@ def means_table(results: Sequence[Reported]) -> Table:
     for result in results:
         rows = result.summary[result.summary["parameter"].str.endswith(MEAN)]
         tables.append(rows.assign(parameter=rows["parameter"].str.removesuffix(MEAN)))
-    return _table("means", "Averages over the test cases", results, tables, CASE_WORDS[:2], _values)
+    return _table("means", "Averages over the test cases", results, tables, CASE_FACTORS[:2], _values)
 
 
 def cases_table(results: Sequence[Reported]) -> Table:
     """Return the parameters of each case."""
     caption = "Cases: the same test, whatever the repeat"
-    return _table("cases", caption, results, [each.cases for each in results], CASE_WORDS, _values)
+    return _table("cases", caption, results, [each.cases for each in results], CASE_FACTORS, _values)
 
 
 def losses_table(results: Sequence[Reported]) -> Table:
     """Return what each case of motions loses beside the energy: loss factor, equivalent damping, separation."""
     caption = "Losses of each case: at the amplitude of the energy; the separation of branches on flat ground"
-    return _table("losses", caption, results, losses_tables(results), CASE_WORDS, _values)
+    return _table("losses", caption, results, losses_tables(results), CASE_FACTORS, _values)
 
 
 def contrasts_table(results: Sequence[Reported]) -> Table:
     """Return the ratios of each parameter, each with its probability to be above 1."""
     caption = "Contrasts: ratios of matched cases; empty words are averaged over"
-    words = ("contrast", "matching", *CASE_WORDS)
-    return _table("contrasts", caption, results, [each.contrasts for each in results], words, _ratios)
+    factor_table = ("contrast", "matching", *CASE_FACTORS)
+    return _table("contrasts", caption, results, [each.contrasts for each in results], factor_table, _ratios)
 
 
 def repeats_table(results: Sequence[Reported]) -> Table:
@@ -109,7 +109,7 @@ def repeats_table(results: Sequence[Reported]) -> Table:
     caption = "Repeats: each record, and the probability that it does not agree with its repeats"
     if not any(judged):
         caption = "Repeats: each record (nothing here says whether one is odd: see the glossary)"
-    return _table("repeats", caption, results, [each.repeats for each in results], ("record", *WORDS), _of_repeats)
+    return _table("repeats", caption, results, [each.repeats for each in results], ("record", *FACTORS), _of_repeats)
 
 
 def _values(parameter: str, rows: pd.DataFrame) -> list[_Measure]:
@@ -158,16 +158,18 @@ def _table(
     caption: str,
     results: Sequence[Reported],
     tables: Sequence[pd.DataFrame],
-    words: Sequence[str],
+    factor_table: Sequence[str],
     measures: Callable[[str, pd.DataFrame], list[_Measure]],
 ) -> Table:
     """Return long tables, one a result, as a wide one: rows by their words, in order of first appearance."""
-    words = [word for word in words if any(_known(table[word]) for table in tables)]
-    columns = [Column("", *HEADINGS[word]) for word in words]
+    factor_table = [word for word in factor_table if any(_known(table[word]) for table in tables)]
+    columns = [Column("", *HEADINGS[word]) for word in factor_table]
     found: dict[tuple[Any, ...], dict[int, Cell]] = {}
-    place = len(words)
+    place = len(factor_table)
     for result, table in zip(results, tables, strict=True):
-        keys = list(zip(*(table[word].astype(object).where(table[word].notna(), None) for word in words), strict=True))
+        keys = list(
+            zip(*(table[word].astype(object).where(table[word].notna(), None) for word in factor_table), strict=True)
+        )
         parameters = list(table["parameter"].unique())
         for parameter in parameters:
             mine = table["parameter"] == parameter
@@ -180,7 +182,7 @@ def _table(
                 for key, (_, row) in zip(of_rows, rows.iterrows(), strict=True):
                     found.setdefault(key, {})[place] = measure.cell(row)
                 place += 1
-    rows = [[_word(*pair) for pair in zip(words, key, strict=True)] + _filled(cells, len(words), place)
+    rows = [[_word(*pair) for pair in zip(factor_table, key, strict=True)] + _filled(cells, len(factor_table), place)
             for key, cells in found.items()]  # fmt: skip
     return Table(name, caption, columns, rows)
 

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables import read_table
-from bayes_tyre.report.terminal.results_table import shown
+from bayes_tyre.report.wording import shown
 from bayes_tyre.results.recovery import (
     WHAT_IT_COMPARES,
     WHAT_MOTIONS_COMPARE,

@@ -14,6 +14,7 @@ from rich.text import Text
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables import read_table
+from bayes_tyre.report.wording import shown
 
 #: What each kind of data means for a reader who sees nothing but the table.
 WHAT_IT_IS = {
@@ -24,8 +25,6 @@ WHAT_IT_IS = {
 PARAMETERS = ("k_mean", "x_mean", "beta_mean", "m_mean", "c_mean", "energy_per_cycle_mean")
 NUMBERS = ("median", "lower", "upper", "interval")
 COLUMNS = ("parameter", "configuration", "direction", "unit", *NUMBERS, "verdict")
-#: The most of a label that is shown.
-LONGEST = 30
 #: The most of a remark: three labels are in it.
 LONGEST_REMARK = 600
 
@@ -122,10 +121,3 @@ def _blocks(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
 
 def _figures(row: pd.Series) -> str:
     return f"{row['median']:.4g} [{row['lower']:.4g}, {row['upper']:.4g}]"
-
-
-def shown(text: object, most: int | None = LONGEST) -> str:
-    """Return a text from a file or a path in one line, what would steer a terminal replaced, not too long."""
-    line = str(text) if most is None else " ".join(str(text).split())
-    line = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in line)
-    return line if most is None or len(line) <= most else f"{line[: most - 1]}\N{HORIZONTAL ELLIPSIS}"

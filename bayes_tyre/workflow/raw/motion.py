@@ -11,16 +11,15 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder, remove_leftovers
 from bayes_tyre.formats.tables import write_table
 from bayes_tyre.inference.diagnostics.convergence import with_figures
-from bayes_tyre.inference.diagnostics.power_scaling import identify_motions
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics, diagnose
 from bayes_tyre.inference.motion.hierarchy.leave_one_out import with_motions
 from bayes_tyre.inference.motion.hierarchy.model import Motions, fit_motions
 from bayes_tyre.inference.motion.hierarchy.posterior_losses import Middle, with_losses
+from bayes_tyre.inference.motion.hierarchy.power_scaling import identify_motions
 from bayes_tyre.inference.motion.laws import motion_law
 from bayes_tyre.inference.motion.record.likelihood import WIDENED
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record_table import origin_of
-from bayes_tyre.results import summary
 from bayes_tyre.results.provenance import RUN_JSON, begin_run, read_run
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.workflow.execution.batch import Machines, each_file
@@ -177,8 +176,8 @@ def fit_estimates(
     settings = replace(plan.sampler, checkpoints=checkpoints, on_progress=watch.on_progress)
     tree = fit_motions(estimated.motions, settings, plan.repeats)
     tree.attrs["origin"] = origin
-    tree = with_losses(tree, estimated.motions.words, estimated.middles, plan.amplitude_mm)
-    tree = with_motions(with_figures(identify_motions(tree, estimated.motions, summary.means)), estimated.motions)
+    tree = with_losses(tree, estimated.motions.factor_table, estimated.middles, plan.amplitude_mm)
+    tree = with_motions(with_figures(identify_motions(tree, estimated.motions)), estimated.motions)
     diagnostics = with_estimates(diagnose(tree), estimated)
     beside = {ESTIMATES: estimated.table, REJECTED: estimated.rejected}
     write_fit(tree, diagnostics, run, out, interval=plan.interval, beside=beside, motions=estimated.shown)

@@ -20,7 +20,7 @@ from bayes_tyre.inference.motion.record.forward_model import predicted, residual
 from bayes_tyre.inference.motion.record.likelihood import hierarchy_moments, likelihood_of
 from bayes_tyre.inference.motion.record.parameters import Unknowns, in_units
 from bayes_tyre.inference.motion.record.window import Recorded, Window
-from bayes_tyre.record import WORDS
+from bayes_tyre.record import FACTORS
 from bayes_tyre.results.motion_traces import COLUMNS, readings_table
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
@@ -69,7 +69,7 @@ def columns(law: MotionLaw) -> list[str]:
     values = [column for name in parameter_columns(law) for column in (name, f"{name}_se")]
     values += _BY_DECAY if law is KELVIN_VOIGT else ()
     told = ["displacement_mm", "method", "pareto_k", "log_evidence", "status", "origin"]
-    return ["record", *WORDS, *values, *told]
+    return ["record", *FACTORS, *values, *told]
 
 
 def estimate_file(task: Task) -> Done | Fault:
@@ -79,17 +79,17 @@ def estimate_file(task: Task) -> Done | Fault:
 
 
 def _done(task: Task) -> Done:
-    words, rig = usable(task)
+    factors, rig = usable(task)
     raw = read_raw(task.file, columns_of(rig))
     law = motion_law(task.method.removeprefix(BY_LAW))
-    estimate = _estimate(rig, prepare(raw, rig, words), law)
+    estimate = _estimate(rig, prepare(raw, rig, factors), law)
     # With a law that is not the tyre's a solver need not come to rest, and laws are compared on the same records: what
     # it found is kept, and its status says so.
     if law is FANCHER and not bool(estimate.found.converged):
         raise BadInput("the fit of its motion did not converge; look at its channels with process --figures")
     unknowns = _unknowns(rig, estimate)
     origin = origin_of_raw(raw, task)
-    row = {**words.row(), **_columns(rig, estimate, unknowns), "origin": origin}
+    row = {**factors.row(), **_columns(rig, estimate, unknowns), "origin": origin}
     readings = readings_table(estimate.window, *map(np.asarray, _fitted(rig, estimate.found.standard, estimate.window)))
     picture = None
     if task.picture is not None:
@@ -166,8 +166,8 @@ def read_estimates(parts: list[Path], law: MotionLaw = FANCHER) -> tuple[pd.Data
     """Return the rows of `estimates.csv` that parts hold, and the estimates as the hierarchy takes them."""
     table = pd.concat([pd.read_parquet(part) for part in parts], ignore_index=True)
     arrays = {name: np.stack(table[name].tolist()) for name in (_ROWS, _TARGET, _MEAN, _VARIANCE)}
-    words = table[["record", *WORDS]].copy()
+    factors = table[["record", *FACTORS]].copy()
     rows = arrays[_ROWS].reshape(len(table), *2 * (len(law.parameters),))
     readings = Readings(table[_CONSTANT].to_numpy(float), table[_EFFECTIVE].to_numpy(float))
-    motions = Motions(words, rows, arrays[_TARGET], arrays[_MEAN], arrays[_VARIANCE], law, readings)
+    motions = Motions(factors, rows, arrays[_TARGET], arrays[_MEAN], arrays[_VARIANCE], law, readings)
     return table[columns(law)], motions

@@ -71,9 +71,9 @@ def process_file(task: Task) -> Done | Fault:
 
 
 def _done(task: Task) -> Done:
-    words, rig = usable(task)
+    factors, rig = usable(task)
     raw = read_raw(task.file, columns_of(rig))
-    processed = process(raw, rig, words, task.method)
+    processed = process(raw, rig, factors, task.method)
     origin = origin_of_raw(raw, task)
     picture = None
     if task.picture is not None:

@@ -9,7 +9,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.raw import TRUTH
 from bayes_tyre.formats.tables import read_table
 from bayes_tyre.rig.axle import EMBEDDED_RIGS, Rig, load_rig
-from bayes_tyre.signals.words import CASES_NEED, Words, words_from_name, words_from_row
+from bayes_tyre.signals.factors import CASES_NEED, RecordFactors, factors_from_name, factors_from_row
 from bayes_tyre.workflow.raw.inspect import path_text
 
 
@@ -33,7 +33,7 @@ class Task(NamedTuple):
     """
 
     file: Path
-    words: Words | str
+    factors: RecordFactors | str
     rig: Rig | None
     method: str
     simulated: bool
@@ -41,9 +41,9 @@ class Task(NamedTuple):
 
     def decides(self) -> dict[str, object]:
         """Return all that decides the record but the file's content."""
-        words = self.words if isinstance(self.words, str) else self.words.row()
+        factors = self.factors if isinstance(self.factors, str) else self.factors.row()
         rig = None if self.rig is None else self.rig.model_dump(mode="json")
-        return {"words": words, "rig": rig, "method": self.method, "simulated": self.simulated}
+        return {"factors": factors, "rig": rig, "method": self.method, "simulated": self.simulated}
 
 
 class Settings(NamedTuple):
@@ -68,29 +68,29 @@ def plan_tasks(files: Sequence[Path], settings: Settings) -> list[Task]:
     cases = _read_cases(settings.cases) if settings.cases is not None else {}
     truths = {folder: _simulated_in(folder) for folder in {file.parent for file in files}}
     named = [_words(file, cases) for file in files]
-    counts = Counter(words.record for words in named if isinstance(words, Words))
+    counts = Counter(factors.record for factors in named if isinstance(factors, RecordFactors))
     tasks, taken = [], set()
-    for file, words in zip(files, named, strict=True):
-        if isinstance(words, Words) and counts[words.record] > 1:
-            words = words._replace(record=_own_name(file, words.record, taken))
-        record = words.record if isinstance(words, Words) else ""
+    for file, factors in zip(files, named, strict=True):
+        if isinstance(factors, RecordFactors) and counts[factors.record] > 1:
+            factors = factors._replace(record=_own_name(file, factors.record, taken))
+        record = factors.record if isinstance(factors, RecordFactors) else ""
         taken.add(record)
-        rig = given or (own.get(words.case.configuration) if isinstance(words, Words) else None)
-        if isinstance(words, Words) and rig is None:
+        rig = given or (own.get(factors.case.configuration) if isinstance(factors, RecordFactors) else None)
+        if isinstance(factors, RecordFactors) and rig is None:
             has = ", ".join(EMBEDDED_RIGS)
-            words = f"configuration {words.case.configuration!r} has no rig of its own ({has} have); give --rig"
+            factors = f"configuration {factors.case.configuration!r} has no rig of its own ({has} have); give --rig"
         picture = settings.figures / f"{_file_name(record)}.png" if settings.figures and record else None
         simulated = path_text(Path(file.name)) in truths[file.parent]
         drawn = picture.absolute() if picture is not None else None
-        tasks.append(Task(file.absolute(), words, rig, settings.method, simulated, drawn))
+        tasks.append(Task(file.absolute(), factors, rig, settings.method, simulated, drawn))
     return tasks
 
 
-def _words(file: Path, cases: dict[str, dict[str, object]]) -> Words | str:
+def _words(file: Path, cases: dict[str, dict[str, object]]) -> RecordFactors | str:
     name = path_text(Path(file.name))
     row = cases.get(path_text(file), cases.get(name))
     try:
-        return words_from_row(row, name) if row is not None else words_from_name(name)
+        return factors_from_row(row, name) if row is not None else factors_from_name(name)
     except BadInput as error:
         return str(error)
 

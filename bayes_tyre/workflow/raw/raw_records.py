@@ -9,7 +9,7 @@ import pandas as pd
 from bayes_tyre.errors import BadInput
 from bayes_tyre.record import RawSignals
 from bayes_tyre.rig.axle import Rig
-from bayes_tyre.signals.words import Words
+from bayes_tyre.signals.factors import RecordFactors
 from bayes_tyre.workflow.execution.outcome import Done, Fault
 from bayes_tyre.workflow.raw.inspect import path_text
 from bayes_tyre.workflow.raw.process_tasks import Task
@@ -33,7 +33,7 @@ def attempted(make: Callable[[Task], Done], task: Task) -> Done | Fault:
         return Fault(f"bayes-tyre itself failed on it; please report: {said}", lasting=False)
 
 
-def usable(task: Task) -> tuple[Words, Rig]:
+def usable(task: Task) -> tuple[RecordFactors, Rig]:
     """Return the words and the rig of a file.
 
     Raises
@@ -41,9 +41,9 @@ def usable(task: Task) -> tuple[Words, Rig]:
     BadInput
         With the reason why it cannot be used.
     """
-    if isinstance(task.words, str) or task.rig is None:
-        raise BadInput(str(task.words))
-    return task.words, task.rig
+    if isinstance(task.factors, str) or task.rig is None:
+        raise BadInput(str(task.factors))
+    return task.factors, task.rig
 
 
 def origin_of_raw(raw: RawSignals, task: Task) -> str:

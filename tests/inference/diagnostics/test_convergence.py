@@ -12,7 +12,7 @@ def tree_of(chains: int) -> xr.DataTree:
     posterior = xr.Dataset(
         {
             "k_case": (("chain", "draw", "case"), rng.lognormal(size=(chains, 200, 3))),
-            "J_scale": (("chain", "draw"), rng.standard_normal((chains, 200))),
+            "sd_J": (("chain", "draw"), rng.standard_normal((chains, 200))),
         },
         {"case": ["a", "b", "c"]},
     )

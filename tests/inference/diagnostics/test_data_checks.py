@@ -6,15 +6,15 @@ import pytest
 import xarray as xr
 from helpers.hand_made_posteriors import grid, posterior, scattered
 
-from bayes_tyre.inference.diagnostics.data_checks import find_doubts
+from bayes_tyre.inference.diagnostics.data_checks import failed_checks
 from bayes_tyre.inference.diagnostics.verdict import diagnose
 
-WORDS = grid(("single",))
+FACTORS = grid(("single",))
 SHAPE = (4, 250)
 
 
-def dataset(changed: dict[str, np.ndarray], words: pd.DataFrame = WORDS) -> xr.Dataset:
-    return posterior(scattered(words, seed=1) | changed, words)["posterior"].to_dataset()
+def dataset(changed: dict[str, np.ndarray], factor_table: pd.DataFrame = FACTORS) -> xr.Dataset:
+    return posterior(scattered(factor_table, seed=1) | changed, factor_table)["posterior"].to_dataset()
 
 
 def spread(middle: float, log_sd: float, *shape: int) -> np.ndarray:
@@ -23,9 +23,9 @@ def spread(middle: float, log_sd: float, *shape: int) -> np.ndarray:
 
 def odd(records: list[int]) -> np.ndarray:
     """Probabilities of 0.9 for these records and 0.05 for the others."""
-    probability = np.full(len(WORDS), 0.05)
+    probability = np.full(len(FACTORS), 0.05)
     probability[records] = 0.9
-    return np.broadcast_to(probability, (*SHAPE, len(WORDS))).copy()
+    return np.broadcast_to(probability, (*SHAPE, len(FACTORS))).copy()
 
 
 def only(doubts: list[str]) -> str:
@@ -34,49 +34,49 @@ def only(doubts: list[str]) -> str:
 
 
 def test_ordinary_records_raise_none():
-    assert find_doubts(dataset({"beta_cell": spread(0.05, 0.3, 2), "log_k_repeat_scatter": spread(0.05, 0.3)})) == []
+    assert failed_checks(dataset({"beta_group": spread(0.05, 0.3, 2), "sd_log_k_repeat": spread(0.05, 0.3)})) == []
 
 
 # The priors' standard deviations of the logarithm are 1 (k) and 2 (beta).
-@pytest.mark.parametrize(("name", "informed", "not_informed"), [("k_cell", 0.5, 0.9), ("beta_cell", 1.0, 1.8)])
+@pytest.mark.parametrize(("name", "informed", "not_informed"), [("k_group", 0.5, 0.9), ("beta_group", 1.0, 1.8)])
 def test_a_population_as_wide_as_its_prior_is_named(name, informed, not_informed):
-    assert find_doubts(dataset({name: spread(1.0, informed, 2)})) == []
+    assert failed_checks(dataset({name: spread(1.0, informed, 2)})) == []
     both = np.concatenate([spread(1.0, 0.1, 1), spread(1.0, not_informed, 1)], axis=2)
-    said = only(find_doubts(dataset({name: both})))
+    said = only(failed_checks(dataset({name: both})))
     assert said.startswith(f"{name}[single unloading]: not determined by the records")
     assert "; " in said
 
 
 @pytest.mark.parametrize(("parameter", "usual", "too_much"), [("k", 0.3, 0.7), ("beta", 0.6, 1.4)])
 def test_repeats_that_are_none_are_named(parameter, usual, too_much):
-    name = f"log_{parameter}_repeat_scatter"
-    assert find_doubts(dataset({name: spread(usual, 0.1)})) == []
-    assert only(find_doubts(dataset({name: spread(too_much, 0.1)}))).startswith(f"{name}: repeats of a case differ")
+    name = f"sd_log_{parameter}_repeat"
+    assert failed_checks(dataset({name: spread(usual, 0.1)})) == []
+    assert only(failed_checks(dataset({name: spread(too_much, 0.1)}))).startswith(f"{name}: repeats of a case differ")
 
 
 def test_a_case_most_of_whose_repeats_are_discordant_is_named():
-    assert find_doubts(dataset({"discordant_probability": odd([0, 4, 7])})) == []  # one in each of three cases
-    said = only(find_doubts(dataset({"discordant_probability": odd([3, 5])})))
+    assert failed_checks(dataset({"outlier_probability": odd([0, 4, 7])})) == []  # one in each of three cases
+    said = only(failed_checks(dataset({"outlier_probability": odd([3, 5])})))
     assert said.startswith("k[single (0)30-20]: 2 of its 3 repeats are discordant")
 
 
 def test_discordance_is_found_without_words_too():
-    bare = WORDS[["record"]]
+    bare = FACTORS[["record"]]
     everything = odd(list(range(8)))
-    assert only(find_doubts(dataset({"discordant_probability": everything}, bare))).startswith(
+    assert only(failed_checks(dataset({"outlier_probability": everything}, bare))).startswith(
         "k[all records]: 8 of its 12"
     )
 
 
 def test_records_without_noise_are_named():
-    sigma = spread(0.03, 0.05, len(WORDS))
-    assert find_doubts(dataset({"sigma": sigma})) == []
+    sigma = spread(0.03, 0.05, len(FACTORS))
+    assert failed_checks(dataset({"sigma": sigma})) == []
     sigma[..., 2] = 1e-9
-    assert only(find_doubts(dataset({"sigma": sigma}))).startswith(f"sigma[{WORDS['record'][2]}]: 1e-09 kN")
+    assert only(failed_checks(dataset({"sigma": sigma}))).startswith(f"sigma[{FACTORS['record'][2]}]: 1e-09 kN")
 
 
 def test_a_doubt_fails_the_verdict():
-    tree = posterior(scattered(WORDS, seed=1) | {"log_k_repeat_scatter": spread(0.7, 0.1)}, WORDS)
+    tree = posterior(scattered(FACTORS, seed=1) | {"sd_log_k_repeat": spread(0.7, 0.1)}, FACTORS)
     found = diagnose(tree)
     assert found.verdict == "fail"
-    assert found.reasons == tuple(find_doubts(tree["posterior"].to_dataset()))
+    assert found.reasons == tuple(failed_checks(tree["posterior"].to_dataset()))

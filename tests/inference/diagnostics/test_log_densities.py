@@ -7,14 +7,14 @@ from helpers.hand_made_posteriors import grid, posterior, scattered
 from helpers.simulated_records import Plan, simulate
 from scipy import stats
 
-from bayes_tyre.inference.diagnostics import log_densities as densities
-from bayes_tyre.inference.model.factors import find_levels
+from bayes_tyre.inference.diagnostics import log_densities
+from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import prior_sites
-from bayes_tyre.inference.model.laplace import record_data
 from bayes_tyre.inference.model.likelihood import DirectLikelihood, compress
+from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.datatree import as_measured, scale_displacement
 from bayes_tyre.inference.sampling.hierarchical_fit import record_batch
-from bayes_tyre.record_table import record_words
+from bayes_tyre.record_table import record_factors
 
 PLAN = Plan(configurations=("single",), speeds=(0.0,), loads=(20.0,), steps=(10.0,), points=30)
 
@@ -23,29 +23,34 @@ PLAN = Plan(configurations=("single",), speeds=(0.0,), loads=(20.0,), steps=(10.
 def made():
     """Return a batch of three records, their data, and draws about nothing in particular."""
     table, _ = simulate(PLAN, 1)
-    words = record_words(table)
+    factor_table = record_factors(table)
     batch = record_batch(table)
-    return batch, record_data(batch), posterior(scattered(words, seed=3, chains=2, draws=15), words), words
+    return (
+        batch,
+        record_data(batch),
+        posterior(scattered(factor_table, seed=3, chains=2, draws=15), factor_table),
+        factor_table,
+    )
 
 
 def test_the_prior_is_that_of_the_top_level_on_the_scale_it_is_spread_on():
-    words = grid(("single",))
-    tree = posterior(scattered(words, seed=1), words)
+    factor_table = grid(("single",))
+    tree = posterior(scattered(factor_table, seed=1), factor_table)
     draws = tree["posterior"].to_dataset()
-    found = densities.log_prior(draws, prior_sites(find_levels(words)))
-    expected = stats.norm.logpdf(np.log(draws["k_cell"].to_numpy()), 0.0, 1.0)
-    np.testing.assert_allclose(found["k_cell"], expected, rtol=1e-12)
-    np.testing.assert_allclose(found["J_scale"], stats.halfnorm.logpdf(draws["J_scale"], scale=2.0), rtol=1e-12)
+    found = log_densities.log_prior(draws, prior_sites(find_factors(factor_table)))
+    expected = stats.norm.logpdf(np.log(draws["k_group"].to_numpy()), 0.0, 1.0)
+    np.testing.assert_allclose(found["k_group"], expected, rtol=1e-12)
+    np.testing.assert_allclose(found["sd_J"], stats.halfnorm.logpdf(draws["sd_J"], scale=2.0), rtol=1e-12)
     # A case about its words and a record about its case are no priors.
     assert set(found.data_vars) == {
-        *("k_cell", "beta_cell", "log_k_case_scale", "log_beta_case_scale", "J_scale", "sigma_typical")
+        *("k_group", "beta_group", "sd_log_k_case", "sd_log_beta_case", "sd_J", "sigma_typical")
     }
 
 
 def test_the_likelihood_of_each_draw_is_the_normal_density_of_the_residuals(made):
     batch, data, tree, _ = made
     draws = tree["posterior"].to_dataset()
-    found = densities.log_likelihood_of_records(draws, DirectLikelihood(data))["force"]
+    found = log_densities.log_likelihood_of_records(draws, DirectLikelihood(data))["force"]
     assert found.dims == ("chain", "draw", "record")
     for record in range(3):
         points = batch.points[record]
@@ -61,25 +66,25 @@ def test_the_likelihood_of_each_draw_is_the_normal_density_of_the_residuals(made
 def test_draws_taken_a_few_at_a_time_give_the_same_and_so_does_the_compressed_likelihood(made, monkeypatch):
     _, data, tree, _ = made
     draws = tree["posterior"].to_dataset()
-    whole = densities.log_likelihood_of_records(draws, DirectLikelihood(data))["force"]
-    monkeypatch.setattr(densities, "_TOGETHER", 7 * data.u.size)  # 30 draws are no multiple of 7
+    whole = log_densities.log_likelihood_of_records(draws, DirectLikelihood(data))["force"]
+    monkeypatch.setattr(log_densities, "_TOGETHER", 7 * data.u.size)  # 30 draws are no multiple of 7
     np.testing.assert_allclose(
-        densities.log_likelihood_of_records(draws, DirectLikelihood(data))["force"], whole, rtol=1e-12
+        log_densities.log_likelihood_of_records(draws, DirectLikelihood(data))["force"], whole, rtol=1e-12
     )
-    compressed = densities.log_likelihood_of_records(draws, compress(data))["force"]
+    compressed = log_densities.log_likelihood_of_records(draws, compress(data))["force"]
     np.testing.assert_allclose(compressed, whole, rtol=1e-6)
 
 
 def test_a_factor_on_displacement_changes_no_density(made):
-    _, data, tree, words = made
-    sites = prior_sites(find_levels(words))
+    _, data, tree, factor_table = made
+    sites = prior_sites(find_factors(factor_table))
     plain, scaled = (each["posterior"].to_dataset() for each in (tree, scale_displacement(tree, 0.05, seed=1)))
     assert float(np.abs(scaled["k"] / plain["k"] - 1.0).max()) > 0.05
-    for name in ("k", "beta_case", "k_cell"):
+    for name in ("k", "beta_case", "k_group"):
         np.testing.assert_allclose(as_measured(scaled)[name], plain[name], rtol=1e-12)
     for one, other in (
-        (densities.log_prior(scaled, sites, data), densities.log_prior(plain, sites, data)),
-        *[[densities.log_likelihood_of_records(each, DirectLikelihood(data)) for each in (scaled, plain)]],
+        (log_densities.log_prior(scaled, sites, data), log_densities.log_prior(plain, sites, data)),
+        *[[log_densities.log_likelihood_of_records(each, DirectLikelihood(data)) for each in (scaled, plain)]],
     ):
         for name in other.data_vars:
             np.testing.assert_allclose(one[name], other[name], rtol=1e-8)
@@ -88,25 +93,27 @@ def test_a_factor_on_displacement_changes_no_density(made):
 def test_the_first_force_has_its_prior_from_the_record(made):
     _, data, tree, _ = made
     draws = tree["posterior"].to_dataset()
-    found = densities.log_prior(draws, (), data)
+    found = log_densities.log_prior(draws, (), data)
     expected = stats.norm.logpdf(draws["F_i"], np.asarray(data.F_0), np.asarray(data.span)).sum(axis=2)
     np.testing.assert_allclose(found["F_i"], expected, rtol=1e-12)
     assert jnp.all(data.span > 0)
 
 
 def test_printed_means_have_a_log_normal_density_whose_mean_is_the_case():
-    words = grid(("single",), repeats=1).drop(columns=["record", "repeat"])
+    factor_table = grid(("single",), repeats=1).drop(columns=["record", "repeat"])
     rng, shape = np.random.default_rng(5), (2, 10)
     draws = {
         "k_case": 1.8 * np.exp(0.1 * rng.normal(size=(*shape, 4))),
         "beta_case": 0.03 * np.exp(0.1 * rng.normal(size=(*shape, 4))),
-        "published_scatter_k": 0.1 * np.exp(0.2 * rng.normal(size=shape)),
-        "published_scatter_beta": 0.3 * np.exp(0.2 * rng.normal(size=shape)),
+        "sd_log_k_published": 0.1 * np.exp(0.2 * rng.normal(size=shape)),
+        "sd_log_beta_published": 0.3 * np.exp(0.2 * rng.normal(size=shape)),
     }
     printed = np.array([1.5, 1.7, 1.9, 2.2])
-    found = densities.log_likelihood_of_print(posterior(draws, words)["posterior"].to_dataset(), {"k": printed})
-    law = stats.lognorm(draws["published_scatter_k"][1, 3], scale=1.0)
+    found = log_densities.log_likelihood_of_print(
+        posterior(draws, factor_table)["posterior"].to_dataset(), {"k": printed}
+    )
+    law = stats.lognorm(draws["sd_log_k_published"][1, 3], scale=1.0)
     for case in range(4):
         scale = draws["k_case"][1, 3, case] / law.mean()
-        expected = stats.lognorm.logpdf(printed[case], draws["published_scatter_k"][1, 3], scale=scale)
+        expected = stats.lognorm.logpdf(printed[case], draws["sd_log_k_published"][1, 3], scale=scale)
         assert float(found["printed_k"][1, 3, case]) == pytest.approx(expected, rel=1e-9)

@@ -6,7 +6,7 @@ import xarray as xr
 from helpers.hand_made_posteriors import grid, posterior, scattered
 from helpers.simulated_records import Plan, simulate
 
-from bayes_tyre.inference.diagnostics.data_checks import find_remarks
+from bayes_tyre.inference.diagnostics.data_checks import find_limitations
 from bayes_tyre.inference.diagnostics.power_scaling import (
     GROUP,
     MEASURES,
@@ -17,13 +17,13 @@ from bayes_tyre.inference.diagnostics.power_scaling import (
     identify_records,
     sensitivity,
 )
-from bayes_tyre.inference.model.factors import find_levels
+from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import prior_sites, published_sites
 from bayes_tyre.inference.model.prior_predictive import prior_quantities
 from bayes_tyre.inference.sampling.datatree import to_datatree
 from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings
 from bayes_tyre.published import tables
-from bayes_tyre.record_table import record_words
+from bayes_tyre.record_table import record_factors
 from bayes_tyre.results import summary
 
 SHAPE = (4, 500)
@@ -104,17 +104,17 @@ def test_what_decides_is_said_in_a_word(figures, said):
 
 @pytest.fixture(scope="module")
 def of_records():
-    """Return hand-made draws of records, identified: one case's beta is as wide as its prior, J_scale is its prior."""
+    """Return hand-made draws of records, identified: one case's beta is as wide as its prior, sd_J is its prior."""
     table, _ = simulate(
         Plan(configurations=("single",), speeds=(0.0, 25.0), loads=(20.0,), steps=(5.0, -5.0), points=30), 1
     )
-    words, rng = record_words(table), np.random.default_rng(6)
-    draws = scattered(words, seed=4)
+    factor_table, rng = record_factors(table), np.random.default_rng(6)
+    draws = scattered(factor_table, seed=4)
     draws["beta_case"] = draws["beta_case"] * np.exp(
         2.2 * rng.standard_normal(draws["beta_case"].shape) * (np.arange(4) == 2)
     )
-    draws["J_scale"] = np.abs(2.0 * rng.standard_normal((*SHAPE[:1], 250)))
-    return identify_records(posterior(draws, words), table, ModelSettings(), summary.means)
+    draws["sd_J"] = np.abs(2.0 * rng.standard_normal((*SHAPE[:1], 250)))
+    return identify_records(posterior(draws, factor_table), table, ModelSettings())
 
 
 def test_every_quantity_of_records_has_its_measures_with_its_labels(of_records):
@@ -127,7 +127,7 @@ def test_every_quantity_of_records_has_its_measures_with_its_labels(of_records):
     assert float(of["k"].min()) > 0.99
     assert of["k_mean"].sizes == {"mean_of": 2}
     assert float(of["k_mean"].min()) > 0.99
-    assert bool(of["discordant_probability"].isnull().all())
+    assert bool(of["outlier_probability"].isnull().all())
     sensitive = group.sel(measure="prior_sensitivity")
     assert bool(sensitive["k"].isnull().all())
     assert bool(sensitive["k_case"].notnull().all())
@@ -135,13 +135,13 @@ def test_every_quantity_of_records_has_its_measures_with_its_labels(of_records):
 
 def test_what_the_data_did_not_say_is_remarked_by_name_and_with_a_remedy(of_records):
     label = str(of_records["posterior"]["case"].to_numpy()[2])
-    said = find_remarks(of_records)
+    said = find_limitations(of_records)
     case = next(remark for remark in said if remark.startswith(f"beta_case[{label}]: the data did not speak"))
     assert "it needs several points within beta of the start" in case
-    assert any(remark.startswith("J_scale: the data hardly spoke") for remark in said)
+    assert any(remark.startswith("sd_J: the data hardly spoke") for remark in said)
     # Draws of the prior itself follow their prior and nothing else.
-    assert any("J_scale" in remark and "the prior moves them" in remark for remark in said)
-    assert identified(of_records, "J_scale")["decided_by"].tolist() == ["prior"]
+    assert any("sd_J" in remark and "the prior moves them" in remark for remark in said)
+    assert identified(of_records, "sd_J")["decided_by"].tolist() == ["prior"]
     assert not any("k_case" in remark for remark in said)
 
 
@@ -149,38 +149,38 @@ def test_a_summary_carries_what_was_found_row_by_row(of_records):
     table = summary.summary(of_records, "pass")
     rows = table[table["parameter"] == "beta_case"].reset_index(drop=True)
     assert (rows["contraction"] < 0.5).tolist() == [False, False, True, False]
-    assert table.loc[table["parameter"] == "J_scale", "decided_by"].tolist() == ["prior"]
-    assert table[table["parameter"] == "k_cell[single loading]"]["contraction"].item() > 0.99
+    assert table.loc[table["parameter"] == "sd_J", "decided_by"].tolist() == ["prior"]
+    assert table[table["parameter"] == "k_group[single loading]"]["contraction"].item() > 0.99
 
 
 def test_a_posterior_without_the_group_has_no_remarks_and_empty_columns():
-    words = grid(("single",))
-    tree = posterior(scattered(words, seed=1), words)
-    assert find_remarks(tree) == []
+    factor_table = grid(("single",))
+    tree = posterior(scattered(factor_table, seed=1), factor_table)
+    assert find_limitations(tree) == []
     assert summary.summary(tree, "pass")[list(MEASURES)].isna().all(axis=None)
 
 
 def test_printed_tables_that_are_drawn_from_the_prior_have_no_contraction():
     printed = tables.case_means()
-    levels = find_levels(printed[list(printed.columns[:5])])
-    drawn = prior_quantities(levels, published_sites(levels), 4 * 500, seed=11)
+    factors = find_factors(printed[list(printed.columns[:5])])
+    drawn = prior_quantities(factors, published_sites(factors), 4 * 500, seed=11)
     by_chain = {name: values.reshape(4, 500, *values.shape[1:]) for name, values in drawn.items()}
     energy = {"energy": normal(1, 1), "diverging": np.zeros(SHAPE, dtype=bool)}
-    tree = to_datatree(by_chain, energy, levels, record_words(simulate(Plan(), 1)[0])[:0], {"origin": "published"})
-    found = identify_published(tree, printed, summary.means)[GROUP].to_dataset().sel(measure="contraction")
+    tree = to_datatree(by_chain, energy, factors, record_factors(simulate(Plan(), 1)[0])[:0], {"origin": "published"})
+    found = identify_published(tree, printed)[GROUP].to_dataset().sel(measure="contraction")
     # Logarithms of cells are normal: ratios of variances of 2000 and 4000 draws have a standard error of 0.039.
-    assert float(np.abs(found["k_cell"]).max()) < 5 * 0.039
+    assert float(np.abs(found["k_group"]).max()) < 5 * 0.039
     # Effects are normal with a half-normal scale: an excess kurtosis of 6 makes that 0.077.
     assert float(np.abs(found["log_k_speed"]).max()) < 5 * 0.077
     assert float(found["beta_case"].max()) < 0.5
 
 
 def test_prior_quantities_of_records_follow_the_model_s_words():
-    words = grid(("single", "dual"))
-    levels = find_levels(words)
-    found = prior_quantities(levels, prior_sites(levels), 500, seed=1)
-    assert found["k"].shape == (500, len(words))
-    assert found["log_k_repeat_scatter_by_speed"].shape == (500, 2)
+    factor_table = grid(("single", "dual"))
+    factors = find_factors(factor_table)
+    found = prior_quantities(factors, prior_sites(factors), 500, seed=1)
+    assert found["k"].shape == (500, len(factor_table))
+    assert found["sd_log_k_repeat_by_speed"].shape == (500, 2)
     np.testing.assert_allclose(found["log_k_speed"].sum(axis=1), 0.0, atol=1e-12)
     # Two cases of a cell share it: their logarithms differ by effects and remainders alone.
     apart = np.log(found["beta_case"][:, 0] / found["beta_case"][:, 2])

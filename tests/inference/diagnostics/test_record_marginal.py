@@ -9,12 +9,13 @@ from scipy import stats
 
 from bayes_tyre.inference.diagnostics.record_marginal import (
     POINTS,
-    Populations,
+    Hyperparameters,
     record_density,
     standard_points,
 )
-from bayes_tyre.inference.model.laplace import estimate_records, record_data
-from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_levels, likelihood_of
+from bayes_tyre.inference.model.laplace import estimate_records
+from bayes_tyre.inference.record_data import record_data
+from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_factors, likelihood_of
 from bayes_tyre.record_table import check_record_table
 
 #: So narrow that a logarithm is as good as known.
@@ -25,24 +26,24 @@ J_SCALE = np.array([0.05, 2.0])
 @pytest.fixture(scope="module")
 def records():
     table, _ = simulate(Plan(("x",), (0.0,), (20.0,), (5.0,), repeats=3, points=50), seed=3)
-    return batch_and_levels(check_record_table(table), ModelSettings())[0]
+    return batch_and_factors(check_record_table(table), ModelSettings())[0]
 
 
-def known(estimates, **other) -> Populations:
+def known(estimates, **other) -> Hyperparameters:
     """Return two draws of populations that leave nothing open but F_i and J."""
     pair = np.asarray(estimates.centre[:, 2:])
     values = {
         "log_case": jnp.asarray(np.stack([pair, pair + 0.01])),
         "log_scatter": jnp.full((2, *pair.shape), np.log(NARROW)),
-        "J_scale": jnp.asarray(J_SCALE),
+        "sd_J": jnp.asarray(J_SCALE),
         "log_sigma": jnp.log(jnp.array([0.03, 0.05])),
-        "log_sigma_spread": jnp.full(2, NARROW),
-        **dict.fromkeys(("discordant_weight", "student_nu", "atanh_rho", "atanh_rho_spread")),
+        "sd_log_sigma": jnp.full(2, NARROW),
+        **dict.fromkeys(("discordant_weight", "student_nu", "atanh_rho", "sd_atanh_rho")),
     }
-    return Populations(**{**values, **other})
+    return Hyperparameters(**{**values, **other})
 
 
-def by_hand(data, record, log_pair, J_scale, sigma, rho=0.0) -> float:
+def by_hand(data, record, log_pair, sd_J, sigma, rho=0.0) -> float:
     """Return the log density of a record whose k, beta and sigma are known: a normal one, with F_i and J in it."""
     present = np.asarray(data.present[record])
     u, F = np.asarray(data.u[record])[present], np.asarray(data.F[record])[present]
@@ -50,7 +51,7 @@ def by_hand(data, record, log_pair, J_scale, sigma, rho=0.0) -> float:
     g = 1.0 - np.exp(-np.abs(u) / beta)
     apart = np.abs(np.subtract.outer(np.arange(len(u)), np.arange(len(u))))
     covariance = sigma**2 * float(rho) ** apart if rho else sigma**2 * np.eye(len(u))
-    covariance = covariance + float(data.span[record]) ** 2 + J_scale**2 * np.outer(g, g)
+    covariance = covariance + float(data.span[record]) ** 2 + sd_J**2 * np.outer(g, g)
     return float(stats.multivariate_normal(float(data.F_0[record]) + k * u * g, covariance).logpdf(F))
 
 
@@ -73,7 +74,7 @@ def test_with_k_beta_and_sigma_known_it_is_the_normal_density_with_F_i_and_J_in_
 
 def test_autoregressive_noise_likewise(records):
     rho = 0.2
-    more = {"atanh_rho": jnp.full(2, np.arctanh(rho)), "atanh_rho_spread": jnp.full(2, NARROW)}
+    more = {"atanh_rho": jnp.full(2, np.arctanh(rho)), "sd_atanh_rho": jnp.full(2, NARROW)}
     data, found = density(records, ModelSettings(noise="ar1"), lambda estimates: known(estimates, **more))
     pair = np.asarray(known(estimate_records(records, "ar1")).log_case)[0, 0]
     expected = by_hand(data, 0, pair, J_SCALE[0], 0.03, rho)
@@ -82,7 +83,7 @@ def test_autoregressive_noise_likewise(records):
 
 def test_repeats_enter_as_in_the_model(records):
     """A mixture of weight 0 is the normal one, a t of many degrees of freedom nearly, and one of weight 1 is wider."""
-    wide = {"log_scatter": jnp.full((2, 3, 2), np.log(0.1)), "log_sigma_spread": jnp.full(2, 0.1)}
+    wide = {"log_scatter": jnp.full((2, 3, 2), np.log(0.1)), "sd_log_sigma": jnp.full(2, 0.1)}
 
     def with_(**other) -> np.ndarray:
         return np.asarray(density(records, ModelSettings(), lambda e: known(e, **wide, **other))[1].log_density)
@@ -97,7 +98,7 @@ def test_repeats_enter_as_in_the_model(records):
 
 
 def test_other_points_change_little(records):
-    wide = {"log_scatter": jnp.full((2, 3, 2), np.log(0.1)), "log_sigma_spread": jnp.full(2, 0.3)}
+    wide = {"log_scatter": jnp.full((2, 3, 2), np.log(0.1)), "sd_log_sigma": jnp.full(2, 0.3)}
     of = (ModelSettings(), lambda estimates: known(estimates, **wide))
     found = [density(records, *of, seed, POINTS)[1].log_density for seed in (1, 2)]
     assert jax.tree.reduce(jnp.maximum, jnp.abs(found[0] - found[1])).max() < 0.2

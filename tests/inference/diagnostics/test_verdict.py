@@ -18,8 +18,8 @@ CONTRACT = {
 
 
 def tree(statistics: dict[str, np.ndarray] | None = None, chains: int = CHAINS, **changed: np.ndarray) -> xr.DataTree:
-    words = grid(("single",))
-    return posterior(scattered(words, seed=1, chains=chains, draws=DRAWS) | changed, words, statistics)
+    factor_table = grid(("single",))
+    return posterior(scattered(factor_table, seed=1, chains=chains, draws=DRAWS) | changed, factor_table, statistics)
 
 
 def draws_of_k(seed: int = 2) -> np.ndarray:
@@ -99,8 +99,8 @@ def test_tails_that_were_hardly_reached_fail_by_effective_draws_in_the_tails():
 
 @pytest.mark.parametrize(("chains", "enough"), [(2, True), (4, False)])
 def test_a_hundred_effective_draws_are_asked_of_each_chain(chains, enough):
-    words = grid(("single",))
-    found = diagnose(posterior(scattered(words, seed=5, chains=chains, draws=340 // chains), words))
+    factor_table = grid(("single",))
+    found = diagnose(posterior(scattered(factor_table, seed=5, chains=chains, draws=340 // chains), factor_table))
     assert 200 < found.ess_bulk_min < 400
     assert any("bulk ESS" in reason for reason in found.reasons) != enough
 
@@ -161,7 +161,7 @@ def test_draws_that_are_no_numbers_fail(value):
 def test_a_probability_that_is_certain_is_no_fault():
     certain = np.random.default_rng(6).beta(1.0, 9.0, size=(CHAINS, DRAWS, 12))
     certain[..., 5] = 1.0
-    assert diagnose(tree(discordant_probability=certain)).verdict == "pass"
+    assert diagnose(tree(outlier_probability=certain)).verdict == "pass"
 
 
 def test_every_fault_gives_its_own_reason():
@@ -179,8 +179,8 @@ def test_a_reason_names_the_chain_and_where_its_divergences_gather():
     diverging = np.zeros((CHAINS, DRAWS), dtype=bool)
     diverging[2] = scale[2] < np.sort(scale[2])[12]
     diverging[1, 0] = True
-    reason = only_reason(diagnose(tree({"diverging": diverging}, log_k_case_scale=scale)))
-    assert reason.startswith("13 divergent transitions (1 in chain 1, 12 in chain 2; most at small log_k_case_scale)")
+    reason = only_reason(diagnose(tree({"diverging": diverging}, sd_log_k_case=scale)))
+    assert reason.startswith("13 divergent transitions (1 in chain 1, 12 in chain 2; most at small sd_log_k_case)")
 
 
 def test_chains_that_disagree_and_stiff_energy_name_the_chain():

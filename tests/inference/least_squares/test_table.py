@@ -8,7 +8,7 @@ import pytest
 from helpers.odd_records import BETA, FIXED, LONG, RECORDS, K, by_record, fitted, record, table_of
 
 from bayes_tyre.inference.least_squares.table import FitSettings, fit_records
-from bayes_tyre.record import ORIGIN_UNKNOWN, WORDS
+from bayes_tyre.record import FACTORS, ORIGIN_UNKNOWN
 
 # Compilation and module fixtures: over 10 s for the file from cold.
 pytestmark = pytest.mark.slow
@@ -63,13 +63,15 @@ def test_columns_are_those_of_the_contract(fits, thesis, fixed):
 
 
 def test_a_table_without_words_has_them_empty_and_no_origin(fits):
-    assert (fits[list(WORDS)] == "").all(axis=None)
+    assert (fits[list(FACTORS)] == "").all(axis=None)
     assert (fits["origin"] == ORIGIN_UNKNOWN).all()
 
 
 def test_words_and_origin_come_along_with_each_record():
-    words = {"configuration": "single", "direction": "loading", "speed_km_h": 25.0, "initial_load_kN": 20.0}
-    given = {name: {**words, "step_kN": 10.0, "repeat": i, "origin": "measured"} for i, name in enumerate(RECORDS)}
+    factor_table = {"configuration": "single", "direction": "loading", "speed_km_h": 25.0, "initial_load_kN": 20.0}
+    given = {
+        name: {**factor_table, "step_kN": 10.0, "repeat": i, "origin": "measured"} for i, name in enumerate(RECORDS)
+    }
     given["loading"] |= {"configuration": "dual", "repeat": 7, "origin": "simulated"}
     fits = fitted({n: RECORDS[n].assign(**given[n]) for n in RECORDS})
     for name, row in given.items():

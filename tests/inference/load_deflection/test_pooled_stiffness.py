@@ -7,8 +7,8 @@ import pytest
 from bayes_tyre.inference.load_deflection.pooled_stiffness import shared_stiffness, weighted_mean
 
 
-def estimates(k, se, **words) -> pd.DataFrame:
-    return pd.DataFrame({"k_kN_per_mm": k, "k_kN_per_mm_se": se, **words})
+def estimates(k, se, **factor_table) -> pd.DataFrame:
+    return pd.DataFrame({"k_kN_per_mm": k, "k_kN_per_mm_se": se, **factor_table})
 
 
 def test_the_combined_k_is_that_of_least_squares_with_one_k():
@@ -34,8 +34,8 @@ def test_what_disagrees_is_said_with_its_sign():
 
 
 def test_rows_meet_by_the_words_that_both_tables_have_and_only_those_with_an_error_count():
-    words = {"configuration": ["single", "single", "dual"], "speed_km_h": [0, 25, 0]}
-    tests = estimates([1.5, 1.6, 1.9], [0.1, 0.1, np.nan], **words)
+    factor_table = {"configuration": ["single", "single", "dual"], "speed_km_h": [0, 25, 0]}
+    tests = estimates([1.5, 1.6, 1.9], [0.1, 0.1, np.nan], **factor_table)
     steps = estimates([1.7, 1.8, 1.5], 0.1, configuration=["single", "single", "dual"], speed_km_h=["0.0", "0", "0"])
     both = shared_stiffness(tests, steps)
     assert both[["configuration", "speed_km_h", "tests", "steps"]].to_numpy().tolist() == [["single", 0.0, 1, 2]]

@@ -9,22 +9,23 @@ from numpyro.handlers import seed, substitute, trace
 from numpyro.infer.initialization import init_to_uniform
 from scipy import stats
 
-from bayes_tyre.inference.model import models as hierarchical
-from bayes_tyre.inference.model.factors import Levels, find_levels
+from bayes_tyre.inference.model import models
+from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.half_normal import HalfNormal
 from bayes_tyre.inference.model.hyperparameters import (
-    population_starts,
+    hyperparameter_starts,
     prior_sites,
     published_sites,
-    sample_populations,
+    sample_hyperparameters,
 )
-from bayes_tyre.inference.model.laplace import draw_picture, record_data
+from bayes_tyre.inference.model.laplace import laplace_approximation
 from bayes_tyre.inference.model.likelihood import compress
 from bayes_tyre.inference.model.priors import PRIORS, prior_medians
 from bayes_tyre.inference.model.reparameterisation import Gaussian
+from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.hierarchical_fit import record_batch
-from bayes_tyre.record import CASE_WORDS
-from bayes_tyre.record_table import record_words
+from bayes_tyre.record import CASE_FACTORS
+from bayes_tyre.record_table import record_factors
 
 PLANS = {
     "all that varies": Plan(configurations=("single",), steps=(-10.0, -5.0, 5.0, 10.0), points=20),
@@ -50,11 +51,11 @@ def bare(model):
 
 def at_the_top(sites: tuple[str, ...]) -> set[str]:
     """Return those sampled by family; cells and typical noise levels are placed where what they rule is."""
-    return {site for site in sites if not site.endswith(("_cell", "_typical"))}
+    return {site for site in sites if not site.endswith(("_group", "_typical"))}
 
 
-def levels_of(plan: str) -> Levels:
-    return find_levels(record_words(simulate(PLANS[plan], 1)[0]))
+def levels_of(plan: str) -> Factors:
+    return find_factors(record_factors(simulate(PLANS[plan], 1)[0]))
 
 
 @pytest.fixture
@@ -62,10 +63,10 @@ def used(monkeypatch) -> list[Used]:
     made = []
 
     def watched(sites):
-        made.append(Used(sample_populations(sites)))
+        made.append(Used(sample_hyperparameters(sites)))
         return made[-1]
 
-    monkeypatch.setattr(hierarchical, "sample_populations", watched)
+    monkeypatch.setattr(models, "sample_hyperparameters", watched)
     return made
 
 
@@ -73,28 +74,28 @@ def used(monkeypatch) -> list[Used]:
 @pytest.mark.parametrize("plan", PLANS)
 def test_the_model_of_records_uses_every_prior_that_it_samples(plan, used):
     table, _ = simulate(PLANS[plan], 1)
-    batch, levels = record_batch(table), levels_of(plan)
-    data, picture = record_data(batch), draw_picture(batch, levels)
-    model, likelihood = bare(hierarchical.records_model), compress(data)
-    sites = trace(model).get_trace(likelihood, data, picture, levels)
-    assert used[-1].names == set(used[-1]) == at_the_top(prior_sites(levels))
-    assert set(prior_sites(levels)) <= set(sites)
-    assert len(prior_sites(levels)) == len(set(prior_sites(levels)))
+    batch, factors = record_batch(table), levels_of(plan)
+    data, picture = record_data(batch), laplace_approximation(batch, factors)
+    model, likelihood = bare(models.records_model), compress(data)
+    sites = trace(model).get_trace(likelihood, data, picture, factors)
+    assert used[-1].names == set(used[-1]) == at_the_top(prior_sites(factors))
+    assert set(prior_sites(factors)) <= set(sites)
+    assert len(prior_sites(factors)) == len(set(prior_sites(factors)))
 
 
 def test_the_model_of_printed_means_uses_every_prior_that_it_samples(used):
     table, _ = simulate(PLANS["all that varies"], 1)
-    levels = find_levels(table[list(CASE_WORDS)].drop_duplicates())
-    printed = {"k": np.full(len(levels.cases), 1.8), "beta": np.full(len(levels.cases), 0.03)}
-    model = bare(hierarchical.published_model)
-    jax.eval_shape(lambda: model(printed, levels) or 0)
-    assert used[-1].names == set(used[-1]) == at_the_top(published_sites(levels))
+    factors = find_factors(table[list(CASE_FACTORS)].drop_duplicates())
+    printed = {"k": np.full(len(factors.cases), 1.8), "beta": np.full(len(factors.cases), 0.03)}
+    model = bare(models.published_model)
+    jax.eval_shape(lambda: model(printed, factors) or 0)
+    assert used[-1].names == set(used[-1]) == at_the_top(published_sites(factors))
 
 
 def test_priors_of_a_family_are_sampled_together_each_with_its_own_density():
     sites = prior_sites(levels_of("all that varies"), noise="ar1")
-    starts = population_starts(sites, prior_medians())
-    model = substitute(seed(lambda: sample_populations(sites), 0), data=jax.tree.map(jnp.asarray, starts))
+    starts = hyperparameter_starts(sites, prior_medians())
+    model = substitute(seed(lambda: sample_hyperparameters(sites), 0), data=jax.tree.map(jnp.asarray, starts))
     found = trace(model).get_trace()
     together = sum(np.sum(site["fn"].log_prob(site["value"])) for name, site in found.items() if name in starts)
     own = [jnp.asarray(PRIORS[name].distribution().log_prob(prior_medians()[name])) for name in at_the_top(sites)]
@@ -108,7 +109,7 @@ def test_priors_of_a_family_are_sampled_together_each_with_its_own_density():
 def test_a_typical_noise_level_has_its_prior_and_records_scatter_about_it(records, spread):
     value = jnp.log(jnp.linspace(0.02, 0.05, records))
     estimate = Gaussian(value, jnp.full(records, 60.0))
-    model = bare(lambda: hierarchical._about_typical("sigma_typical", estimate, "s", {"s": jnp.asarray(spread)}))
+    model = bare(lambda: models._about_typical("sigma_typical", estimate, "s", {"s": jnp.asarray(spread)}))
     names = ("sigma_typical", *["sigma_typical_records"] * (records > 1))
 
     def placed(z: dict) -> jax.Array:

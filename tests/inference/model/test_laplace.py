@@ -7,10 +7,11 @@ import pytest
 from helpers.simulated_records import Plan, simulate
 
 from bayes_tyre.batch import Batch
-from bayes_tyre.inference.model.laplace import blank_picture, draw_picture, estimate_records, record_data
+from bayes_tyre.inference.model.laplace import empty_approximation, estimate_records, laplace_approximation
 from bayes_tyre.inference.model.likelihood import DirectLikelihood
 from bayes_tyre.inference.model.reparameterisation import place_few
-from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_levels, record_batch
+from bayes_tyre.inference.record_data import record_data
+from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_factors, record_batch
 from bayes_tyre.record_table import check_record_table
 
 # Compilation and module fixtures: over 10 s for the file from cold.
@@ -61,8 +62,8 @@ def test_an_offset_that_pulls_against_the_line_is_in_the_picture():
 
 def test_a_blank_picture_has_the_shapes_of_a_drawn_one():
     table, _ = simulate(Plan(("x", "y"), (0.0, 15.0), (20.0,), (5.0,), repeats=2, points=40), seed=1)
-    batch, _, levels = batch_and_levels(check_record_table(table), ModelSettings())
-    blank, drawn = blank_picture(len(batch.records), levels), draw_picture(batch, levels)
+    batch, _, factors = batch_and_factors(check_record_table(table), ModelSettings())
+    blank, drawn = empty_approximation(len(batch.records), factors), laplace_approximation(batch, factors)
     assert jax.tree.structure(blank) == jax.tree.structure(drawn)
     assert jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype), blank) == (
         jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype), drawn)

@@ -3,14 +3,14 @@
 import numpy as np
 import pandas as pd
 
-from bayes_tyre.inference.model.factors import Levels, find_levels
+from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.laplace_cases import case_estimates
 
 CASES, SCATTER, SD = 40, 0.05, 0.01
 
 
-def levels_of(repeats: int) -> Levels:
-    return find_levels(pd.DataFrame({"configuration": np.repeat([f"case {i:02}" for i in range(CASES)], repeats)}))
+def levels_of(repeats: int) -> Factors:
+    return find_factors(pd.DataFrame({"configuration": np.repeat([f"case {i:02}" for i in range(CASES)], repeats)}))
 
 
 def usual(repeats: int) -> np.ndarray:
@@ -20,9 +20,9 @@ def usual(repeats: int) -> np.ndarray:
 
 
 def test_an_odd_record_is_seen_and_moves_no_case():
-    values, levels = usual(3), levels_of(3)
+    values, factors = usual(3), levels_of(3)
     values[4] += [8 * SCATTER, -12 * SCATTER]
-    found = case_estimates(values, np.full(values.shape, SD**2), levels)
+    found = case_estimates(values, np.full(values.shape, SD**2), factors)
     assert found.discordant[4]
     np.testing.assert_allclose(found.middle[:, 1], values[[3, 5]].mean(axis=0))
     # Of usual records 0.3 % look odd (simulated, 200,000 of them): more than 5 of 119 in 2e-6 of seeds.
@@ -31,16 +31,16 @@ def test_an_odd_record_is_seen_and_moves_no_case():
 
 
 def test_records_that_say_little_are_not_called_odd():
-    values, levels = usual(3), levels_of(3)
+    values, factors = usual(3), levels_of(3)
     values[4] += 0.5
     variances = np.full(values.shape, SD**2)
     variances[4] = 1.0
-    assert not case_estimates(values, variances, levels).discordant[4]
+    assert not case_estimates(values, variances, factors).discordant[4]
 
 
 def test_of_two_that_both_look_odd_neither_is_left_out():
-    values, levels = usual(2), levels_of(2)
+    values, factors = usual(2), levels_of(2)
     values[6:8] = [[-1.0, -1.0], [1.0, 1.0]]
-    found = case_estimates(values, np.full(values.shape, SD**2), levels)
+    found = case_estimates(values, np.full(values.shape, SD**2), factors)
     assert found.discordant[6:8].all()
     np.testing.assert_allclose(found.middle[:, 3], [0.0, 0.0], atol=1e-12)

@@ -15,20 +15,21 @@ from hypothesis import strategies as st
 from numpyro.infer.util import constrain_fn
 from scipy import stats
 
-from bayes_tyre.inference.model import marginal_mixture as summed_out
-from bayes_tyre.inference.model.factors import Levels, find_levels
-from bayes_tyre.inference.model.hyperparameters import population_starts, prior_sites
-from bayes_tyre.inference.model.laplace import draw_picture, record_data
+from bayes_tyre.inference.model import marginal_mixture
+from bayes_tyre.inference.model.factors import Factors, find_factors
+from bayes_tyre.inference.model.hyperparameters import hyperparameter_starts, prior_sites
+from bayes_tyre.inference.model.laplace import laplace_approximation
 from bayes_tyre.inference.model.marginal_mixture import (
     SummedOut,
     chosen,
-    discordant_probability,
     draw_cases,
     find_members,
+    outlier_probability,
     sum_out,
 )
 from bayes_tyre.inference.model.models import records_model
 from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING, prior_medians
+from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling import hierarchical_fit as fit
 from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings
 from bayes_tyre.inference.sampling.nuts import Chains
@@ -38,14 +39,14 @@ from bayes_tyre.record_table import check_record_table
 EIGHT_CASES = Plan(("x",), (0.0, 25.0), (20.0, 30.0), (-5.0, 5.0), discordant=("x (0)20-25(2)",))
 
 
-def levels_of(*repeats: int) -> Levels:
+def levels_of(*repeats: int) -> Factors:
     """Return cases with so many repeats each, their records in no order."""
     cases = np.random.default_rng(0).permutation(np.repeat(np.arange(len(repeats)), repeats))
-    return find_levels(pd.DataFrame({"configuration": [f"case {case}" for case in cases]}))
+    return find_factors(pd.DataFrame({"configuration": [f"case {case}" for case in cases]}))
 
 
-def summed(numbers: Numbers, levels: Levels) -> SummedOut:
-    members = find_members(levels, "mixture")
+def summed(numbers: Numbers, factors: Factors) -> SummedOut:
+    members = find_members(factors, "mixture")
     assert members is not None
     deviation, offset, scatter, remainder, weight = map(jnp.asarray, numbers)
     return sum_out(deviation, offset, scatter, remainder, weight, members)
@@ -54,12 +55,12 @@ def summed(numbers: Numbers, levels: Levels) -> SummedOut:
 @settings(deadline=None, max_examples=25)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_choices_are_those_of_all_repeats_together(seed):
-    levels = levels_of(3, 1, 2)
-    numbers = some_numbers(levels, seed)
-    found, members = summed(numbers, levels), find_members(levels, "mixture")
+    factors = levels_of(3, 1, 2)
+    numbers = some_numbers(factors, seed)
+    found, members = summed(numbers, factors), find_members(factors, "mixture")
     assert members is not None
-    for case, count in enumerate(levels.repeats):
-        expected = by_hand(numbers, levels, case)
+    for case, count in enumerate(factors.repeats):
+        expected = by_hand(numbers, factors, case)
         total = np.logaddexp.reduce(list(expected.values()))
         for number, choice in enumerate(members.choices):
             log_choice = float(found.log_choice[number, case])
@@ -71,17 +72,17 @@ def test_choices_are_those_of_all_repeats_together(seed):
 
 
 def test_a_scatter_far_smaller_than_what_lies_about_the_words_loses_no_digits():
-    levels = levels_of(3)
-    near, far = (some_numbers(levels, 5, ratio) for ratio in (1.0, 1e-9))
+    factors = levels_of(3)
+    near, far = (some_numbers(factors, 5, ratio) for ratio in (1.0, 1e-9))
     far.remainder[:] = near.remainder[:] = 1e3  # what the words say then hardly matters, near or far
-    np.testing.assert_allclose(summed(far, levels).log_choice, summed(near, levels).log_choice, atol=1e-5)
+    np.testing.assert_allclose(summed(far, factors).log_choice, summed(near, factors).log_choice, atol=1e-5)
 
 
 def test_a_case_is_drawn_as_its_repeats_leave_it():
-    levels = levels_of(3)
-    numbers = some_numbers(levels, 3)
+    factors = levels_of(3)
+    numbers = some_numbers(factors, 3)
     numbers.remainder[:] = 0.3
-    found, random = summed(numbers, levels), np.random.default_rng(7)
+    found, random = summed(numbers, factors), np.random.default_rng(7)
     z = random.standard_normal((20_000, 1 + PARAMETERS))
     drawn = np.asarray(jax.vmap(lambda z: draw_cases(found, z[:1], z[1:, None]))(jnp.asarray(z)))[:, :, 0]
     # On a grid: the words' normal times the density of repeats, each usual or discordant, about each pair of values.
@@ -109,13 +110,13 @@ def test_a_case_is_drawn_as_its_repeats_leave_it():
 
 
 def test_each_record_has_its_own_probability():
-    levels = levels_of(3, 2, 3)
-    numbers, members = some_numbers(levels, 4), find_members(levels, "mixture")
+    factors = levels_of(3, 2, 3)
+    numbers, members = some_numbers(factors, 4), find_members(factors, "mixture")
     assert members is not None
-    found = np.asarray(discordant_probability(summed(numbers, levels), members, levels))
-    for record, case in enumerate(levels.of_record):
-        joint = by_hand(numbers, levels, case)
-        place = int(np.flatnonzero(np.flatnonzero(levels.of_record == case) == record)[0])
+    found = np.asarray(outlier_probability(summed(numbers, factors), members, factors))
+    for record, case in enumerate(factors.of_record):
+        joint = by_hand(numbers, factors, case)
+        place = int(np.flatnonzero(np.flatnonzero(factors.of_record == case) == record)[0])
         odd = np.logaddexp.reduce([value for choice, value in joint.items() if choice[place]])
         assert found[record] == pytest.approx(np.exp(odd - np.logaddexp.reduce(list(joint.values()))), rel=1e-7)
 
@@ -123,32 +124,32 @@ def test_each_record_has_its_own_probability():
 @settings(deadline=None, max_examples=25)
 @given(odd=st.lists(st.booleans(), min_size=6, max_size=6))
 def test_the_choice_that_some_records_look_is_found(odd):
-    levels = levels_of(3, 1, 2)
-    members, looks = find_members(levels, "mixture"), jnp.asarray(odd)
+    factors = levels_of(3, 1, 2)
+    members, looks = find_members(factors, "mixture"), jnp.asarray(odd)
     assert members is not None
-    found = chosen(summed(some_numbers(levels, 0), levels), looks, members)
-    for case, count in enumerate(levels.repeats):
-        of_case = np.array(odd)[levels.of_record == case]
+    found = chosen(summed(some_numbers(factors, 0), factors), looks, members)
+    for case, count in enumerate(factors.repeats):
+        of_case = np.array(odd)[factors.of_record == case]
         same = [np.array_equal(choice[:count], of_case) and not choice[count:].any() for choice in members.choices]
         assert sum(same) == 1
-        assert found[case] == summed(some_numbers(levels, 0), levels).log_choice[same.index(True), case]
+        assert found[case] == summed(some_numbers(factors, 0), factors).log_choice[same.index(True), case]
 
 
 def test_only_mixtures_of_few_repeats_are_summed_out():
     assert find_members(levels_of(3), "student") is None
     assert find_members(levels_of(3), "normal") is None
-    assert find_members(levels_of(summed_out.MOST_REPEATS + 1, 3), "mixture") is None
-    assert find_members(levels_of(summed_out.MOST_REPEATS, 3), "mixture") is not None
+    assert find_members(levels_of(marginal_mixture.MOST_REPEATS + 1, 3), "mixture") is None
+    assert find_members(levels_of(marginal_mixture.MOST_REPEATS, 3), "mixture") is not None
 
 
 def test_quantities_of_many_draws_together_are_those_of_each_by_itself():
     # XLA has compiled a product of matrices here to something else, for a hundred draws together and not for one.
     table = check_record_table(simulate(EIGHT_CASES, 1)[0])
-    batch, _, levels = fit.batch_and_levels(table, ModelSettings())
+    batch, _, factors = fit.batch_and_factors(table, ModelSettings())
     data = record_data(batch)
-    arguments = {"likelihood": fit.likelihood_of(data, ModelSettings(), None), "data": data, "levels": levels}
-    arguments |= {"picture": draw_picture(batch, levels)}
-    starts = population_starts(prior_sites(levels), prior_medians())
+    arguments = {"likelihood": fit.likelihood_of(data, ModelSettings(), None), "data": data, "factors": factors}
+    arguments |= {"picture": laplace_approximation(batch, factors)}
+    starts = hyperparameter_starts(prior_sites(factors), prior_medians())
     chains = Chains(records_model, arguments, 1, 20, starts)
     draws = chains.advance(chains.begin(0), 40).unconstrained
     together = chains.constrain(draws)
@@ -169,7 +170,7 @@ def test_the_posterior_is_that_of_cases_that_are_sampled(monkeypatch):
         return fit.fit_hierarchical(table, sampling)["posterior"].to_dataset()
 
     summed = posterior()
-    monkeypatch.setattr(summed_out, "MOST_REPEATS", 0)
+    monkeypatch.setattr(marginal_mixture, "MOST_REPEATS", 0)
     sampled = posterior()
     assert_means_agree(summed, sampled, least=200)
     # What it is for: an odd repeat no longer makes two modes of its case. Of 4000 draws, 3060 to 4050 for six seeds.

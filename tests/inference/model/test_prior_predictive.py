@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from helpers.simulated_records import Plan, simulate
 
-from bayes_tyre.inference.model.factors import Levels, find_levels
+from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.hyperparameters import prior_sites
 from bayes_tyre.inference.model.prior_predictive import (
     Start,
@@ -14,8 +14,8 @@ from bayes_tyre.inference.model.prior_predictive import (
     prior_parameters,
     prior_records,
 )
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING, PRIORS, prior_law
-from bayes_tyre.record_table import record_words
+from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING, PRIORS, prior_distribution
+from bayes_tyre.record_table import record_factors
 
 DRAWS = 40_000
 PLANS = {
@@ -26,14 +26,14 @@ PLANS = {
 }
 
 
-def levels_of(plan: str) -> tuple[pd.DataFrame, Levels]:
+def levels_of(plan: str) -> tuple[pd.DataFrame, Factors]:
     table, _ = simulate(PLANS[plan], 1)
-    return table, find_levels(record_words(table))
+    return table, find_factors(record_factors(table))
 
 
 @pytest.mark.parametrize("site", PRIORS)
 def test_each_law_is_the_prior_s_own(site):
-    law, prior = prior_law(site), PRIORS[site].distribution()
+    law, prior = prior_distribution(site), PRIORS[site].distribution()
     at = law.ppf([0.001, 0.02, 0.3, 0.5, 0.8, 0.999])
     np.testing.assert_allclose(law.logpdf(at), prior.log_prob(at), rtol=1e-9, atol=1e-9)
     drawn = prior_draws((site,), DRAWS, seed=2)[site]
@@ -44,37 +44,37 @@ def test_each_law_is_the_prior_s_own(site):
 
 def test_scales_with_a_log_normal_prior_are_spread_on_their_logarithm():
     assert is_of_logarithm("sigma_typical")
-    assert not is_of_logarithm("J_scale")
+    assert not is_of_logarithm("sd_J")
     assert not is_of_logarithm("discordant_weight")
 
 
 def second_moment(site: str) -> float:
-    return float(prior_law(site).moment(2))
+    return float(prior_distribution(site).moment(2))
 
 
 @pytest.mark.parametrize("plan", PLANS)
 @pytest.mark.parametrize("parameter", ["k", "beta"])
 def test_k_and_beta_scatter_as_far_as_the_hierarchy_adds_up_to(plan, parameter):
-    _, levels = levels_of(plan)
-    case = len(levels.cases) - 1
-    sites = set(prior_sites(levels))
-    log_values = np.log(prior_parameters(levels, case, DRAWS, seed=3)[parameter])
-    location, spread = PRIORS[f"{parameter}_cell"].parameters
+    _, factors = levels_of(plan)
+    case = len(factors.cases) - 1
+    sites = set(prior_sites(factors))
+    log_values = np.log(prior_parameters(factors, case, DRAWS, seed=3)[parameter])
+    location, spread = PRIORS[f"{parameter}_group"].parameters
     variance = spread**2
-    for name, factor in levels.factors(parameter).items():
+    for name, factor in factors.effects(parameter).items():
         weight = np.sum((factor.basis[factor.of_case[case]]) ** 2)
-        variance += weight * second_moment(f"log_{parameter}_{name}_scale")
-    if f"log_{parameter}_case_scale" in sites:
-        variance += second_moment(f"log_{parameter}_case_scale")
-    scatter = second_moment(f"log_{parameter}_repeat_scatter")
-    if f"log_{parameter}_scatter_spread" in sites:
+        variance += weight * second_moment(f"sd_log_{parameter}_{name}")
+    if f"sd_log_{parameter}_case" in sites:
+        variance += second_moment(f"sd_log_{parameter}_case")
+    scatter = second_moment(f"sd_log_{parameter}_repeat")
+    if f"sd_log_{parameter}_repeat_over_speeds" in sites:
         # E exp(2 s z) over z normal and s half-normal(t): E exp(2 s^2) = 1 / sqrt(1 - 4 t^2), infinite from t = 0.5 on.
-        assert PRIORS[f"log_{parameter}_scatter_spread"].parameters[0] > 0.5
+        assert PRIORS[f"sd_log_{parameter}_repeat_over_speeds"].parameters[0] > 0.5
         middle = np.abs(log_values - location) < 3 * np.sqrt(variance)
         assert np.var(log_values[middle]) > 0.8 * variance
         return
     if "discordant_weight" in sites:
-        scatter *= 1 + float(prior_law("discordant_weight").mean()) * (DISCORDANT_WIDENING**2 - 1)
+        scatter *= 1 + float(prior_distribution("discordant_weight").mean()) * (DISCORDANT_WIDENING**2 - 1)
     variance += scatter
     # Means: 5 standard errors. Variances: the tails are at most those of a scale mixture, kurtosis below 10.
     assert np.mean(log_values) == pytest.approx(location, abs=5 * np.sqrt(variance / DRAWS))
@@ -82,19 +82,19 @@ def test_k_and_beta_scatter_as_far_as_the_hierarchy_adds_up_to(plan, parameter):
 
 
 def test_friction_goes_both_ways_and_noise_has_its_typical_size():
-    _, levels = levels_of("one case")
-    found = prior_parameters(levels, 0, DRAWS, seed=4)
+    _, factors = levels_of("one case")
+    found = prior_parameters(factors, 0, DRAWS, seed=4)
     assert np.mean(found["J"] > 0) == pytest.approx(0.5, abs=5 * 0.0025)
-    assert np.var(found["J"]) == pytest.approx(second_moment("J_scale"), rel=0.15)
+    assert np.var(found["J"]) == pytest.approx(second_moment("sd_J"), rel=0.15)
     assert np.median(found["sigma"]) == pytest.approx(0.03, rel=0.05)
 
 
 def test_records_are_equation_2_of_their_parameters_with_noise_on_every_point():
-    _, levels = levels_of("one case")
+    _, factors = levels_of("one case")
     d = 12.0 + np.linspace(0.0, 3.0, 40)
-    forces = prior_records(levels, 0, Start(20.0, 6.0, d), DRAWS, seed=5)
+    forces = prior_records(factors, 0, Start(20.0, 6.0, d), DRAWS, seed=5)
     assert forces.shape == (DRAWS, 40)
-    of_record = {name: value[:, None] for name, value in prior_parameters(levels, 0, DRAWS, seed=5).items()}
+    of_record = {name: value[:, None] for name, value in prior_parameters(factors, 0, DRAWS, seed=5).items()}
     u = d - d[0]
     change = (of_record["J"] + of_record["k"] * u) * -np.expm1(-u / of_record["beta"])
     left = forces - change
@@ -107,9 +107,9 @@ def test_records_are_equation_2_of_their_parameters_with_noise_on_every_point():
 
 
 def test_records_go_the_way_of_their_displacement_and_the_seed_decides_them():
-    _, levels = levels_of("one case")
+    _, factors = levels_of("one case")
     down = Start(20.0, 6.0, 12.0 - np.linspace(0.0, 3.0, 20))
-    forces = prior_records(levels, 0, down, 2000, seed=6)
+    forces = prior_records(factors, 0, down, 2000, seed=6)
     assert np.median(forces[:, -1]) < 20.0 - 1.0
-    np.testing.assert_array_equal(forces, prior_records(levels, 0, down, 2000, seed=6))
-    assert not np.array_equal(forces, prior_records(levels, 0, down, 2000, seed=7))
+    np.testing.assert_array_equal(forces, prior_records(factors, 0, down, 2000, seed=6))
+    assert not np.array_equal(forces, prior_records(factors, 0, down, 2000, seed=7))

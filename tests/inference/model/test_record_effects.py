@@ -11,14 +11,14 @@ from jaxtyping import Array, Float
 from numpyro import handlers
 from numpyro.infer import init_to_uniform
 
-from bayes_tyre.inference.model import record_effects as records_of_cases
-from bayes_tyre.inference.model.factors import find_levels
-from bayes_tyre.inference.model.hyperparameters import prior_sites, sample_populations
+from bayes_tyre.inference.model import record_effects
+from bayes_tyre.inference.model.factors import find_factors
+from bayes_tyre.inference.model.hyperparameters import prior_sites, sample_hyperparameters
 from bayes_tyre.inference.model.laplace_cases import case_estimates
 from bayes_tyre.inference.model.record_effects import records_about_cases
 from bayes_tyre.inference.model.reparameterisation import Placed
 
-LEVELS = find_levels(grid(repeats=3))
+LEVELS = find_factors(grid(repeats=3))
 ODD = (4, 9, 10)
 
 
@@ -33,8 +33,8 @@ def traced(looks: tuple[int, ...], repeats: str, seed: int) -> dict[str, Any]:
         return Placed(values, values - above, jnp.zeros(count))
 
     def model() -> None:
-        populations = sample_populations(prior_sites(LEVELS, repeats))
-        records_about_cases(place, LEVELS, estimates, repeats, populations)
+        hyperparameters = sample_hyperparameters(prior_sites(LEVELS, repeats))
+        records_about_cases(place, LEVELS, estimates, repeats, hyperparameters)
 
     seeded = handlers.substitute(handlers.seed(model, seed), substitute_fn=init_to_uniform())
     return handlers.trace(seeded).get_trace()
@@ -43,8 +43,8 @@ def traced(looks: tuple[int, ...], repeats: str, seed: int) -> dict[str, Any]:
 @pytest.mark.parametrize("looks", [(), ODD])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_density_is_that_of_all_choices_whichever_was_sampled(monkeypatch, looks, seed):
-    took, sum_out = [], records_of_cases.sum_out
-    monkeypatch.setattr(records_of_cases, "sum_out", lambda *given: took.append(given[:5]) or sum_out(*given))
+    took, sum_out = [], record_effects.sum_out
+    monkeypatch.setattr(record_effects, "sum_out", lambda *given: took.append(given[:5]) or sum_out(*given))
     added = float(traced(looks, "mixture", seed)["other_choices"]["fn"].log_factor)
     numbers = Numbers(*map(np.asarray, took[0]))
     expected = 0.0

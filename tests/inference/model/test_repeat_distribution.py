@@ -19,8 +19,8 @@ def test_the_density_is_scipy_s(kind, parameters):
     deviation, scatter = rng.normal(size=(4, parameters)), rng.uniform(0.5, 2.0, (4, parameters))
     nu, weight = 5.0, 0.1
     with trace() as sites:
-        populations = {"student_nu": jnp.asarray(nu), "discordant_weight": jnp.asarray(weight)}
-        repeats_about_cases(jnp.asarray(deviation), jnp.asarray(scatter), kind, populations)
+        hyperparameters = {"student_nu": jnp.asarray(nu), "discordant_weight": jnp.asarray(weight)}
+        repeats_about_cases(jnp.asarray(deviation), jnp.asarray(scatter), kind, hyperparameters)
     usual, odd = (
         stats.norm.logpdf(deviation, 0.0, wider * scatter).sum(axis=1) for wider in (1.0, DISCORDANT_WIDENING)
     )

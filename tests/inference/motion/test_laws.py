@@ -60,8 +60,8 @@ def test_a_law_goes_where_arrays_go_and_has_no_leaves(law):
 @every_law
 def test_the_hierarchy_has_a_prior_a_name_and_a_unit_for_every_parameter(law):
     for name in law.parameters:
-        assert {f"{name}_cell", f"log_{name}_case_scale", f"log_{name}_repeat_scatter"} <= set(PRIORS)
-        assert {name, f"{name}_case", f"{name}_cell"} <= set(QUANTITIES)
+        assert {f"{name}_group", f"sd_log_{name}_case", f"sd_log_{name}_repeat"} <= set(PRIORS)
+        assert {name, f"{name}_case", f"{name}_group"} <= set(QUANTITIES)
         assert name in RECORD_UNITS
 
 

@@ -14,7 +14,7 @@ from bayes_tyre.inference.diagnostics.verdict import diagnose
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical, fit_published
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.published import campaign, tables
-from bayes_tyre.record import CASE_WORDS
+from bayes_tyre.record import CASE_FACTORS
 from bayes_tyre.record_table import check_record_table
 
 pytestmark = pytest.mark.usefixtures("fully_compiled")
@@ -65,7 +65,7 @@ def test_the_campaign_passes_and_its_six_discordant_repeats_stand_out():
     tree = fit_hierarchical(check_record_table(made.records), SamplerSettings(seed=0))
     diagnostics = diagnose(tree)
     assert diagnostics.verdict == "pass", diagnostics.reasons
-    odd = tree["posterior"]["discordant_probability"].mean(("chain", "draw")).to_numpy()
+    odd = tree["posterior"]["outlier_probability"].mean(("chain", "draw")).to_numpy()
     discordant = made.truth["discordant"].to_numpy()
     assert discordant.sum() == 6
     assert odd[discordant].min() > 0.9
@@ -81,7 +81,7 @@ def test_a_discordant_repeat_is_found_and_moves_its_case_little():
     start = table.loc[rows, "force_kN"].iloc[0]
     table.loc[rows, "force_kN"] = start + 1.4 * (table.loc[rows, "force_kN"] - start)
     posterior = fit_hierarchical(check_record_table(table), SHORT)["posterior"].to_dataset()
-    odd = posterior["discordant_probability"].mean(("chain", "draw")).to_series()
+    odd = posterior["outlier_probability"].mean(("chain", "draw")).to_series()
     assert odd.idxmax() == name
     assert odd[name] > 0.9
     assert odd.drop(name).max() < 0.5
@@ -105,7 +105,7 @@ def test_a_discordant_repeat_is_found_and_moves_its_case_little():
 def test_any_number_of_levels_and_repeats_can_be_fitted(plan, mixture):
     posterior, truth = fit(plan, seed=2, settings=GLANCE)
     assert posterior.sizes["record"] == len(truth)
-    assert ("discordant_probability" in posterior) == mixture
+    assert ("outlier_probability" in posterior) == mixture
     assert np.isfinite(posterior["k_case"].to_numpy()).all()
     assert posterior["k"].median(("chain", "draw")).to_numpy() == pytest.approx(truth["k"].to_numpy(), rel=0.2)
 
@@ -158,7 +158,7 @@ def test_the_published_tables_alone_say_that_dual_is_stiffer():
     diagnostics = diagnose(tree)
     assert diagnostics.verdict == "pass", diagnostics.reasons
     posterior = tree["posterior"].to_dataset()
-    cases = pd.DataFrame({word: posterior[f"case_{word}"] for word in CASE_WORDS})
+    cases = pd.DataFrame({word: posterior[f"case_{word}"] for word in CASE_FACTORS})
     for direction in ("loading", "unloading"):
         of = {
             configuration: posterior["k_case"][

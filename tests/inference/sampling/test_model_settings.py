@@ -7,7 +7,7 @@ from helpers.hand_made_posteriors import grid, posterior, scattered
 from helpers.simulated_records import Plan, simulate
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.model.factors import find_levels
+from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.sampling.datatree import scale_displacement
 from bayes_tyre.inference.sampling.hierarchical_fit import (
     ModelSettings,
@@ -67,14 +67,14 @@ def test_a_number_that_is_no_measurement_is_refused_by_record_and_column(column)
 
 
 def test_the_slope_over_the_actual_force_is_told_per_10_kN_from_the_mean_of_each_case():
-    words = grid(("single",), repeats=2)
+    factor_table = grid(("single",), repeats=2)
     force = np.array([10.0, 12.0, 20.0, 22.0, 11.0, 11.0, 30.0, 30.0])
-    load = find_levels(words, force).load
+    load = find_factors(factor_table, force).load
     assert load.varies
     assert load.labels == ("per 10 kN",)
-    assert load.design[:, 0] == pytest.approx(np.array([11.0, 21.0, 11.0, 30.0]) / 10 - 1.825)
-    assert not find_levels(words, np.full(8, 7.0)).load.varies
-    assert find_levels(words).load.labels == (20.0, 30.0)
+    assert load.matrix[:, 0] == pytest.approx(np.array([11.0, 21.0, 11.0, 30.0]) / 10 - 1.825)
+    assert not find_factors(factor_table, np.full(8, 7.0)).load.varies
+    assert find_factors(factor_table).load.labels == (20.0, 30.0)
 
 
 @pytest.mark.slow
@@ -99,14 +99,14 @@ def test_the_slope_over_the_actual_force_comes_back():
 
 
 def test_the_displacement_scale_moves_all_k_together_and_no_ratio():
-    words = grid()
-    before = posterior(scattered(words, seed=1), words)
+    factor_table = grid()
+    before = posterior(scattered(factor_table, seed=1), factor_table)
     after = scale_displacement(before, 0.05, seed=3)
     old, new = before["posterior"].to_dataset(), after["posterior"].to_dataset()
     factor = new["displacement_scale"]
     # 1000 draws: the standard deviation of a sample sd is 2.2 %; four of them.
     assert float(np.log(factor).std()) == pytest.approx(0.05, rel=0.09)
-    for name, power in (("k", -1), ("k_case", -1), ("k_cell", -1), ("beta", 1), ("beta_case", 1)):
+    for name, power in (("k", -1), ("k_case", -1), ("k_group", -1), ("beta", 1), ("beta_case", 1)):
         np.testing.assert_allclose(new[name], old[name] * factor**power, rtol=1e-14)
         assert new[name].dims == old[name].dims
         assert new[name].attrs == old[name].attrs

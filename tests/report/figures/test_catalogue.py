@@ -16,11 +16,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.record_table import record_words
-from bayes_tyre.report.figures import catalogue as figures
-from bayes_tyre.report.figures import colours
-from bayes_tyre.report.figures.catalogue import ALWAYS, CONTRASTS, OF_RECORDS, OUTLIERS, Result
-from bayes_tyre.report.figures.chosen_figure import chosen_figure
+from bayes_tyre.record_table import record_factors
+from bayes_tyre.report.figures import catalogue, colours
+from bayes_tyre.report.figures.catalogue import ALWAYS, CONTRASTS, OF_RECORDS, OUTLIERS, Result, chosen_figure
 from bayes_tyre.workflow import result_folder as folder
 
 PLANS = {
@@ -38,8 +36,8 @@ def result(table: pd.DataFrame | None, tree: xr.DataTree, verdict: str = "pass")
 def of_records(plan: Plan, columns: list[str] | None = None) -> Result:
     table, _ = simulate(plan, 1)
     table = table[columns] if columns else table
-    words = record_words(table)
-    return result(table, posterior(scattered(words, seed=1), words), "fail")
+    factor_table = record_factors(table)
+    return result(table, posterior(scattered(factor_table, seed=1), factor_table), "fail")
 
 
 def but_ratios(names: Iterable[str]) -> list[str]:
@@ -49,7 +47,7 @@ def but_ratios(names: Iterable[str]) -> list[str]:
 
 @pytest.fixture(scope="module", params=PLANS)
 def every(request) -> dict[str, Figure]:
-    return dict(figures.draw(of_records(PLANS[request.param])))
+    return dict(catalogue.draw(of_records(PLANS[request.param])))
 
 
 def test_figures_of_a_result_of_records_say_origin_and_verdict_and_keep_within_the_page(every):
@@ -76,7 +74,7 @@ def test_a_configuration_has_one_colour_in_all_figures_of_a_result(every):
 
 def test_records_without_a_word_have_all_figures_too():
     made = of_records(PLANS["one case"], ["record", "displacement_mm", "force_kN"])
-    drawn = [name for name, _ in figures.draw(made)]
+    drawn = [name for name, _ in catalogue.draw(made)]
     assert but_ratios(drawn) == but_ratios([*ALWAYS, *OF_RECORDS])
     assert drawn[-1] == OUTLIERS
 
@@ -84,47 +82,47 @@ def test_records_without_a_word_have_all_figures_too():
 def test_ratios_are_drawn_where_cases_match_and_nowhere_else():
     matched, alone = of_records(PLANS["five configurations"]), of_records(PLANS["one record"])
     assert len(matched.contrasts) > 0
-    assert CONTRASTS in dict(figures.draw(dataclasses.replace(matched, table=None)))
+    assert CONTRASTS in dict(catalogue.draw(dataclasses.replace(matched, table=None)))
     assert len(alone.contrasts) == 0
-    assert CONTRASTS not in dict(figures.draw(dataclasses.replace(alone, table=None)))
+    assert CONTRASTS not in dict(catalogue.draw(dataclasses.replace(alone, table=None)))
 
 
 def test_odd_repeats_are_drawn_where_the_model_judges_any_and_nowhere_else(tmp_path, monkeypatch):
     made = of_records(PLANS["one case"])
     alone = of_records(PLANS["one record"])  # one repeat of a case has nothing to be judged by
-    posterior = made.tree["posterior"].to_dataset().drop_vars("discordant_probability")
+    posterior = made.tree["posterior"].to_dataset().drop_vars("outlier_probability")
     normal = result(made.table, xr.DataTree.from_dict({"posterior": posterior}, name=made.tree.name))
     normal.tree.attrs |= made.tree.attrs
     assert [each.judges for each in (made, alone, normal)] == [True, False, False]
     with pytest.raises(BadInput, match=f"{OUTLIERS}: this posterior judges no record"):
         chosen_figure(normal.tree, "pass", OUTLIERS)
     assert chosen_figure(made.tree, "pass", OUTLIERS).axes
-    monkeypatch.setattr(figures, "draw", lambda of: iter([(OUTLIERS, Figure())] if of.judges else []))
+    monkeypatch.setattr(catalogue, "draw", lambda of: iter([(OUTLIERS, Figure())] if of.judges else []))
     for each, there in ((made, True), (normal, False)):  # what the first has left the second takes away
         folder._write_figures(each, tmp_path)
         assert (tmp_path / f"{OUTLIERS}.png").exists() == there
 
 
 def test_printed_cases_have_the_figures_that_need_no_record():
-    words = record_words(simulate(PLANS["one case"], 1)[0])
-    cases = words.drop(columns=["record", "repeat"]).drop_duplicates().reset_index(drop=True)
-    of_cases = {n: d for n, d in scattered(words, seed=2).items() if n.endswith(("_case", "_cell", "_scale"))}
-    drawn = dict(figures.draw(result(None, posterior(of_cases, cases, origin="published"))))
+    factor_table = record_factors(simulate(PLANS["one case"], 1)[0])
+    cases = factor_table.drop(columns=["record", "repeat"]).drop_duplicates().reset_index(drop=True)
+    of_cases = {n: d for n, d in scattered(factor_table, seed=2).items() if n.endswith(("_case", "_group", "_scale"))}
+    drawn = dict(catalogue.draw(result(None, posterior(of_cases, cases, origin="published"))))
     assert but_ratios(drawn) == but_ratios(ALWAYS)
     assert any("value to expect" in text for text in said(drawn["forest_of_cases"]))
 
 
 def test_bands_under_a_factor_on_displacement_are_those_of_the_measured_one():
     table, _ = simulate(PLANS["one case"], 1)
-    words = record_words(table)
-    draws = scattered(words, seed=3)
+    factor_table = record_factors(table)
+    draws = scattered(factor_table, seed=3)
     factor = 1 + 0.05 * np.random.default_rng(4).normal(size=draws["k"].shape[:2])
     scaled = draws | {"k": draws["k"] / factor[..., None], "beta": draws["beta"] * factor[..., None]}
-    tree = posterior(scaled, words)
+    tree = posterior(scaled, factor_table)
     dataset = tree["posterior"].to_dataset().assign(displacement_scale=(("chain", "draw"), factor))
     tree["posterior"] = xr.DataTree(dataset)
     lines = []
-    for made in (result(table, posterior(draws, words)), result(table, tree)):
+    for made in (result(table, posterior(draws, factor_table)), result(table, tree)):
         figure = OF_RECORDS["records_with_bands"](made, table)
         lines.append([np.asarray(line.get_ydata()) for ax in figure.get_axes() for line in ax.lines])
     for one, other in zip(*lines, strict=True):

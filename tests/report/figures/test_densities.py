@@ -3,7 +3,7 @@
 import matplotlib.pyplot
 import numpy as np
 import pytest
-from helpers.drawings import MEASURED, WORDS, cells, said, scales
+from helpers.drawings import FACTORS, MEASURED, cells, said, scales
 from matplotlib.collections import PolyCollection
 
 from bayes_tyre.report.figures import colours
@@ -33,7 +33,7 @@ def test_beta_stands_on_a_logarithmic_axis_when_it_spreads_over_more_than_a_deca
 
 
 def test_posteriors_of_one_configuration_without_words():
-    figure = posteriors_by_direction(cells(("single",)).drop(columns=WORDS[:2]), MEASURED)
+    figure = posteriors_by_direction(cells(("single",)).drop(columns=FACTORS[:2]), MEASURED)
     assert {"configuration not stated", "direction not stated"} <= set(said(figure))
     assert posteriors_by_direction(cells(("single",)).assign(value=0.5), MEASURED).get_axes()
     assert posteriors_by_direction(cells().iloc[:0], MEASURED).get_axes()

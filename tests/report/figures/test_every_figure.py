@@ -14,8 +14,7 @@ from matplotlib.collections import Collection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from bayes_tyre.report.figures import colours, labels
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.report.figures import colours, labels, layout
 from bayes_tyre.report.figures.colours import Setting
 
 HOSTILE = ("a$b_c$", "<script>alert(1)</script>", "_hidden", "x" * 300, "two\nlines \x00", "$\\frac{", "四輪", "")
@@ -69,7 +68,7 @@ def test_nothing_outside_is_changed(name, monkeypatch):
 @pytest.mark.parametrize("name", OF_CONFIGURATIONS)
 def test_any_label_is_drawn_as_plain_text(name, tmp_path):
     figure = drawn(name, configurations=HOSTILE)
-    page.save(figure, tmp_path / "figure.png")
+    layout.save(figure, tmp_path / "figure.png")
     texts = [part.strip() for text in said(figure) for part in text.replace(",", "\n").split("\n")]
     for label in HOSTILE[:4]:
         start = labels.plain(label, 12)[:2]
@@ -106,15 +105,15 @@ def test_what_is_of_no_configuration_has_the_colour_of_none(name):
 
 @pytest.mark.parametrize("name", ALL)
 def test_saved_files_are_the_same_each_time(name, tmp_path):
-    one, two = (page.save(drawn.__wrapped__(name), tmp_path / f"{i}.png") for i in (1, 2))
+    one, two = (layout.save(drawn.__wrapped__(name), tmp_path / f"{i}.png") for i in (1, 2))
     assert one.read_bytes() == two.read_bytes()
 
 
 @pytest.mark.parametrize("name", ALL)
 def test_figures_are_as_wide_as_the_page_and_no_taller_than_the_tallest(name):
     width, height = drawn(name).get_size_inches()
-    assert width == page.WIDTH
-    assert 1 < height <= page.TALLEST
+    assert width == layout.WIDTH
+    assert 1 < height <= layout.TALLEST
     assert np.isfinite(height)
 
 

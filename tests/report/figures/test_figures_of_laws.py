@@ -5,18 +5,18 @@ import pytest
 import xarray as xr
 from helpers.hand_made_posteriors import grid, quiet
 
-from bayes_tyre.inference.model.factors import find_levels
+from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.motion.hierarchy.posterior_losses import Middle, with_losses
 from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS
 from bayes_tyre.inference.sampling.datatree import is_of_motions, to_datatree
-from bayes_tyre.report.figures import catalogue as figures
+from bayes_tyre.report.figures import catalogue
 from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.report.html.between_results import has_cases
 from bayes_tyre.results import summary
 from bayes_tyre.results.contrasts import contrasts
 from bayes_tyre.rig.axle import load_rig
 
-WORDS = grid(repeats=1, speeds=(0.0,))
+FACTORS = grid(repeats=1, speeds=(0.0,))
 TYPICAL = {"k": 1.8, "settled": 0.2, "beta": 0.08, "n": 1.4, "m": 285.0, "c": 0.0015}
 TYPICAL |= {"belt_frequency": 60.0, "belt_damping": 0.05, "sidewall_ratio": 4.0}
 SHOWN = {
@@ -33,14 +33,14 @@ def test_every_law_but_fanchers_is_tried_here():
 
 @pytest.fixture(scope="module", params=sorted(SHOWN))
 def tree(request) -> xr.DataTree:
-    rng, levels, law = np.random.default_rng(0), find_levels(WORDS), MOTION_LAWS[request.param]
-    draws = {"log_k_repeat_scatter": 0.01 * np.exp(0.1 * rng.standard_normal((2, 60)))}
-    for ending, units in (("", len(WORDS)), ("_case", len(levels.cases)), ("_cell", len(levels.cell.labels))):
+    rng, factors, law = np.random.default_rng(0), find_factors(FACTORS), MOTION_LAWS[request.param]
+    draws = {"sd_log_k_repeat": 0.01 * np.exp(0.1 * rng.standard_normal((2, 60)))}
+    for ending, units in (("", len(FACTORS)), ("_case", len(factors.cases)), ("_group", len(factors.group.labels))):
         for name in law.parameters:
             draws[f"{name}{ending}"] = TYPICAL[name] * np.exp(0.03 * rng.standard_normal((2, 60, units)))
     attributes = {"model": "motion", "repeats": "normal", "law": law.name, "origin": "simulated"}
-    tree = to_datatree(draws, quiet(2, 60), levels, WORDS, attributes)
-    return with_losses(tree, WORDS, [Middle(load_rig(name), 10.0) for name in WORDS["configuration"]], 2.0)
+    tree = to_datatree(draws, quiet(2, 60), factors, FACTORS, attributes)
+    return with_losses(tree, FACTORS, [Middle(load_rig(name), 10.0) for name in FACTORS["configuration"]], 2.0)
 
 
 def test_tables_have_the_laws_own_parameters(tree):
@@ -66,7 +66,7 @@ def test_energy_is_what_the_law_loses(tree):
 
 def test_every_figure_can_be_drawn(tree):
     assert has_cases(tree)  # so that the report draws them, and sets results side by side
-    drawn = dict(figures.draw(Result(tree, "pass")))
+    drawn = dict(catalogue.draw(Result(tree, "pass")))
     assert "energy_per_cycle" in drawn
     # A panel for each parameter that the law has, and none for what it has not.
     for name in ("forest_of_cases", "contrasts"):

@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
-from helpers.drawings import MEASURED, WORDS, cases, markers, printed_values, repeats, said, segments, words_of_cases
+from helpers.drawings import FACTORS, MEASURED, cases, markers, printed_values, repeats, said, segments, words_of_cases
 
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.forest import forest_of_cases, outlier_probabilities
 
 
@@ -33,7 +33,7 @@ def test_a_forest_of_many_cases_stays_below_the_tallest_and_names_what_fits():
     table = cases(speeds=np.arange(150.0))
     figure = forest_of_cases(table, None, MEASURED, "They are of something else.")
     assert any("They are of something else." in text.get_text() for text in figure.texts)
-    assert figure.get_figheight() == page.TALLEST
+    assert figure.get_figheight() == layout.TALLEST
     ax = figure.get_axes()[0]
     assert len(segments(ax)) == len(table) / 2
     boxes = [label.get_window_extent() for label in ax.get_yticklabels()]
@@ -41,13 +41,18 @@ def test_a_forest_of_many_cases_stays_below_the_tallest_and_names_what_fits():
 
 
 @pytest.mark.parametrize(
-    ("words", "how"), [*(([word], "nan") for word in WORDS), (WORDS, "absent"), (WORDS, "empty"), (WORDS[2:], "absent")]
+    ("factor_table", "how"),
+    [*(([word], "nan") for word in FACTORS), (FACTORS, "absent"), (FACTORS, "empty"), (FACTORS[2:], "absent")],
 )
-def test_missing_words_do_not_stop_a_figure(words, how):
+def test_missing_words_do_not_stop_a_figure(factor_table, how):
     blank = {"nan": np.nan, "empty": ""}
 
     def without(table: pd.DataFrame) -> pd.DataFrame:
-        return table.drop(columns=words) if how == "absent" else table.assign(**dict.fromkeys(words, blank[how]))
+        return (
+            table.drop(columns=factor_table)
+            if how == "absent"
+            else table.assign(**dict.fromkeys(factor_table, blank[how]))
+        )
 
     forest = forest_of_cases(without(cases()), without(printed_values()), MEASURED)
     assert len(segments(forest.get_axes()[0])) == len(words_of_cases())

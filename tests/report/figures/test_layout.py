@@ -6,8 +6,7 @@ import pytest
 from helpers.drawings import drawn, said, sticking_out
 from PIL import Image
 
-from bayes_tyre.report.figures import colours, labels
-from bayes_tyre.report.figures import layout as page
+from bayes_tyre.report.figures import colours, labels, layout
 from bayes_tyre.report.figures.colours import Setting
 
 
@@ -55,17 +54,17 @@ def test_a_setting_gives_what_is_shown_the_look_it_has_among_all():
 
 
 def test_long_notes_are_broken_into_lines_below_the_axes():
-    for words in (3, 80):
-        figure = page.page(page.WIDTH, 3.0)
+    for factor_table in (3, 80):
+        figure = layout.page(layout.WIDTH, 3.0)
         ax = figure.subplots()
         ax.set_xlabel("displacement (mm)")
-        page.finish(figure, Setting("measured", "fail"), "nine signs " * words)
+        layout.finish(figure, Setting("measured", "fail"), "nine signs " * factor_table)
         notes = [text for text in figure.texts if "nine signs" in text.get_text()]
-        assert (len(notes) > 1) == (words == 80)
+        assert (len(notes) > 1) == (factor_table == 80)
         tops = [note.get_window_extent().y1 for note in notes]
         assert max(tops) <= ax.xaxis.label.get_window_extent().y0
         assert not sticking_out(figure)
-        assert " ".join(note.get_text() for note in reversed(notes)).count("nine signs") == words
+        assert " ".join(note.get_text() for note in reversed(notes)).count("nine signs") == factor_table
 
 
 def test_a_legend_shows_labels_that_begin_with_an_underscore():
@@ -74,7 +73,7 @@ def test_a_legend_shows_labels_that_begin_with_an_underscore():
 
 
 def test_files_appear_whole_and_say_nothing_of_what_wrote_them(tmp_path):
-    path = page.save(drawn("forest_of_cases"), tmp_path / "new" / "figure.png")
+    path = layout.save(drawn("forest_of_cases"), tmp_path / "new" / "figure.png")
     with Image.open(path) as picture:
         assert (picture.format, picture.width, "Software" in picture.info) == ("PNG", 8 * 150, False)
     assert [found.name for found in path.parent.iterdir()] == ["figure.png"]

@@ -46,12 +46,12 @@ def test_both_lines_readings_and_the_loop_are_drawn(figure):
 
 def test_units_places_and_origin_are_said_and_all_stays_on_the_page(figure):
     texts = "\n".join(said(figure))
-    for words in (
+    for factor_table in (
         *("displacement (mm)", "force (kN)", "force less k d + C (kN)", "as on flat ground", "simulated, not measured"),
         *("k loading 1.500, unloading 1.520 kN/mm", "19.2 J a cycle over 17 mm at the wheel centre"),
         *("x - k beta 0.6 ± 0.01 kN", "x, 95 % interval", "envelopes, ± x"),
     ):
-        assert words in texts
+        assert factor_table in texts
     assert sticking_out(figure) == []
 
 

@@ -16,13 +16,13 @@ import bayes_tyre as bt
 from bayes_tyre.errors import BadInput
 from bayes_tyre.published import checks, recompute, tables
 from bayes_tyre.report.figures.colours import Setting
-from bayes_tyre.report.figures.notebook_display import KeptPicture
+from bayes_tyre.report.figures.notebook_display import StoredFigure
 
 
 @pytest.fixture(scope="module")
 def tree():
-    words = grid()
-    return posterior(scattered(words, seed=5), words)
+    factor_table = grid()
+    return posterior(scattered(factor_table, seed=5), factor_table)
 
 
 def test_a_figure_is_asked_for_by_its_name_and_says_its_notes(tree, tmp_path):
@@ -40,7 +40,7 @@ def test_a_figure_is_asked_for_by_its_name_and_says_its_notes(tree, tmp_path):
 
 def test_a_figure_that_was_written_is_shown_small_and_says_what_its_data_are(tmp_path):
     write_result(tmp_path / "fit")
-    kept = KeptPicture(tmp_path / "fit", "contrasts")
+    kept = StoredFigure(tmp_path / "fit", "contrasts")
     with (
         Image.open(tmp_path / "fit/figures/contrasts.png") as whole,
         Image.open(BytesIO(kept._repr_png_())) as shown,
@@ -49,9 +49,9 @@ def test_a_figure_that_was_written_is_shown_small_and_says_what_its_data_are(tmp
         assert shown.size[1] / 800 == pytest.approx(whole.size[1] / whole.size[0], abs=0.002)
     assert repr(kept) == "Figure contrasts.\ndata: simulated, not measured"
     with pytest.raises(BadInput, match=r"name the run\.json in a folder that fit wrote"):
-        KeptPicture(tmp_path, "contrasts")
+        StoredFigure(tmp_path, "contrasts")
     with pytest.raises(BadInput, match=r"energy_per_cycle\.png: no such figure"):
-        KeptPicture(tmp_path / "fit", "energy_per_cycle")
+        StoredFigure(tmp_path / "fit", "energy_per_cycle")
 
 
 def test_what_cannot_be_drawn_is_said(tree):

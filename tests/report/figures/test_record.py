@@ -58,8 +58,8 @@ def test_residuals_stand_against_displacement_with_sigma_and_their_autocorrelati
     for ax, (name, sigma) in zip(axes, (("first", 0.01), ("second", 0.02), ("third", 0.03)), strict=True):
         mine = left[left["record"] == name][["displacement_mm", "residual_kN"]]
         np.testing.assert_array_equal(markers(ax, "o"), mine)
-        levels = sorted({float(np.asarray(line.get_ydata())[0]) for line in ax.lines if line.get_marker() == "None"})
-        assert levels == [-sigma, 0.0, sigma]
+        factors = sorted({float(np.asarray(line.get_ydata())[0]) for line in ax.lines if line.get_marker() == "None"})
+        assert factors == [-sigma, 0.0, sigma]
     assert "median 0.10 (line); above 0.3 (dashed)" in last.get_title()
 
 

@@ -4,14 +4,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from helpers.drawings import MEASURED, markers, populations, ranks, said, sticking_out
+from helpers.drawings import MEASURED, hyperparameters, markers, ranks, said, sticking_out
 from matplotlib.collections import PolyCollection
 
 from bayes_tyre.record import DIRECTIONS
 from bayes_tyre.report.figures import sampler as sampler_figures
 from bayes_tyre.report.figures.colours import INK
 from bayes_tyre.report.figures.sampler import CLOUD, pair_plot, rank_plot
-from bayes_tyre.results.hyperparameters import Population
+from bayes_tyre.results.hyperparameters import Hyperparameter
 
 QUIET = np.zeros((4, 200), dtype=bool)
 
@@ -52,9 +52,9 @@ def test_pairs_are_each_parameter_against_each_other_with_their_correlation():
     rng = np.random.default_rng(2)
     one = rng.normal(5, 1, (4, 200))
     shown = [
-        Population("k_cell[a b loading]", "kN/mm", "a b", one),
-        Population("beta_cell[a b loading]", "mm", "a b", -one + 10),
-        Population("log_k_case_scale", "", None, rng.normal(5, 1, (4, 200))),
+        Hyperparameter("k_group[a b loading]", "kN/mm", "a b", one),
+        Hyperparameter("beta_group[a b loading]", "mm", "a b", -one + 10),
+        Hyperparameter("sd_log_k_case", "", None, rng.normal(5, 1, (4, 200))),
     ]
     figure = pair_plot(shown, QUIET, MEASURED)
     axes = figure.get_axes()
@@ -65,14 +65,14 @@ def test_pairs_are_each_parameter_against_each_other_with_their_correlation():
     np.testing.assert_array_equal(markers(below, "o"), drawn)
     assert [text.get_text() for text in below.texts] == ["\u22121.00"]
     assert below.texts[0].get_fontweight() == "bold"
-    assert below.get_ylabel() == "beta_cell\na b\nloading\n(mm)"
-    assert left.get_xlabel() == "k_cell\na b\nloading\n(kN/mm)"
+    assert below.get_ylabel() == "beta_group\na b\nloading\n(mm)"
+    assert left.get_xlabel() == "k_group\na b\nloading\n(kN/mm)"
     assert left.get_ylabel() == "log_k\n_case_scale\n(no unit)"
     assert any("No transition diverged." in text for text in said(figure))
 
 
 def test_every_divergence_is_marked_whatever_the_cloud_leaves_out():
-    shown = populations(("a", "b"))
+    shown = hyperparameters(("a", "b"))
     divergent = QUIET.copy()
     divergent[2, [3, 77, 151]] = True
     figure = pair_plot(shown, divergent, MEASURED)
@@ -82,7 +82,7 @@ def test_every_divergence_is_marked_whatever_the_cloud_leaves_out():
 
 
 def test_a_parameter_over_more_than_a_decade_is_shown_by_its_logarithm():
-    wide = Population("log_k_case_scale", "", None, np.exp(np.random.default_rng(1).normal(0, 2, (4, 200))))
+    wide = Hyperparameter("sd_log_k_case", "", None, np.exp(np.random.default_rng(1).normal(0, 2, (4, 200))))
     (ax,) = pair_plot([wide], QUIET, MEASURED).get_axes()
     assert "log10" in ax.get_xlabel()
     low, high = ax.get_xlim()
@@ -92,9 +92,9 @@ def test_a_parameter_over_more_than_a_decade_is_shown_by_its_logarithm():
 
 def test_the_names_of_ten_parameters_keep_apart_and_within_the_page():
     rng = np.random.default_rng(9)
-    cells = [f"{p}_cell[{c} {d}]" for p in ("k", "beta") for c in ("single", "x" * 90) for d in DIRECTIONS]
-    names = [*cells, "published_scatter_k", "published_scatter_beta"]
-    wide = [Population(name, "kN/mm", None, np.exp(rng.normal(0, 2, (4, 200)))) for name in names]
+    cells = [f"{p}_group[{c} {d}]" for p in ("k", "beta") for c in ("single", "x" * 90) for d in DIRECTIONS]
+    names = [*cells, "sd_log_k_published", "sd_log_beta_published"]
+    wide = [Hyperparameter(name, "kN/mm", None, np.exp(rng.normal(0, 2, (4, 200)))) for name in names]
     figure = pair_plot(wide, QUIET, MEASURED)
     assert not sticking_out(figure)
     below = [ax.xaxis.label.get_window_extent() for ax in figure.get_axes()[-10:]]
@@ -105,5 +105,5 @@ def test_the_names_of_ten_parameters_keep_apart_and_within_the_page():
 
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_few_parameters_give_a_figure(count):
-    figure = pair_plot(populations(())[:1] * count, QUIET, MEASURED)
+    figure = pair_plot(hyperparameters(())[:1] * count, QUIET, MEASURED)
     assert len(figure.get_axes()) == count * (count + 1) // 2

@@ -15,10 +15,11 @@ from helpers.reported_results import IMAGE, REASON, SCRIPT, made, printed_words,
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.netcdf import read_tree
+from bayes_tyre.report.figures.svg import DENSE_MARKERS, svg
 from bayes_tyre.report.html import tables
 from bayes_tyre.report.html.between_results import Side, across
 from bayes_tyre.report.html.caveats import cautions
-from bayes_tyre.report.html.figures import DENSE_MARKERS, picture, svg
+from bayes_tyre.report.html.figures import picture
 from bayes_tyre.report.html.formatting import percent_apart, probability, rounded
 from bayes_tyre.report.html.headline import answer
 from bayes_tyre.report.html.load import Reported, read_reported
@@ -39,9 +40,9 @@ def two(away) -> Reported:
 
 @pytest.fixture(scope="module")
 def hostile(away) -> Reported:
-    words = grid((SCRIPT, "single"), 1)
-    words.loc[0, "record"] = IMAGE
-    return made(away / "hostile", {SCRIPT: 2.0, "single": 1.5}, words=words, verdict="fail")
+    factor_table = grid((SCRIPT, "single"), 1)
+    factor_table.loc[0, "record"] = IMAGE
+    return made(away / "hostile", {SCRIPT: 2.0, "single": 1.5}, factor_table=factor_table, verdict="fail")
 
 
 def page_of(*results: Reported) -> str:
@@ -92,29 +93,29 @@ def test_a_failed_verdict_stands_before_the_answer(away):
 
 
 def test_one_configuration_and_one_direction(away):
-    words = grid(("only",), 1)
-    one = made(away / "one", {"only": 1.5}, words=words)
+    factor_table = grid(("only",), 1)
+    one = made(away / "one", {"only": 1.5}, factor_table=factor_table)
     first, second = map(plain, answer(one))
     assert first.startswith("The stiffness k is 1.6")
     assert "kN/mm for only in loading (95 % interval" in first
     assert second.startswith("Loading against unloading: over the same span of load loading is 10 % stiffer")
-    down = words[words["direction"] == "unloading"].reset_index(drop=True)
-    assert answer(made(away / "down", {"only": 1.5}, words=down))[1] == (
+    down = factor_table[factor_table["direction"] == "unloading"].reset_index(drop=True)
+    assert answer(made(away / "down", {"only": 1.5}, factor_table=down))[1] == (
         "All steps are unloading, so nothing is said about loading."
     )
 
 
 def test_records_without_words(away):
-    words = pd.DataFrame({"record": ["a", "b", "c"]})
-    first, second = map(plain, answer(made(away / "wordless", {"": 1.5}, words=words)))
+    factor_table = pd.DataFrame({"record": ["a", "b", "c"]})
+    first, second = map(plain, answer(made(away / "wordless", {"": 1.5}, factor_table=factor_table)))
     assert re.match(r"The stiffness k is 1\.\d+ kN/mm for all records \(95 % interval", first)
     assert second.startswith("The records do not say which steps were loading")
 
 
 def test_configurations_without_a_case_in_common_are_not_compared(away):
-    words = grid(("a", "b"), 1)
-    words["speed_km_h"] += np.where(words["configuration"] == "a", 0.0, 5.0)
-    first, _ = answer(made(away / "apart", {"a": 1.0, "b": 2.0}, words=words))
+    factor_table = grid(("a", "b"), 1)
+    factor_table["speed_km_h"] += np.where(factor_table["configuration"] == "a", 0.0, 5.0)
+    first, _ = answer(made(away / "apart", {"a": 1.0, "b": 2.0}, factor_table=factor_table))
     assert first.startswith("The 2 configurations have no test case in common, so none is compared; the stiffness k is")
 
 
@@ -125,8 +126,8 @@ def test_of_three_configurations_the_two_farthest_apart_are_compared(away):
 
 
 def test_the_printed_tables_model_has_an_answer_and_no_repeats(away):
-    words = printed_words("single", "dual")
-    result = made(away / "printed", {"single": 1.5, "dual": 2.0}, words=words, origin="published")
+    factor_table = printed_words("single", "dual")
+    result = made(away / "printed", {"single": 1.5, "dual": 2.0}, factor_table=factor_table, origin="published")
     assert "33" in answer(result)[0]
     assert any("whatever their processing did" in said for said in cautions(result))
     page = page_of(result)

@@ -15,7 +15,7 @@ from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
-from bayes_tyre.report.figures import catalogue as figures
+from bayes_tyre.report.figures import catalogue
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 MISSING = [name for name, path in (("chromium", CHROMIUM), ("chromedriver", DRIVER)) if path is None]
@@ -26,7 +26,7 @@ pytestmark = [
 WIDTHS = {"desk": 1280, "phone": 390}
 
 
-def shown(result: figures.Result) -> tuple[str, ...]:
+def shown(result: catalogue.Result) -> tuple[str, ...]:
     return ALL if result.table is not None else ALL[:1]
 
 
@@ -37,7 +37,7 @@ def page(tmp_path_factory) -> Path:
     fitted = write_fitted(folder / "fit")
     other = write_made(folder / "made", {"single": 1.5, SCRIPT: 2.0}, verdict="fail")
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(figures, "draw", lambda result: ((name, drawn(name)) for name in shown(result)))
+        monkeypatch.setattr(catalogue, "draw", lambda result: ((name, drawn(name)) for name in shown(result)))
         done = here("report", fitted, other)
     assert done.exit_code == 4, done.stderr
     return fitted / "report.html"

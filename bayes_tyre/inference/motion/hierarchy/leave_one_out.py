@@ -20,13 +20,13 @@ from scipy.special import gammaincinv
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.leave_one_out import LeaveOneOut, left_out, thinned
-from bayes_tyre.inference.model.factors import Levels, find_levels
+from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.motion.hierarchy.model import Motions, Readings, fit_motions
 from bayes_tyre.inference.motion.laws import motion_law
 from bayes_tyre.inference.motion.record.evidence import log_average
 from bayes_tyre.inference.sampling.run import SamplerSettings
-from bayes_tyre.record import WORDS
+from bayes_tyre.record import FACTORS
 
 #: The group of a result's tree that holds what its records said.
 GROUP = "motion_estimates"
@@ -43,7 +43,7 @@ def with_motions(tree: xr.DataTree, motions: Motions) -> xr.DataTree:
     kept = {"rows": (("record", "row", "parameter"), motions.rows)}
     kept |= {name: (("record", "parameter"), getattr(motions, name)) for name in _OF_PARAMETERS}
     kept |= {name: ("record", values) for name, values in motions.readings._asdict().items()}
-    labels = {"record": list(motions.words["record"]), "parameter": list(motions.law.parameters)}
+    labels = {"record": list(motions.factor_table["record"]), "parameter": list(motions.law.parameters)}
     with_all = tree.copy()
     with_all[GROUP] = xr.DataTree(xr.Dataset(kept, labels))
     return with_all
@@ -60,12 +60,12 @@ def motions_in(tree: xr.DataTree) -> Motions:
     if GROUP not in tree.children:
         raise BadInput("holds no estimates of motions to compare; run motion again")
     kept, posterior = tree[GROUP].to_dataset(), tree["posterior"].to_dataset()
-    words = pd.DataFrame({"record": posterior["record"].to_numpy()})
-    for word in WORDS:
-        words[word] = posterior[f"record_{word}"].to_numpy()
+    factor_table = pd.DataFrame({"record": posterior["record"].to_numpy()})
+    for word in FACTORS:
+        factor_table[word] = posterior[f"record_{word}"].to_numpy()
     arrays = {name: kept[name].to_numpy() for name in ("rows", *_OF_PARAMETERS)}
     readings = Readings(*(kept[name].to_numpy() for name in Readings._fields))
-    return Motions(words, **arrays, law=motion_law(str(tree.attrs["law"])), readings=readings)
+    return Motions(factor_table, **arrays, law=motion_law(str(tree.attrs["law"])), readings=readings)
 
 
 def leave_one_motion_out(
@@ -86,29 +86,29 @@ def leave_one_motion_out(
         With a single record, or where the tree holds no estimates.
     """
     motions, repeats = motions_in(tree), str(tree.attrs["repeats"])
-    if len(motions.words) < 2:
+    if len(motions.factor_table) < 2:
         raise BadInput("one record cannot be predicted from others; laws are compared on two or more")
     assert motions.readings is not None
-    levels = find_levels(motions.words)
+    factors = find_factors(motions.factor_table)
     posterior = thinned(tree)
-    density = densities(posterior, motions, levels, repeats)
+    density = densities(posterior, motions, factors, repeats)
     by_chain = density.reshape(posterior.sizes["chain"], -1, density.shape[1])
 
     def exactly(record: int) -> float:
-        others = np.arange(len(motions.words)) != record
+        others = np.arange(len(motions.factor_table)) != record
         # Its case stays, if only as its words.
-        without = replace(levels, of_record=levels.of_record[others])
+        without = replace(factors, of_record=factors.of_record[others])
         fitted = fit_motions(_chosen(motions, others), refit, repeats, without)
-        alone = replace(levels, of_record=levels.of_record[~others])
+        alone = replace(factors, of_record=factors.of_record[~others])
         found = densities(thinned(fitted), _chosen(motions, ~others), alone, repeats)[:, 0]
         return float(np.logaddexp.reduce(found) - np.log(len(found)))
 
-    names = tuple(motions.words["record"])
+    names = tuple(motions.factor_table["record"])
     return left_out(by_chain, names, motions.readings.effective_draws, exactly if refit else None, on_refit)
 
 
 def densities(
-    posterior: xr.Dataset, motions: Motions, levels: Levels, repeats: str
+    posterior: xr.Dataset, motions: Motions, factors: Factors, repeats: str
 ) -> Float[np.ndarray, "draws records"]:
     """Return the log density of each record's readings under the populations of each draw, its own parameters gone.
 
@@ -116,15 +116,15 @@ def densities(
     ----------
     posterior:
         Of cases and scatters.
-    motions, levels:
+    motions, factors:
         The records, and the cases that they are of.
     repeats:
         How repeats scatter about their case.
     """
     assert motions.readings is not None
-    of_record, rows = levels.of_record, np.asarray(motions.rows)
+    of_record, rows = factors.of_record, np.asarray(motions.rows)
     case = np.stack([_flat(posterior, f"{name}_case") for name in motions.law.parameters], axis=-1)
-    scatter = np.stack([_scatter(posterior, name, levels) for name in motions.law.parameters], axis=-1)[:, of_record]
+    scatter = np.stack([_scatter(posterior, name, factors) for name in motions.law.parameters], axis=-1)[:, of_record]
     off = np.asarray(motions.target) - np.einsum("rij,drj->dri", rows, np.log(case)[:, of_record])
     # Too few repeats to judge any: the model had no such number, and its repeats scatter normally.
     kind = repeats if _NEEDED.get(repeats) in posterior else "normal"
@@ -146,12 +146,12 @@ def _averaged(posterior: xr.Dataset, rows: np.ndarray, off: np.ndarray, variance
     return np.logaddexp(usual, np.log(weight) + log_average(rows, off, DISCORDANT_WIDENING**2 * variance))
 
 
-def _scatter(posterior: xr.Dataset, parameter: str, levels: Levels) -> Float[np.ndarray, "draws cases"]:
+def _scatter(posterior: xr.Dataset, parameter: str, factors: Factors) -> Float[np.ndarray, "draws cases"]:
     """Return the scatter of repeats of each case."""
-    by_speed = f"log_{parameter}_repeat_scatter_by_speed"
+    by_speed = f"sd_log_{parameter}_repeat_by_speed"
     if by_speed in posterior:
-        return _flat(posterior, by_speed)[:, levels.speed.of_case]
-    return np.repeat(_flat(posterior, f"log_{parameter}_repeat_scatter")[:, None], len(levels.cases), axis=1)
+        return _flat(posterior, by_speed)[:, factors.speed.of_case]
+    return np.repeat(_flat(posterior, f"sd_log_{parameter}_repeat")[:, None], len(factors.cases), axis=1)
 
 
 def _flat(posterior: xr.Dataset, name: str) -> np.ndarray:
@@ -163,4 +163,6 @@ def _chosen(motions: Motions, which: np.ndarray) -> Motions:
     assert motions.readings is not None
     arrays = {name: getattr(motions, name)[which] for name in ("rows", *_OF_PARAMETERS)}
     readings = Readings(*(values[which] for values in motions.readings))
-    return replace(motions, words=motions.words[which].reset_index(drop=True), **arrays, readings=readings)
+    return replace(
+        motions, factor_table=motions.factor_table[which].reset_index(drop=True), **arrays, readings=readings
+    )

@@ -12,8 +12,8 @@ from jaxtyping import Array, Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.case_effects import flat
-from bayes_tyre.inference.model.factors import Levels, find_levels
-from bayes_tyre.inference.model.hyperparameters import motion_sites, population_starts, sample_populations
+from bayes_tyre.inference.model.factors import Factors, find_factors
+from bayes_tyre.inference.model.hyperparameters import hyperparameter_starts, motion_sites, sample_hyperparameters
 from bayes_tyre.inference.model.laplace_cases import CaseEstimates, case_estimates
 from bayes_tyre.inference.model.priors import prior_medians
 from bayes_tyre.inference.model.record_effects import records_about_cases
@@ -46,7 +46,7 @@ class Motions:
 
     Attributes
     ----------
-    words:
+    factor_table:
         A row a record: `record` and the words.
     rows, target:
         Shape (records, p, p) and (records, p): the likelihood of a record's logarithms is
@@ -59,7 +59,7 @@ class Motions:
         What comparing laws needs of the records' readings; None where nobody kept it.
     """
 
-    words: pd.DataFrame
+    factor_table: pd.DataFrame
     rows: Float[np.ndarray, "records p p"]
     target: Float[np.ndarray, "records p"]
     log_mean: Float[np.ndarray, "records p"]
@@ -81,7 +81,7 @@ def motions_model(
     rows: Float[Array, "records p p"],
     target: Float[Array, "records p"],
     cases: CaseEstimates,
-    levels: Levels,
+    factors: Factors,
     *,
     repeats: str = "mixture",
     law: MotionLaw = FANCHER,
@@ -94,14 +94,14 @@ def motions_model(
         As `Motions` has them.
     cases:
         What the records say of their cases; it shapes the coordinates and leaves the posterior as it is.
-    levels:
+    factors:
         Cases and how they group.
     repeats:
         One of `bayes_tyre.inference.model.repeat_distribution.REPEATS`.
     law:
         Whose parameters the estimates are of.
     """
-    populations = sample_populations(motion_sites(levels, repeats, law.parameters))
+    hyperparameters = sample_hyperparameters(motion_sites(factors, repeats, law.parameters))
 
     def place(above: Float[Array, "records p"], scale: Float[Array, "records p"]) -> Placed:
         # Whitened by its rows an estimate is of independent numbers, each a mixture of the logarithms: coordinates
@@ -109,7 +109,7 @@ def motions_model(
         z = flat("records_z", above.shape)
         return place_whitened(z, rows, target, above, scale)
 
-    placed, log_cases = records_about_cases(place, levels, cases, repeats, populations, law.parameters)
+    placed, log_cases = records_about_cases(place, factors, cases, repeats, hyperparameters, law.parameters)
     _keep_with_x("_case", jnp.exp(log_cases), law)
     numpyro.factor("records_volume", placed.log_volume)
     numpyro.factor("estimates", log_likelihood(placed.value, rows, target))
@@ -131,7 +131,7 @@ def fit_motions(
     motions: Motions,
     settings: SamplerSettings | None = None,
     repeats: str = "mixture",
-    levels: Levels | None = None,
+    factors: Factors | None = None,
 ) -> xr.DataTree:
     """Return the posterior of the law's parameters, m and c of every record, their cases and populations.
 
@@ -143,7 +143,7 @@ def fit_motions(
         How much to sample.
     repeats:
         How repeats scatter about their case.
-    levels:
+    factors:
         Of the words; None: as they are found, only with cases that have records.
 
     Returns
@@ -158,13 +158,13 @@ def fit_motions(
     """
     if repeats not in REPEATS:
         raise BadInput(f"repeats {repeats!r} is unknown; use {' or '.join(REPEATS)}")
-    levels = levels or find_levels(motions.words)
+    factors = factors or find_factors(motions.factor_table)
     arguments = {
-        **{"rows": jnp.asarray(motions.rows), "target": jnp.asarray(motions.target), "levels": levels},
-        **{"cases": case_estimates(motions.log_mean, motions.log_variance, levels), "repeats": repeats},
+        **{"rows": jnp.asarray(motions.rows), "target": jnp.asarray(motions.target), "factors": factors},
+        **{"cases": case_estimates(motions.log_mean, motions.log_variance, factors), "repeats": repeats},
         "law": motions.law,
     }
-    starts = population_starts(motion_sites(levels, repeats, motions.law.parameters), prior_medians())
+    starts = hyperparameter_starts(motion_sites(factors, repeats, motions.law.parameters), prior_medians())
     draws = sample(motions_model, arguments, settings or SamplerSettings(), starts, CAREFUL_ACCEPTANCE)
     attributes = {"model": "motion", "repeats": repeats, "law": motions.law.name}
-    return to_datatree(draws.sites, draws.statistics, levels, motions.words, attributes)
+    return to_datatree(draws.sites, draws.statistics, factors, motions.factor_table, attributes)

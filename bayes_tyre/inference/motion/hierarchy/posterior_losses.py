@@ -11,7 +11,7 @@ import pandas as pd
 import xarray as xr
 from jaxtyping import ArrayLike, Float
 
-from bayes_tyre.inference.model.factors import find_levels
+from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw, motion_law
 from bayes_tyre.inference.motion.record.energy import Losses, losses_of_told
 from bayes_tyre.laws.base import ScalarLike
@@ -35,7 +35,7 @@ class Middle(NamedTuple):
 
 
 def with_losses(
-    tree: xr.DataTree, words: pd.DataFrame, of_records: Sequence[Middle], amplitude_mm: float
+    tree: xr.DataTree, factor_table: pd.DataFrame, of_records: Sequence[Middle], amplitude_mm: float
 ) -> xr.DataTree:
     """Return a posterior with the energy per cycle of records and cases, and the cases' loss factor and damping.
 
@@ -48,11 +48,11 @@ def with_losses(
     amplitude_mm:
         Half the stroke at the wheel centre; it stands in the attributes.
     """
-    posterior, levels = tree["posterior"].to_dataset(), find_levels(words)
+    posterior, factors = tree["posterior"].to_dataset(), find_factors(factor_table)
     law = motion_law(tree.attrs.get("law", FANCHER.name))
     of_cases = []
-    for case in range(len(levels.cases)):
-        mine = [of_records[int(record)] for record in np.flatnonzero(levels.of_record == case)]
+    for case in range(len(factors.cases)):
+        mine = [of_records[int(record)] for record in np.flatnonzero(factors.of_record == case)]
         of_cases.append(Middle(mine[0].rig, float(np.median([middle.displacement_mm for middle in mine]))))
     found = _found(posterior, law, ("record", ""), of_records, OF_RECORDS, amplitude_mm)
     # Without friction there are no branches to be apart.

@@ -21,7 +21,7 @@ from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.rig.axle import Rig
 
 #: The order of what is estimated with Fancher's law; units kN/mm, kN, mm, kg, kN s/mm. Others: `told_parameters`.
-MOTION_PARAMETERS = FANCHER.told_parameters
+RECORD_PARAMETERS = FANCHER.told_parameters
 #: Above this, importance weights have no reliable mean (Vehtari 2024). With fewer effective draws than this a mean is
 #: off by more than a seventh of its standard deviation, for the normal that was drawn from is not like the posterior.
 PARETO_K_MOST, EFFECTIVE_LEAST = 0.7, 50.0

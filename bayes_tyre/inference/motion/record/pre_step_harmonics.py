@@ -26,7 +26,7 @@ class Quiet(NamedTuple):
     amplitude_mm:
         Complex amplitude a of each harmonic's displacement Re(a exp(i omega t)), shape (harmonics,).
     laser_mm, acceleration_m_per_s2:
-        Levels of both channels without harmonics, each with its standard error.
+        Factors of both channels without harmonics, each with its standard error.
     """
 
     body: Int[np.ndarray, " harmonics"]
@@ -87,9 +87,9 @@ def _columns(time_s: Values, omega: Values) -> Float[np.ndarray, "columns 2 valu
     angle = omega[:, None] * time_s
     turns = np.concatenate([np.cos(angle), np.sin(angle)])
     squared = np.tile(omega, 2)[:, None] ** 2 * 1e-3
-    levels = np.zeros((2, 2, len(time_s)))
-    levels[0, 0] = levels[1, 1] = 1.0
-    return np.concatenate([np.stack([squared * turns, turns], axis=1), levels])
+    factors = np.zeros((2, 2, len(time_s)))
+    factors[0, 0] = factors[1, 1] = 1.0
+    return np.concatenate([np.stack([squared * turns, turns], axis=1), factors])
 
 
 def _bent(time_s: Values, omega: Values, weights: Values, body: np.ndarray, bodies: int) -> np.ndarray:

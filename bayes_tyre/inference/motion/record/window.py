@@ -151,13 +151,13 @@ def window_of(rig: Rig, samples: Recorded, block_s: float | None = None, law: Mo
     readings[:, full:] = readings[:, full - 1 : full]
     sd = _block_sd_of_differences if rolls else _block_sd
     weight[:, :full] = 1 / np.array([sd(channel, length) for channel in quiet])[:, None]
-    levels = [_level(channel, dt_s) for channel in quiet]
+    factors = [_level(channel, dt_s) for channel in quiet]
     after = channels[2, first + blocks * length :]
     known = {
-        "acceleration_offset_m_per_s2": levels[0],
-        "laser_at_rest_mm": levels[1],
-        "load_before_kN": levels[2],
-        "load_after_kN": _after(after, readings[2, :full], levels[2], dt_s),
+        "acceleration_offset_m_per_s2": factors[0],
+        "laser_at_rest_mm": factors[1],
+        "load_before_kN": factors[2],
+        "load_after_kN": _after(after, readings[2, :full], factors[2], dt_s),
         **_ramp(samples, first * dt_s),
     }
     rolling, prior = None, None
@@ -178,7 +178,7 @@ def _rolling(
     # Samples stand at the middle of their share of a block (`block_weights`).
     time_s = (length * np.arange(means.shape[1]) + length / 2 - first) * samples.dt_s
     said = quiet_motion(time_s, means[0], means[1], samples.bodies)
-    levels = {
+    factors = {
         "acceleration_offset_m_per_s2": said.acceleration_m_per_s2,
         "laser_at_rest_mm": (said.laser_mm[0], _FRICTION_MM),
     }
@@ -191,7 +191,7 @@ def _rolling(
     )
     return (
         rolling,
-        known | levels,
+        known | factors,
         ground_priors(velocity, np.log(said.turn_Hz), said.turn_sd, len(said.order)),
     )
 
@@ -225,7 +225,7 @@ def block_weights(length: int, substeps: int) -> Float[np.ndarray, " nodes"]:
 def converter_step(readings: Samples) -> float:
     """Return the smallest distance between two levels of a channel: its converter's step, or less without one."""
     gaps = np.diff(np.unique(readings))
-    # Levels computed from rounded voltages differ in their last digits.
+    # Factors computed from rounded voltages differ in their last digits.
     wide = gaps[gaps > 1e-6 * np.ptp(readings)]
     return float(wide.min()) if len(wide) else 0.0
 

@@ -10,7 +10,7 @@ from scipy import stats
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.leave_one_out import PARETO_K_MOST, left_out
-from bayes_tyre.inference.model.factors import find_levels
+from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import MOTION_PARAMETERS
 from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.motion.hierarchy.leave_one_out import (
@@ -29,39 +29,37 @@ DRAWS = 60
 @pytest.fixture(scope="module")
 def motions():
     made = make(2).motions
-    n = len(made.words)
+    n = len(made.factor_table)
     return replace(made, readings=Readings(np.linspace(100.0, 120.0, n), np.full(n, 200.0)))
 
 
 def posterior_of(motions, kind="mixture") -> xr.DataTree:
     """Return draws of cases about the records' estimates, with scatters by speed."""
-    rng, levels = np.random.default_rng(1), find_levels(motions.words)
-    cases = np.array([motions.log_mean[levels.of_record == i].mean(axis=0) for i in range(len(levels.cases))])
+    rng, factors = np.random.default_rng(1), find_factors(motions.factor_table)
+    cases = np.array([motions.log_mean[factors.of_record == i].mean(axis=0) for i in range(len(factors.cases))])
     draws = {}
     for i, name in enumerate(MOTION_PARAMETERS):
         draws[f"{name}_case"] = np.exp(cases[:, i] + 0.02 * rng.standard_normal((2, DRAWS, len(cases))))
-        scatter = 0.05 * np.exp(0.1 * rng.standard_normal((2, DRAWS, len(levels.speed.labels))))
-        draws[f"log_{name}_repeat_scatter_by_speed"] = scatter
+        scatter = 0.05 * np.exp(0.1 * rng.standard_normal((2, DRAWS, len(factors.speed.labels))))
+        draws[f"sd_log_{name}_repeat_by_speed"] = scatter
         draws[name] = np.exp(motions.log_mean[:, i]) * np.ones((2, DRAWS, 1))
     draws["discordant_weight"] = np.full((2, DRAWS), 0.05)
     draws["student_nu"] = np.full((2, DRAWS), 6.0)
     attributes = {"model": "motion", "repeats": kind, "law": "fancher"}
-    return to_datatree(draws, {}, levels, motions.words, attributes)
+    return to_datatree(draws, {}, factors, motions.factor_table, attributes)
 
 
 @pytest.mark.parametrize("kind", ["normal", "mixture", "student"])
 def test_a_records_own_parameters_are_integrated_out(motions, kind):
     """Against plain Monte Carlo over them, for one draw."""
-    tree, levels = posterior_of(motions), find_levels(motions.words)
+    tree, factors = posterior_of(motions), find_factors(motions.factor_table)
     posterior = tree["posterior"].to_dataset().isel(chain=[0], draw=[3])
-    found = densities(posterior, motions, levels, kind)[0]
+    found = densities(posterior, motions, factors, kind)[0]
     rng, record = np.random.default_rng(0), 5
-    case = levels.of_record[record]
-    speed = levels.speed.of_case[case]
+    case = factors.of_record[record]
+    speed = factors.speed.of_case[case]
     mean = np.log([posterior[f"{p}_case"].to_numpy()[0, 0, case] for p in MOTION_PARAMETERS])
-    scatter = np.array(
-        [posterior[f"log_{p}_repeat_scatter_by_speed"].to_numpy()[0, 0, speed] for p in MOTION_PARAMETERS]
-    )
+    scatter = np.array([posterior[f"sd_log_{p}_repeat_by_speed"].to_numpy()[0, 0, speed] for p in MOTION_PARAMETERS])
     n = 400_000
     wide = {
         "normal": np.ones(n),
@@ -92,7 +90,7 @@ def test_estimates_come_back_from_a_tree(motions):
     assert back.readings is not None
     assert motions.readings is not None
     np.testing.assert_array_equal(back.readings.log_constant, motions.readings.log_constant)
-    assert back.words.equals(motions.words[list(back.words)])
+    assert back.factor_table.equals(motions.factor_table[list(back.factor_table)])
     assert back.law is motions.law
 
 
@@ -106,10 +104,10 @@ def test_a_tree_without_estimates_is_refused(motions):
 def test_every_record_has_a_density_and_only_what_it_knew_is_taken_back(motions):
     tree = with_motions(posterior_of(motions), motions)
     found = leave_one_motion_out(tree)
-    with_it = densities(tree["posterior"].to_dataset(), motions, find_levels(motions.words), "mixture")
+    with_it = densities(tree["posterior"].to_dataset(), motions, find_factors(motions.factor_table), "mixture")
     # Weighing a draw by one over a density can only lower its mean (Jensen).
     assert (found.elpd.elpd_i.to_numpy() <= np.log(np.exp(with_it).mean(axis=0)) + 1e-9).all()
-    assert list(found.effective_points) == [200.0] * len(motions.words)
+    assert list(found.effective_points) == [200.0] * len(motions.factor_table)
     assert not found.refitted.any()
 
 

@@ -6,10 +6,11 @@ from helpers.synthetic_motions import make
 from scipy import stats
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.diagnostics.power_scaling import identified, identify_motions
+from bayes_tyre.inference.diagnostics.power_scaling import identified
 from bayes_tyre.inference.diagnostics.verdict import diagnose
 from bayes_tyre.inference.model.hyperparameters import MOTION_PARAMETERS
 from bayes_tyre.inference.motion.hierarchy.model import fit_motions
+from bayes_tyre.inference.motion.hierarchy.power_scaling import identify_motions
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.results import summary
 

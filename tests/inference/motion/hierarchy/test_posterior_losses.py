@@ -11,7 +11,7 @@ from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.rig.axle import load_rig
 
 RIGS = {name: load_rig(name) for name in ("single", "dual")}
-WORDS = grid(repeats=1, speeds=(0.0,))
+FACTORS = grid(repeats=1, speeds=(0.0,))
 
 
 def made() -> tuple[xr.DataTree, list[Middle]]:
@@ -20,13 +20,13 @@ def made() -> tuple[xr.DataTree, list[Middle]]:
     for ending in ("", "_case"):
         of = {"k": k, "x": x, "beta": 0.02 * k, "m": 200 * k, "c": 0.001 * k}
         draws |= {f"{name}{ending}": fixed(values) * np.linspace(1, 1.1, 8)[:, None] for name, values in of.items()}
-    middles = [Middle(RIGS[name], 10.0 + i) for i, name in enumerate(WORDS["configuration"])]
-    return posterior(draws, WORDS), middles
+    middles = [Middle(RIGS[name], 10.0 + i) for i, name in enumerate(FACTORS["configuration"])]
+    return posterior(draws, FACTORS), middles
 
 
 def test_each_draw_is_the_law_s_own():
     tree, middles = made()
-    found = with_losses(tree, WORDS, middles, 1.5)["posterior"].to_dataset()
+    found = with_losses(tree, FACTORS, middles, 1.5)["posterior"].to_dataset()
     at = {"chain": 1, "draw": 5, "case": 2}
     k, x, beta, m = (float(found[f"{name}_case"][at]) for name in ("k", "x", "beta", "m"))
     law = Fancher(k=k, C=0.0, x=x, beta=beta)

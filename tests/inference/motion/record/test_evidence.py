@@ -40,8 +40,8 @@ RIVALS = {
 
 def blind_window() -> Window:
     """Return a window whose readings have no weight: the posterior is the prior, and the evidence 1."""
-    levels = ("acceleration_offset_m_per_s2", "laser_at_rest_mm", "load_before_kN", "load_after_kN")
-    known = dict.fromkeys(levels, (5.0, 1.0)) | {"ramp_start_s": (0.01, np.nan), "log_rise": (-3.5, np.nan)}
+    factors = ("acceleration_offset_m_per_s2", "laser_at_rest_mm", "load_before_kN", "load_after_kN")
+    known = dict.fromkeys(factors, (5.0, 1.0)) | {"ramp_start_s": (0.01, np.nan), "log_rise": (-3.5, np.nan)}
     nothing, nodes = jnp.zeros((3, 40)), jnp.array([1.0, 4.0, 1.0]) / 6
     return Window(jnp.array(1e-3), nothing, nothing, nodes, jnp.asarray(priors_of(RIG, known)))
 

@@ -16,7 +16,7 @@ _PREFIX = re.compile(r"^dynamic\s*", re.IGNORECASE)
 CASES_NEED = ("file", "configuration", "speed_km_h", "initial_load_kN", "step_kN", "repeat")
 
 
-class Words(NamedTuple):
+class RecordFactors(NamedTuple):
     """The name of a record, what was tested, and which time."""
 
     record: str
@@ -40,7 +40,7 @@ def record_name(file_name: str) -> str:
     return _PREFIX.sub("", stem).strip() or file_name
 
 
-def words_from_name(file_name: str) -> Words:
+def factors_from_name(file_name: str) -> RecordFactors:
     """Return the words in a name such as ``DynamicS(0)30-20(1).lvm``: single, 0 km/h, 30 to 20 kN, repeat 1.
 
     D stands for dual; speed and loads may have decimals.
@@ -59,10 +59,10 @@ def words_from_name(file_name: str) -> Words:
         )
     letter, repeat = found.group(1).lower(), int(found.group(5))
     speed, before, after = (float(text.replace(",", ".")) for text in found.group(2, 3, 4))
-    return Words(name, _case(_CONFIGURATIONS[letter], speed, before, after - before), repeat)
+    return RecordFactors(name, _case(_CONFIGURATIONS[letter], speed, before, after - before), repeat)
 
 
-def words_from_row(row: Mapping[str, object], file_name: str) -> Words:
+def factors_from_row(row: Mapping[str, object], file_name: str) -> RecordFactors:
     """Return the words that a row of a table of cases gives a file.
 
     Parameters
@@ -93,7 +93,7 @@ def words_from_row(row: Mapping[str, object], file_name: str) -> Words:
             f"--cases, column direction: {said!r} where step_kN {step:+g} is {case.direction}; use one of "
             f"{', '.join(DIRECTIONS)}, step_kN positive when loading"
         )
-    return Words(_text(row, "record") or record_name(file_name), case, int(repeat))
+    return RecordFactors(_text(row, "record") or record_name(file_name), case, int(repeat))
 
 
 def _case(configuration: str, speed: float, before: float, step: float) -> Case:

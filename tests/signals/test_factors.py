@@ -1,10 +1,10 @@
-"""Words from names and tables of cases, and what is refused."""
+"""RecordFactors from names and tables of cases, and what is refused."""
 
 import pytest
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.record import Case
-from bayes_tyre.signals.words import Words, words_from_name, words_from_row
+from bayes_tyre.signals.factors import RecordFactors, factors_from_name, factors_from_row
 
 ROW = {"configuration": "wide", "speed_km_h": 12.5, "initial_load_kN": "8", "step_kN": -2.5, "repeat": 4.0}
 
@@ -19,7 +19,7 @@ ROW = {"configuration": "wide", "speed_km_h": 12.5, "initial_load_kN": "8", "ste
     ],
 )
 def test_a_name_says_what_was_tested(name, record, case, repeat):
-    assert words_from_name(name) == Words(record, case, repeat)
+    assert factors_from_name(name) == RecordFactors(record, case, repeat)
 
 
 @pytest.mark.parametrize(
@@ -27,17 +27,17 @@ def test_a_name_says_what_was_tested(name, record, case, repeat):
 )
 def test_another_name_is_refused_with_the_remedy(name):
     with pytest.raises(BadInput, match="--cases"):
-        words_from_name(name)
+        factors_from_name(name)
 
 
 def test_a_step_of_nothing_is_refused():
     with pytest.raises(BadInput, match="30 to 30 kN"):
-        words_from_name("DynamicS(0)30-30(1).lvm")
+        factors_from_name("DynamicS(0)30-30(1).lvm")
 
 
 def test_a_row_says_what_was_tested():
-    assert words_from_row(ROW, "run 7.lvm") == Words("run 7", Case("wide", "unloading", 12.5, 8.0, -2.5), 4)
-    assert words_from_row({**ROW, "record": "first"}, "run 7.lvm").record == "first"
+    assert factors_from_row(ROW, "run 7.lvm") == RecordFactors("run 7", Case("wide", "unloading", 12.5, 8.0, -2.5), 4)
+    assert factors_from_row({**ROW, "record": "first"}, "run 7.lvm").record == "first"
 
 
 @pytest.mark.parametrize(
@@ -52,4 +52,4 @@ def test_a_row_says_what_was_tested():
 )
 def test_a_wrong_row_is_refused_by_its_column(change, said):
     with pytest.raises(BadInput, match=said):
-        words_from_row({**ROW, **change}, "run 7.lvm")
+        factors_from_row({**ROW, **change}, "run 7.lvm")

@@ -1,0 +1,46 @@
+"""What the recordings said of each quantity of their hierarchy, and what its prior did."""
+
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from bayes_tyre.inference.diagnostics.log_densities import SAMPLE, log_prior, without_labels
+from bayes_tyre.inference.diagnostics.power_scaling import PRIOR_DRAWS, prior_tree, thinned, with_identifiability
+from bayes_tyre.inference.model.factors import find_factors
+from bayes_tyre.inference.model.hyperparameters import motion_sites
+from bayes_tyre.inference.model.prior_predictive import prior_quantities
+from bayes_tyre.inference.motion.hierarchy.model import Motions, log_likelihood
+
+
+def log_likelihood_of_motions(posterior: xr.Dataset, motions: Motions) -> xr.Dataset:
+    """Return the log density of each record's readings at each draw but for a constant: `motion`, dims ..., record.
+
+    Parameters
+    ----------
+    posterior, motions:
+        Of `bayes_tyre.inference.motion.hierarchy.model.fit_motions`, and what it took.
+    """
+    of_record = [posterior[name].transpose(*SAMPLE, "record").to_numpy() for name in motions.law.parameters]
+    rows, target = jnp.asarray(motions.rows), jnp.asarray(motions.target)
+    density = log_likelihood(jnp.log(jnp.stack(of_record, axis=-1)), rows, target)
+    like = posterior["k"].transpose(*SAMPLE, "record")
+    return without_labels({"motion": like.copy(data=np.asarray(density))})
+
+
+def identify_motions(tree: xr.DataTree, motions: Motions) -> xr.DataTree:
+    """Return the posterior of motions with the group that `identify_records` adds.
+
+    Parameters
+    ----------
+    tree, motions:
+        The posterior, and what `bayes_tyre.inference.motion.hierarchy.model.fit_motions` took.
+    """
+    factors = find_factors(motions.factor_table)
+    law = motions.law
+    sites = motion_sites(factors, tree.attrs["repeats"], law.parameters)
+    drawn = prior_quantities(factors, sites, PRIOR_DRAWS, seed=0, parameters=law.parameters)
+    for ending in ("", "_case") if "x" in law.told else ():
+        drawn[f"x{ending}"] = drawn[f"settled{ending}"] + drawn[f"k{ending}"] * drawn[f"beta{ending}"]
+    some = thinned(tree["posterior"].to_dataset())
+    densities = log_prior(some, sites), log_likelihood_of_motions(some, motions)
+    return with_identifiability(tree, prior_tree(drawn, factors, motions.factor_table), *densities)

@@ -1,0 +1,45 @@
+"""The measured records as least squares and the models take them, and the force of Equation 2 at their points."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from bayes_tyre.batch import Batch
+from bayes_tyre.laws.fancher import equation_2_offset
+
+
+class RecordData(NamedTuple):
+    """The measured records as the models take them: d_0 is the first displacement, u the distance from it.
+
+    Attributes
+    ----------
+    u, F:
+        Shape (records, points); mm, kN.
+    present:
+        Shape (records, points); False on padding.
+    d_0, F_0, span:
+        Shape (records,); first displacement (mm), first force (kN), largest change of force (kN).
+    """
+
+    u: Float[Array, "records points"]
+    F: Float[Array, "records points"]
+    present: Bool[Array, "records points"]
+    d_0: Float[Array, " records"]
+    F_0: Float[Array, " records"]
+    span: Float[Array, " records"]
+
+
+def record_data(batch: Batch) -> RecordData:
+    """Return a batch of records as the models take it."""
+    # In NumPy: JAX would compile each step by itself.
+    d, F = batch.displacement_mm, batch.force_kN
+    span = np.max(np.where(batch.present, np.abs(F - F[:, :1]), 0.0), axis=1)
+    numbers = d - d[:, :1], F, batch.present, d[:, 0], F[:, 0], np.where(span > 0, span, 1.0)
+    return RecordData(*map(jnp.asarray, numbers))
+
+
+def force_curve(u: Float[Array, " points"], theta: Float[Array, "4"]) -> Float[Array, " points"]:
+    """Return the force (kN) of Equation 2 at u (mm) for theta = (F_i, J, log k, log beta)."""
+    return theta[0] + equation_2_offset(u, k=jnp.exp(theta[2]), J=theta[1], beta=jnp.exp(theta[3]))

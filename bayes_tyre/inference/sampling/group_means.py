@@ -1,0 +1,30 @@
+"""Means over the cases of a group (configuration x direction), at each draw: the quantity that results are read by."""
+
+import xarray as xr
+
+from bayes_tyre.inference.sampling.datatree import case_parameters, tree_cases
+from bayes_tyre.record import CASE_FACTORS
+
+
+def group_means(tree: xr.DataTree) -> xr.Dataset:
+    """Return the mean of k (kN/mm), beta (mm) and what else cases have, over those of a configuration and direction.
+
+    The arithmetic mean of the cases, as the source's Tables 9 and 11 average them; dims chain, draw, group, with
+    `configuration` and `direction` along group.
+    """
+    posterior = tree["posterior"].to_dataset()
+    keys = [(case.configuration, case.direction) for case in tree_cases(posterior)]
+    groups = sorted(set(keys))
+    means = {}
+    for parameter in case_parameters(posterior):
+        of_case = posterior[f"{parameter}_case"]
+        by_group = [of_case[..., [key == group for key in keys]].mean("case") for group in groups]
+        means[parameter] = xr.concat(by_group, dim="group").transpose("chain", "draw", "group")
+    factor_table = {word: ("group", [group[i] for group in groups]) for i, word in enumerate(CASE_FACTORS[:2])}
+    return xr.Dataset(means).assign_coords(factor_table)
+
+
+def named_group_means(tree: xr.DataTree) -> xr.Dataset:
+    """Return `group_means` as `summary.csv` names them: `k_mean`, `beta_mean`, dims chain, draw, mean_of."""
+    found = group_means(tree)
+    return found.rename({name: f"{name}_mean" for name in found.data_vars} | {"group": "mean_of"})
