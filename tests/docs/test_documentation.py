@@ -70,14 +70,14 @@ SHOWN = "24 records, k 1.864 [1.81, 1.908]\n  file   DynamicS(0)30-20(1)\ndone i
     ],
 )
 def test_an_output_is_compared_by_its_words_and_within_two_per_cent(printed, same):
-    assert tutorial.compare(SHOWN, printed).factors is not same
+    assert tutorial.compare(SHOWN, printed).words is not same
 
 
 def test_numbers_that_differ_are_told():
     assert tutorial.compare("k 2.00", "k 2.02").numbers == pytest.approx((0.01,))
     assert tutorial.compare("k 2.00", "k 2.00").numbers == ()
-    assert not tutorial.compare("p 0.001", "p 0.002").factors  # a unit of the last digit shown
-    assert tutorial.compare("p 0.001", "p 0.004").factors
+    assert not tutorial.compare("p 0.001", "p 0.002").words  # a unit of the last digit shown
+    assert tutorial.compare("p 0.001", "p 0.004").words
 
 
 def test_a_page_that_shows_what_is_not_printed_is_told(tmp_path, capsys):

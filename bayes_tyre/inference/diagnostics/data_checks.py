@@ -55,7 +55,7 @@ def _uninformed(posterior: xr.Dataset) -> Iterator[str]:
             continue
         draws = posterior[name].transpose("chain", "draw", "group")
         shares = np.log(draws.to_numpy()).std(axis=(0, 1)) / PRIORS[name].parameters[1]
-        for label, share in zip(draws["cell"].to_numpy(), shares, strict=True):
+        for label, share in zip(draws["group"].to_numpy(), shares, strict=True):
             if not 1.0 - share**2 < CONTRACTION_LEAST:
                 continue
             yield (

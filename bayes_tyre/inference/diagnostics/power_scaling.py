@@ -43,9 +43,12 @@ DRAWS, _NOISES = 2000, 20
 _SAMPLE = ("chain", "draw")
 _LOGARITHMIC = frozenset(
     f"{name}{ending}"
-    for name in (*(of for of, _, group in (site.partition("_group") for site in PRIORS) if group), "x", "sigma")
+    for name in (
+        *(site.removesuffix("_group") for site in PRIORS if site.endswith("_group")),
+        *("x", "sigma", "energy_per_cycle"),
+    )
     for ending in ("", "_case", "_mean")
-) | {"energy_per_cycle", "energy_per_cycle_case", "energy_per_cycle_mean"}
+)
 
 
 def on_prior_scale(name: str, values: xr.DataArray) -> xr.DataArray:
