@@ -5,7 +5,8 @@ a host device for each chain; the functions they call leave JAX as they find it.
 `read_posterior` returns carries its verdict, which then stands in every table made of it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from bayes_tyre.inference.diagnostics.power_scaling import identify_published, i
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
 from bayes_tyre.inference.least_squares import table as record_fits
 from bayes_tyre.inference.least_squares.table import FitSettings
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, fit_hierarchical, used_points
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_published as fit_printed_means
 from bayes_tyre.inference.sampling.run import SamplerSettings
@@ -120,6 +122,7 @@ def fit(
     records: pd.DataFrame,
     settings: SamplerSettings | None = None,
     model: ModelSettings | None = None,
+    priors: Mapping[str, object] | None = None,
 ) -> xr.DataTree:
     """Return the posterior of all records together, by NUTS, with its verdict.
 
@@ -131,6 +134,9 @@ def fit(
         How much to sample.
     model:
         What else the model is told: `ModelSettings(repeats="student")`.
+    priors:
+        Changes of the default priors: ``{"k_group": {"median": 1.8, "sd_log": 0.3}, "discordant_widening": 8.0}``; the
+        names and units are those of `docs/reference/priors.md`.
 
     Returns
     -------
@@ -144,24 +150,28 @@ def fit(
         For a record table that cannot be right, and for a record that cannot be fitted: none is dropped.
     """
     settings, model = settings or SamplerSettings(), model or ModelSettings()
+    model = replace(model, priors=model.priors.changed(priors or {}))
     table = check_record_table(records)
     prepare_jax(max(settings.chains, _DEVICES))
     tree = identify_records(fit_hierarchical(table, settings, model), table, model)
     return _judged(tree, posterior_predictive.residual_autocorrelation(tree, used_points(table, model.region)))
 
 
-def fit_published(settings: SamplerSettings | None = None) -> xr.DataTree:
+def fit_published(settings: SamplerSettings | None = None, priors: Mapping[str, object] | None = None) -> xr.DataTree:
     """Return the posterior of the source's printed means of k and beta (Tables 9 and 11) alone, with its verdict.
 
     Parameters
     ----------
     settings:
         How much to sample.
+    priors:
+        As `fit` takes them.
     """
     settings = settings or SamplerSettings()
     prepare_jax(max(settings.chains, _DEVICES))
     printed = tables.case_means()
-    return _judged(identify_published(fit_printed_means(printed, settings), printed), np.nan)
+    own = PRIORS.changed(priors or {})
+    return _judged(identify_published(fit_printed_means(printed, settings, own), printed, own), np.nan)
 
 
 def read_posterior(folder: str | Path) -> xr.DataTree:

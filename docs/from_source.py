@@ -43,11 +43,11 @@ def commands() -> list[Help]:
 
 def prior_rows() -> list[tuple[str, ...]]:
     """Return a row a prior: its name, law, median with its range and unit, and the reason for its width."""
-    from bayes_tyre.inference.model.priors import PRIORS, prior_distribution
+    from bayes_tyre.inference.model.default_priors import PRIORS
 
     rows = []
     for name, prior in PRIORS.items():
-        low, median, high = (f"{q:.2g}" for q in prior_distribution(name).ppf([(1 - RANGE) / 2, 0.5, (1 + RANGE) / 2]))
+        low, median, high = (f"{q:.2g}" for q in PRIORS[name].scipy().ppf([(1 - RANGE) / 2, 0.5, (1 + RANGE) / 2]))
         law = f"{prior.family.__name__}({', '.join(f'{value:.3g}' for value in prior.parameters)})"
         rows.append((name, law, f"{median} ({low} to {high}) {prior.unit}".strip(), prior.reason))
     return rows

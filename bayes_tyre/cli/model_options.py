@@ -1,6 +1,7 @@
 """The model of `fit` as options: which points and words it uses, how repeats scatter, what the noise is like."""
 
 from enum import StrEnum
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -70,4 +71,12 @@ NoiseOption = Annotated[
 ]
 NoiseWindowOption = Annotated[
     int, typer.Option(min=1, help="Samples of the moving average that went over the noise alone; 1: none.")
+]
+PriorsOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE.toml",
+        help="Own priors: a line a quantity, such as k_group = { median = 1.8, sd_log = 0.3 } (kN/mm), and "
+        "discordant_widening = 6.",
+    ),
 ]

@@ -7,7 +7,6 @@ import xarray as xr
 from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
 from bayes_tyre.record import CASE_FACTORS
 
 
@@ -46,7 +45,7 @@ def of_case(posterior: xr.Dataset, case: int) -> CaseDraws:
     return CaseDraws(F_i, J, k, beta, d_i, np.zeros_like(k))
 
 
-def of_repeat(posterior: xr.Dataset, case: int, rng: np.random.Generator) -> CaseDraws:
+def of_repeat(posterior: xr.Dataset, case: int, rng: np.random.Generator, discordant_widening: float) -> CaseDraws:
     """Return the draws of a repeat of a case that was not measured.
 
     k and beta scatter about the case's as repeats do at its speed, as a discordant repeat as often as the posterior
@@ -61,7 +60,7 @@ def of_repeat(posterior: xr.Dataset, case: int, rng: np.random.Generator) -> Cas
     F_i, J, d_i = _starts(posterior, case)
     draws, records = F_i.shape
     one = (np.arange(draws), rng.integers(records, size=draws))
-    widening = _widening(posterior, draws, rng)
+    widening = _widening(posterior, draws, rng, discordant_widening)
     k, beta = (
         _flat(posterior[f"{name}_case"].isel(case=case))
         * np.exp(widening * _scatter(posterior, name, case) * rng.standard_normal(draws))
@@ -72,13 +71,15 @@ def of_repeat(posterior: xr.Dataset, case: int, rng: np.random.Generator) -> Cas
     return CaseDraws(F_i[one], J[one], k, beta, d_i[one], sigma)
 
 
-def _widening(posterior: xr.Dataset, draws: int, rng: np.random.Generator) -> Float[np.ndarray, " draws"]:
+def _widening(
+    posterior: xr.Dataset, draws: int, rng: np.random.Generator, discordant_widening: float
+) -> Float[np.ndarray, " draws"]:
     """Return how much more widely than usual a repeat scatters, in k and beta together."""
     if "student_nu" in posterior:
         nu = _scalar(posterior, "student_nu")
         return np.sqrt(nu / rng.chisquare(nu))
     weight = _scalar(posterior, "discordant_weight") if "discordant_weight" in posterior else 0.0
-    return np.where(rng.random(draws) < weight, DISCORDANT_WIDENING, 1.0)
+    return np.where(rng.random(draws) < weight, discordant_widening, 1.0)
 
 
 def travel_mm(posterior: xr.Dataset, case: int) -> float:

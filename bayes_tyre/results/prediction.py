@@ -13,7 +13,7 @@ import xarray as xr
 from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.sampling.datatree import tree_cases
+from bayes_tyre.inference.sampling.datatree import priors_of, tree_cases
 from bayes_tyre.record import CASE_FACTORS, Case
 from bayes_tyre.results.case_draws import CaseDraws, of_case, of_repeat, travel_mm
 from bayes_tyre.results.case_selection import Wish, choose, listed, sign_of
@@ -94,9 +94,10 @@ def predict(
     choice = choose(wish, cases)
     remarks = [f"no opposite direction of {listed([cases[i].label for i in choice.alone])}"] if choice.alone else []
     curves, parameters, unused = [], [], []
+    widening = priors_of(tree).discordant_widening
     for i in choice.cases:
         rng = np.random.default_rng((seed, i))
-        draws = of_case(posterior, i) if of == "case" else of_repeat(posterior, i, rng)
+        draws = of_case(posterior, i) if of == "case" else of_repeat(posterior, i, rng, widening)
         u = _displacements(cases[i], displacement_mm, posterior, i)
         if not len(u):
             unused.append(cases[i].label)

@@ -8,6 +8,8 @@ import xarray as xr
 
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.prior_predictive import Start, prior_records
+from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.sampling.datatree import priors_of
 from bayes_tyre.inference.sampling.hierarchical_fit import record_batch
 from bayes_tyre.record_table import record_factors
 
@@ -62,7 +64,7 @@ def prior_panels(tree: xr.DataTree, table: pd.DataFrame, interval: float = 0.95,
         of_group = np.flatnonzero(cells == cell)
         like = int(of_group[np.argsort(travel[of_group], kind="stable")[(len(of_group) - 1) // 2]])
         repeats = str(tree.attrs.get("repeats", "mixture"))
-        panels.append(_panel(table, factor_table, factors, like, interval, seed + cell, repeats))
+        panels.append(_panel(table, factor_table, factors, like, interval, seed + cell, repeats, priors_of(tree)))
     return panels
 
 
@@ -81,6 +83,7 @@ def _panel(
     interval: float,
     seed: int,
     repeats: str,
+    priors: Priors,
 ) -> PriorPanel:
     case = int(factors.of_record[like])
     names = factor_table["record"].tolist()
@@ -90,7 +93,7 @@ def _panel(
     mine = points[points["record"] == names[like]]
     d, F = mine["displacement_mm"].to_numpy(), mine["force_kN"].to_numpy()
     start = Start(float(F[0]), float(np.abs(F - F[0]).max()), _grid(d))
-    forces = prior_records(factors, case, start, _BAND_DRAWS, seed, repeats)
+    forces = prior_records(factors, case, start, _BAND_DRAWS, seed, repeats, priors)
     lower, upper = np.quantile(forces, [(1.0 - interval) / 2.0, (1.0 + interval) / 2.0], axis=0)
     curves = pd.DataFrame(
         {

@@ -6,8 +6,8 @@ import arviz as az
 import numpy as np
 from jaxtyping import Float
 
-from bayes_tyre.inference.model.prior_predictive import is_of_logarithm
-from bayes_tyre.inference.model.priors import PRIORS, prior_distribution
+from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.priors import Prior, Priors
 from bayes_tyre.results.hyperparameters import Hyperparameter
 
 #: Points of a density over all that is shown, and as many over the posterior's draws.
@@ -39,28 +39,28 @@ class Scale(NamedTuple):
     contraction: float
 
 
-def scales(found: list[Hyperparameter]) -> list[Scale]:
-    """Return every scalar of the posterior that has a prior in `PRIORS`."""
+def scales(found: list[Hyperparameter], priors: Priors = PRIORS) -> list[Scale]:
+    """Return every scalar of the posterior that has a prior, with the prior that it was fitted with."""
     of_all = [
         hyperparameter for hyperparameter in found if hyperparameter.configuration is None and hyperparameter.varies
     ]
-    return [_scale(hyperparameter) for hyperparameter in of_all if hyperparameter.name in PRIORS]
+    return [_scale(one, priors[one.name]) for one in of_all if one.name in priors]
 
 
-def _scale(hyperparameter: Hyperparameter) -> Scale:
-    law, log = prior_distribution(hyperparameter.name), is_of_logarithm(hyperparameter.name)
-    of_prior = law.ppf([0.005, 0.25, 0.75, 0.995])
+def _scale(hyperparameter: Hyperparameter, of: Prior) -> Scale:
+    distribution, log = of.scipy(), of.of_logarithm
+    of_prior = distribution.ppf([0.005, 0.25, 0.75, 0.995])
     low, *quartiles, high = np.log(of_prior) if log else of_prior
     draws = np.log(hyperparameter.draws.ravel()) if log else hyperparameter.draws.ravel()
     least, most = float(draws.min()), float(draws.max())
-    ends_at_zero = not log and law.support()[0] == 0
+    ends_at_zero = not log and distribution.support()[0] == 0
     # A half-normal prior is highest at zero, and a posterior may be: the density is mirrored there, not cut off.
     edge = {"custom_lims": (0.0, most), "bound_correction": True} if ends_at_zero else {}
     x, height, _ = az.kde(draws, **edge)
     whole = np.linspace(min(0.0 if ends_at_zero else low, least), max(high, most), POINTS)
     at = np.sort(np.concatenate([whole, np.linspace(least, most, POINTS)]))
     values = np.exp(at) if log else at
-    prior = law.pdf(values) * (values if log else 1.0)
+    prior = distribution.pdf(values) * (values if log else 1.0)
     quarter, three_quarters = np.quantile(draws, [0.25, 0.75])
     return Scale(
         hyperparameter.name,

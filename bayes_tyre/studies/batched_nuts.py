@@ -18,6 +18,7 @@ from numpyro.handlers import trace
 from numpyro.infer import NUTS
 
 from bayes_tyre.batch import Batch
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS, hyperparameter_starts, prior_sites
 from bayes_tyre.inference.model.laplace import (
@@ -29,7 +30,7 @@ from bayes_tyre.inference.model.laplace import (
 )
 from bayes_tyre.inference.model.likelihood import compress
 from bayes_tyre.inference.model.models import records_model
-from bayes_tyre.inference.model.priors import PRIORS, Prior, prior_medians
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.repeat_distribution import about_cases, judgeable
 from bayes_tyre.inference.record_data import RecordData, record_data
 from bayes_tyre.inference.sampling.nuts import TARGET_ACCEPTANCE, leave_resonance, start_near
@@ -86,7 +87,7 @@ class Sampled(NamedTuple):
     energy: np.ndarray
 
 
-def observe(design: Design, force_kN: Float[np.ndarray, "sets records points"]) -> DataSet:
+def observe(design: Design, force_kN: Float[np.ndarray, "sets records points"], priors: Priors = PRIORS) -> DataSet:
     """Return the data sets of a design with these forces, with a leading axis of sets."""
     sets, records, points = force_kN.shape
     estimates = _estimates(np.tile(design.u, (sets, 1)), force_kN.reshape(sets * records, points))
@@ -98,8 +99,8 @@ def observe(design: Design, force_kN: Float[np.ndarray, "sets records points"]) 
         found.append(
             DataSet(
                 record_data(batch),
-                LaplaceApproximation(own, cases_of(own, design.factors)),
-                _starts(own, design.factors),
+                LaplaceApproximation(own, cases_of(own, design.factors, priors)),
+                _starts(own, design.factors, priors),
             )
         )
     return jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *found)
@@ -117,28 +118,10 @@ def _estimates(u: Float[np.ndarray, "rows points"], force: Float[np.ndarray, "ro
     return jax.tree.map(lambda *leaves: np.concatenate([np.asarray(leaf) for leaf in leaves])[:rows], *lots)
 
 
-def _starts(records: RecordEstimates, factors: Factors) -> dict[str, np.ndarray]:
+def _starts(records: RecordEstimates, factors: Factors, priors: Priors) -> dict[str, np.ndarray]:
     """Return where a fit of these records starts: prior medians, and where the records say more, their estimates."""
     sd_J = np.sqrt(np.mean(np.asarray(records.centre[:, 1]) ** 2)) + 1e-3
-    return hyperparameter_starts(prior_sites(factors), prior_medians() | {"sd_J": np.asarray(sd_J)})
-
-
-def with_priors(model: Callable[..., None], priors: Mapping[str, Prior]) -> Callable[..., None]:
-    """Return the model with other priors at some of its sites: its density times the ratio of the two priors.
-
-    Works for what the model samples and for what it computes alike, since both are named sites in their own units.
-    """
-    changed = {name: prior for name, prior in priors.items() if prior != PRIORS[name]}
-
-    def changed_model(**arguments: Any) -> None:
-        with trace() as sites:
-            model(**arguments)
-        for name, prior in changed.items():
-            value = jnp.asarray(sites[name]["value"])
-            new, own = (jnp.asarray(p.distribution().log_prob(value)) for p in (prior, PRIORS[name]))
-            numpyro.factor(f"{name}_prior_changed", jnp.sum(new - own))
-
-    return changed_model
+    return hyperparameter_starts(prior_sites(factors), priors.medians() | {"sd_J": np.asarray(sd_J)}, priors)
 
 
 def _with_log_densities(**arguments: Any) -> None:
@@ -146,10 +129,10 @@ def _with_log_densities(**arguments: Any) -> None:
     with trace() as sites:
         records_model(**arguments)
     numpyro.deterministic("log_likelihood", jnp.sum(sites["force"]["fn"].log_factor))
-    numpyro.deterministic("log_repeats", _log_repeats(sites, arguments["factors"]))
+    numpyro.deterministic("log_repeats", _log_repeats(sites, arguments["factors"], arguments["priors"]))
 
 
-def _log_repeats(sites: Mapping[str, Any], factors: Factors) -> Array:
+def _log_repeats(sites: Mapping[str, Any], factors: Factors, priors: Priors) -> Array:
     """Return the log density of all repeats about their cases, of which the model has cases integrated out."""
     values = {name: jnp.asarray(site["value"]) for name, site in sites.items()}
     deviation, scatter = [], []
@@ -159,7 +142,9 @@ def _log_repeats(sites: Mapping[str, Any], factors: Factors) -> Array:
         of_case = values[f"{typical}_by_speed"][factors.speed.of_case] if factors.speed.varies else values[typical]
         scatter.append(jnp.broadcast_to(of_case, len(factors.cases))[factors.of_record])
     of_records, scales = (jnp.stack(each, axis=1) for each in (deviation, scatter))
-    return jnp.sum(about_cases(of_records, scales, judgeable("mixture", factors), values).log_density)
+    return jnp.sum(
+        about_cases(of_records, scales, judgeable("mixture", factors), values, priors.discordant_widening).log_density
+    )
 
 
 class SideBySide:
@@ -172,17 +157,15 @@ class SideBySide:
     sampling:
         How much to sample of each data set.
     priors:
-        Of every site; those that are not the model's own are put in their place.
+        Of the hyperparameters.
     nominal_start:
         Whether the prior of F_i is about the nominal start of each record, as truths are drawn, or as in a fit of
         measured records about the first force.
     """
 
-    def __init__(
-        self, design: Design, sampling: Sampling, priors: Mapping[str, Prior] = PRIORS, nominal_start: bool = True
-    ) -> None:
+    def __init__(self, design: Design, sampling: Sampling, priors: Priors = PRIORS, nominal_start: bool = True) -> None:
         self.design, self.sampling, self.priors, self._nominal = design, sampling, priors, nominal_start
-        self._model = with_priors(_with_log_densities, priors)
+        self._model = _with_log_densities
         # More devices than cores would only take turns.
         devices = jax.local_devices()[: os.cpu_count()]
         mesh = Mesh(np.asarray(devices), (_DEVICES,))
@@ -218,7 +201,13 @@ class SideBySide:
         data = jax.tree.map(jnp.asarray, one.data)
         told = self.design.nominal(data) if self._nominal else data
         picture = jax.tree.map(jnp.asarray, one.picture)
-        return {"likelihood": compress(data), "data": told, "picture": picture, "factors": self.design.factors}
+        return {
+            "likelihood": compress(data),
+            "data": told,
+            "picture": picture,
+            "factors": self.design.factors,
+            "priors": self.priors,
+        }
 
     def _turns(self, keys: Array, sets: DataSet) -> Sampled:
         return jax.lax.map(lambda turn: self._one(*turn), (keys, sets))

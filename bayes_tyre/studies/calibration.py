@@ -16,8 +16,8 @@ from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
 from scipy.stats import norm
 
 from bayes_tyre.inference.diagnostics.verdict import BFMI_LEAST
+from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS, PARAMETERS
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
 from bayes_tyre.studies.batched_nuts import Sampled, Sampling, SideBySide, observe
 from bayes_tyre.studies.design import Design, calibration_design
 from bayes_tyre.studies.truths import NOTHING, Planted, Truths, draw_truths, simulate_forces, study_priors
@@ -85,7 +85,7 @@ def calibrate(
         force = simulate_forces(engine.design, truths, rng, planted)
         truths["log_likelihood"] = log_likelihood(engine.design, truths, force)
         truths["log_repeats"] = log_repeats(engine.design, truths)
-        sampled = engine.sample(observe(engine.design, force), int(rng.integers(2**31)), on_progress)
+        sampled = engine.sample(observe(engine.design, force, engine.priors), int(rng.integers(2**31)), on_progress)
         ranked = rank_truths(truths, sampled.draws, start, rng)
         found.append((ranked, judge_sampling(sampled, start)))
     ranked, judged = (pd.concat(tables, ignore_index=True) for tables in zip(*found, strict=True))

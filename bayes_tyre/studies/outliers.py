@@ -73,7 +73,7 @@ def study_outliers(
         for first in range(0, campaigns, AT_ONCE):
             kinds = np.array([KINDS[i % 2] for i in range(first, min(first + AT_ONCE, campaigns))])
             truths = draw_campaigns(engine.design, share, kinds, rng)
-            sets = observe(engine.design, simulate_forces(engine.design, truths, rng))
+            sets = observe(engine.design, simulate_forces(engine.design, truths, rng), engine.priors)
             sampled = engine.sample(sets, int(rng.integers(2**31)), on_progress)
             judged.append(judge_sampling(sampled, first).assign(share=share, kind=kinds))
             told.append(_estimates(engine.design, sets, sampled.draws, truths).assign(share=share))

@@ -3,15 +3,15 @@
 The model's own code is not used, so that it is checked and not repeated.
 """
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
-from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS, PARAMETERS, prior_sites
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING, PRIORS, Prior
+from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS, PARAMETERS, effect_scales, prior_sites
+from bayes_tyre.inference.model.priors import Prior, Priors
 from bayes_tyre.studies.design import START_MM, Design
 
 #: Priors of a calibration where they are not those of `PRIORS`: about truck tyres that a record can tell of. The wide
@@ -56,9 +56,7 @@ class Planted(NamedTuple):
 NOTHING = Planted()
 
 
-def draw_truths(
-    design: Design, sets: int, rng: np.random.Generator, priors: Mapping[str, Prior], planted: Planted
-) -> Truths:
+def draw_truths(design: Design, sets: int, rng: np.random.Generator, priors: Priors, planted: Planted) -> Truths:
     """Return `sets` independent draws of everything the model of a design's records holds, by name of the site.
 
     `discordant` says which repeats are. Parameters of `planted` other than 1 make them truths of another model.
@@ -67,14 +65,14 @@ def draw_truths(
     record, records = factors.of_record, len(factors.of_record)
     scalar = [site for site in prior_sites(factors) if not site.endswith("_group")]
     truths: Truths = {site: _draw(priors[site], (sets,), rng) for site in scalar}
-    for name in (site for site in scalar if _is_effect_scale(site)):
+    for name in (name for parameter in PARAMETERS for name in effect_scales(parameter, factors)):
         truths[name] = planted.scales * truths[name]
     weight = truths["discordant_weight"][:, None] if factors.repeats.max() >= JUDGEABLE_REPEATS else 0.0
     truths["discordant"] = rng.random((sets, records)) < weight
     for parameter in PARAMETERS:
         mean = _case_means(parameter, design, truths, rng, priors)
         truths[f"{parameter}_case"] = np.exp(mean)
-        wide = np.where(truths["discordant"], DISCORDANT_WIDENING, 1.0) * planted.scatter
+        wide = np.where(truths["discordant"], priors.discordant_widening, 1.0) * planted.scatter
         scatter = wide * _scatter(parameter, design, truths, rng)[:, record]
         truths[parameter] = np.exp(mean[:, record] + scatter * rng.standard_normal((sets, records)))
     truths["J"] = truths["sd_J"][:, None] * rng.standard_normal((sets, records))
@@ -95,9 +93,9 @@ def simulate_forces(
     return force + planted.noise * sigma * rng.standard_normal(force.shape)
 
 
-def study_priors() -> dict[str, Prior]:
+def study_priors() -> Priors:
     """Return every prior of a calibration: those of the model, some of them narrowed."""
-    return PRIORS | NARROWED
+    return PRIORS.changed(NARROWED)
 
 
 def _draw(prior: Prior, shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
@@ -110,12 +108,8 @@ def _draw(prior: Prior, shape: tuple[int, ...], rng: np.random.Generator) -> np.
     raise NotImplementedError(f"a truth of family {prior.family.__name__}")
 
 
-def _is_effect_scale(site: str) -> bool:
-    return site.startswith("log_") and site.endswith("_scale") and not site.endswith("_case_scale")
-
-
 def _case_means(
-    parameter: str, design: Design, truths: Truths, rng: np.random.Generator, priors: Mapping[str, Prior]
+    parameter: str, design: Design, truths: Truths, rng: np.random.Generator, priors: Priors
 ) -> Float[np.ndarray, "sets cases"]:
     """Return log k or log beta of each case, and put its cells and effects among the truths."""
     factors, sets = design.factors, len(truths["sd_J"])

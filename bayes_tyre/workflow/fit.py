@@ -1,8 +1,9 @@
 """A record table, or the published tables, in; a posterior's folder out."""
 
 import shlex
+import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import pandas as pd
@@ -13,6 +14,8 @@ from bayes_tyre.formats.files import check_folder, prepare_folder
 from bayes_tyre.inference.diagnostics.convergence import with_figures
 from bayes_tyre.inference.diagnostics.power_scaling import identify_published, identify_records
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics, diagnose
+from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.sampling.hierarchical_fit import (
     ModelSettings,
     fit_hierarchical,
@@ -57,7 +60,8 @@ class Plan:
         """What `run.json` says of it, beside the seed and the input."""
         return {
             **sampler_options(self.sampler),
-            **asdict(self.model),
+            **{field.name: getattr(self.model, field.name) for field in fields(ModelSettings)},
+            "priors": self.model.priors.given(),
             **{"interval": self.interval, "units_checked": self.units_checked},
         }
 
@@ -80,7 +84,8 @@ def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
     try:
         (name, digest), *others = run["inputs"].items()
         sampler = SamplerSettings(**{key: options[key] for key in _SAMPLER}, seed=run["seed"])
-        model = ModelSettings(**{key: value for key, value in options.items() if key in known})
+        chosen = {key: value for key, value in options.items() if key in known - {"priors"}}
+        model = ModelSettings(**chosen, priors=PRIORS.changed(options.get("priors", {})))
         plan = Plan(
             _input(path, name, digest), sampler, model, float(options["interval"]), options["units_checked"] is True
         )
@@ -159,15 +164,17 @@ def fit_table(
     return diagnostics
 
 
-def fit_published_tables(out: Path, settings: SamplerSettings, interval: float, command: Sequence[str]) -> Diagnostics:
+def fit_published_tables(
+    out: Path, settings: SamplerSettings, interval: float, command: Sequence[str], priors: Priors = PRIORS
+) -> Diagnostics:
     """Fit Tables 9 and 11 themselves and write the result's folder; return the verdict."""
     prepare_folder(out)
     inputs = ("published/table_09_stiffness.csv", "published/table_11_characteristic_deflection.csv")
-    options = {**sampler_options(settings), "interval": interval}
+    options = {**sampler_options(settings), "interval": interval, "priors": priors.given()}
     paths = [data_path(name) for name in inputs]
     run = begin_run(shlex.join(["bayes-tyre", *command]), options, settings.seed, paths, "published")
     printed = tables.case_means()
-    tree = with_figures(identify_published(fit_published(printed, settings), printed))
+    tree = with_figures(identify_published(fit_published(printed, settings, priors), printed, priors))
     diagnostics = diagnose(tree)
     write_fit(tree, diagnostics, run, out, printed=printed, interval=interval)
     return diagnostics
@@ -176,3 +183,21 @@ def fit_published_tables(out: Path, settings: SamplerSettings, interval: float, 
 def sampler_options(settings: SamplerSettings) -> dict[str, object]:
     """Return what `run.json` says of the sampler's settings, beside the seed."""
     return {name: getattr(settings, name) for name in _SAMPLER}
+
+
+def read_priors(path: Path | None) -> Priors:
+    """Return the default priors with the changes in a TOML file; None: as they are.
+
+    Raises
+    ------
+    BadInput
+        For a file that is no TOML, and for a prior that cannot be; the message names file and key.
+    """
+    if path is None:
+        return PRIORS
+    try:
+        return PRIORS.changed(tomllib.loads(path.read_text(encoding="utf-8-sig")))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise BadInput(f"--priors {path}: cannot be read as TOML: {error}") from None
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from None

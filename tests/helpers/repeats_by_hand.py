@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
+from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
 
 PARAMETERS = 2
 

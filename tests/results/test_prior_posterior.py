@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.prior_predictive import prior_draws
-from bayes_tyre.inference.model.priors import PRIORS, prior_distribution
 from bayes_tyre.results.hyperparameters import Hyperparameter
 from bayes_tyre.results.prior_posterior import Scale, scales
 
@@ -52,7 +52,7 @@ def test_the_axis_holds_the_whole_posterior_and_all_but_the_prior_s_tails():
     assert found.posterior.max() == pytest.approx(1.0, abs=0.01)
     assert found.prior[np.searchsorted(found.at, 30.0)] < 1e-6
     narrow = scale_of("sigma_typical", 0.03 + 1e-5 * np.random.default_rng(5).normal(size=4000))
-    low, high = prior_distribution("sigma_typical").ppf([0.005, 0.995])
+    low, high = PRIORS["sigma_typical"].scipy().ppf([0.005, 0.995])
     np.testing.assert_allclose(narrow.at[[0, -1]], [low, high])
     assert narrow.posterior.max() == pytest.approx(1.0, abs=0.02)
 

@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 from numpyro import distributions as dist
-from numpyro.handlers import seed, trace
 from scipy.stats import kstest
 
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.priors import PRIORS, Prior
-from bayes_tyre.studies.batched_nuts import with_priors
 from bayes_tyre.studies.design import Design, calibration_design, outlier_design, quick_design
 from bayes_tyre.studies.truths import NOTHING, Planted, Truths, draw_truths, simulate_forces, study_priors
 
@@ -80,24 +78,3 @@ def test_forces_follow_the_law_with_noise_on_every_point():
     z = (noisy - exact) / truths["sigma"][:, :, None]
     assert np.std(z) == pytest.approx(1.0, rel=0.03)
     assert (z[:, :, 0] != 0).all()
-
-
-def test_a_changed_prior_takes_the_place_of_the_models_own():
-    """The density of a model with changed priors is that of the same model written with them."""
-
-    def model() -> None:
-        import numpyro
-
-        log_cell = numpyro.sample("log_cell", dist.Normal(*PRIORS["k_group"].parameters))
-        numpyro.deterministic("k_group", np.e**log_cell)
-        numpyro.sample("sd_J", PRIORS["sd_J"].distribution())
-
-    priors = PRIORS | {
-        "k_group": Prior(dist.LogNormal, (0.3, 0.2), "kN/mm", ""),
-        "sd_J": Prior(dist.LogNormal, (0.5, 0.3), "kN", ""),
-    }
-    sites = trace(seed(with_priors(model, priors), 0)).get_trace()
-    density = sum(float(site["fn"].log_prob(site["value"])) for site in sites.values() if site["type"] == "sample")
-    expected = float(dist.Normal(0.3, 0.2).log_prob(sites["log_cell"]["value"]))
-    expected += float(dist.LogNormal(0.5, 0.3).log_prob(sites["sd_J"]["value"]))
-    assert density == pytest.approx(expected, rel=1e-6)

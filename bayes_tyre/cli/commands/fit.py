@@ -17,6 +17,7 @@ from bayes_tyre.cli.model_options import (
     Noise,
     NoiseOption,
     NoiseWindowOption,
+    PriorsOption,
     Region,
     RegionOption,
     Repeats,
@@ -61,6 +62,7 @@ def fit(
     repeats: RepeatsOption = Repeats.mixture,
     noise: NoiseOption = Noise.iid,
     noise_window: NoiseWindowOption = 1,
+    priors: PriorsOption = None,
     chains: Chains = 4,
     warmup: Warmup = 600,
     draws: Draws = 1500,
@@ -91,11 +93,11 @@ def fit(
         return
     from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings
     from bayes_tyre.inference.sampling.run import SamplerSettings
-    from bayes_tyre.workflow.fit import Plan
+    from bayes_tyre.workflow.fit import Plan, read_priors
 
     model = ModelSettings(
         *(region.value, initial_load.value, displacement_scale_sd, likelihood.value),
-        *(repeats.value, noise.value, noise_window),
+        *(repeats.value, noise.value, noise_window, read_priors(priors)),
     )
     plan = Plan(Path(records or ""), SamplerSettings(chains, warmup, draws, seed), model, interval, units_checked)
     _run(plan, out, resume, quiet)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bayes_tyre.cli.model_options import Repeats, RepeatsOption
+from bayes_tyre.cli.model_options import PriorsOption, Repeats, RepeatsOption
 from bayes_tyre.cli.raw import CasesTable, Cluster, RawFiles, RigName, Workers, check_machines
 from bayes_tyre.cli.shell import (
     Chains,
@@ -54,6 +54,7 @@ def motion(
         ),
     ] = 1.0,
     repeats: RepeatsOption = Repeats.mixture,
+    priors: PriorsOption = None,
     figures: Annotated[
         Path | None, typer.Option(help="Folder for a picture a record: readings, fitted motion, what is left over.")
     ] = None,
@@ -93,12 +94,13 @@ def motion(
     files, passed_over = raw_files(raw)  # before what takes seconds to import
     from bayes_tyre.inference.sampling.run import SamplerSettings
     from bayes_tyre.workflow.execution.batch import Machines
+    from bayes_tyre.workflow.fit import read_priors
     from bayes_tyre.workflow.raw.motion import MotionPlan
 
     for remark in passed_over:
         warn(remark)
     sampler = SamplerSettings(chains, warmup, draws, seed)
-    plan = MotionPlan(sampler, rig, cases, figures, law.value, amplitude, repeats.value, interval)
+    plan = MotionPlan(sampler, rig, cases, figures, law.value, amplitude, repeats.value, interval, read_priors(priors))
     _run(files, plan, Machines(workers, cluster, resume), out, quiet)
 
 

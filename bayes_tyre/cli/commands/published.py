@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from bayes_tyre.cli.model_options import PriorsOption
 from bayes_tyre.cli.shell import (
     NOT_TRUSTED,
     Chains,
@@ -29,6 +30,7 @@ def published(
     draws: Draws = 2000,
     seed: Seed = 0,
     interval: Interval = 0.95,
+    priors: PriorsOption = None,
     quiet: Quiet = False,
 ) -> None:
     """Recompute what the source prints and can be recomputed; --posterior fits its Tables 9 and 11 (kN/mm, mm).
@@ -50,11 +52,12 @@ def published(
     trusted = bool(check["agrees"].all())
     if posterior:
         from bayes_tyre.inference.sampling.run import SamplerSettings
-        from bayes_tyre.workflow.fit import fit_published_tables
+        from bayes_tyre.workflow.fit import fit_published_tables, read_priors
 
+        own = read_priors(priors)
         with progress("fit", warmup + draws, quiet) as advance:
             settings = SamplerSettings(chains, warmup, draws, seed, advance)
-            diagnostics = fit_published_tables(out / "posterior", settings, interval, sys.argv[1:])
+            diagnostics = fit_published_tables(out / "posterior", settings, interval, sys.argv[1:], own)
         report_verdict(diagnostics, out / "posterior", quiet)
         trusted = trusted and diagnostics.verdict == "pass"
     if not trusted:

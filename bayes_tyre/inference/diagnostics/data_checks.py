@@ -10,9 +10,10 @@ import pandas as pd
 import xarray as xr
 
 from bayes_tyre.inference.diagnostics.power_scaling import CONTRACTION_LEAST, GROUP, SENSITIVE, identified
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS
-from bayes_tyre.inference.model.priors import PRIORS
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.record import CASE_FACTORS
 
 #: Scatter among repeats of one test (of the logarithm) above which they are none: the priors' upper ends, doubled.
@@ -37,7 +38,7 @@ _NAMED = 3
 NOISE_LEAST_KN = 1e-6
 
 
-def failed_checks(posterior: xr.Dataset) -> list[str]:
+def failed_checks(posterior: xr.Dataset, priors: Priors = PRIORS) -> list[str]:
     """Return why the records cannot support what is asked of them: the parameter, the figure, and what to do.
 
     Parameters
@@ -45,16 +46,16 @@ def failed_checks(posterior: xr.Dataset) -> list[str]:
     posterior:
         Dims chain, draw and those of `bayes_tyre.inference.sampling.datatree.QUANTITIES`.
     """
-    return [*_uninformed(posterior), *_no_repeats(posterior), *_outvoted(posterior), *_noiseless(posterior)]
+    return [*_uninformed(posterior, priors), *_no_repeats(posterior), *_outvoted(posterior), *_noiseless(posterior)]
 
 
-def _uninformed(posterior: xr.Dataset) -> Iterator[str]:
+def _uninformed(posterior: xr.Dataset, priors: Priors) -> Iterator[str]:
     for parameter in REMEDIES:
         name = f"{parameter}_group"
         if name not in posterior:
             continue
         draws = posterior[name].transpose("chain", "draw", "group")
-        shares = np.log(draws.to_numpy()).std(axis=(0, 1)) / PRIORS[name].parameters[1]
+        shares = np.log(draws.to_numpy()).std(axis=(0, 1)) / priors[name].parameters[1]
         for label, share in zip(draws["group"].to_numpy(), shares, strict=True):
             if not 1.0 - share**2 < CONTRACTION_LEAST:
                 continue

@@ -169,7 +169,9 @@ def _densities(
     estimates = estimate_records(batch, model.noise, whitening)
     of = hyperparameters(posterior, factors, cases)
     z = standard_points(6 if model.noise == "ar1" else 5, seed=0)
-    return record_density(likelihood_of(data, model, whitening), data, estimates, of, z)
+    return record_density(
+        likelihood_of(data, model, whitening), data, estimates, of, z, model.priors.discordant_widening
+    )
 
 
 def _exactly(

@@ -16,9 +16,9 @@ import xarray as xr
 from jaxtyping import Array, Float
 from scipy import stats
 
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.likelihood import DirectLikelihood, Likelihood
-from bayes_tyre.inference.model.prior_predictive import is_of_logarithm
-from bayes_tyre.inference.model.priors import prior_distribution
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.record_data import RecordData
 from bayes_tyre.inference.sampling.datatree import as_measured
 
@@ -29,7 +29,9 @@ _GATHERED = 100
 SAMPLE = ("chain", "draw")
 
 
-def log_prior(posterior: xr.Dataset, sites: Sequence[str], data: RecordData | None = None) -> xr.Dataset:
+def log_prior(
+    posterior: xr.Dataset, sites: Sequence[str], data: RecordData | None = None, priors: Priors = PRIORS
+) -> xr.Dataset:
     """Return the log density of each top-level prior at each draw, a variable a site; dims chain, draw (and cell).
 
     A prior spread on a logarithm has its density per unit of that: raised to a power it keeps its median and changes
@@ -43,6 +45,8 @@ def log_prior(posterior: xr.Dataset, sites: Sequence[str], data: RecordData | No
         The model's sites in `PRIORS`; those that the posterior lacks are passed over.
     data:
         The records, for the prior of their F_i; None: there are none.
+    priors:
+        That the posterior was fitted with.
     """
     measured = as_measured(posterior)
     found = {}
@@ -51,7 +55,7 @@ def log_prior(posterior: xr.Dataset, sites: Sequence[str], data: RecordData | No
             continue
         values = measured[site].to_numpy()
         with np.errstate(divide="ignore", invalid="ignore"):  # a draw that is no number is told by the verdict
-            density = prior_distribution(site).logpdf(values) + (np.log(values) if is_of_logarithm(site) else 0.0)
+            density = priors[site].scipy().logpdf(values) + (np.log(values) if priors[site].of_logarithm else 0.0)
         found[site] = measured[site].copy(data=density)
     if data is not None:
         F_i = measured["F_i"].transpose(*SAMPLE, "record").to_numpy()

@@ -13,10 +13,11 @@ from bayes_tyre.inference.diagnostics.log_densities import (
     log_likelihood_of_records,
     log_prior,
 )
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.hyperparameters import prior_sites, published_sites
-from bayes_tyre.inference.model.prior_predictive import RecordStarts, is_of_logarithm, prior_quantities
-from bayes_tyre.inference.model.priors import PRIORS
+from bayes_tyre.inference.model.prior_predictive import RecordStarts, prior_quantities
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.datatree import to_datatree
 from bayes_tyre.inference.sampling.group_means import named_group_means
@@ -51,15 +52,15 @@ _LOGARITHMIC = frozenset(
 )
 
 
-def on_prior_scale(name: str, values: xr.DataArray) -> xr.DataArray:
+def on_prior_scale(name: str, values: xr.DataArray, priors: Priors = PRIORS) -> xr.DataArray:
     """Return values of a quantity on the scale that its prior is given on: mostly the logarithm."""
     if name == "rho":
         return values.copy(data=np.arctanh(values.to_numpy()))
-    of_logarithm = is_of_logarithm(name) if name in PRIORS else name in _LOGARITHMIC or name.endswith("_by_speed")
+    of_logarithm = priors[name].of_logarithm if name in priors else name in _LOGARITHMIC or name.endswith("_by_speed")
     return values.copy(data=np.log(values.to_numpy())) if of_logarithm else values
 
 
-def contraction(posterior: xr.Dataset, prior: xr.Dataset) -> xr.Dataset:
+def contraction(posterior: xr.Dataset, prior: xr.Dataset, priors: Priors = PRIORS) -> xr.Dataset:
     """Return 1 - (variance of the posterior / of the prior) of each element, on the scale the prior is given on.
 
     0 where the data said nothing, 1 where they said all; below 0 where the posterior is wider than its prior. What is
@@ -68,7 +69,9 @@ def contraction(posterior: xr.Dataset, prior: xr.Dataset) -> xr.Dataset:
     found = {}
     with np.errstate(divide="ignore", invalid="ignore"):  # draws that are no numbers are told by the verdict
         for name in (str(name) for name in posterior.data_vars if name in prior):
-            of_posterior, of_prior = (on_prior_scale(name, each[name]).var(_SAMPLE) for each in (posterior, prior))
+            of_posterior, of_prior = (
+                on_prior_scale(name, each[name], priors).var(_SAMPLE) for each in (posterior, prior)
+            )
             found[name] = 1.0 - of_posterior / of_prior
     return xr.Dataset(found)
 
@@ -144,14 +147,16 @@ def identify_records(tree: xr.DataTree, table: pd.DataFrame, model: ModelSetting
     sites = prior_sites(factors, model.repeats, model.noise)
     draws = max(PRIOR_DRAWS // 10, min(PRIOR_DRAWS, _PRIOR_NUMBERS // len(factor_table)))
     start = RecordStarts(*(np.asarray(values) for values in (data.F_0, data.span, data.d_0)))
-    prior = prior_tree(prior_quantities(factors, sites, draws, seed=0, start=start), factors, factor_table)
+    prior = prior_tree(
+        prior_quantities(factors, sites, draws, seed=0, start=start, priors=model.priors), factors, factor_table
+    )
     some = thinned(tree["posterior"].to_dataset())
     likelihood = likelihood_of(data, model, whitening_for(batch, model))
-    densities = log_prior(some, sites, data), log_likelihood_of_records(some, likelihood)
-    return with_identifiability(tree, prior, *densities)
+    densities = log_prior(some, sites, data, model.priors), log_likelihood_of_records(some, likelihood)
+    return with_identifiability(tree, prior, *densities, model.priors)
 
 
-def identify_published(tree: xr.DataTree, table: pd.DataFrame) -> xr.DataTree:
+def identify_published(tree: xr.DataTree, table: pd.DataFrame, priors: Priors = PRIORS) -> xr.DataTree:
     """Return the posterior of printed case means with the group that `identify_records` adds.
 
     Parameters
@@ -162,10 +167,10 @@ def identify_published(tree: xr.DataTree, table: pd.DataFrame) -> xr.DataTree:
     factors = find_factors(table[list(CASE_FACTORS)])
     sites = published_sites(factors)
     printed = {"k": table["k_kN_per_mm"].to_numpy(dtype=float), "beta": table["beta_mm"].to_numpy(dtype=float)}
-    drawn = prior_quantities(factors, sites, PRIOR_DRAWS, seed=0)
+    drawn = prior_quantities(factors, sites, PRIOR_DRAWS, seed=0, priors=priors)
     some = thinned(tree["posterior"].to_dataset())
-    densities = log_prior(some, sites), log_likelihood_of_print(some, printed)
-    return with_identifiability(tree, prior_tree(drawn, factors, pd.DataFrame({"record": []})), *densities)
+    densities = log_prior(some, sites, priors=priors), log_likelihood_of_print(some, printed)
+    return with_identifiability(tree, prior_tree(drawn, factors, pd.DataFrame({"record": []})), *densities, priors)
 
 
 def prior_tree(drawn: Mapping[str, np.ndarray], factors: Factors, factor_table: pd.DataFrame) -> xr.DataTree:
@@ -184,6 +189,7 @@ def with_identifiability(
     prior: xr.DataTree,
     log_prior: xr.Dataset,
     log_likelihood: xr.Dataset,
+    priors: Priors,
 ) -> xr.DataTree:
     """Return the tree with `GROUP`; a measure that a quantity does not have is NaN.
 
@@ -193,7 +199,7 @@ def with_identifiability(
     posterior, of_prior = (_quantities(each) for each in (tree, prior))
     above_records = posterior.drop_vars([name for name in posterior.data_vars if "record" in posterior[name].dims])
     found = {
-        "contraction": contraction(posterior, of_prior),
+        "contraction": contraction(posterior, of_prior, priors),
         **sensitivity(thinned(above_records), log_prior, log_likelihood),
     }
     measured = {}

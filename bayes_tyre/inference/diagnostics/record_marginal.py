@@ -17,10 +17,10 @@ from jax.scipy.special import gammaln, logsumexp
 from jaxtyping import Array, Float
 from scipy.stats import chi2, norm, qmc
 
+from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.laplace import RecordEstimates
 from bayes_tyre.inference.model.likelihood import Likelihood
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.reparameterisation import Gaussian, Placed, place
 from bayes_tyre.inference.record_data import RecordData
 
@@ -135,6 +135,7 @@ def record_density(
     estimates: RecordEstimates,
     of: Hyperparameters,
     z: Float[Array, "points dimensions"],
+    widening: float = DISCORDANT_WIDENING,
 ) -> RecordDensity:
     """Return the density of each record's forces given each draw of the populations alone.
 
@@ -146,6 +147,8 @@ def record_density(
         The draws.
     z:
         As `standard_points` gives them; six dimensions for autoregressive noise, five without.
+    widening:
+        How many times the usual standard deviation that of discordant repeats is.
     """
     information, log_z = _information(estimates), _log_standard(z)
 
@@ -164,7 +167,7 @@ def record_density(
         if population.discordant_weight is None:
             return RecordDensity(*integral(0.0))
         # Two integrals, each about its own posterior: a discordant record lies where the usual one never looks.
-        (usual, points), (discordant, more) = integral(0.0), integral(float(np.log(DISCORDANT_WIDENING)))
+        (usual, points), (discordant, more) = integral(0.0), integral(float(np.log(widening)))
         weight = population.discordant_weight
         usual, discordant = jnp.log1p(-weight) + usual, jnp.log(weight) + discordant
         log_density = jnp.logaddexp(usual, discordant)

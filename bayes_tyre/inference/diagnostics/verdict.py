@@ -19,6 +19,7 @@ from bayes_tyre.inference.diagnostics.convergence import (
     worst,
 )
 from bayes_tyre.inference.diagnostics.data_checks import failed_checks, find_limitations
+from bayes_tyre.inference.sampling.datatree import priors_of
 
 R_HAT_MOST = 1.01
 ESS_LEAST_PER_CHAIN = 100
@@ -103,7 +104,7 @@ def diagnose(tree: xr.DataTree, residual_autocorrelation: float = np.nan) -> Dia
             f"sigma: residuals have lag-1 autocorrelation {residual_autocorrelation:.2f}: intervals are too narrow; "
             f"{_REMEDY_SMOOTHED if residual_autocorrelation > SMOOTHED else _REMEDY}"
         )
-    reasons += failed_checks(posterior)
+    reasons += failed_checks(posterior, priors_of(tree))
     return Diagnostics(
         "fail" if reasons else "pass",
         tuple(reasons),

@@ -13,10 +13,11 @@ from jax.scipy.stats import norm
 from jaxtyping import Array, ArrayLike, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS, effect_scales
 from bayes_tyre.inference.model.laplace_cases import CaseEstimates
-from bayes_tyre.inference.model.priors import PRIORS
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.reparameterisation import Gaussian, place, place_jointly
 
 #: Repeats that a case without any counts as in its coordinates: an estimate without weight.
@@ -96,7 +97,7 @@ class Terms(NamedTuple):
         return jnp.asarray(self.fixed) + jnp.asarray(self.which) @ learnt
 
 
-def find_terms(factors: Factors, parameters: Sequence[str]) -> Terms:
+def find_terms(factors: Factors, parameters: Sequence[str], priors: Priors = PRIORS) -> Terms:
     """Return the terms of the cases' words: their cell, then the coordinates of each factor's effects."""
     cells = len(factors.group.labels)
     designs = [factors.design(parameter) for parameter in parameters]
@@ -105,7 +106,7 @@ def find_terms(factors: Factors, parameters: Sequence[str]) -> Terms:
     above, fixed = np.zeros((2, len(parameters), max(lengths)))
     which = np.zeros((*fixed.shape, len(scales)))
     for i, parameter in enumerate(parameters):
-        above[i, :cells], fixed[i, :cells] = PRIORS[f"{parameter}_group"].parameters
+        above[i, :cells], fixed[i, :cells] = priors[f"{parameter}_group"].parameters
         fixed[i, lengths[i] :] = 1.0
         for name, (start, basis) in _effects(parameter, factors).items():
             which[i, start : start + basis.shape[1], scales.index(f"sd_log_{parameter}_{name}")] = 1.0
@@ -123,7 +124,11 @@ def _effects(parameter: str, factors: Factors) -> dict[str, tuple[int, np.ndarra
 
 
 def case_structure(
-    factors: Factors, estimate: Gaussian, hyperparameters: Hyperparameters, parameters: Sequence[str] = PARAMETERS
+    factors: Factors,
+    estimate: Gaussian,
+    hyperparameters: Hyperparameters,
+    parameters: Sequence[str] = PARAMETERS,
+    priors: Priors = PRIORS,
 ) -> Float[Array, "parameters cases"]:
     """Return the mean of the logarithm of k (kN/mm) and of beta (mm) that the words of each case predict.
 
@@ -133,7 +138,7 @@ def case_structure(
 
     `estimate` shapes the coordinates: what is known of each case, with its precision about what the words say.
     """
-    terms = find_terms(factors, parameters)
+    terms = find_terms(factors, parameters, priors)
     scale = terms.scale(hyperparameters)
     pieces = jnp.split(flat("words_z", (sum(terms.lengths),)), np.cumsum(terms.lengths)[:-1])
     z = jnp.stack([jnp.pad(piece, (0, scale.shape[1] - len(piece))) for piece in pieces])
@@ -185,7 +190,11 @@ class AboutWords(NamedTuple):
 
 
 def about_words(
-    factors: Factors, estimates: CaseEstimates, hyperparameters: Hyperparameters, parameters: Sequence[str] = PARAMETERS
+    factors: Factors,
+    estimates: CaseEstimates,
+    hyperparameters: Hyperparameters,
+    parameters: Sequence[str] = PARAMETERS,
+    priors: Priors = PRIORS,
 ) -> AboutWords:
     """Return what the words say of each case, with the scales of what they leave over.
 
@@ -200,7 +209,7 @@ def about_words(
         of_rest = _of_each("sd_log_*_case", [parameters[index] for index in rest], hyperparameters)
         remainder = of_rest if len(rest) == len(parameters) else remainder.at[np.array(rest)].set(of_rest)
     near_words = Gaussian(estimates.middle, 1.0 / (variance + remainder**2))
-    factor_table = case_structure(factors, near_words, hyperparameters, parameters)
+    factor_table = case_structure(factors, near_words, hyperparameters, parameters, priors)
     return AboutWords(factor_table, remainder, scatter, Gaussian(estimates.middle, 1.0 / variance), rest)
 
 

@@ -12,9 +12,10 @@ import numpyro
 from jaxtyping import Array
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.half_normal import HalfNormal
-from bayes_tyre.inference.model.priors import PRIORS
+from bayes_tyre.inference.model.priors import Priors
 
 #: What a case has a value of, in the order in which arrays hold them.
 PARAMETERS = ("k", "beta")
@@ -71,11 +72,11 @@ def effect_scales(parameter: str, factors: Factors) -> list[str]:
     return [f"sd_log_{parameter}_{name}" for name in factors.effects(parameter)]
 
 
-def sample_hyperparameters(sites: Iterable[str]) -> dict[str, Array]:
+def sample_hyperparameters(sites: Iterable[str], priors: Priors = PRIORS) -> dict[str, Array]:
     """Sample the priors of these names, and keep each among the posterior's quantities; those of `_PLACED` are not."""
     found: dict[str, Array] = {}
-    for site, names in _by_family(sites).items():
-        family, parameters = PRIORS[names[0]].family, np.transpose([PRIORS[name].parameters for name in names])
+    for site, names in _by_family(sites, priors).items():
+        family, parameters = priors[names[0]].family, np.transpose([priors[name].parameters for name in names])
         sampled = _SAMPLED_AS.get(family, family)
         # Parameters stay NumPy's: a law's support keeps them, and outlives the trace it is looked up in.
         values = jnp.asarray(numpyro.sample(site, sampled(*parameters)))
@@ -85,15 +86,17 @@ def sample_hyperparameters(sites: Iterable[str]) -> dict[str, Array]:
     return found
 
 
-def hyperparameter_starts(sites: Iterable[str], values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def hyperparameter_starts(
+    sites: Iterable[str], values: Mapping[str, np.ndarray], priors: Priors = PRIORS
+) -> dict[str, np.ndarray]:
     """Return values by name of the prior as the starts of the sites of `sample_hyperparameters`."""
-    return {site: np.stack([values[name] for name in names]) for site, names in _by_family(sites).items()}
+    return {site: np.stack([values[name] for name in names]) for site, names in _by_family(sites, priors).items()}
 
 
-def _by_family(sites: Iterable[str]) -> dict[str, Sequence[str]]:
+def _by_family(sites: Iterable[str], priors: Priors) -> dict[str, Sequence[str]]:
     """Return the names by the site that samples them."""
     grouped: dict[type[dist.Distribution], list[str]] = {}
     for name in sites:
         if not name.endswith(_PLACED):
-            grouped.setdefault(PRIORS[name].family, []).append(name)
+            grouped.setdefault(priors[name].family, []).append(name)
     return {f"populations_{family.__name__}": names for family, names in grouped.items()}

@@ -15,9 +15,11 @@ from jaxtyping import Array, Float
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.correlated_noise import Whitening, innovations, lag_1
 from bayes_tyre.inference.least_squares import estimate as ls
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS
 from bayes_tyre.inference.model.laplace_cases import CaseEstimates, case_estimates
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.reparameterisation import Gaussian
 from bayes_tyre.inference.record_data import RecordData, force_curve, record_data
 
@@ -182,11 +184,15 @@ class LaplaceApproximation(NamedTuple):
 
 
 def laplace_approximation(
-    batch: Batch, factors: Factors, noise: str = "iid", whitening: Whitening | None = None
+    batch: Batch,
+    factors: Factors,
+    noise: str = "iid",
+    whitening: Whitening | None = None,
+    priors: Priors = PRIORS,
 ) -> LaplaceApproximation:
     """Return the Gaussian picture of a batch's records, and of the cases they repeat; noise as `estimate_records`."""
     records = like_their_case(estimate_records(batch, noise, whitening), batch, factors, noise, whitening)
-    return LaplaceApproximation(records, cases_of(records, factors))
+    return LaplaceApproximation(records, cases_of(records, factors, priors))
 
 
 def empty_approximation(records: int, factors: Factors) -> LaplaceApproximation:
@@ -200,11 +206,11 @@ def empty_approximation(records: int, factors: Factors) -> LaplaceApproximation:
     return LaplaceApproximation(blank, CaseEstimates(cases, cases, Gaussian(speeds, speeds), none))
 
 
-def cases_of(records: RecordEstimates, factors: Factors) -> CaseEstimates:
+def cases_of(records: RecordEstimates, factors: Factors, priors: Priors = PRIORS) -> CaseEstimates:
     """Return what a picture of records says of their cases."""
     # Of one parameter with the other held: near enough for coordinates.
     variance = 1.0 / np.diagonal(np.asarray(records.precision), axis1=1, axis2=2)
-    return case_estimates(np.asarray(records.centre[:, 2:]), variance, factors)
+    return case_estimates(np.asarray(records.centre[:, 2:]), variance, factors, priors)
 
 
 def like_their_case(

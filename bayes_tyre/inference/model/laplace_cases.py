@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy import stats
 
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING, prior_distribution
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.reparameterisation import Gaussian
 
 #: Scatter of repeats where no case has two of them; it counts with no weight.
@@ -41,6 +42,7 @@ def case_estimates(
     values: Float[np.ndarray, "records parameters"],
     variances: Float[np.ndarray, "records parameters"],
     factors: Factors,
+    priors: Priors = PRIORS,
 ) -> CaseEstimates:
     """Return what the records say of the logarithms of their cases; a discordant repeat moves none."""
     members = [factors.of_record == case for case in range(len(factors.cases))]
@@ -52,7 +54,7 @@ def case_estimates(
     scatter = [_log_scatter([own[member] for member in members], of_one, factors) for own, of_one in both]
     log_scatter = Gaussian(*(jnp.asarray(np.stack(of_each)) for of_each in zip(*scatter, strict=True)))
     typical = np.exp(log_scatter.value)[:, factors.speed.of_case[factors.of_record]].T
-    discordant = _look_discordant(values - median[factors.of_record], variances, typical)
+    discordant = _look_discordant(values - median[factors.of_record], variances, typical, priors)
     usual = [member & ~discordant if (member & ~discordant).any() else member for member in members]
     middle, variance = (np.array([np.mean(of[member], axis=0) for member in usual]).T for of in (values, variances))
     return CaseEstimates(jnp.asarray(middle), jnp.asarray(variance), log_scatter, jnp.asarray(discordant))
@@ -62,13 +64,14 @@ def _look_discordant(
     deviation: Float[np.ndarray, "records parameters"],
     variance: Float[np.ndarray, "records parameters"],
     scatter: Float[np.ndarray, "records parameters"],
+    priors: Priors,
 ) -> Bool[np.ndarray, " records"]:
     """Return which records are likelier discordant than usual, by how far they lie from the median of their case."""
     usual, widened = (
         stats.norm.logpdf(deviation, 0.0, np.sqrt((widening * scatter) ** 2 + variance)).sum(axis=1)
-        for widening in (1.0, DISCORDANT_WIDENING)
+        for widening in (1.0, priors.discordant_widening)
     )
-    weight = prior_distribution("discordant_weight").mean()
+    weight = priors["discordant_weight"].scipy().mean()
     return np.log(weight) + widened > np.log1p(-weight) + usual
 
 

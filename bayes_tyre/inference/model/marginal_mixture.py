@@ -15,8 +15,8 @@ import numpy as np
 from jax.scipy.special import logsumexp, ndtr, xlog1py, xlogy
 from jaxtyping import Array, Bool, Float, Int
 
+from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
 
 #: With more repeats in a case the choices, two to their number, are too many.
 MOST_REPEATS = 6
@@ -85,6 +85,7 @@ def sum_out(
     remainder: Float[Array, "parameters #cases"],
     weight: Float[Array, ""],
     members: Members,
+    widening: float = DISCORDANT_WIDENING,
 ) -> SummedOut:
     """Return what the values of the repeats say of each choice with the case's value integrated out, and of that.
 
@@ -100,14 +101,16 @@ def sum_out(
         Prior probability that a repeat is discordant.
     members:
         Of the cases.
+    widening:
+        How many times `scatter` discordant repeats scatter.
 
     Source: the normal hierarchy with known scales, Gelman et al. (2013), Bayesian Data Analysis, section 5.4, for each
     choice; the choices weigh as in any mixture of normals.
     """
     own = jnp.where(jnp.asarray(members.present), deviation.T[:, members.records], 0.0)
-    widening = np.where(members.choices, DISCORDANT_WIDENING, 1.0)
+    widenings = np.where(members.choices, widening, 1.0)
     # Axes: choices, parameters, cases, repeats. A repeat counts as so many usual ones.
-    counts = (members.present / widening[:, None, :] ** 2)[:, None]
+    counts = (members.present / widenings[:, None, :] ** 2)[:, None]
     count = counts.sum(axis=-1)
     mean = jnp.sum(counts * own, axis=-1) / np.where(count > 0, count, 1.0)
     within = jnp.sum(counts * (own - mean[..., None]) ** 2, axis=-1)
@@ -117,7 +120,7 @@ def sum_out(
     of_each = -0.5 * (within / scatter**2 + precision * middle**2 / gain + jnp.log(gain))
     # Counted beforehand: as a product of two matrices XLA 0.12 got it wrong on CPUs when a hundred draws went together.
     discordant, usual = (choices.astype(float) @ members.present.T for choices in (members.choices, ~members.choices))
-    log_widening = len(scatter) * np.log(DISCORDANT_WIDENING) * discordant
+    log_widening = len(scatter) * np.log(widening) * discordant
     # A repeat that is not there is never discordant.
     impossible = np.where((members.choices @ (~members.present).T) > 0, -np.inf, 0.0)
     prior = xlogy(discordant, weight) + xlog1py(usual, -weight)

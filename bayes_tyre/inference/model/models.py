@@ -14,11 +14,12 @@ from jaxtyping import Array, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
 from bayes_tyre.inference.model.case_effects import Hyperparameters, case_structure, flat, keep, placed
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS, prior_sites, published_sites, sample_hyperparameters
 from bayes_tyre.inference.model.laplace import LaplaceApproximation, RecordEstimates
 from bayes_tyre.inference.model.likelihood import Likelihood
-from bayes_tyre.inference.model.priors import PRIORS
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.record_effects import records_about_cases
 from bayes_tyre.inference.model.reparameterisation import Gaussian, Placed, place_few
 from bayes_tyre.inference.record_data import RecordData
@@ -28,7 +29,7 @@ NOISE = ("iid", "ar1")
 
 
 def _record_level(
-    picture: LaplaceApproximation, factors: Factors, repeats: str, hyperparameters: Hyperparameters
+    picture: LaplaceApproximation, factors: Factors, repeats: str, hyperparameters: Hyperparameters, priors: Priors
 ) -> Float[Array, "records 4"]:
     """Return each record's (F_i, J, log k, log beta), with the density of the last two about their case."""
     estimates = picture.records
@@ -36,7 +37,7 @@ def _record_level(
     def place(above: Float[Array, "records 2"], scale: Float[Array, "records 2"]) -> Placed:
         return place_few(flat("shape_z", above.shape), estimates.centre[:, 2:], estimates.precision, above, scale)
 
-    pair, _ = records_about_cases(place, factors, picture.cases, repeats, hyperparameters)
+    pair, _ = records_about_cases(place, factors, picture.cases, repeats, hyperparameters, priors=priors)
     numpyro.factor("shape_volume", pair.log_volume)
     centre = estimates.centre
     deviation = jnp.einsum("rij,rj->ri", estimates.slope, pair.value - centre[:, 2:])
@@ -46,14 +47,14 @@ def _record_level(
 
 
 def _about_typical(
-    name: str, estimate: Gaussian, spread: str, hyperparameters: Hyperparameters
+    name: str, estimate: Gaussian, spread: str, hyperparameters: Hyperparameters, priors: Priors
 ) -> tuple[Float[Array, " records"], Float[Array, ""]]:
     """Return a number of each record's noise, normally spread about a typical one, and that.
 
     The typical one, too, is placed where its records' estimates put it: the wider their spread, the less they say of
     it, and a step made for the narrow part of that funnel diverges in the wide one. One record alone is typical.
     """
-    prior = PRIORS[name]
+    prior = priors[name]
     if len(estimate.value) == 1:
         alone = placed(name, estimate, *prior.parameters)
         return alone, alone[0]
@@ -64,16 +65,18 @@ def _about_typical(
     return placed(f"{name}_records", estimate, typical, hyperparameters[spread]), typical
 
 
-def _autocorrelation(estimates: RecordEstimates, hyperparameters: Hyperparameters) -> Float[Array, " records"]:
+def _autocorrelation(
+    estimates: RecordEstimates, hyperparameters: Hyperparameters, priors: Priors
+) -> Float[Array, " records"]:
     """Return rho of each record's noise, partially pooled."""
     told = Gaussian(jnp.arctanh(estimates.rho), estimates.points * (1.0 - estimates.rho**2))
-    value, typical = _about_typical("atanh_rho_typical", told, "sd_atanh_rho", hyperparameters)
+    value, typical = _about_typical("atanh_rho_typical", told, "sd_atanh_rho", hyperparameters, priors)
     keep("atanh_rho_typical", typical)
     return keep("rho", jnp.tanh(value))
 
 
 def _noise(
-    estimates: RecordEstimates, rho: Float[Array, " records"] | None, hyperparameters: Hyperparameters
+    estimates: RecordEstimates, rho: Float[Array, " records"] | None, hyperparameters: Hyperparameters, priors: Priors
 ) -> Float[Array, " records"]:
     """Return sigma (kN) of each record, partially pooled."""
     value = estimates.log_sigma
@@ -81,7 +84,7 @@ def _noise(
         # What is new in each point is known whatever rho is; sigma then follows rho.
         value = value + 0.5 * (jnp.log1p(-(estimates.rho**2)) - jnp.log1p(-(rho**2)))
     told = Gaussian(value, 2.0 * estimates.points)
-    value, typical = _about_typical("sigma_typical", told, "sd_log_sigma", hyperparameters)
+    value, typical = _about_typical("sigma_typical", told, "sd_log_sigma", hyperparameters, priors)
     keep("sigma_typical", jnp.exp(typical))
     return keep("sigma", jnp.exp(value))
 
@@ -94,6 +97,7 @@ def records_model(
     *,
     repeats: str = "mixture",
     noise: str = "iid",
+    priors: Priors = PRIORS,
 ) -> None:
     """Model the forces of all records (NumPyro model; sites in kN, mm; scales of k and beta are relative).
 
@@ -111,14 +115,16 @@ def records_model(
         One of `REPEATS`; with fewer than `JUDGEABLE_REPEATS` repeats a case, always ``normal``.
     noise:
         One of `NOISE`; ``ar1`` samples a lag-1 autocorrelation rho for each record.
+    priors:
+        Of the hyperparameters.
     """
-    hyperparameters = sample_hyperparameters(prior_sites(factors, repeats, noise))
-    theta = _record_level(picture, factors, repeats, hyperparameters)
+    hyperparameters = sample_hyperparameters(prior_sites(factors, repeats, noise), priors)
+    theta = _record_level(picture, factors, repeats, hyperparameters, priors)
     F_i, J, log_k, log_beta = theta.T
     numpyro.factor("F_i_prior", norm.logpdf(F_i, data.F_0, data.span))
     numpyro.factor("J_prior", norm.logpdf(J, 0.0, hyperparameters["sd_J"]))
-    rho = _autocorrelation(picture.records, hyperparameters) if noise == "ar1" else None
-    numpyro.factor("force", likelihood(theta, _noise(picture.records, rho, hyperparameters), rho))
+    rho = _autocorrelation(picture.records, hyperparameters, priors) if noise == "ar1" else None
+    numpyro.factor("force", likelihood(theta, _noise(picture.records, rho, hyperparameters, priors), rho))
 
     k = keep("k", jnp.exp(log_k))
     numpyro.deterministic("beta", jnp.exp(log_beta))
@@ -127,7 +133,9 @@ def records_model(
     numpyro.deterministic("C", F_i + J - k * data.d_0)
 
 
-def published_model(values: Mapping[str, Float[np.ndarray, " cases"]], factors: Factors) -> None:
+def published_model(
+    values: Mapping[str, Float[np.ndarray, " cases"]], factors: Factors, priors: Priors = PRIORS
+) -> None:
     """Model printed case means, one a case, such as Tables 9 and 11.
 
     One value a case cannot tell the scatter of repeats from the case's remainder: both are one term, and
@@ -140,12 +148,14 @@ def published_model(values: Mapping[str, Float[np.ndarray, " cases"]], factors: 
         ``k`` (kN/mm) and ``beta`` (mm) by case.
     factors:
         How the cases group.
+    priors:
+        Of the hyperparameters.
     """
-    hyperparameters = sample_hyperparameters(published_sites(factors))
+    hyperparameters = sample_hyperparameters(published_sites(factors), priors)
     printed = jnp.log(jnp.stack([jnp.asarray(values[parameter]) for parameter in PARAMETERS]))
     scatter = jnp.stack([hyperparameters[f"sd_log_{parameter}_published"] for parameter in PARAMETERS])[:, None]
     known = Gaussian(printed, jnp.broadcast_to(scatter**-2.0, printed.shape))
-    mean = case_structure(factors, known, hyperparameters)
+    mean = case_structure(factors, known, hyperparameters, priors=priors)
     for parameter, expected in zip(PARAMETERS, jnp.exp(mean + 0.5 * scatter**2), strict=True):
         # The mean of a log-normal number, not its median: printed averages over cases are to be met by averages.
         keep(f"{parameter}_case", expected)

@@ -5,11 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS, prior_sites
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING, PRIORS, prior_distribution
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.laws.fancher import equation_2_offset
 
 
@@ -37,19 +37,16 @@ class RecordStarts(NamedTuple):
     d_0: Float[np.ndarray, " records"]
 
 
-def is_of_logarithm(site: str) -> bool:
-    """Return whether a prior is spread on the logarithm of its quantity: zero is then out of its reach."""
-    return issubclass(PRIORS[site].family, dist.LogNormal)
-
-
-def prior_draws(sites: tuple[str, ...], draws: int, seed: int) -> dict[str, Float[np.ndarray, " draws"]]:
+def prior_draws(
+    sites: tuple[str, ...], draws: int, seed: int, priors: Priors = PRIORS
+) -> dict[str, Float[np.ndarray, " draws"]]:
     """Return independent draws of single sites of `PRIORS`, each in its unit."""
     rng = np.random.default_rng(seed)
-    return {site: prior_distribution(site).rvs(draws, random_state=rng) for site in sites}
+    return {site: priors[site].scipy().rvs(draws, random_state=rng) for site in sites}
 
 
 def prior_parameters(
-    factors: Factors, case: int, draws: int, seed: int, repeats: str = "mixture"
+    factors: Factors, case: int, draws: int, seed: int, repeats: str = "mixture", priors: Priors = PRIORS
 ) -> dict[str, Float[np.ndarray, " draws"]]:
     """Return k (kN/mm), beta (mm), J and sigma (kN) of one record of a case, every draw from populations of its own.
 
@@ -57,9 +54,9 @@ def prior_parameters(
     case's remainder, the scatter of repeats (wider where the record is discordant, or in a Student-t's tails), J and
     sigma of a record. A common factor on displacement is left out: it is far narrower than the priors.
     """
-    sites = prior_draws(prior_sites(factors, repeats), draws, seed)
+    sites = prior_draws(prior_sites(factors, repeats), draws, seed, priors)
     rng = np.random.default_rng((seed, 0))
-    widening = np.where(rng.random(draws) < sites.get("discordant_weight", 0.0), DISCORDANT_WIDENING, 1.0)
+    widening = np.where(rng.random(draws) < sites.get("discordant_weight", 0.0), priors.discordant_widening, 1.0)
     if "student_nu" in sites:
         widening = np.sqrt(sites["student_nu"] / rng.chisquare(sites["student_nu"]))
     found = {}
@@ -85,6 +82,7 @@ def prior_quantities(
     seed: int,
     start: RecordStarts | None = None,
     parameters: Sequence[str] = PARAMETERS,
+    priors: Priors = PRIORS,
 ) -> dict[str, Float[np.ndarray, "draws *elements"]]:
     """Return what a fit keeps, by its name, drawn from the priors alone: jointly, so that cases share their effects.
 
@@ -104,10 +102,10 @@ def prior_quantities(
     parameters:
         What a case has of its own.
     """
-    found: dict[str, Any] = dict(prior_draws(sites, draws, seed))
+    found: dict[str, Any] = dict(prior_draws(sites, draws, seed, priors))
     rng = np.random.default_rng((seed, 2))
     for parameter in parameters:
-        cells = prior_distribution(f"{parameter}_group").rvs((draws, len(factors.group.labels)), random_state=rng)
+        cells = priors[f"{parameter}_group"].scipy().rvs((draws, len(factors.group.labels)), random_state=rng)
         found[f"{parameter}_group"] = cells
         log_case = np.log(cells)[:, factors.group.of_case]
         for name, factor in factors.effects(parameter).items():
@@ -149,7 +147,13 @@ def _of_records(found: dict[str, Any], start: RecordStarts, rng: np.random.Gener
 
 
 def prior_records(
-    factors: Factors, case: int, start: Start, draws: int = 1000, seed: int = 0, repeats: str = "mixture"
+    factors: Factors,
+    case: int,
+    start: Start,
+    draws: int = 1000,
+    seed: int = 0,
+    repeats: str = "mixture",
+    priors: Priors = PRIORS,
 ) -> Float[np.ndarray, "draws points"]:
     """Return the forces (kN) of records of a case drawn from the priors alone, noise of each point included.
 
@@ -166,7 +170,7 @@ def prior_records(
     repeats:
         How repeats scatter about their case.
     """
-    parameters = prior_parameters(factors, case, draws, seed, repeats)
+    parameters = prior_parameters(factors, case, draws, seed, repeats, priors)
     of_record = {name: values[:, None] for name, values in parameters.items()}
     rng = np.random.default_rng((seed, 1))
     F_i = start.F_0 + start.span * rng.standard_normal((draws, 1))

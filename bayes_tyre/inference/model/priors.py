@@ -1,15 +1,64 @@
-"""Every prior of the hierarchical models, as data: what it allows, and why it is that wide.
+"""Priors as data: a family, its parameters, a unit and a reason for each quantity, and how a user's own are read."""
 
-One has no place in the table, for it takes its scale from each record: F_i is normal about the first force, with the
-record's change of force as its standard deviation. That is wider than any error of a first sample.
-"""
-
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 from scipy import stats
+
+from bayes_tyre.errors import BadInput
+
+#: The key of `discordant_widening` beside the priors, in a mapping or a file.
+WIDENING = "discordant_widening"
+
+
+class Family(NamedTuple):
+    """A family that a prior may have: its parameters as a user names them, and its distribution in SciPy.
+
+    Attributes
+    ----------
+    name, distribution:
+        As a file names it, and NumPyro's class.
+    parameters:
+        What a user gives, in NumPyro's order.
+    to_numpyro:
+        From these to NumPyro's parameters.
+    scipy:
+        From NumPyro's parameters to the frozen distribution.
+    positive:
+        The parameters that must be above 0.
+    """
+
+    name: str
+    distribution: type[dist.Distribution]
+    parameters: tuple[str, ...]
+    to_numpyro: Callable[..., tuple[float, ...]]
+    scipy: Callable[..., Any]
+    positive: tuple[str, ...]
+
+
+FAMILIES = (
+    Family(
+        "log_normal",
+        dist.LogNormal,
+        ("median", "sd_log"),
+        lambda median, sd_log: (float(np.log(median)), sd_log),
+        lambda location, scale: stats.lognorm(scale, scale=np.exp(location)),
+        ("median", "sd_log"),
+    ),
+    Family(
+        *("half_normal", dist.HalfNormal, ("scale",), lambda scale: (scale,)),
+        lambda scale: stats.halfnorm(scale=scale),
+        ("scale",),
+    ),
+    Family("beta", dist.Beta, ("a", "b"), lambda a, b: (a, b), stats.beta, ("a", "b")),
+    Family("normal", dist.Normal, ("mean", "sd"), lambda mean, sd: (mean, sd), stats.norm, ("sd",)),
+)
+_BY_CLASS = {family.distribution: family for family in FAMILIES}
+_BY_NAME = {family.name: family for family in FAMILIES}
 
 
 class Prior(NamedTuple):
@@ -29,133 +78,142 @@ class Prior(NamedTuple):
 
     family: type[dist.Distribution]
     parameters: tuple[float, ...]
-    unit: str
-    reason: str
+    unit: str = ""
+    reason: str = ""
 
     def distribution(self) -> dist.Distribution:
         """Return the prior as a NumPyro distribution."""
         return self.family(*self.parameters)
 
+    def scipy(self) -> Any:
+        """Return the prior as a frozen distribution of SciPy: with quantiles, and with nothing for JAX to compile."""
+        return _BY_CLASS[self.family].scipy(*self.parameters)
 
-#: A discordant repeat has the usual scatter widened this many times. At 4 % scatter of k that is a standard
-#: deviation of 24 %: wide enough that a repeat 30 % off is at home there, narrow enough to compete with 3 sigma.
-DISCORDANT_WIDENING = 6.0
+    @property
+    def of_logarithm(self) -> bool:
+        """Whether it is spread on the logarithm of its quantity: zero is then out of its reach."""
+        return self.family is dist.LogNormal
 
-#: By name of the site in `hierarchical` and `motion_hierarchy`. Scales of parameters are relative (of the logarithm).
-#: `settled` is x - k beta. Of the mass there is what any axle may have: the rig file's own, with which each record is
-#: fitted, would count once a record.
-PRIORS: dict[str, Prior] = {
-    "k_group": Prior(
-        dist.LogNormal, (np.log(1.0), 1.0), "kN/mm", "0.14 to 7.1 kN/mm: car tyre to a pair of truck tyres"
-    ),
-    "beta_group": Prior(
-        dist.LogNormal, (np.log(0.1), 2.0), "mm", "0.002 to 5 mm: the source's betas to those of leaf springs"
-    ),
-    "sd_log_k_speed": Prior(dist.HalfNormal, (0.2,), "", "rolling changes k by tens of per cent at most"),
-    "sd_log_k_load": Prior(dist.HalfNormal, (0.2,), "", "k grows by tens of per cent over the load range of a tyre"),
-    "sd_log_k_step": Prior(dist.HalfNormal, (0.2,), "", "k is a slope: the size of the step should matter little"),
-    "sd_log_beta_speed": Prior(dist.HalfNormal, (0.5,), "", "a factor of up to e between speeds"),
-    "sd_log_beta_load": Prior(dist.HalfNormal, (0.5,), "", "a factor of up to e between loads"),
-    "sd_log_beta_step": Prior(dist.HalfNormal, (1.0,), "", "Table 11: a factor of 4 to 8 between steps of 5 and 10 kN"),
-    "sd_log_beta_direction_step": Prior(dist.HalfNormal, (1.0,), "", "as for the step: Table 11 shows it in loading"),
-    "sd_log_k_case": Prior(dist.LogNormal, (np.log(0.08), 0.8), "", "1.6 to 38 %: what the words leave over"),
-    "sd_log_beta_case": Prior(dist.LogNormal, (np.log(0.2), 0.8), "", "4 to 96 %: what the words leave over"),
-    "sd_log_k_repeat": Prior(dist.LogNormal, (np.log(0.06), 0.8), "", "1.2 to 29 %; Table 8 suggests 4 to 10 %"),
-    "sd_log_beta_repeat": Prior(
-        dist.LogNormal, (np.log(0.12), 0.8), "", "2.5 to 58 %: beta is harder to repeat than k"
-    ),
-    "sd_log_k_repeat_over_speeds": Prior(
-        dist.HalfNormal, (0.7,), "", "rolling may scatter several times as much as standing"
-    ),
-    "sd_log_beta_repeat_over_speeds": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
-    "discordant_weight": Prior(dist.Beta, (1.0, 19.0), "", "a mean of 5 %, below 15 % with 95 % probability"),
-    "student_nu": Prior(dist.LogNormal, (np.log(8.0), 0.5), "", "3 to 21: tails from heavy to nearly normal"),
-    "sd_J": Prior(dist.HalfNormal, (2.0,), "kN", "friction at the start of a step: up to a few kN"),
-    "sigma_typical": Prior(
-        dist.LogNormal, (np.log(0.03), 1.5), "kN", "0.0016 to 0.57 kN: a good cell to a coarse converter"
-    ),
-    "sd_log_sigma": Prior(dist.HalfNormal, (0.7,), "", "noise differs by a factor of a few among records"),
-    "atanh_rho_typical": Prior(
-        dist.Normal, (0.5, 1.0), "", "lag-1 autocorrelation of the noise of -0.9 to 0.986: white to slowly drifting"
-    ),
-    "sd_atanh_rho": Prior(dist.HalfNormal, (0.5,), "", "one chain of instruments: records differ little"),
-    "sd_log_k_published": Prior(
-        dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: repeats, processing and case together"
-    ),
-    "sd_log_beta_published": Prior(
-        dist.LogNormal, (np.log(0.3), 0.8), "", "6 to 144 %: repeats, processing and case together"
-    ),
-    "settled_group": Prior(
-        dist.LogNormal, (np.log(0.2), 1.0), "kN", "0.028 to 1.42 kN: x - k beta of 0.1 to 10 % of a truck tyre's load"
-    ),
-    "m_group": Prior(
-        dist.LogNormal, (np.log(400.0), 0.8), "kg", "83 to 1920 kg: what hangs on a car's wheel to a heavy axle"
-    ),
-    "c_group": Prior(
-        dist.LogNormal, (np.log(0.0015), 1.2), "kN s/mm", "0.00014 to 0.0158 kN s/mm: 0.3 to 30 % of critical damping"
-    ),
-    "sd_log_settled_speed": Prior(dist.HalfNormal, (0.5,), "", "as for beta: a factor of up to e between speeds"),
-    "sd_log_settled_load": Prior(dist.HalfNormal, (0.5,), "", "as for beta: a factor of up to e between loads"),
-    "sd_log_settled_step": Prior(dist.HalfNormal, (0.5,), "", "a friction is no length: less than beta's"),
-    "sd_log_m_speed": Prior(dist.HalfNormal, (0.05,), "", "a mass stays the same; a turning tyre may seem to carry"),
-    "sd_log_m_load": Prior(dist.HalfNormal, (0.05,), "", "a mass stays the same; levers may tilt under load"),
-    "sd_log_m_step": Prior(dist.HalfNormal, (0.05,), "", "a mass stays the same; levers tilt more on a longer way"),
-    "sd_log_c_speed": Prior(dist.HalfNormal, (0.5,), "", "turning rubber is damped otherwise: up to a factor of e"),
-    "sd_log_c_load": Prior(dist.HalfNormal, (0.5,), "", "a factor of up to e between loads"),
-    "sd_log_c_step": Prior(dist.HalfNormal, (0.5,), "", "up to a factor of e: rubber's damping falls with amplitude"),
-    "sd_log_settled_case": Prior(dist.LogNormal, (np.log(0.2), 0.8), "", "4 to 96 %: what the words leave over"),
-    "sd_log_m_case": Prior(dist.LogNormal, (np.log(0.02), 0.8), "", "0.42 to 9.6 %: what the words leave over"),
-    "sd_log_c_case": Prior(dist.LogNormal, (np.log(0.2), 0.8), "", "4 to 96 %: what the words leave over"),
-    "sd_log_settled_repeat": Prior(
-        dist.LogNormal, (np.log(0.12), 0.8), "", "2.5 to 58 %: as beta, with which it trades"
-    ),
-    "sd_log_m_repeat": Prior(dist.LogNormal, (np.log(0.01), 0.8), "", "0.2 to 4.8 %: one axle, tested again"),
-    "sd_log_c_repeat": Prior(dist.LogNormal, (np.log(0.12), 0.8), "", "2.5 to 58 %: rubber warms as it is tested"),
-    "sd_log_settled_repeat_over_speeds": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
-    "sd_log_m_repeat_over_speeds": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
-    "sd_log_c_repeat_over_speeds": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
-    "n_group": Prior(dist.LogNormal, (0.0, 0.4), "", "0.46 to 2.2 about 1, where Bouc-Wen's law is Fancher's"),
-    "sd_log_n_speed": Prior(dist.HalfNormal, (0.2,), "", "a shape of the loop: tens of per cent at most"),
-    "sd_log_n_load": Prior(dist.HalfNormal, (0.2,), "", "a shape of the loop: tens of per cent at most"),
-    "sd_log_n_step": Prior(dist.HalfNormal, (0.2,), "", "a shape of the loop: tens of per cent at most"),
-    "sd_log_n_case": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: what the words leave over"),
-    "sd_log_n_repeat": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: as hard to repeat as beta"),
-    "sd_log_n_repeat_over_speeds": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
-    "belt_frequency_group": Prior(
-        dist.LogNormal, (np.log(60.0), 0.4), "Hz", "27 to 131 Hz: the belt's first swing, of heavy tyres to small ones"
-    ),
-    "belt_damping_group": Prior(dist.LogNormal, (np.log(0.05), 0.7), "", "1.3 to 20 % of critical: rubber"),
-    "sidewall_ratio_group": Prior(
-        dist.LogNormal, (np.log(4.0), 0.7), "", "1 to 16: more of the deflection is beneath the belt than beside it"
-    ),
-    **{
-        f"log_{name}_{ending}": prior
-        for name in ("belt_frequency", "belt_damping", "sidewall_ratio")
-        for ending, prior in {
-            "speed_scale": Prior(dist.HalfNormal, (0.2,), "", "rolling changes a belt by tens of per cent at most"),
-            "load_scale": Prior(dist.HalfNormal, (0.2,), "", "a longer contact: tens of per cent at most"),
-            "step_scale": Prior(dist.HalfNormal, (0.2,), "", "the ring is linear: the step's size matters little"),
-            "case_scale": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: what the words leave over"),
-            "repeat_scatter": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: one belt, tested again"),
-            "scatter_spread": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
-        }.items()
-    },
-}
-
-_IN_SCIPY: dict[type[dist.Distribution], Callable[..., Any]] = {
-    dist.LogNormal: lambda location, scale: stats.lognorm(scale, scale=np.exp(location)),
-    dist.HalfNormal: lambda scale: stats.halfnorm(scale=scale),
-    dist.Beta: stats.beta,
-    dist.Normal: stats.norm,
-}
+    def given(self) -> dict[str, float | str]:
+        """Return it as a user gives it, such as ``{"family": "log_normal", "median": 1.8, "sd_log": 0.3}``."""
+        family = _BY_CLASS[self.family]
+        values = (np.exp(self.parameters[0]), *self.parameters[1:]) if self.of_logarithm else self.parameters
+        # So many digits that the number somebody wrote comes back, and no more: a median has been through a logarithm.
+        written = (float(f"{value:.12g}") for value in values)
+        return {"family": family.name, **dict(zip(family.parameters, written, strict=True))}
 
 
-def prior_distribution(site: str) -> Any:
-    """Return a prior of `PRIORS` as a frozen law of SciPy: with quantiles, and with nothing for JAX to compile."""
-    prior = PRIORS[site]
-    return _IN_SCIPY[prior.family](*prior.parameters)
+@dataclass(frozen=True)
+class Priors(Mapping[str, Prior]):
+    """Every prior of the hierarchical models by the name of its quantity, and the widening of discordant repeats.
+
+    Attributes
+    ----------
+    table:
+        The priors by name.
+    discordant_widening:
+        How many times the usual standard deviation of repeats that of discordant ones is; above 1.
+    """
+
+    table: Mapping[str, Prior]
+    discordant_widening: float
+
+    def __getitem__(self, name: str) -> Prior:
+        return self.table[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.table)
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    def medians(self) -> dict[str, np.ndarray]:
+        """Return the median of each prior, by name."""
+        return {name: np.asarray(prior.scipy().median()) for name, prior in self.items()}
+
+    def changed(self, changes: Mapping[str, Any]) -> "Priors":
+        """Return these priors with some of them replaced.
+
+        Parameters
+        ----------
+        changes:
+            By name: a `Prior`, or a mapping of the family's parameters such as ``{"median": 1.8, "sd_log": 0.3}``, with
+            ``family`` where it is another than the default's; `discordant_widening` a number.
+
+        Raises
+        ------
+        BadInput
+            For a name or a parameter that there is not, a value that cannot be, and a family that the quantity cannot
+            have; the message names the key.
+        """
+        table, widening = dict(self.table), self.discordant_widening
+        for name, change in changes.items():
+            if name == WIDENING:
+                widening = _number(name, change)
+                if widening <= 1.0:
+                    raise BadInput(f"priors, {name}: {widening:g} does not widen; give a number above 1, such as 6")
+            elif name not in table:
+                raise BadInput(f"priors, {name}: there is no such quantity; docs/reference/priors.md lists all")
+            else:
+                prior = change if isinstance(change, Prior) else _read(name, change, table[name])
+                _check_family(name, table[name], prior)
+                if prior.given() != table[name].given():  # else the reason stays
+                    table[name] = prior
+        return Priors(table, widening)
+
+    def changes_from(self, others: "Priors") -> dict[str, Any]:
+        """Return what differs from other priors, as `changed` takes it and JSON and TOML keep it."""
+        changes: dict[str, Any] = {
+            name: prior.given()
+            for name, prior in self.items()
+            if (prior.family, prior.parameters) != (others[name].family, others[name].parameters)
+        }
+        if self.discordant_widening != others.discordant_widening:
+            changes[WIDENING] = self.discordant_widening
+        return changes
+
+    def given(self) -> dict[str, Any]:
+        """Return all of them as a user gives them: what `run.json` keeps, and `changed` takes."""
+        return {name: prior.given() for name, prior in self.items()} | {WIDENING: self.discordant_widening}
+
+    def to_json(self) -> str:
+        """Return all of them as JSON, for the attributes of a posterior."""
+        return json.dumps(self.given())
 
 
-def prior_medians() -> dict[str, np.ndarray]:
-    """Return the median of each prior, by site."""
-    return {name: np.asarray(prior_distribution(name).median()) for name in PRIORS}
+def _number(key: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
+        raise BadInput(f"priors, {key}: {value!r} is not a finite number")
+    return float(value)
+
+
+def _read(name: str, change: Any, default: Prior) -> Prior:
+    """Return the prior that a mapping of parameters describes."""
+    own = _BY_CLASS[default.family]
+    if not isinstance(change, Mapping):
+        example = ", ".join(f"{key} = {value:.3g}" for key, value in default.given().items() if key != "family")
+        raise BadInput(f"priors, {name}: {change!r} is no prior; give its parameters, such as {{ {example} }}")
+    family = _BY_NAME.get(str(change.get("family", own.name)))
+    if family is None:
+        raise BadInput(f"priors, {name}, family: {change['family']!r} is unknown; use {', '.join(_BY_NAME)}")
+    wanted = set(family.parameters)
+    if wrong := sorted(map(str, wanted ^ (set(change) - {"family", "reason"}))):
+        raise BadInput(f"priors, {name}, {wrong[0]}: a {family.name} prior has {' and '.join(family.parameters)}")
+    values = {key: _number(f"{name}, {key}", change[key]) for key in family.parameters}
+    for key in family.positive:
+        if values[key] <= 0:
+            raise BadInput(f"priors, {name}, {key}: {values[key]:g} is not above 0")
+    return Prior(family.distribution, family.to_numpyro(**values), default.unit, str(change.get("reason", "")))
+
+
+def _check_family(name: str, default: Prior, prior: Prior) -> None:
+    """Refuse a family that the model cannot give this quantity.
+
+    Group means and typical noise are normal on their (transformed) axis, for their coordinates follow the data in
+    closed form; other positive quantities may be log-normal or half-normal.
+    """
+    fixed = name.endswith(("_group", "_typical")) or default.family in (dist.Beta, dist.Normal)
+    allowed = (default.family,) if fixed else (dist.LogNormal, dist.HalfNormal)
+    if prior.family not in allowed:
+        names = " or ".join(_BY_CLASS[each].name for each in allowed)
+        raise BadInput(f"priors, {name}, family: must be {names}")

@@ -22,6 +22,7 @@ from bayes_tyre.inference.model.case_effects import (
     keep_cases,
     sample_cases,
 )
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS
 from bayes_tyre.inference.model.laplace_cases import CaseEstimates
@@ -34,7 +35,7 @@ from bayes_tyre.inference.model.marginal_mixture import (
     outlier_probability,
     sum_out,
 )
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.reparameterisation import Placed
 from bayes_tyre.inference.model.repeat_distribution import judgeable, repeats_about_cases
 
@@ -49,6 +50,7 @@ def records_about_cases(
     repeats: str,
     hyperparameters: Hyperparameters,
     parameters: Sequence[str] = PARAMETERS,
+    priors: Priors = PRIORS,
 ) -> tuple[Placed, Float[Array, "parameters cases"]]:
     """Return the logarithms of the records' values and of their cases', with the density of all but the placing.
 
@@ -67,20 +69,21 @@ def records_about_cases(
     """
     kind = judgeable(repeats, factors)
     members = find_members(factors, kind)
-    about = about_words(factors, estimates, hyperparameters, parameters)
+    about = about_words(factors, estimates, hyperparameters, parameters, priors)
+    widening = priors.discordant_widening
     scale = about.scatter.T[factors.of_record]
     if members is None:
         cases = sample_cases("case", about)
         records = place(cases.T[factors.of_record], scale)
-        repeats_about_cases(records.deviation, scale, kind, hyperparameters)
+        repeats_about_cases(records.deviation, scale, kind, hyperparameters, widening)
     else:
         stand_in = sample_cases("stand_in", about)
-        scale = jnp.where(estimates.discordant[:, None], DISCORDANT_WIDENING, 1.0) * scale
+        scale = jnp.where(estimates.discordant[:, None], widening, 1.0) * scale
         records = place(stand_in.T[factors.of_record], scale)
         numpyro.factor("repeats", norm.logpdf(records.deviation, 0.0, scale))
         weight = hyperparameters["discordant_weight"]
         offset = stand_in - about.factor_table
-        found = sum_out(records.deviation, offset, about.scatter, about.remainder, weight, members)
+        found = sum_out(records.deviation, offset, about.scatter, about.remainder, weight, members, widening)
         _put_right(found, estimates, weight, members)
         keep("outlier_probability", outlier_probability(found, members, factors))
         cases = _drawn(found, about)

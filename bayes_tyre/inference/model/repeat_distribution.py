@@ -10,9 +10,9 @@ from jax.scipy.stats import norm
 from jaxtyping import Array, Float
 
 from bayes_tyre.inference.model.case_effects import Hyperparameters
+from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
 
 REPEATS = ("mixture", "student", "normal")
 
@@ -37,6 +37,7 @@ def about_cases(
     scatter: Float[Array, "records parameters"],
     kind: str,
     hyperparameters: Hyperparameters,
+    widening: float = DISCORDANT_WIDENING,
 ) -> AboutCases:
     """Return the density of the logarithms of the records' parameters about their cases.
 
@@ -58,7 +59,7 @@ def about_cases(
         return AboutCases(volume - (0.5 * nu + half) * jnp.log1p(squares / nu))
     weight = hyperparameters["discordant_weight"]
     usual = jnp.log1p(-weight) + normal(1.0)
-    discordant = jnp.log(weight) + normal(DISCORDANT_WIDENING)
+    discordant = jnp.log(weight) + normal(widening)
     return AboutCases(jnp.logaddexp(usual, discordant), jax.nn.sigmoid(discordant - usual))
 
 
@@ -67,9 +68,10 @@ def repeats_about_cases(
     scatter: Float[Array, "records parameters"],
     kind: str,
     hyperparameters: Hyperparameters,
+    widening: float = DISCORDANT_WIDENING,
 ) -> None:
     """Add `about_cases` to a model; keep the probability that each record is discordant where there is one."""
-    found = about_cases(deviation, scatter, kind, hyperparameters)
+    found = about_cases(deviation, scatter, kind, hyperparameters, widening)
     numpyro.factor("repeats", found.log_density)
     if found.discordant is not None:
         numpyro.deterministic("outlier_probability", found.discordant)

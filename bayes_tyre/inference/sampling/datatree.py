@@ -1,5 +1,6 @@
 """What a posterior holds: the name, the dimension and the unit of every quantity kept of the models' sites."""
 
+import json
 from collections.abc import Mapping, Sequence
 
 import arviz as az
@@ -7,7 +8,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.record import CASE_FACTORS, FACTORS, Case
 
 #: Units by parameter; the parameters that a record has. Those after `sigma` are of motions; `settled` is x - k beta.
@@ -163,3 +166,8 @@ def tree_cases(posterior: xr.Dataset) -> list[Case]:
     """Return the cases of a posterior in its order; None where the data did not have the word."""
     columns = [posterior[f"case_{word}"].to_numpy().tolist() for word in CASE_FACTORS]
     return [Case._make(None if value != value else value for value in row) for row in zip(*columns, strict=True)]
+
+
+def priors_of(tree: xr.DataTree) -> Priors:
+    """Return the priors that a posterior was fitted with; the defaults where it does not say."""
+    return PRIORS.changed(json.loads(tree.attrs["priors"])) if "priors" in tree.attrs else PRIORS

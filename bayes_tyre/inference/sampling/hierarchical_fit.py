@@ -12,6 +12,7 @@ from bayes_tyre.batch import Batch, pad
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.correlated_noise import Whitening, smoothed_noise
 from bayes_tyre.inference.least_squares.table import LARGEST, REGIONS, THESIS_KEPT
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.hyperparameters import hyperparameter_starts, prior_sites, published_sites
 from bayes_tyre.inference.model.laplace import (
@@ -22,7 +23,7 @@ from bayes_tyre.inference.model.laplace import (
 )
 from bayes_tyre.inference.model.likelihood import DirectLikelihood, Likelihood, compress
 from bayes_tyre.inference.model.models import NOISE, published_model, records_model
-from bayes_tyre.inference.model.priors import prior_medians
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.repeat_distribution import REPEATS
 from bayes_tyre.inference.record_data import RecordData, record_data
 from bayes_tyre.inference.sampling.datatree import scale_displacement, to_datatree
@@ -58,6 +59,8 @@ class ModelSettings:
         ``iid``: independent from point to point; or ``ar1``: each point's follows the one before.
     noise_window:
         Samples of the moving average that went over the noise, such as 801; 1: none. Not with ``ar1``.
+    priors:
+        Of the hyperparameters, and the widening of discordant repeats.
 
     Raises
     ------
@@ -72,6 +75,7 @@ class ModelSettings:
     repeats: str = "mixture"
     noise: str = "iid"
     noise_window: int = 1
+    priors: Priors = PRIORS
 
     def __post_init__(self) -> None:
         for name, allowed in (
@@ -197,20 +201,32 @@ def fit_batch(
 
     def arguments(picture: LaplaceApproximation) -> dict[str, Any]:
         of_records = {"likelihood": likelihood, "data": data, "picture": picture}
-        return {**of_records, "factors": factors, "repeats": model.repeats, "noise": model.noise}
+        return {
+            **of_records,
+            "factors": factors,
+            "repeats": model.repeats,
+            "noise": model.noise,
+            "priors": model.priors,
+        }
 
     # Least squares and the chains are compiled side by side: these need to know the shapes of the picture alone.
     with ThreadPoolExecutor(1) as beside:
-        drawing = beside.submit(laplace_approximation, batch, factors, model.noise, whitening)
+        drawing = beside.submit(laplace_approximation, batch, factors, model.noise, whitening, model.priors)
         blank, medians = (
             arguments(empty_approximation(len(batch.records), factors)),
-            hyperparameter_starts(sites, prior_medians()),
+            hyperparameter_starts(sites, model.priors.medians(), model.priors),
         )
         chains = Chains(records_model, blank, settings.chains, settings.warmup, medians)
         picture = drawing.result()
-    draws = run(chains.given(arguments(picture), hyperparameter_starts(sites, _starts(picture.records))), settings)
-    told = {name: str(getattr(model, name)) for name in ("repeats", "noise", "noise_window")}
-    return to_datatree(draws.sites, draws.statistics, factors, factor_table, {"model": "records", **told})
+    draws = run(
+        chains.given(
+            arguments(picture), hyperparameter_starts(sites, _starts(picture.records, model.priors), model.priors)
+        ),
+        settings,
+    )
+    attributes = {name: str(getattr(model, name)) for name in ("repeats", "noise", "noise_window")}
+    attributes |= {"model": "records", "priors": model.priors.to_json()}
+    return to_datatree(draws.sites, draws.statistics, factors, factor_table, attributes)
 
 
 def whitening_for(batch: Batch, model: ModelSettings) -> Whitening | None:
@@ -225,14 +241,14 @@ def likelihood_of(data: RecordData, model: ModelSettings, whitening: Whitening |
     return compress(data, neighbours=model.noise == "ar1", whitening=whitening)
 
 
-def _starts(records: RecordEstimates) -> dict[str, np.ndarray]:
+def _starts(records: RecordEstimates, priors: Priors) -> dict[str, np.ndarray]:
     """Return where each population starts: its median, and where the records' own estimates say more, these."""
-    starts = prior_medians()
+    starts = priors.medians()
     starts["sd_J"] = np.asarray(np.sqrt(np.mean(np.asarray(records.centre[:, 1]) ** 2)) + 1e-3)
     return starts
 
 
-def fit_published(table: pd.DataFrame, settings: SamplerSettings | None = None) -> xr.DataTree:
+def fit_published(table: pd.DataFrame, settings: SamplerSettings | None = None, priors: Priors = PRIORS) -> xr.DataTree:
     """Return what printed case means of k and beta alone support, such as Tables 9 and 11.
 
     Parameters
@@ -245,8 +261,8 @@ def fit_published(table: pd.DataFrame, settings: SamplerSettings | None = None) 
     factors = find_factors(table[list(CASE_FACTORS)])
     columns = {"k": "k_kN_per_mm", "beta": "beta_mm"}
     values = {name: table[column].to_numpy(dtype=float) for name, column in columns.items()}
-    arguments = {"values": values, "factors": factors}
-    starts = hyperparameter_starts(published_sites(factors), prior_medians())
+    arguments = {"values": values, "factors": factors, "priors": priors}
+    starts = hyperparameter_starts(published_sites(factors), priors.medians(), priors)
     draws = sample(published_model, arguments, settings or SamplerSettings(), starts)
-    attributes = {"origin": "published", "model": "published"}
+    attributes = {"origin": "published", "model": "published", "priors": priors.to_json()}
     return to_datatree(draws.sites, draws.statistics, factors, pd.DataFrame({"record": []}), attributes)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.verdict import AUTOCORRELATION_MOST
-from bayes_tyre.inference.sampling.datatree import RECORD_UNITS, is_of_motions, tree_cases
+from bayes_tyre.inference.sampling.datatree import RECORD_UNITS, is_of_motions, priors_of, tree_cases
 from bayes_tyre.inference.sampling.group_means import group_means
 from bayes_tyre.report.figures.colours import Setting
 from bayes_tyre.report.figures.contrast import contrasts_by_case
@@ -172,7 +172,7 @@ def _contrasts(result: Result) -> Figure:
 
 
 def _scales(result: Result) -> Figure:
-    return prior_and_posterior_of_scales(scales(result.hyperparameters), result.setting)
+    return prior_and_posterior_of_scales(scales(result.hyperparameters, priors_of(result.tree)), result.setting)
 
 
 def _ranks(result: Result) -> Figure:

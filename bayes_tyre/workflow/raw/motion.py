@@ -12,6 +12,8 @@ from bayes_tyre.formats.files import check_folder, prepare_folder, remove_leftov
 from bayes_tyre.formats.tables import write_table
 from bayes_tyre.inference.diagnostics.convergence import with_figures
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics, diagnose
+from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.motion.hierarchy.leave_one_out import with_motions
 from bayes_tyre.inference.motion.hierarchy.model import Motions, fit_motions
 from bayes_tyre.inference.motion.hierarchy.posterior_losses import Middle, with_losses
@@ -55,6 +57,8 @@ class MotionPlan:
         How repeats scatter about their case.
     interval:
         Probability of every interval, equal-tailed.
+    priors:
+        Of the hierarchy.
     """
 
     sampler: SamplerSettings
@@ -65,6 +69,7 @@ class MotionPlan:
     amplitude_mm: float = 1.0
     repeats: str = "mixture"
     interval: float = 0.95
+    priors: Priors = PRIORS
 
     @property
     def options(self) -> dict[str, object]:
@@ -73,6 +78,7 @@ class MotionPlan:
         return {
             **sampler_options(self.sampler),
             **told,
+            "priors": self.priors.given(),
             **{"amplitude_mm": self.amplitude_mm, "repeats": self.repeats, "interval": self.interval},
         }
 
@@ -174,10 +180,10 @@ def fit_estimates(
     if isinstance(checkpoints, Diagnostics):
         return checkpoints
     settings = replace(plan.sampler, checkpoints=checkpoints, on_progress=watch.on_progress)
-    tree = fit_motions(estimated.motions, settings, plan.repeats)
+    tree = fit_motions(estimated.motions, settings, plan.repeats, priors=plan.priors)
     tree.attrs["origin"] = origin
     tree = with_losses(tree, estimated.motions.factor_table, estimated.middles, plan.amplitude_mm)
-    tree = with_motions(with_figures(identify_motions(tree, estimated.motions)), estimated.motions)
+    tree = with_motions(with_figures(identify_motions(tree, estimated.motions, plan.priors)), estimated.motions)
     diagnostics = with_estimates(diagnose(tree), estimated)
     beside = {ESTIMATES: estimated.table, REJECTED: estimated.rejected}
     write_fit(tree, diagnostics, run, out, interval=plan.interval, beside=beside, motions=estimated.shown)

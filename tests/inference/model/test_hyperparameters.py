@@ -10,6 +10,7 @@ from numpyro.infer.initialization import init_to_uniform
 from scipy import stats
 
 from bayes_tyre.inference.model import models
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.half_normal import HalfNormal
 from bayes_tyre.inference.model.hyperparameters import (
@@ -20,7 +21,6 @@ from bayes_tyre.inference.model.hyperparameters import (
 )
 from bayes_tyre.inference.model.laplace import laplace_approximation
 from bayes_tyre.inference.model.likelihood import compress
-from bayes_tyre.inference.model.priors import PRIORS, prior_medians
 from bayes_tyre.inference.model.reparameterisation import Gaussian
 from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.hierarchical_fit import record_batch
@@ -62,8 +62,8 @@ def levels_of(plan: str) -> Factors:
 def used(monkeypatch) -> list[Used]:
     made = []
 
-    def watched(sites):
-        made.append(Used(sample_hyperparameters(sites)))
+    def watched(sites, priors):
+        made.append(Used(sample_hyperparameters(sites, priors)))
         return made[-1]
 
     monkeypatch.setattr(models, "sample_hyperparameters", watched)
@@ -94,14 +94,14 @@ def test_the_model_of_printed_means_uses_every_prior_that_it_samples(used):
 
 def test_priors_of_a_family_are_sampled_together_each_with_its_own_density():
     sites = prior_sites(levels_of("all that varies"), noise="ar1")
-    starts = hyperparameter_starts(sites, prior_medians())
+    starts = hyperparameter_starts(sites, PRIORS.medians())
     model = substitute(seed(lambda: sample_hyperparameters(sites), 0), data=jax.tree.map(jnp.asarray, starts))
     found = trace(model).get_trace()
     together = sum(np.sum(site["fn"].log_prob(site["value"])) for name, site in found.items() if name in starts)
-    own = [jnp.asarray(PRIORS[name].distribution().log_prob(prior_medians()[name])) for name in at_the_top(sites)]
+    own = [jnp.asarray(PRIORS[name].distribution().log_prob(PRIORS.medians()[name])) for name in at_the_top(sites)]
     assert float(together) == pytest.approx(float(sum(own)), abs=1e-9)
     for name in at_the_top(sites):
-        assert float(found[name]["value"]) == pytest.approx(float(prior_medians()[name]))
+        assert float(found[name]["value"]) == pytest.approx(float(PRIORS.medians()[name]))
     assert isinstance(found["populations_HalfNormal"]["fn"], HalfNormal)  # in coordinates without a wall
 
 
@@ -109,7 +109,7 @@ def test_priors_of_a_family_are_sampled_together_each_with_its_own_density():
 def test_a_typical_noise_level_has_its_prior_and_records_scatter_about_it(records, spread):
     value = jnp.log(jnp.linspace(0.02, 0.05, records))
     estimate = Gaussian(value, jnp.full(records, 60.0))
-    model = bare(lambda: models._about_typical("sigma_typical", estimate, "s", {"s": jnp.asarray(spread)}))
+    model = bare(lambda: models._about_typical("sigma_typical", estimate, "s", {"s": jnp.asarray(spread)}, PRIORS))
     names = ("sigma_typical", *["sigma_typical_records"] * (records > 1))
 
     def placed(z: dict) -> jax.Array:

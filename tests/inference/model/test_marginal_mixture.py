@@ -16,6 +16,7 @@ from numpyro.infer.util import constrain_fn
 from scipy import stats
 
 from bayes_tyre.inference.model import marginal_mixture
+from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING, PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.hyperparameters import hyperparameter_starts, prior_sites
 from bayes_tyre.inference.model.laplace import laplace_approximation
@@ -28,7 +29,6 @@ from bayes_tyre.inference.model.marginal_mixture import (
     sum_out,
 )
 from bayes_tyre.inference.model.models import records_model
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING, prior_medians
 from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling import hierarchical_fit as fit
 from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings
@@ -149,7 +149,7 @@ def test_quantities_of_many_draws_together_are_those_of_each_by_itself():
     data = record_data(batch)
     arguments = {"likelihood": fit.likelihood_of(data, ModelSettings(), None), "data": data, "factors": factors}
     arguments |= {"picture": laplace_approximation(batch, factors)}
-    starts = hyperparameter_starts(prior_sites(factors), prior_medians())
+    starts = hyperparameter_starts(prior_sites(factors), PRIORS.medians())
     chains = Chains(records_model, arguments, 1, 20, starts)
     draws = chains.advance(chains.begin(0), 40).unconstrained
     together = chains.constrain(draws)

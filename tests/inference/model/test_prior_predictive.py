@@ -5,16 +5,15 @@ import pandas as pd
 import pytest
 from helpers.simulated_records import Plan, simulate
 
+from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING, PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.hyperparameters import prior_sites
 from bayes_tyre.inference.model.prior_predictive import (
     Start,
-    is_of_logarithm,
     prior_draws,
     prior_parameters,
     prior_records,
 )
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING, PRIORS, prior_distribution
 from bayes_tyre.record_table import record_factors
 
 DRAWS = 40_000
@@ -33,7 +32,7 @@ def levels_of(plan: str) -> tuple[pd.DataFrame, Factors]:
 
 @pytest.mark.parametrize("site", PRIORS)
 def test_each_law_is_the_prior_s_own(site):
-    law, prior = prior_distribution(site), PRIORS[site].distribution()
+    law, prior = PRIORS[site].scipy(), PRIORS[site].distribution()
     at = law.ppf([0.001, 0.02, 0.3, 0.5, 0.8, 0.999])
     np.testing.assert_allclose(law.logpdf(at), prior.log_prob(at), rtol=1e-9, atol=1e-9)
     drawn = prior_draws((site,), DRAWS, seed=2)[site]
@@ -43,13 +42,13 @@ def test_each_law_is_the_prior_s_own(site):
 
 
 def test_scales_with_a_log_normal_prior_are_spread_on_their_logarithm():
-    assert is_of_logarithm("sigma_typical")
-    assert not is_of_logarithm("sd_J")
-    assert not is_of_logarithm("discordant_weight")
+    assert PRIORS["sigma_typical"].of_logarithm
+    assert not PRIORS["sd_J"].of_logarithm
+    assert not PRIORS["discordant_weight"].of_logarithm
 
 
 def second_moment(site: str) -> float:
-    return float(prior_distribution(site).moment(2))
+    return float(PRIORS[site].scipy().moment(2))
 
 
 @pytest.mark.parametrize("plan", PLANS)
@@ -74,7 +73,7 @@ def test_k_and_beta_scatter_as_far_as_the_hierarchy_adds_up_to(plan, parameter):
         assert np.var(log_values[middle]) > 0.8 * variance
         return
     if "discordant_weight" in sites:
-        scatter *= 1 + float(prior_distribution("discordant_weight").mean()) * (DISCORDANT_WIDENING**2 - 1)
+        scatter *= 1 + float(PRIORS["discordant_weight"].scipy().mean()) * (DISCORDANT_WIDENING**2 - 1)
     variance += scatter
     # Means: 5 standard errors. Variances: the tails are at most those of a scale mixture, kurtosis below 10.
     assert np.mean(log_values) == pytest.approx(location, abs=5 * np.sqrt(variance / DRAWS))

@@ -7,7 +7,7 @@ import numpy as np
 import numpyro.distributions as dist
 import pytest
 
-from bayes_tyre.inference.model.priors import PRIORS, prior_medians
+from bayes_tyre.inference.model.default_priors import PRIORS
 
 STATED = {
     name: [float(figure) for figure in found.groups()]
@@ -35,7 +35,7 @@ def test_the_weight_of_discordant_repeats_is_as_its_reason_states():
 
 
 def test_starts_are_positive_and_near_the_middle_of_each_prior():
-    for name, start in prior_medians().items():
+    for name, start in PRIORS.medians().items():
         below = np.asarray(PRIORS[name].distribution().sample(jax.random.key(1), (4000,)) < start).mean()
         # Of 4000 draws a share of 0.5 has a standard deviation of 0.008; 0.05 is over six of them.
         assert abs(below - 0.5) < 0.05, name

@@ -8,7 +8,7 @@ import pytest
 from numpyro.handlers import trace
 from scipy import stats
 
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
+from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.repeat_distribution import repeats_about_cases
 
 

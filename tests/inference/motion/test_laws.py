@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.model.priors import PRIORS
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS, OF_TYRES, motion_law
 from bayes_tyre.inference.motion.record.parameters import BEFORE, NAMES, in_units, names_of, priors_of
 from bayes_tyre.inference.sampling.datatree import QUANTITIES, RECORD_UNITS

@@ -20,11 +20,12 @@ from scipy.special import gammaincinv
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.leave_one_out import LeaveOneOut, left_out, thinned
+from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import Factors, find_factors
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.motion.hierarchy.model import Motions, Readings, fit_motions
 from bayes_tyre.inference.motion.laws import motion_law
 from bayes_tyre.inference.motion.record.evidence import log_average
+from bayes_tyre.inference.sampling.datatree import priors_of
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record import FACTORS
 
@@ -91,16 +92,17 @@ def leave_one_motion_out(
     assert motions.readings is not None
     factors = find_factors(motions.factor_table)
     posterior = thinned(tree)
-    density = densities(posterior, motions, factors, repeats)
+    priors = priors_of(tree)
+    density = densities(posterior, motions, factors, repeats, priors.discordant_widening)
     by_chain = density.reshape(posterior.sizes["chain"], -1, density.shape[1])
 
     def exactly(record: int) -> float:
         others = np.arange(len(motions.factor_table)) != record
         # Its case stays, if only as its words.
         without = replace(factors, of_record=factors.of_record[others])
-        fitted = fit_motions(_chosen(motions, others), refit, repeats, without)
+        fitted = fit_motions(_chosen(motions, others), refit, repeats, without, priors)
         alone = replace(factors, of_record=factors.of_record[~others])
-        found = densities(thinned(fitted), _chosen(motions, ~others), alone, repeats)[:, 0]
+        found = densities(thinned(fitted), _chosen(motions, ~others), alone, repeats, priors.discordant_widening)[:, 0]
         return float(np.logaddexp.reduce(found) - np.log(len(found)))
 
     names = tuple(motions.factor_table["record"])
@@ -108,7 +110,11 @@ def leave_one_motion_out(
 
 
 def densities(
-    posterior: xr.Dataset, motions: Motions, factors: Factors, repeats: str
+    posterior: xr.Dataset,
+    motions: Motions,
+    factors: Factors,
+    repeats: str,
+    widening: float = DISCORDANT_WIDENING,
 ) -> Float[np.ndarray, "draws records"]:
     """Return the log density of each record's readings under the populations of each draw, its own parameters gone.
 
@@ -128,10 +134,12 @@ def densities(
     off = np.asarray(motions.target) - np.einsum("rij,drj->dri", rows, np.log(case)[:, of_record])
     # Too few repeats to judge any: the model had no such number, and its repeats scatter normally.
     kind = repeats if _NEEDED.get(repeats) in posterior else "normal"
-    return _averaged(posterior, rows, off, scatter**2, kind) + motions.readings.log_constant
+    return _averaged(posterior, rows, off, scatter**2, kind, widening) + motions.readings.log_constant
 
 
-def _averaged(posterior: xr.Dataset, rows: np.ndarray, off: np.ndarray, variance: np.ndarray, kind: str) -> np.ndarray:
+def _averaged(
+    posterior: xr.Dataset, rows: np.ndarray, off: np.ndarray, variance: np.ndarray, kind: str, widening: float
+) -> np.ndarray:
     if kind == "normal":
         return log_average(rows, off, variance)
     if kind == "student":
@@ -143,7 +151,7 @@ def _averaged(posterior: xr.Dataset, rows: np.ndarray, off: np.ndarray, variance
         return np.logaddexp.reduce(each, axis=0) - np.log(_QUANTILES)
     weight = _flat(posterior, "discordant_weight")[:, None]
     usual = np.log1p(-weight) + log_average(rows, off, variance)
-    return np.logaddexp(usual, np.log(weight) + log_average(rows, off, DISCORDANT_WIDENING**2 * variance))
+    return np.logaddexp(usual, np.log(weight) + log_average(rows, off, widening**2 * variance))
 
 
 def _scatter(posterior: xr.Dataset, parameter: str, factors: Factors) -> Float[np.ndarray, "draws cases"]:

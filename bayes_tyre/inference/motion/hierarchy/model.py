@@ -12,10 +12,11 @@ from jaxtyping import Array, Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.case_effects import flat
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.hyperparameters import hyperparameter_starts, motion_sites, sample_hyperparameters
 from bayes_tyre.inference.model.laplace_cases import CaseEstimates, case_estimates
-from bayes_tyre.inference.model.priors import prior_medians
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.record_effects import records_about_cases
 from bayes_tyre.inference.model.reparameterisation import Placed, place_whitened
 from bayes_tyre.inference.model.repeat_distribution import REPEATS
@@ -85,6 +86,7 @@ def motions_model(
     *,
     repeats: str = "mixture",
     law: MotionLaw = FANCHER,
+    priors: Priors = PRIORS,
 ) -> None:
     """Model the estimates of all records (NumPyro model; sites in kN, mm, kg, kN s/mm; scales are relative).
 
@@ -101,7 +103,7 @@ def motions_model(
     law:
         Whose parameters the estimates are of.
     """
-    hyperparameters = sample_hyperparameters(motion_sites(factors, repeats, law.parameters))
+    hyperparameters = sample_hyperparameters(motion_sites(factors, repeats, law.parameters), priors)
 
     def place(above: Float[Array, "records p"], scale: Float[Array, "records p"]) -> Placed:
         # Whitened by its rows an estimate is of independent numbers, each a mixture of the logarithms: coordinates
@@ -109,7 +111,7 @@ def motions_model(
         z = flat("records_z", above.shape)
         return place_whitened(z, rows, target, above, scale)
 
-    placed, log_cases = records_about_cases(place, factors, cases, repeats, hyperparameters, law.parameters)
+    placed, log_cases = records_about_cases(place, factors, cases, repeats, hyperparameters, law.parameters, priors)
     _keep_with_x("_case", jnp.exp(log_cases), law)
     numpyro.factor("records_volume", placed.log_volume)
     numpyro.factor("estimates", log_likelihood(placed.value, rows, target))
@@ -132,6 +134,7 @@ def fit_motions(
     settings: SamplerSettings | None = None,
     repeats: str = "mixture",
     factors: Factors | None = None,
+    priors: Priors = PRIORS,
 ) -> xr.DataTree:
     """Return the posterior of the law's parameters, m and c of every record, their cases and populations.
 
@@ -161,10 +164,10 @@ def fit_motions(
     factors = factors or find_factors(motions.factor_table)
     arguments = {
         **{"rows": jnp.asarray(motions.rows), "target": jnp.asarray(motions.target), "factors": factors},
-        **{"cases": case_estimates(motions.log_mean, motions.log_variance, factors), "repeats": repeats},
-        "law": motions.law,
+        **{"cases": case_estimates(motions.log_mean, motions.log_variance, factors, priors), "repeats": repeats},
+        **{"law": motions.law, "priors": priors},
     }
-    starts = hyperparameter_starts(motion_sites(factors, repeats, motions.law.parameters), prior_medians())
+    starts = hyperparameter_starts(motion_sites(factors, repeats, motions.law.parameters), priors.medians(), priors)
     draws = sample(motions_model, arguments, settings or SamplerSettings(), starts, CAREFUL_ACCEPTANCE)
-    attributes = {"model": "motion", "repeats": repeats, "law": motions.law.name}
+    attributes = {"model": "motion", "repeats": repeats, "law": motions.law.name, "priors": priors.to_json()}
     return to_datatree(draws.sites, draws.statistics, factors, motions.factor_table, attributes)

@@ -6,9 +6,11 @@ import xarray as xr
 
 from bayes_tyre.inference.diagnostics.log_densities import SAMPLE, log_prior, without_labels
 from bayes_tyre.inference.diagnostics.power_scaling import PRIOR_DRAWS, prior_tree, thinned, with_identifiability
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import motion_sites
 from bayes_tyre.inference.model.prior_predictive import prior_quantities
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.motion.hierarchy.model import Motions, log_likelihood
 
 
@@ -27,7 +29,7 @@ def log_likelihood_of_motions(posterior: xr.Dataset, motions: Motions) -> xr.Dat
     return without_labels({"motion": like.copy(data=np.asarray(density))})
 
 
-def identify_motions(tree: xr.DataTree, motions: Motions) -> xr.DataTree:
+def identify_motions(tree: xr.DataTree, motions: Motions, priors: Priors = PRIORS) -> xr.DataTree:
     """Return the posterior of motions with the group that `identify_records` adds.
 
     Parameters
@@ -38,9 +40,9 @@ def identify_motions(tree: xr.DataTree, motions: Motions) -> xr.DataTree:
     factors = find_factors(motions.factor_table)
     law = motions.law
     sites = motion_sites(factors, tree.attrs["repeats"], law.parameters)
-    drawn = prior_quantities(factors, sites, PRIOR_DRAWS, seed=0, parameters=law.parameters)
+    drawn = prior_quantities(factors, sites, PRIOR_DRAWS, seed=0, parameters=law.parameters, priors=priors)
     for ending in ("", "_case") if "x" in law.told else ():
         drawn[f"x{ending}"] = drawn[f"settled{ending}"] + drawn[f"k{ending}"] * drawn[f"beta{ending}"]
     some = thinned(tree["posterior"].to_dataset())
-    densities = log_prior(some, sites), log_likelihood_of_motions(some, motions)
-    return with_identifiability(tree, prior_tree(drawn, factors, motions.factor_table), *densities)
+    densities = log_prior(some, sites, priors=priors), log_likelihood_of_motions(some, motions)
+    return with_identifiability(tree, prior_tree(drawn, factors, motions.factor_table), *densities, priors)

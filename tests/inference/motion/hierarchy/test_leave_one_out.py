@@ -10,9 +10,9 @@ from scipy import stats
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.leave_one_out import PARETO_K_MOST, left_out
+from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import MOTION_PARAMETERS
-from bayes_tyre.inference.model.priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.motion.hierarchy.leave_one_out import (
     densities,
     leave_one_motion_out,
