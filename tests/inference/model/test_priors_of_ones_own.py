@@ -86,11 +86,11 @@ def test_the_models_density_changes_by_the_ratio_of_the_priors(factors):
 
 
 def test_draws_of_the_prior_follow_it(factors):
-    draws = 40_000
+    draws = 4000
     drawn = prior_quantities(factors, prior_sites(factors), draws, seed=1, priors=OWN)
-    # Means of logarithms of 40,000 draws: standard errors 0.0015 and 0.001; beyond 5 of them 6e-7 of seeds each.
-    assert np.mean(np.log(drawn["k_group"][:, 0])) == pytest.approx(np.log(1.8), abs=0.0075)
-    assert np.mean(np.log(drawn["sd_J"])) == pytest.approx(np.log(3.0), abs=0.005)
+    # Means of logarithms of 4000 draws: standard errors 0.0047 and 0.0032; beyond 5 of them 6e-7 of seeds each.
+    assert np.mean(np.log(drawn["k_group"][:, 0])) == pytest.approx(np.log(1.8), abs=0.0237)
+    assert np.mean(np.log(drawn["sd_J"])) == pytest.approx(np.log(3.0), abs=0.0158)
 
     narrow = {
         "k_group": {"median": 1.8, "sd_log": 0.01},
