@@ -22,7 +22,10 @@ PRIORS = Priors(
             dist.LogNormal, (np.log(1.0), 1.0), "kN/mm", "0.14 to 7.1 kN/mm: car tyre to a pair of truck tyres"
         ),
         "beta_group": Prior(
-            dist.LogNormal, (np.log(0.1), 2.0), "mm", "0.002 to 5 mm: the source's betas to those of leaf springs"
+            dist.LogNormal,
+            (np.log(0.1), 2.0),
+            "mm",
+            "0.002 to 5 mm: the smallest step that a laser resolves to the slip of leaf springs",
         ),
         "sd_log_k_speed": Prior(dist.HalfNormal, (0.2,), "", "rolling changes k by tens of per cent at most"),
         "sd_log_k_load": Prior(
@@ -32,14 +35,22 @@ PRIORS = Priors(
         "sd_log_beta_speed": Prior(dist.HalfNormal, (0.5,), "", "a factor of up to e between speeds"),
         "sd_log_beta_load": Prior(dist.HalfNormal, (0.5,), "", "a factor of up to e between loads"),
         "sd_log_beta_step": Prior(
-            dist.HalfNormal, (1.0,), "", "Table 11: a factor of 4 to 8 between steps of 5 and 10 kN"
+            dist.HalfNormal,
+            (0.5,),
+            "",
+            "a factor of up to e between sizes of the step: a characteristic length should hardly depend on it",
         ),
         "sd_log_beta_direction_step": Prior(
-            dist.HalfNormal, (1.0,), "", "as for the step: Table 11 shows it in loading"
+            dist.HalfNormal, (0.5,), "", "as for the step, which may act in loading otherwise than in unloading"
         ),
         "sd_log_k_case": Prior(dist.LogNormal, (np.log(0.08), 0.8), "", "1.6 to 38 %: what the words leave over"),
         "sd_log_beta_case": Prior(dist.LogNormal, (np.log(0.2), 0.8), "", "4 to 96 %: what the words leave over"),
-        "sd_log_k_repeat": Prior(dist.LogNormal, (np.log(0.06), 0.8), "", "1.2 to 29 %; Table 8 suggests 4 to 10 %"),
+        "sd_log_k_repeat": Prior(
+            dist.LogNormal,
+            (np.log(0.06), 0.8),
+            "",
+            "1.2 to 29 %: a test repeated on one tyre, from a good rig to a poor one",
+        ),
         "sd_log_beta_repeat": Prior(
             dist.LogNormal, (np.log(0.12), 0.8), "", "2.5 to 58 %: beta is harder to repeat than k"
         ),
