@@ -74,6 +74,8 @@ WRITERS: dict[str, Callable[[Path, Path], list[object]]] = {
 }
 RIGS = {name: load_rig(name) for name in ("single", "dual")}
 SILENT = ("show",)
+#: Made-up draws are not those of the records: what is said of them is not to be trusted.
+NOT_TRUSTED = ("fit", "compare", "predict", "report")
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +139,7 @@ def test_every_command_that_writes_stands_in_the_table():
 def test_a_disk_that_fills_is_told_in_one_line_and_nothing_half_written_is_left(command, given, quick, tmp_path):
     with pytest.MonkeyPatch.context() as whole_run:
         names = fill_the_disk_after(1000, whole_run)
-        assert here(*WRITERS[command](given, tmp_path / "whole")).exit_code in (0, 4)
+        assert here(*WRITERS[command](given, tmp_path / "whole")).exit_code == (4 if command in NOT_TRUSTED else 0)
     before = tree_of(given)
     for files in {round(share * (len(names) - 1)) for share in (0.0, 0.5, 1.0)}:
         out = tmp_path / f"after {files}"

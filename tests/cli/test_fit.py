@@ -96,7 +96,8 @@ def test_units_that_were_checked_are_fitted(sampled, tmp_path, monkeypatch):
     monkeypatch.setattr(result_folder, "_write_figures", lambda *_: None)
     path = written(sampled.assign(force_kN=sampled["force_kN"] * 1000), tmp_path / "records.csv")
     done = here("fit", path, "--out", tmp_path / "out", "--units-checked", "--quiet")
-    assert done.exit_code in (0, 4)
+    # The draws are of a thousandth of these forces, and the residuals show it.
+    assert done.exit_code == 4
     assert (tmp_path / "out" / "run.json").is_file()
 
 

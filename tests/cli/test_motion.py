@@ -26,6 +26,7 @@ COLUMNS = {
     *("k_kN_per_mm", "k_kN_per_mm_se", "x_kN", "x_kN_se", "beta_mm", "beta_mm_se", "m_kg", "m_kg_se"),
     *("c_kN_s_per_mm", "c_kN_s_per_mm_se", "pareto_k", "status", "origin", "record", *FACTORS),
 }
+#: Too few draws for a verdict of `pass`, which asks for 100 effective ones a chain.
 FEW = ["--chains", 2, "--warmup", 150, "--draws", 100, "--workers", 1]
 
 
@@ -49,7 +50,7 @@ def done(raw, tmp_path_factory):
 
 def test_everything_that_fit_writes_is_there_and_the_estimates(done):
     out, ended = done
-    assert ended.exit_code in (0, 4), ended.stderr
+    assert ended.exit_code == 4, ended.stderr
     written = {name for name in tree_of(out) if not name.startswith(".") and not name.endswith("/")}
     own = {"estimates.csv", "rejected.csv", "motions_shown.csv"}
     assert {"posterior.nc", *TABLES, "diagnostics.json", "run.json", *own} <= written
@@ -136,7 +137,7 @@ def test_other_options_of_the_hierarchy_use_the_estimates_that_are_kept(done, ra
     with monkeypatch.context() as kept:
         kept.setattr(motion_estimates, "_done", lambda _: pytest.fail("estimated again"))
         other = here("motion", raw, "--out", out, *FEW, "--amplitude", 3, "--resume")
-    assert other.exit_code in (0, 4), other.stderr
+    assert other.exit_code == 4, other.stderr
     assert "option amplitude_mm was 2.0, is 3.0: the draws are made anew" in other.stderr
     assert json.loads((out / "run.json").read_text())["options"]["amplitude_mm"] == 3.0
     assert (out / "estimates.csv").read_bytes() == (done[0] / "estimates.csv").read_bytes()

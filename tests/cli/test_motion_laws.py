@@ -16,6 +16,7 @@ from bayes_tyre.workflow.raw.simulate import write_simulated
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
 
 GOOD = ("DynamicS(0)20-30(1).lvm", "DynamicS(0)30-20(1).lvm")
+#: Too few draws for a verdict of `pass`, which asks for 100 effective ones a chain.
 FEW = ["--chains", 2, "--warmup", 150, "--draws", 100, "--workers", 1]
 LAWS = ("fancher", "maxwell_slip")
 PARAMETERS = ["k", "settled", "beta", "m", "c", "energy_per_cycle"]
@@ -36,7 +37,7 @@ def results(raw, tmp_path_factory):
     out = tmp_path_factory.mktemp("results")
     for law in LAWS:
         done = here("motion", raw, "--out", out / law, "--law", law, *FEW)
-        assert done.exit_code in (0, 4), done.stderr
+        assert done.exit_code == 4, done.stderr
     return {law: out / law for law in LAWS}
 
 
@@ -55,7 +56,7 @@ def test_the_tables_hold_the_laws_own_parameters(results):
 
 def test_spring_and_damper_come_with_their_classic_estimate_from_the_free_vibration(raw, tmp_path):
     done = here("motion", raw / GOOD[1], "--out", tmp_path, "--law", "kelvin_voigt", *FEW)
-    assert done.exit_code in (0, 4), done.stderr
+    assert done.exit_code == 4, done.stderr
     row = pd.read_csv(tmp_path / "estimates.csv").iloc[0]
     # On the steep beginnings of the records' branches small swings meet a stiffer spring than the fit's.
     assert 1.0 < row["decay_k_kN_per_mm"] / row["k_kN_per_mm"] < 4.0
@@ -64,7 +65,7 @@ def test_spring_and_damper_come_with_their_classic_estimate_from_the_free_vibrat
 
 def test_laws_are_ranked_and_that_of_the_simulation_is_first(results, tmp_path):
     done = here("compare", *results.values(), "--out", tmp_path, "--no-refit")
-    assert done.exit_code in (0, 4), done.stderr
+    assert done.exit_code == 4, done.stderr
     table = pd.read_csv(tmp_path / "comparison.csv")
     assert list(table["model"]) == ["fancher", "maxwell_slip"]
     worse = table.iloc[1]
@@ -81,7 +82,7 @@ def test_laws_are_ranked_and_that_of_the_simulation_is_first(results, tmp_path):
 
 def test_motions_of_other_files_and_fits_are_not_compared(results, raw, tmp_path):
     one = here("motion", raw / GOOD[0], "--out", tmp_path / "one", *FEW)
-    assert one.exit_code in (0, 4), one.stderr
+    assert one.exit_code == 4, one.stderr
     done = here("compare", results["fancher"], tmp_path / "one", "--out", tmp_path / "out")
     assert_refused(done.exit_code, done.stderr, "not of the same raw files")
     assert not (tmp_path / "out").exists()

@@ -11,8 +11,10 @@ from helpers.command_line import environment, here, tree_of
 from helpers.law_rankings import ranked
 from helpers.motion_studies import motion_rows
 
+from bayes_tyre.rig.axle import load_rig
+from bayes_tyre.studies import motion_study
 from bayes_tyre.studies.calibration import Calibration
-from bayes_tyre.studies.motion_study import MotionStudy, summarise
+from bayes_tyre.studies.motion_study import STATIONARY, MotionStudy, Tried, summarise, tried
 from bayes_tyre.studies.outliers import KINDS, POSTERIOR, SHARES, Outliers, compare
 from bayes_tyre.studies.repeat_means import RULES
 from bayes_tyre.studies.uniformity import uniformity_table
@@ -97,6 +99,51 @@ def test_motions_are_written_and_said_in_words(tmp_path, monkeypatch):
     assert set(tree_of(tmp_path / "made")) == {"motion_study.csv", "motion_records.csv", "run.json"}
     assert "stationary, mismatch none, 2 records, 0 doubted: rms error k 1 % (bias +1, coverage 100%)" in done.stdout
     assert json.loads((tmp_path / "made" / "run.json").read_text())["options"]["rolling"] == 3
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("fully_compiled")
+def test_a_small_study_of_motions_from_simulation_to_tables(tmp_path, monkeypatch):
+    def standing_on_one_rig(*of: int) -> list[Tried]:
+        """Return two records as they are and one with each mismatch that a standing record can have."""
+        records = [record for record in tried(*of) if record.kind == STATIONARY]
+        rig = records[0].plan.case.configuration
+        return [record for record in records if record.plan.case.configuration == rig]
+
+    # Each rig is compiled for anew, and a rolling record takes minutes.
+    monkeypatch.setattr(motion_study, "tried", standing_on_one_rig)
+    done = here("study", "motion", "--out", tmp_path, "--stationary", 4, "--rolling", 0, "--mismatch", 1, "--seed", 8)
+    assert done.exit_code == 0, done.stderr
+    records = pd.read_csv(tmp_path / "motion_records.csv")
+    assert (records["cpu_seconds"] > 0).all()
+    right = records[records["mismatch"] == "none"]
+    assert len(right) == 2 * 5
+    # Ten normal numbers, five each correlated: one beyond 4 standard deviations in 0.06 % of seeds.
+    off = np.log(right["estimate"] / right["truth"]) / (right["sd"] / right["estimate"])
+    assert np.abs(off).max() < 4
+    # Fewer than seven of ten 95 % intervals that hold the truth: 0.1 % of seeds, were the ten independent.
+    assert right["inside"].sum() >= 7
+    assert (right["status"] == "ok").all()
+    # Of each mismatch what it must do. A mass off the rig's is among what the fit has unknown: right all the same.
+    of = dict(iter(records[records["mismatch"] != "none"].groupby("mismatch")))
+    mass = of.pop("mass 5 % off").set_index("parameter")
+    rig = load_rig(mass["configuration"].iloc[0])
+    assert mass.loc["m", "truth"] == pytest.approx(1.05 * rig.axle.effective_mass_kg)
+    # Five normal numbers: one beyond 4 standard deviations in 0.03 % of seeds.
+    assert (np.abs(np.log(mass["estimate"] / mass["truth"]) / (mass["sd"] / mass["estimate"])) < 4).all()
+    # A load that rises twice, and a stiffness that grows: of 1100 residuals the mean square has a standard deviation
+    # of 0.04, and 1.3 is what the status allows.
+    for name in ("load in two stages", "stiffness grows 2 %/mm"):
+        wrong = of.pop(name)
+        assert (wrong["chi_squared_acceleration"] > 1.3).all()
+        assert wrong["status"].str.contains("acceleration is off by").all()
+    # A lag is in the family of shapes but for its corner: what it does stays within a few per cent, and is counted.
+    (lag,) = of.values()
+    assert set(lag["mismatch"]) == {"first-order lag"}
+    assert lag["error_percent"].abs().max() < 5
+    table = pd.read_csv(tmp_path / "motion_study.csv").set_index(["mismatch", "parameter"])
+    assert table.loc[("load in two stages", "k"), "doubted"] == 1
+    assert "stationary, mismatch load in two stages, 1 records, 1 doubted" in done.stdout
 
 
 def test_a_study_of_no_motion_is_a_usage_error(tmp_path):

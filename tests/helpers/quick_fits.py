@@ -13,7 +13,7 @@ from bayes_tyre.workflow import fit as workflow
 
 
 def drawn(table: pd.DataFrame, *_: object) -> xr.DataTree:
-    """Return well-mixed draws for a record table."""
+    """Return well-mixed draws for a record table, not of its records: residuals correlate, and the verdict fails."""
     factor_table = record_factors(table)
     return posterior(scattered(factor_table, seed=4), factor_table)
 
@@ -28,5 +28,5 @@ def write_result(folder: Path) -> Path:
         put_draws_for_the_sampler(monkeypatch)
         table = written(small(), folder.with_name(f"{folder.name}.csv"))
         done = here("fit", table, "--out", folder, "--quiet")
-    assert done.exit_code in (0, 4), done.stderr
+    assert done.exit_code == 4, done.stderr
     return folder

@@ -53,5 +53,6 @@ def simulate(plan: Plan, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
                         tables.append(frame.assign(**factor_table, origin="simulated"))
                         truths.append(
                             {**factor_table, "k": k, "beta": beta, "J": J, "F_i": F_i, "sigma": plan.noise_kN}
+                            | {"k_case": k_case, "beta_case": beta_case}
                         )
     return pd.concat(tables, ignore_index=True), pd.DataFrame(truths)

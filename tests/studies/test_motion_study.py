@@ -1,4 +1,4 @@
-"""The study of motions: its records, its figures, the mismatches it plants, and a quick form of it."""
+"""The study of motions: its records, its figures and the mismatches it plants; `cli/test_study` runs one."""
 
 from collections import Counter
 
@@ -10,7 +10,7 @@ from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.draw import draw_truth
 from bayes_tyre.studies.motion_mismatch import MISMATCHES, OF_ROLLING, CurvedFancher
-from bayes_tyre.studies.motion_study import ROLLING, STATIONARY, study_motion, summarise, tried
+from bayes_tyre.studies.motion_study import ROLLING, STATIONARY, summarise, tried
 
 pytestmark = pytest.mark.usefixtures("fully_compiled")
 
@@ -81,15 +81,3 @@ def test_the_curved_law_solves_its_equation():
     np.testing.assert_allclose(slope, ((upper[1:] + upper[:-1]) / 2 - middle) / TYRE["beta"], atol=1e-4)
     # However the move is cut.
     assert float(law.force(np.array([10.0, 10.5]), 16.0)[-1]) == pytest.approx(F[-1], rel=1e-12)
-
-
-@pytest.mark.slow
-def test_quick_form_of_the_study():
-    found = study_motion(tried(2, 0, seed=8), seed=8).records
-    # Ten normal numbers, five each correlated: one beyond 4 standard deviations in 0.06 % of seeds.
-    off = np.log(found["estimate"] / found["truth"]) / (found["sd"] / found["estimate"])
-    assert np.abs(off).max() < 4
-    # Fewer than seven of ten 95 % intervals that hold the truth: 0.1 % of seeds, were the ten independent.
-    assert found["inside"].sum() >= 7
-    assert (found["status"] == "ok").all()
-    assert (found["cpu_seconds"] > 0).all()
