@@ -38,7 +38,7 @@ pd.set_option("display.max_columns", 20)
 published = bt.fit_published()
 checked = bt.diagnose(published)
 print(f"published tables: {checked.chains} chains of {checked.draws} draws; verdict: {checked.verdict}")
-for sentence in (*checked.reasons, *checked.remarks):
+for sentence in (*checked.reasons, *checked.limitations):
     print(sentence)
 
 # %% [markdown]

@@ -36,7 +36,7 @@ from bayes_tyre.rig import axle, geometry
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.signals import factors, inertia, process, thesis
 from bayes_tyre.simulate.simulator import simulate_record
-from bayes_tyre.studies import audit, audit_grid, audit_methods, audit_overview, audit_words
+from bayes_tyre.studies import audit, audit_grid, audit_methods, audit_overview, audit_sentences
 
 # %% [markdown]
 # ## What becomes of one record?
@@ -126,7 +126,7 @@ told[["bias_median", "bias_low", "bias_high", "hold the truth"]].round(1)
 # *Simulated, not measured, beside the 48 published betas.* The sentences are made from the table above.
 
 # %%
-sentences = audit_words.conclusion(found.table, characteristic_deflection()["beta_mm"].tolist())
+sentences = audit_sentences.conclusion(found.table, characteristic_deflection()["beta_mm"].tolist())
 for said in sentences:
     if said.startswith(("beta by", "The published", "Limits")):
         print(textwrap.fill(said, 110), end="\n\n")

@@ -127,9 +127,9 @@ def conclude(diagnostics: "Diagnostics", out: Path, quiet: bool) -> None:
 
 
 def report_verdict(diagnostics: "Diagnostics", out: Path, quiet: bool) -> None:
-    """Print where a fit was written, its verdict and where the data did not speak; reasons against it on stderr."""
+    """Print where a fit was written, its verdict and its limitations; reasons against it on stderr."""
     say(f"wrote {out}: verdict {diagnostics.verdict}", quiet)
     for reason in diagnostics.reasons:
         fault(reason)
-    for remark in diagnostics.remarks:
-        say(f"note: {one_line(remark)}", quiet)
+    for limitation in diagnostics.limitations:
+        say(f"note: {one_line(limitation)}", quiet)

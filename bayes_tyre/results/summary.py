@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.diagnostics.convergence import Figures, figures_kept, monitor
+from bayes_tyre.inference.diagnostics.convergence import Figures, monitor, stored_figures
 from bayes_tyre.inference.diagnostics.power_scaling import identified
 from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS
 from bayes_tyre.inference.sampling.datatree import RECORD_UNITS, case_parameters, shown_parameters
@@ -159,7 +159,7 @@ def _level(label: object) -> str:
 def _block(
     tree: xr.DataTree, factor_table: pd.DataFrame, parameter: str, draws: xr.DataArray, unit: str, interval: float
 ) -> pd.DataFrame:
-    described = describe(draws, interval, figures_kept(tree, str(draws.name)))
+    described = describe(draws, interval, stored_figures(tree, str(draws.name)))
     return pd.concat([factor_table.reset_index(drop=True).assign(parameter=parameter, unit=unit), described], axis=1)
 
 

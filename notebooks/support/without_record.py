@@ -3,11 +3,10 @@
 import numpy as np
 import pandas as pd
 import xarray as xr
-from arviz_stats.base.array import array_stats
 
 from bayes_tyre.batch import Batch
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.diagnostics.leave_one_out import PARETO_K_MOST
+from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST, smooth_log_weights
 from bayes_tyre.inference.diagnostics.record_marginal import hyperparameters, record_density, standard_points
 from bayes_tyre.inference.model.laplace import estimate_records
 from bayes_tyre.inference.record_data import record_data
@@ -51,7 +50,7 @@ def case_without(tree: xr.DataTree, table: pd.DataFrame, record: str, interval: 
     case = factors.of_record[at]
     of, z = hyperparameters(posterior, factors, case), standard_points(5, seed=0)
     density = record_density(likelihood_of(data, model, None), data, estimate_records(one, model.noise, None), of, z)
-    log_weights, pareto_k = array_stats.psislw(np.asarray(density.log_density)[:, 0])
+    log_weights, pareto_k = smooth_log_weights(-np.asarray(density.log_density)[:, 0])
     weights = np.exp(log_weights - np.max(log_weights))
     tails, rows = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0], []
     for parameter in CASE_PARAMETERS:
@@ -60,6 +59,6 @@ def case_without(tree: xr.DataTree, table: pd.DataFrame, record: str, interval: 
             lower, median, upper = np.quantile(draws, tails, method="inverted_cdf", weights=weighed)
             row = {"parameter": parameter, "unit": RECORD_UNITS[parameter], "records": name}
             row |= {"median": median, "lower": lower, "upper": upper, "interval": interval}
-            row |= {"pareto_k": float(pareto_k) if name == "without" else np.nan, "origin": tree.attrs["origin"]}
-            rows.append(row | {"trusted": name == "with" or bool(pareto_k <= PARETO_K_MOST)})
+            row |= {"pareto_k": pareto_k if name == "without" else np.nan, "origin": tree.attrs["origin"]}
+            rows.append(row | {"trusted": name == "with" or pareto_k <= PARETO_K_MOST})
     return pd.DataFrame(rows)

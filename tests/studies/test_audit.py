@@ -11,7 +11,7 @@ from bayes_tyre.studies.audit import COLUMNS, count_records
 from bayes_tyre.studies.audit_grid import FACTORS, PLANS, SOURCE_WINDOW, TYPICAL, Tyre, truth_of
 from bayes_tyre.studies.audit_methods import AMPLITUDE_MM, energy_J, motion_values
 from bayes_tyre.studies.audit_overview import follow, in_words, overview, sways
-from bayes_tyre.studies.audit_words import conclusion, lines
+from bayes_tyre.studies.audit_sentences import conclusion, lines
 
 pytestmark = pytest.mark.usefixtures("fully_compiled")
 

@@ -28,14 +28,14 @@ def test_nothing_is_said_where_all_is_well():
 @pytest.mark.parametrize(("bad", "named"), [(1, "single 0 loading 1"), (3, "unloading 1"), (4, "and 1 more")])
 def test_estimates_that_failed_their_check_are_named_and_half_of_them_fail_the_verdict(bad, named):
     found = with_estimates(SOUND, estimated(bad, 0))
-    said = found.reasons if bad >= len(FACTORS) / 2 else found.remarks
+    said = found.reasons if bad >= len(FACTORS) / 2 else found.limitations
     assert found.verdict == ("fail" if bad >= len(FACTORS) / 2 else "pass")
     assert named in said[-1]
     assert "3 times as wide" in said[-1]
-    assert found.remarks[0] == "said before"
+    assert found.limitations[0] == "said before"
 
 
 def test_files_without_an_estimate_are_counted():
     found = with_estimates(SOUND, estimated(0, 2))
     assert found.verdict == "pass"
-    assert found.remarks[-1].startswith("2 files have no estimate")
+    assert found.limitations[-1].startswith("2 files have no estimate")

@@ -37,7 +37,7 @@ def audit(
     prepare_jax()
     from bayes_tyre.studies.audit import count_records
     from bayes_tyre.studies.audit_grid import PLANS
-    from bayes_tyre.studies.audit_words import lines
+    from bayes_tyre.studies.audit_sentences import lines
     from bayes_tyre.workflow.studies.audit import write_audit
 
     options = {"plan": plan.value, "replicates": replicates, "seed": seed}

@@ -1,7 +1,7 @@
 """How well a model predicts a record that it has not seen: leave-one-record-out, a whole record at a time.
 
-The posterior of the populations stands in for the one without the record, reweighted by Pareto-smoothed importance
-sampling (Vehtari et al. 2024, "Pareto smoothed importance sampling"); where that fails, the model is fitted again
+Draws of the posterior with the record are reweighted to the posterior without it, by ArviZ's leave-one-out with
+Pareto-smoothed importance sampling (Vehtari et al. 2024); where k-hat says that this fails, the model is fitted again
 without the record.
 """
 
@@ -18,6 +18,7 @@ from jaxtyping import Float
 
 from bayes_tyre.batch import Batch
 from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
 from bayes_tyre.inference.diagnostics.record_marginal import (
     RecordDensity,
     hyperparameters,
@@ -38,9 +39,7 @@ from bayes_tyre.inference.sampling.run import SamplerSettings
 
 #: Draws of the posterior at which each record's density is taken.
 DRAWS = 500
-#: Above this the importance weights have no reliable mean, and the model is fitted again.
-PARETO_K_MOST = 0.7
-#: Fewest points that an integral over a record's own parameters may rest on.
+#: Least effective number of points of the integral over a record's own parameters.
 EFFECTIVE_LEAST = 20.0
 
 
@@ -57,7 +56,7 @@ class LeaveOneOut:
     refitted:
         Shape (records,): True where the model was fitted again without the record.
     effective_points:
-        Shape (records,): points that the integral over the record's own parameters rests on.
+        Shape (records,): effective number of points of the integral over the record's own parameters.
     """
 
     elpd: ELPDData
@@ -86,36 +85,36 @@ def leave_one_record_out(
     Parameters
     ----------
     tree, table, model:
-        The posterior, the checked record table that it was fitted to, and what else the model was told.
+        The posterior, the checked record table that it was fitted to, and the model's other settings.
     refit:
-        How much to sample where importance sampling fails; None: no refit, and the estimate stays as it is.
+        Sampler settings of the refit where importance sampling fails; None: no refit, the estimate stays as it is.
     on_refit:
         Called with the record's name before each refit.
 
     Raises
     ------
     BadInput
-        With a single record there is nothing to predict it from.
+        With a single record: there is nothing to predict it from.
     """
     batch, factor_table, factors = batch_and_factors(table, model)
     if len(batch.records) < 2:
         raise BadInput("one record cannot be predicted from others; models are compared on two or more")
-    found = _densities(as_measured(thinned(tree)), batch, factors, factors.of_record, model)
+    densities = _densities(as_measured(thinned(tree)), batch, factors, factors.of_record, model)
     chains = tree["posterior"].sizes["chain"]
-    by_chain = np.asarray(found.log_density).reshape(chains, -1, len(batch.records))
-    effective = np.median(np.asarray(found.effective_points), axis=0)
+    by_chain = np.asarray(densities.log_density).reshape(chains, -1, len(batch.records))
+    effective = np.median(np.asarray(densities.effective_points), axis=0)
 
-    def exactly(record: int) -> float:
-        return _exactly(record, batch, factor_table, factors, refit or SamplerSettings(), model)
+    def refit_without(record: int) -> float:
+        return _refit_without(record, batch, factor_table, factors, refit or SamplerSettings(), model)
 
-    return left_out(by_chain, batch.records, effective, exactly if refit is not None else None, on_refit)
+    return left_out(by_chain, batch.records, effective, refit_without if refit is not None else None, on_refit)
 
 
 def left_out(
     by_chain: Float[np.ndarray, "chains draws records"],
     records: Sequence[str],
     effective: Float[np.ndarray, " records"],
-    exactly: Callable[[int], float] | None,
+    refit_without: Callable[[int], float] | None,
     on_refit: Callable[[str], None],
 ) -> LeaveOneOut:
     """Return the log predictive densities of records left out, from those at draws of the posterior with them.
@@ -127,35 +126,36 @@ def left_out(
     records:
         Their names.
     effective:
-        Points that those integrals rest on.
-    exactly:
-        What a fit without a record says of it, asked where importance sampling fails; None: nobody is asked.
+        Effective numbers of points of those integrals.
+    refit_without:
+        Gives the log predictive density of a record from a fit without it, where importance sampling fails; None:
+        no refit.
     on_refit:
-        Called with the record's name before.
+        Called with the record's name before each refit.
     """
-    given = az.from_dict(
+    tree = az.from_dict(
         {"posterior": {"level": by_chain.mean(axis=2)}, "log_likelihood": {"record_force": by_chain}},
         coords={"record": list(records)},
         dims={"record_force": ["record"], "level": []},
     )
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Estimated shape parameter", UserWarning)  # told below, record by record
-        elpd = az.loo(given, pointwise=True, reff=1.0)
+        warnings.filterwarnings("ignore", "Estimated shape parameter", UserWarning)
+        elpd = az.loo(tree, pointwise=True, reff=1.0)
     assert isinstance(elpd, ELPDData)
     pareto_k = elpd.pareto_k.to_numpy()
     failed, values = np.zeros(len(pareto_k), bool), elpd.elpd_i.copy()
-    if exactly is not None:
+    if refit_without is not None:
         failed = pareto_k > PARETO_K_MOST
         for record in map(int, np.flatnonzero(failed)):
             on_refit(records[record])
-            values[record] = exactly(record)
+            values[record] = refit_without(record)
     elpd.elpd_i, elpd.elpd = values, float(values.sum())
     elpd.se = float(np.sqrt(len(values) * values.var()))
     return LeaveOneOut(elpd, pareto_k, failed, effective)
 
 
 def thinned(tree: xr.DataTree) -> xr.Dataset:
-    """Return some `DRAWS` of a posterior's draws, evenly spaced."""
+    """Return about `DRAWS` of a posterior's draws, evenly spaced."""
     posterior = tree["posterior"].to_dataset()
     every = max(1, posterior.sizes["chain"] * posterior.sizes["draw"] // DRAWS)
     return posterior.isel(draw=slice(None, None, every))
@@ -164,17 +164,16 @@ def thinned(tree: xr.DataTree) -> xr.Dataset:
 def _densities(
     posterior: xr.Dataset, batch: Batch, factors: Factors, cases: np.ndarray, model: ModelSettings
 ) -> RecordDensity:
-    """Return the density of the records of a batch, whose cases are given, under a posterior's populations."""
+    """Return the density of the records of a batch, whose cases are given, under a posterior's hyperparameters."""
     data, whitening = record_data(batch), whitening_for(batch, model)
     estimates = estimate_records(batch, model.noise, whitening)
-    of = hyperparameters(posterior, factors, cases)
+    draws = hyperparameters(posterior, factors, cases)
     z = standard_points(6 if model.noise == "ar1" else 5, seed=0)
-    return record_density(
-        likelihood_of(data, model, whitening), data, estimates, of, z, model.priors.discordant_widening
-    )
+    likelihood, widening = likelihood_of(data, model, whitening), model.priors.discordant_widening
+    return record_density(likelihood, data, estimates, draws, z, widening)
 
 
-def _exactly(
+def _refit_without(
     record: int,
     batch: Batch,
     factor_table: pd.DataFrame,
@@ -182,15 +181,15 @@ def _exactly(
     settings: SamplerSettings,
     model: ModelSettings,
 ) -> float:
-    """Return the log predictive density of a record from a fit without it; its case stays, if only as its words."""
+    """Return the log predictive density of a record from a fit without it; its case stays, if only by its factors."""
     others = np.arange(len(batch.records)) != record
     without = replace(factors, of_record=factors.of_record[others])
-    posterior = fit_batch(_chosen(batch, others), factor_table[others].reset_index(drop=True), without, settings, model)
-    found = _densities(thinned(posterior), _chosen(batch, ~others), factors, factors.of_record[~others], model)
-    log_density = np.asarray(found.log_density)[:, 0]
+    posterior = fit_batch(_select(batch, others), factor_table[others].reset_index(drop=True), without, settings, model)
+    densities = _densities(thinned(posterior), _select(batch, ~others), factors, factors.of_record[~others], model)
+    log_density = np.asarray(densities.log_density)[:, 0]
     return float(np.logaddexp.reduce(log_density) - np.log(len(log_density)))
 
 
-def _chosen(batch: Batch, which: np.ndarray) -> Batch:
-    names = tuple(name for name, chosen in zip(batch.records, which, strict=True) if chosen)
-    return Batch(names, batch.displacement_mm[which], batch.force_kN[which], batch.present[which])
+def _select(batch: Batch, mask: np.ndarray) -> Batch:
+    names = tuple(name for name, is_selected in zip(batch.records, mask, strict=True) if is_selected)
+    return Batch(names, batch.displacement_mm[mask], batch.force_kN[mask], batch.present[mask])

@@ -13,8 +13,8 @@ from bayes_tyre.inference.diagnostics.convergence import (
     Worst,
     by_chain,
     by_parameter,
+    discordant_chain,
     figures_of,
-    odd_chain,
     where_divergent,
     worst,
 )
@@ -47,8 +47,8 @@ class Diagnostics(NamedTuple):
         The worst over all parameters (chains); NaN where they do not exist.
     residual_autocorrelation:
         Median over records of the residuals' lag-1 autocorrelation; NaN without records.
-    remarks:
-        What a reader should know and that fails nothing, such as where the data did not speak: one sentence each.
+    limitations:
+        What a reader should know and that fails nothing, such as weakly identified quantities: one sentence each.
     by_parameter, by_chain:
         The figures of each parameter and of each chain's sampler, as
         `bayes_tyre.inference.diagnostics.convergence` has them.
@@ -64,7 +64,7 @@ class Diagnostics(NamedTuple):
     draws: int
     chains: int
     residual_autocorrelation: float
-    remarks: tuple[str, ...] = ()
+    limitations: tuple[str, ...] = ()
     by_parameter: dict[str, dict[str, Any]] = {}  # noqa: RUF012  (a field of a named tuple, never changed)
     by_chain: list[dict[str, Any]] = []  # noqa: RUF012
 
@@ -131,7 +131,7 @@ def _disagreement(posterior: xr.Dataset, figures: Figures, found: Worst) -> Iter
         yield "one chain cannot be compared with another: use --chains 4"
     elif not found.value <= R_HAT_MOST:
         bad = sum(bool((figure > R_HAT_MOST).any()) for figure in figures.r_hat.data_vars.values())
-        chain = f"chain {odd_chain(posterior, found.element)} most" if found.element else "all of them"
+        chain = f"chain {discordant_chain(posterior, found.element)} most" if found.element else "all of them"
         yield (
             f"{found.element}: R-hat {found.value:.3f} is above {R_HAT_MOST}{_others(bad)}: chains disagree, {chain}; "
             f"{_MORE}"

@@ -1,1 +1,1 @@
-"""Equation 2 fitted to each record by itself: bounded Levenberg-Marquardt, starting values, status, tables."""
+"""Nonlinear least squares of Equation 2 for each record: solvers, starting values, standard errors, status, table."""

@@ -1,4 +1,9 @@
-"""Levenberg-Marquardt in a box, as an optimistix solver: every step is the best one that stays inside."""
+"""Levenberg-Marquardt with bounds on the parameters, as an optimistix solver.
+
+Ours because optimistix has no bounded least-squares solver: to clip its steps, or to map the bounds to infinity, stops
+short of an optimum at a bound. Each step here minimises the damped quadratic within the bounds. A fit that fails is a
+value, as everywhere in optimistix (`throw=False`), so that one record of a vectorised batch does not stop the others.
+"""
 
 from collections.abc import Callable
 from typing import Any, override
@@ -10,14 +15,14 @@ import lineax as lx
 import optimistix as optx
 from jaxtyping import Array, Bool, Float, PyTree
 
-from bayes_tyre.inference.least_squares.small_linear_algebra import lowest_in_box, times
+from bayes_tyre.inference.least_squares.small_linear_algebra import minimise_bounded_quadratic, times
 
 Info = optx.FunctionInfo.EvalGradHessian
 
-#: The trust in a step grows where it gains this part of what was predicted (Nocedal and Wright 2006, algorithm 4.1).
-#: With optimistix's 0.99 one record in ten takes 144 steps or more along the valley of k and beta, instead of 18.
+#: The trust region grows where the gain is this part of the predicted one (Nocedal and Wright 2006, algorithm 4.1).
+#: With optimistix's 0.99 one record in ten takes 144 steps or more, as k and beta are correlated, instead of 18.
 _HIGH_CUTOFF = 0.75
-#: Part of a sum of squares below which a gain cannot be told from rounding.
+#: Part of a sum of squares below which a gain is rounding.
 _ROUNDING = 4 * float(jnp.finfo(jnp.float64).eps)
 
 
@@ -32,19 +37,18 @@ class _State(eqx.Module):
 class BoxLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     """Levenberg-Marquardt whose steps minimise the damped Gauss-Newton quadratic within [`low`, `high`].
 
-    The iterate is never outside, reaches a side exactly, and leaves it again where that is better: with the active
-    sides known it is Levenberg-Marquardt on the others. Of the residuals only their sum of squares, its gradient and
-    J^T J are kept from step to step: a few numbers a problem, which is what makes a large batch fast. Products of
-    columns lose what is below 1e-8 of their size; only the step sees that, the gradient that it must bring to zero
-    does not.
+    The iterate stays within the bounds, reaches a bound exactly, and leaves it again where that is better. Only the
+    sum of squares, its gradient and J^T J are carried from step to step: a few numbers a problem, which makes a large
+    batch fast. J^T J loses digits below 1e-8 of a column's norm. This affects the step alone, not the gradient that is
+    zero at the optimum.
 
     Attributes
     ----------
     low, high:
-        The box; infinite where there is no side.
+        Bounds; infinite where there is none.
     rtol, atol:
-        A step below these ends the solve, as does one that gains no more than rounding. That step is taken unjudged:
-        where the sum of squares is flat, its gradient still tells the way.
+        A step below these ends the solve, as does one that gains no more than rounding. That step is taken without an
+        evaluation: where the sum of squares is flat to rounding, its gradient is still accurate.
     """
 
     low: Float[Array, " n"]
@@ -64,13 +68,14 @@ class BoxLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
 
     @override
     def step(self, fn, y, args, options, state: _State, tags) -> tuple[Float[Array, " n"], _State, PyTree]:
-        """Judge the point tried, move there if it is better, and find the next one to try."""
-        tried, aux = _evaluate(fn, state.y_eval, args)
-        _, better, _, search = self.search.step(state.first_step, y, state.y_eval, state.info, tried, state.search)
-        y, info = _where(better, (state.y_eval, tried), (y, state.info))
+        """Evaluate the trial point, move there if it is better, and find the next trial point."""
+        trial, aux = _evaluate(fn, state.y_eval, args)
+        _, better, _, search = self.search.step(state.first_step, y, state.y_eval, state.info, trial, state.search)
+        y, info = _where(better, (state.y_eval, trial), (y, state.info))
         hessian = info.hessian.as_matrix()
         damped = hessian + jnp.eye(y.size) / search.step_size
-        y_eval = jnp.clip(y + lowest_in_box(damped, info.grad, self.low - y, self.high - y), self.low, self.high)
+        best = minimise_bounded_quadratic(damped, info.grad, self.low - y, self.high - y)
+        y_eval = jnp.clip(y + best, self.low, self.high)
         move = y_eval - y
         gain = -jnp.sum(move * (info.grad + 0.5 * times(hessian, move)))
         small = self.norm(jnp.abs(move) / (self.atol + self.rtol * jnp.abs(y))) < 1.0

@@ -1,4 +1,4 @@
-"""Least squares on Equation 2: all records of a batch in one jit and one vmap, failures as values."""
+"""Least-squares estimates of Equation 2 with standard errors, vectorised over records; failures are values."""
 
 from typing import NamedTuple
 
@@ -9,34 +9,34 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
-from bayes_tyre.inference.least_squares.beta_grid import scanned
+from bayes_tyre.inference.least_squares.beta_grid import grid_minima
 from bayes_tyre.inference.least_squares.bounded_levenberg_marquardt import BoxLevenbergMarquardt
 from bayes_tyre.inference.least_squares.parameters import BETA, D_I, F_I, C, K
 from bayes_tyre.inference.least_squares.scaled_problem import OwnProblem, Problem, in_own_units
-from bayes_tyre.inference.least_squares.small_linear_algebra import triangle
+from bayes_tyre.inference.least_squares.small_linear_algebra import r_factor
 from bayes_tyre.inference.least_squares.starting_values import solve_linear, starting_values
 from bayes_tyre.inference.least_squares.variable_projection import ends, optimum, profile_of, solve
 
 __all__ = ["BETA", "D_I", "F_I", "C", "Estimate", "K", "Problem", "estimate_batch", "estimate_record"]
 
-#: Most steps of a fit, and of one of the many that d_i is tried with.
-MAX_STEPS, TRIED_STEPS = 512, 32
+#: Most steps of a fit, and of a short fit from each tried d_i.
+MAX_STEPS, SHORT_STEPS = 512, 32
 TOLERANCE = 1e-11
-#: Singular values of the column-scaled Jacobian below this, relative to the largest, are rank lost.
+#: Singular values of the column-scaled Jacobian below this, relative to the largest, count as 0.
 RANK_TOLERANCE = 1e-7
-#: 95 % point of chi-squared with one degree of freedom: a profile that rises less is open to that side.
+#: 95 % quantile of chi-squared with one degree of freedom: beta is unbounded to a side where its profile rises less.
 CHI2_95 = 3.841458820694124
-#: A parameter this near to its bound, in own units, is on it; beta, relative to itself.
+#: A parameter this near to its bound, in scaled units, is at it; beta, relative to itself.
 AT_BOUND = 1e-11
 
 
-#: Records fitted side by side: few enough that what a step needs of them stays in a core's cache.
+#: Records vectorised in one block: few enough that their working set stays in a core's cache.
 BLOCK = 16
 _RECORDS = "records"
 
 
 class Estimate(NamedTuple):
-    """The least-squares estimate of a record, with what it is worth; a leading axis batches it.
+    """The least-squares estimate of a record, with its reliability; a leading axis batches it.
 
     Attributes
     ----------
@@ -48,12 +48,12 @@ class Estimate(NamedTuple):
     at_bound:
         Shape (5,); True where the value is one of its bounds.
     undetermined:
-        Shape (5,); True where the Jacobian has lost the parameter.
+        Shape (5,); True where the parameter is in the null space of the Jacobian.
     beta_open_below, beta_open_above:
         True where beta towards zero (infinity) fits no worse: the record gives only a bound. False to a side
         where a bound was given.
     converged:
-        False where the solver ran out of steps or met numbers that are not finite.
+        False where the solver ran out of steps or met values that are not finite.
     """
 
     value: Float[Array, "*records 5"]
@@ -67,7 +67,7 @@ class Estimate(NamedTuple):
 
 
 class _Fit(NamedTuple):
-    """Parameters in own units, the RSS there (infinite if a number is not finite), and whether it is an optimum."""
+    """Parameters in scaled units, the RSS there (infinite if a value is not finite), and whether it is an optimum."""
 
     value: Float[Array, "5"]
     rss: Float[Array, ""]
@@ -86,19 +86,19 @@ def _fit(value: Float[Array, "5"], own: OwnProblem, free: tuple[int, ...], steps
     side = jnp.where(jnp.isfinite(own.low), own.low, jnp.where(jnp.isfinite(own.high), own.high, 0.0))
     anchor = jnp.where(bends, side, 0.0)
 
-    # log beta: raw beta steps negative, and overflows. k and C, from their bound on, times the part of the line that is
-    # reached at full travel: beyond the travel only k / beta and C / beta are determined. Within two bounds they stay.
-    def reached(beta: Float[Array, ""]) -> Float[Array, "5"]:
+    # Log beta, because steps in beta would leave its range. k and C less their bound, times the rise at full travel:
+    # for beta beyond the travel only k / beta and C / beta are determined. Between two bounds they stay as they are.
+    def rise(beta: Float[Array, ""]) -> Float[Array, "5"]:
         return jnp.where(bends, -jnp.expm1(-1.0 / beta), 1.0)
 
     def to_value(unknown: Float[Array, " free"]) -> Float[Array, "5"]:
         packed = own.base.at[index].set(unknown)
         if BETA in free:
             packed = packed.at[BETA].set(jnp.exp(packed[BETA]))
-        return jnp.where(_mask(free), anchor + packed / reached(packed[BETA]), own.base)
+        return jnp.where(_mask(free), anchor + packed / rise(packed[BETA]), own.base)
 
     def to_unknown(value: Float[Array, "5"]) -> Float[Array, " free"]:
-        packed = (value - anchor) * reached(value[BETA])
+        packed = (value - anchor) * rise(value[BETA])
         return packed.at[BETA].set(jnp.log(packed[BETA]))[index]
 
     ends = jnp.log(jnp.stack(own.beta_ends))
@@ -112,10 +112,10 @@ def _fit(value: Float[Array, "5"], own: OwnProblem, free: tuple[int, ...], steps
         max_steps=steps,
         throw=False,
     )
-    found = to_value(solution.value)
-    rss = jnp.sum(own.residual(found) ** 2)
-    finite = jnp.all(jnp.isfinite(found)) & jnp.isfinite(rss)
-    return _Fit(found, jnp.where(finite, rss, jnp.inf), finite & (solution.result == optx.RESULTS.successful))
+    estimate = to_value(solution.value)
+    rss = jnp.sum(own.residual(estimate) ** 2)
+    finite = jnp.all(jnp.isfinite(estimate)) & jnp.isfinite(rss)
+    return _Fit(estimate, jnp.where(finite, rss, jnp.inf), finite & (solution.result == optx.RESULTS.successful))
 
 
 def _best_fit(starts: Float[Array, "starts 5"], own: OwnProblem, free: tuple[int, ...]) -> _Fit:
@@ -123,9 +123,9 @@ def _best_fit(starts: Float[Array, "starts 5"], own: OwnProblem, free: tuple[int
     # lax.map, not vmap: memory stays at one batch whatever the number of starts.
     if D_I not in free:
         return _best(jax.lax.map(lambda start: _fit(start, own, free), starts))
-    # The RSS has a kink where d_i passes a point, and the solver is slow beside one: most starts are only tried out.
-    tried = jax.lax.map(lambda start: _fit(start, own, free, TRIED_STEPS), starts)
-    fits = [_fit(tried.value[jnp.argmin(tried.rss)], own, free)]
+    # The RSS has a kink where d_i passes a point, near which the solver is slow: short fits choose among the starts.
+    short = jax.lax.map(lambda start: _fit(start, own, free, SHORT_STEPS), starts)
+    fits = [_fit(short.value[jnp.argmin(short.rss)], own, free)]
     others = tuple(i for i in free if i != D_I)
     if others:
         # Where a kink is a minimum, the solver stops on the way into it.
@@ -145,7 +145,7 @@ def _best(fits: _Fit) -> _Fit:
 def _errors(
     tangents: list[Float[Array, " points"]], own: OwnProblem, fitted: Bool[Array, "5"], free: tuple[int, ...]
 ) -> tuple[Float[Array, "5"], Bool[Array, "5"]]:
-    """Return standard errors over that of a point, and the parameters lost in the null space of the Jacobian.
+    """Return standard errors over that of a point, and which parameters are in the null space of the Jacobian.
 
     `tangents`: derivative of the residuals with respect to each free parameter.
     """
@@ -153,45 +153,45 @@ def _errors(
     columns = [jnp.where(fitted[i], tangent, 0.0) for i, tangent in zip(free, tangents, strict=True)]
     size = jnp.stack([jnp.linalg.norm(column) for column in columns])
     scale = jnp.where(size > 0, size, 1.0)
-    _, singular, vectors = jnp.linalg.svd(triangle([column / s for column, s in zip(columns, scale, strict=True)]))
-    kept = singular > RANK_TOLERANCE * singular[0]
-    inverse = jnp.where(kept, 1.0 / jnp.where(kept, singular, 1.0), 0.0)
+    _, singular, vectors = jnp.linalg.svd(r_factor([column / s for column, s in zip(columns, scale, strict=True)]))
+    nonzero = singular > RANK_TOLERANCE * singular[0]
+    inverse = jnp.where(nonzero, 1.0 / jnp.where(nonzero, singular, 1.0), 0.0)
     root = jnp.zeros((5, len(free))).at[index].set(vectors.T * inverse / scale[:, None])
-    lost = jnp.zeros(5, bool).at[index].set(jnp.max(jnp.abs(vectors) * ~kept[:, None], axis=0) > 0.1) & fitted
+    lost = jnp.zeros(5, bool).at[index].set(jnp.max(jnp.abs(vectors) * ~nonzero[:, None], axis=0) > 0.1) & fitted
     # Away from zero displacement C is the line's force less k times the distance: no better known than k.
     lost = lost.at[C].set(lost[C] | (fitted[C] & lost[K] & (own.units.origin != 0)))
     return jnp.where(fitted & ~lost, own.units.deviations(root), jnp.nan), lost
 
 
-def _to_the_digit(
+def _exact_at_bounds(
     value: Float[Array, "5"], at_bound: Bool[Array, "5"], problem: Problem, free: tuple[int, ...]
 ) -> Float[Array, "5"]:
-    """Return the values with those that were fixed, or end on a bound, exactly as they were given."""
+    """Return the values, those that are fixed or at a bound exactly as given."""
     low, high = problem.bounds
     bound = jnp.where(jnp.abs(value - low) < jnp.abs(value - high), low, high)
     inside = jnp.where(at_bound, bound, jnp.clip(value, low, high))
     return jnp.where(_mask(free), inside, problem.base)
 
 
-class _Found(NamedTuple):
-    """A fit, the derivatives of its residuals by free parameter, and the RSS where beta is at either of its ends."""
+class _Solution(NamedTuple):
+    """A fit, the derivatives of its residuals by free parameter, and the RSS with beta at either limit."""
 
     fit: _Fit
     tangents: list[Float[Array, " points"]]
     rss_at_ends: list[Float[Array, ""]]
 
 
-def _found_on_the_profile(
-    given: Float[Array, "starts 5"], own: OwnProblem, free: tuple[int, ...], beside: str | None
-) -> _Found:
-    """Return the best of the fits from several betas (mm; NaN: found from the data), all else being linear."""
+def _solve_profile(
+    given: Float[Array, "starts 5"], own: OwnProblem, free: tuple[int, ...], axis_name: str | None
+) -> _Solution:
+    """Return the best of the fits from several betas (mm; NaN: estimated from the data), all else being linear."""
     profile = profile_of(own)
     at_ends = [optimum(profile, beta, free) for beta in ends(profile)]
-    low, second_counts = scanned(profile, at_ends[0], free, beside)
-    alone = jnp.log((given[:, BETA] - own.units.zero[BETA]) / own.units.unit[BETA])
-    found = jnp.isnan(alone)[:, None]
-    starts = jnp.where(found, low, alone[:, None]).ravel()
-    wanted = jnp.where(found, jnp.stack([jnp.array(True), second_counts]), jnp.array([True, False])).ravel()
+    low, second_counts = grid_minima(profile, at_ends[0], free, axis_name)
+    log_given = jnp.log((given[:, BETA] - own.units.zero[BETA]) / own.units.unit[BETA])
+    missing = jnp.isnan(log_given)[:, None]
+    starts = jnp.where(missing, low, log_given[:, None]).ravel()
+    wanted = jnp.where(missing, jnp.stack([jnp.array(True), second_counts]), jnp.array([True, False])).ravel()
 
     def fit(start: tuple[Float[Array, ""], Bool[Array, ""]]) -> _Fit:
         solution = solve(profile, *start, free, TOLERANCE, MAX_STEPS)
@@ -201,26 +201,26 @@ def _found_on_the_profile(
         return _Fit(value, jnp.where(finite, rss, jnp.inf), finite & (solution.result == optx.RESULTS.successful))
 
     best = _best(jax.lax.map(fit, (starts, wanted)))
-    there = optimum(profile, best.value[BETA], free)
-    # Where the RSS is flat down to the least beta, rounding would choose among the betas: the least is taken.
-    flat = at_ends[0].rss <= there.rss + profile.rounding
-    there = jax.tree.map(lambda a, b: jnp.where(flat, a, b), at_ends[0], there)
-    finite = jnp.all(jnp.isfinite(there.value)) & jnp.isfinite(there.rss)
-    found = _Fit(there.value, jnp.where(finite, there.rss, jnp.inf), best.converged & finite)
-    return _Found(found, [there.tangents[i] for i in free], [end.rss for end in at_ends])
+    point = optimum(profile, best.value[BETA], free)
+    # Where the RSS is flat down to the least beta, rounding would choose beta: the least is taken.
+    flat = at_ends[0].rss <= point.rss + profile.rounding
+    point = jax.tree.map(lambda a, b: jnp.where(flat, a, b), at_ends[0], point)
+    finite = jnp.all(jnp.isfinite(point.value)) & jnp.isfinite(point.rss)
+    result = _Fit(point.value, jnp.where(finite, point.rss, jnp.inf), best.converged & finite)
+    return _Solution(result, [point.tangents[i] for i in free], [end.rss for end in at_ends])
 
 
-def _found_in_full(given: Float[Array, "starts 5"], own: OwnProblem, free: tuple[int, ...]) -> _Found:
-    """Return the best of the fits from several starts (kN, mm; NaN: found from the data), within bounds."""
+def _solve_full(given: Float[Array, "starts 5"], own: OwnProblem, free: tuple[int, ...]) -> _Solution:
+    """Return the best of the fits from several starts (kN, mm; NaN: estimated from the data), within bounds."""
     fit = _best_fit(starting_values(given, own, free), own, free)
     units = jnp.eye(5)
     tangents = [jax.jvp(own.residual, (fit.value,), (units[i],))[1] for i in free]
     ends = [solve_linear(beta, fit.value, own, free)[1] for beta in own.beta_ends] if BETA in free else []
-    return _Found(fit, tangents, ends)
+    return _Solution(fit, tangents, ends)
 
 
 def estimate_record(
-    problem: Problem, free: tuple[int, ...], beta_alone: bool = False, beside: str | None = None
+    problem: Problem, free: tuple[int, ...], beta_alone: bool = False, axis_name: str | None = None
 ) -> Estimate:
     """Return the least-squares estimate of one record.
 
@@ -231,23 +231,23 @@ def estimate_record(
     free:
         Indices into `PARAMETERS` of those to fit; static.
     beta_alone:
-        Whether beta is the one free parameter that is not linear, and none is bounded; static. The same optimum is
-        then found along the profile over log beta.
-    beside:
-        Name of the axis that records lie side by side on, where they do.
+        Whether beta is the only nonlinear free parameter, and none is bounded; static. The optimum is then found by
+        variable projection.
+    axis_name:
+        Name of the `jax.vmap` axis of records, where they are vectorised.
 
-    Source: Equation 2; in log beta, Newton on the profile or Levenberg-Marquardt on all (optimistix); errors from
+    Source: Equation 2; Newton's method on the profile over log beta, or bounded Levenberg-Marquardt; errors from
     RSS / (points - fitted), where a parameter at its bound is not counted as fitted.
     """
     own = in_own_units(problem, free)
     given = problem.start
-    found = _found_on_the_profile(given, own, free, beside) if beta_alone else _found_in_full(given, own, free)
-    (value, rss, converged), tangents, rss_at_ends = found
+    solution = _solve_profile(given, own, free, axis_name) if beta_alone else _solve_full(given, own, free)
+    (value, rss, converged), tangents, rss_at_ends = solution
     near = AT_BOUND * jnp.where(_mask((BETA,)), value, 1.0 + jnp.abs(value))
     at_bound = _mask(free) & ((value <= own.low + near) | (value >= own.high - near))
     fitted = _mask(free) & ~at_bound
     spare = jnp.sum(problem.used) - jnp.sum(fitted)
-    # Exact data have no residual: rounding stands in for the noise, so that profiles compare against something.
+    # Exact data have no residual: the variance is then that of rounding.
     rounding = 1e-12 * jnp.max(jnp.where(problem.used, jnp.abs(problem.F), 0.0)) / own.units.span
     variance = jnp.maximum(rss / jnp.maximum(spare, 1), rounding**2)
     errors, lost = _errors(tangents, own, fitted, free)
@@ -256,7 +256,7 @@ def estimate_record(
         ends = [at_end - rss < CHI2_95 * variance for at_end in rss_at_ends]
         below, above = ends[0] & ~(own.low[BETA] > 0), ends[1] & ~jnp.isfinite(own.high[BETA])
     return Estimate(
-        value=_to_the_digit(own.units.given(value), at_bound, problem, free),
+        value=_exact_at_bounds(own.units.given(value), at_bound, problem, free),
         standard_error=errors * jnp.sqrt(jnp.where(spare > 0, variance, jnp.nan)),
         rss=rss * own.units.span**2,
         at_bound=at_bound,
@@ -268,19 +268,19 @@ def estimate_record(
 
 
 def estimate_batch(problems: Problem, free: tuple[int, ...]) -> Estimate:
-    """Return `estimate_record` of every record of a batch, compiled once a number of blocks and set of free parameters.
+    """Return `estimate_record` of every record of a batch, compiled by number of blocks and free parameters.
 
-    Filled up to whole blocks, by the last record: else every number of records would be compiled for anew.
+    Padded with the last record to whole blocks, because each number of blocks is compiled.
     """
     count = len(problems.d)
     rows = np.minimum(np.arange(count + -count % BLOCK), count - 1)
-    filled = jax.tree.map(lambda field: jnp.asarray(np.asarray(field)[rows]), problems)
-    estimates = _estimate_blocks(filled, free, _beta_alone(problems, free))
+    padded = jax.tree.map(lambda field: jnp.asarray(np.asarray(field)[rows]), problems)
+    estimates = _estimate_blocks(padded, free, _beta_alone(problems, free))
     return jax.tree.map(lambda field: np.asarray(field)[:count], estimates)
 
 
 def _beta_alone(problems: Problem, free: tuple[int, ...]) -> bool:
-    """Return whether beta is free and not linear alone, something else is free, and nothing is bounded."""
+    """Return whether beta is the only nonlinear free parameter, another is free, and none is bounded."""
     if BETA not in free or D_I in free or len(free) < 2:
         return False
     return not any(side is not None and np.isfinite(side).any() for side in (problems.low, problems.high))
@@ -292,6 +292,6 @@ def _estimate_blocks(problems: Problem, free: tuple[int, ...], beta_alone: bool)
         return jax.vmap(lambda problem: estimate_record(problem, free))(problems)
     unbounded = Problem(*problems[:5])
     blocks = jax.tree.map(lambda field: field.reshape(-1, BLOCK, *field.shape[1:]), unbounded)
-    side_by_side = jax.vmap(lambda problem: estimate_record(problem, free, True, _RECORDS), axis_name=_RECORDS)
-    estimates = jax.lax.map(side_by_side, blocks)
+    vectorised = jax.vmap(lambda problem: estimate_record(problem, free, True, _RECORDS), axis_name=_RECORDS)
+    estimates = jax.lax.map(vectorised, blocks)
     return jax.tree.map(lambda field: field.reshape(-1, *field.shape[2:]), estimates)

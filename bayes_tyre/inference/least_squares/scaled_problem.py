@@ -1,4 +1,4 @@
-"""What a least-squares fit is given: a record, what is known of its parameters, and both in units of their own."""
+"""The least-squares problem of a record: points, fixed values, starts, bounds; and the same in scaled units."""
 
 from typing import NamedTuple
 
@@ -8,12 +8,12 @@ from jaxtyping import Array, Bool, Float
 from bayes_tyre.inference.least_squares.parameters import BETA, D_I, F_I, C, K
 from bayes_tyre.laws.fancher import equation_2
 
-#: Beta over the travel beyond which nothing tells betas apart: the fit ends there, and profiles are open or not.
+#: Limits of beta over the travel, beyond which beta changes no force: the search ends there.
 BETA_ENDS = (1e-12, 1e3)
 
 
 class Problem(NamedTuple):
-    """One record and what is known of its parameters; a leading axis batches it.
+    """One record with fixed values, starts and bounds of its parameters; a leading axis batches it.
 
     Attributes
     ----------
@@ -22,10 +22,10 @@ class Problem(NamedTuple):
     used:
         Shape (points,); False on padding. The first point is always used.
     fixed:
-        Shape (5,), in the order of `PARAMETERS`; NaN where not given (d_i, F_i: the first point). Counts
+        Shape (5,), in the order of `PARAMETERS`; NaN where not given (d_i, F_i: the first point). Used
         where the parameter is not free.
     start:
-        Shape (starts, 5); NaN where not given: found from the data. The best of the fits is kept.
+        Shape (starts, 5); NaN where not given: estimated from the data. The best of the fits counts.
     low, high:
         Shape (5,); bounds of the free parameters, infinite where there is none. None: nothing is bounded.
     """
@@ -40,7 +40,7 @@ class Problem(NamedTuple):
 
     @property
     def base(self) -> Float[Array, "5"]:
-        """Values of what is not free: as given, else the first point for d_i and F_i."""
+        """Values of the parameters that are not free: as given, else the first point for d_i and F_i."""
         first = jnp.stack([jnp.zeros(()), jnp.zeros(()), jnp.ones(()), self.d[0], self.F[0]])
         return jnp.where(jnp.isnan(self.fixed), first, self.fixed)
 
@@ -52,20 +52,20 @@ class Problem(NamedTuple):
 
 
 class OwnUnits(NamedTuple):
-    """What turns a record's displacements, forces and parameters into units of its own, and back.
+    """The map of a record's displacements, forces and parameters to scaled units, and back.
 
-    Equation 2 keeps its form: in own units it is that of the shifted and scaled record. So a fit sees the same
-    numbers whatever the units are and wherever displacement and force are counted from.
+    Equation 2 keeps its form in scaled units. So the solver sees the same values whatever the units and origins of
+    displacement and force are.
 
     Attributes
     ----------
     origin:
-        Displacement that is zero in own units, mm: the first point; unless C is fixed or bounded, for C is the
-        line's force where displacement is zero, and far from there nearly collinear with k.
+        Displacement that is zero in scaled units, mm: the first point, or 0 where C is fixed or bounded. C is the
+        line's force at zero displacement; far from there it is nearly collinear with k.
     travel, span:
         Largest distance from the first point (mm) and from its force (kN); 1 where there is none.
     force:
-        Force that is zero in own units, kN: the first point's.
+        Force that is zero in scaled units, kN: the first point's.
     """
 
     origin: Float[Array, ""]
@@ -75,17 +75,17 @@ class OwnUnits(NamedTuple):
 
     @property
     def unit(self) -> Float[Array, "5"]:
-        """One own unit of each parameter, in the order and units of `PARAMETERS`."""
+        """One scaled unit of each parameter, in the order and units of `PARAMETERS`."""
         return jnp.stack([self.span / self.travel, self.span, self.travel, self.travel, self.span])
 
     @property
     def zero(self) -> Float[Array, "5"]:
-        """Where each parameter is zero in own units, C while k is."""
+        """Value of each parameter that is zero in scaled units; of C where k is 0."""
         nothing = jnp.zeros(())
         return jnp.stack([nothing, self.force, nothing, self.origin, self.force])
 
     def own(self, value: Float[Array, "5"]) -> Float[Array, "5"]:
-        """Return parameters in own units; C becomes the line's force at `origin`."""
+        """Return parameters in scaled units; C becomes the line's force at `origin`."""
         return (value.at[C].add(value[K] * self.origin) - self.zero) / self.unit
 
     def given(self, own: Float[Array, "5"]) -> Float[Array, "5"]:
@@ -94,22 +94,22 @@ class OwnUnits(NamedTuple):
         return value.at[C].add(-value[K] * self.origin)
 
     def deviations(self, root: Float[Array, "5 n"]) -> Float[Array, "5"]:
-        """Return standard deviations, kN and mm, from a square root of the parameters' covariance in own units."""
+        """Return standard deviations, kN and mm, from a square root of the parameters' covariance in scaled units."""
         rows = root.at[C].add(-root[K] * self.origin / self.travel)
         return self.unit * jnp.linalg.norm(rows, axis=1)
 
 
 class OwnProblem(NamedTuple):
-    """A record, what is not free of its parameters, and the bounds of the others, in own units.
+    """A record with its fixed parameters and bounds, in scaled units.
 
     Attributes
     ----------
     units:
-        The own units.
+        The scaled units.
     d, F, used:
         Shape (points,): displacement, force, False on padding.
     base, low, high:
-        Shape (5,): values of what is not free; bounds, infinite where there is none.
+        Shape (5,): values of the parameters that are not free; bounds, infinite where there is none.
     """
 
     units: OwnUnits
@@ -127,7 +127,7 @@ class OwnProblem(NamedTuple):
 
     @property
     def beta_ends(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """Least and largest beta: its bounds, or so far away that nothing tells betas apart."""
+        """Least and largest beta: its bounds, or limits beyond which beta changes no force."""
         low, high = self.low[BETA], self.high[BETA]
         least = jnp.where(low > 0, low, jnp.minimum(BETA_ENDS[0], 1e-3 * high))
         return least, jnp.where(jnp.isfinite(high), high, jnp.maximum(BETA_ENDS[1], 1e3 * least))
@@ -139,7 +139,7 @@ class OwnProblem(NamedTuple):
 
 
 def in_own_units(problem: Problem, free: tuple[int, ...]) -> OwnProblem:
-    """Return a problem, without a leading axis, in its own units; `free`: indices of the parameters to fit."""
+    """Return a problem, without a leading axis, in scaled units; `free`: indices of the parameters to fit."""
     d, F, used = problem.d, problem.F, problem.used
     low, high = problem.bounds
     travel = jnp.max(jnp.where(used, jnp.abs(d - d[0]), 0.0))

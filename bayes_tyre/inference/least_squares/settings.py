@@ -1,4 +1,4 @@
-"""What a least-squares fit of records is told: what to fit, from where, and within what bounds."""
+"""Settings of a least-squares fit of records: region, free and fixed parameters, starts, bounds; checked."""
 
 import math
 from collections.abc import Mapping
@@ -12,12 +12,12 @@ REGIONS = ("all", "thesis")
 
 @dataclass(frozen=True)
 class FitSettings:
-    """What to fit, from where, and within what bounds.
+    """Region, free and fixed parameters, starts and bounds.
 
     Attributes
     ----------
     region:
-        ``all`` points with starts found from the data, or ``thesis``: the source's first 70 % and its starts.
+        ``all`` points with starts estimated from the data, or ``thesis``: the source's first 70 % and its starts.
     fix, start:
         Values by parameter name (`k` kN/mm, `C` kN, `beta` mm, `d_i` mm, `F_i` kN).
     free:
@@ -74,6 +74,6 @@ class FitSettings:
 
     @property
     def free_indices(self) -> tuple[int, ...]:
-        """Indices into `PARAMETERS` of what is fitted."""
+        """Indices into `PARAMETERS` of the fitted parameters."""
         free = {"k", "C", "beta", *self.free} - set(self.fix)
         return tuple(i for i, name in enumerate(PARAMETERS) if name in free)

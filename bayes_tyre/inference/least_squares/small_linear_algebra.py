@@ -1,4 +1,7 @@
-"""The lowest point of a quadratic in a box, for a few unknowns: unrolled, so that a batch of them is one loop."""
+"""Linear algebra for two to five unknowns, unrolled for `jax.vmap`: Cholesky-like solves, QR, a bounded quadratic.
+
+Ours because LAPACK is called once a matrix, and those calls take most of the time of a batch of matrices this small.
+"""
 
 from typing import NamedTuple
 
@@ -6,19 +9,18 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-#: Pivots below this, in a matrix scaled to a diagonal of ones, are rounding: the unknown is one that others replace.
+#: Pivots below this, in a matrix scaled to a unit diagonal, are rounding: the column depends on those before it.
 SMALLEST_PIVOT = 1e-15
-#: What is left of a column below this part of it, once others are taken out, is rounding.
+#: An orthogonalised column whose norm is below this part of the column's is rounding.
 LEAST_REST = 1e-13
-#: Three rounds an unknown are many; rounding may make the last ones turn in a circle, at a point that is as low.
+#: Most iterations of the active-set method. Three an unknown are many; rounding may make it cycle at the optimum.
 MAX_ROUNDS = 30
 
 
 def solve_positive(matrix: Float[Array, "n n"], right: Float[Array, " n"]) -> Float[Array, " n"]:
-    """Return x of `matrix` x = `right`, for a symmetric matrix that is positive, or nearly so.
+    """Return x of `matrix` x = `right`, for a symmetric positive (semi-)definite matrix, by elimination.
 
-    Unrolled elimination: LAPACK, called once a matrix, takes most of the time of a batch of matrices this small.
-    An unknown that those before it replace (a pivot that is rounding) is 0.
+    An unknown whose column depends on those before it (its pivot is rounding) is 0.
     """
     n = len(right)
     size = jnp.sqrt(jnp.diagonal(matrix))
@@ -43,7 +45,7 @@ def solve_positive(matrix: Float[Array, "n n"], right: Float[Array, " n"]) -> Fl
     return jnp.stack(x) * scale
 
 
-class Triangle(NamedTuple):
+class QR(NamedTuple):
     """The QR decomposition of a matrix given by its columns.
 
     Attributes
@@ -51,9 +53,10 @@ class Triangle(NamedTuple):
     rows:
         R, row by row.
     rest:
-        What is left of each column once those before it are taken out: a column of Q, but for its length.
+        Columns of Q, not normalised.
     scales:
-        1 over that length; 0 where nothing is left. Q itself would be one more pass over the points.
+        Reciprocals of their norms; 0 for a column that depends on those before it. To normalise Q would take one more
+        pass over the points.
     """
 
     rows: list[list[Float[Array, ""]]]
@@ -61,35 +64,34 @@ class Triangle(NamedTuple):
     scales: list[Float[Array, ""]]
 
     def split(self, i: int, column: Float[Array, " points"]) -> tuple[Float[Array, ""], Float[Array, " points"]]:
-        """Return the part of a column along column i of Q, and what is left of it once that is taken out."""
+        """Return the component of a column along column i of Q, and the column without it."""
         along = self.scales[i] * jnp.sum(self.rest[i] * column)
         return along, column - (along * self.scales[i]) * self.rest[i]
 
 
-def orthogonalised(columns: list[Float[Array, " points"]]) -> Triangle:
+def orthogonalised(columns: list[Float[Array, " points"]]) -> QR:
     """Return the QR decomposition of a matrix given by its columns.
 
-    Modified Gram and Schmidt, unrolled: as good as Householder's reflections for R and, where the last column is a
+    Modified Gram-Schmidt: as accurate as Householder reflections for R and, where the last column is a
     right-hand side, for least squares (Bjorck 1967, Solving linear least squares problems by Gram-Schmidt
-    orthogonalization, BIT 7), and LAPACK is called for no record. A column that those before it replace, to rounding,
-    has a row and a column of zeros.
+    orthogonalization, BIT 7). A column that depends on those before it, to rounding, has a zero diagonal element.
     """
-    whole = [jnp.sum(column**2) for column in columns]
-    found = Triangle([], list(columns), [])
+    squares = [jnp.sum(column**2) for column in columns]
+    qr = QR([], list(columns), [])
     for i in range(len(columns)):
-        square = whole[i] if i == 0 else jnp.sum(found.rest[i] ** 2)
-        sound = square > LEAST_REST**2 * whole[i]
+        square = squares[i] if i == 0 else jnp.sum(qr.rest[i] ** 2)
+        sound = square > LEAST_REST**2 * squares[i]
         size = jnp.where(sound, jnp.sqrt(jnp.where(sound, square, 1.0)), 0.0)
-        found.scales.append(jnp.where(sound, 1.0 / jnp.where(sound, size, 1.0), 0.0))
+        qr.scales.append(jnp.where(sound, 1.0 / jnp.where(sound, size, 1.0), 0.0))
         row = [jnp.zeros(()) for _ in range(i)] + [size]
         for j in range(i + 1, len(columns)):
-            along, found.rest[j] = found.split(i, found.rest[j])
+            along, qr.rest[j] = qr.split(i, qr.rest[j])
             row.append(along)
-        found.rows.append(row)
-    return found
+        qr.rows.append(row)
+    return qr
 
 
-def triangle(columns: list[Float[Array, " points"]]) -> Float[Array, "n n"]:
+def r_factor(columns: list[Float[Array, " points"]]) -> Float[Array, "n n"]:
     """Return R of the QR decomposition of a matrix given by its columns."""
     return jnp.stack([jnp.stack(row) for row in orthogonalised(columns).rows])
 
@@ -104,8 +106,8 @@ def solve_upper(rows: list[list[Float[Array, ""]]], right: list[Float[Array, ""]
     return jnp.stack(x)
 
 
-def solve_forward(rows: list[list[Float[Array, ""]]], right: list[Float[Array, ""]]) -> list[Float[Array, ""]]:
-    """Return x of R' x = `right`, R upper triangular; an unknown whose pivot is 0 is 0."""
+def solve_transposed(rows: list[list[Float[Array, ""]]], right: list[Float[Array, ""]]) -> list[Float[Array, ""]]:
+    """Return x of R^T x = `right`, R upper triangular; an unknown whose pivot is 0 is 0."""
     x = list(right)
     for i in range(len(x)):
         for j in range(i):
@@ -118,11 +120,11 @@ def _over(number: Float[Array, ""], pivot: Float[Array, ""]) -> Float[Array, ""]
     return jnp.where(pivot != 0, number / jnp.where(pivot != 0, pivot, 1.0), 0.0)
 
 
-def rest_of_last(products: list[list[Float[Array, "*batch"]]]) -> Float[Array, "*batch"]:
-    """Return the square of what is left of the last of some columns once the others are taken out.
+def residual_of_last(products: list[list[Float[Array, "*batch"]]]) -> Float[Array, "*batch"]:
+    """Return the residual sum of squares of the last of some columns regressed on the others.
 
-    `products`: the inner products of each column with those up to itself. A column that those before it replace, to
-    rounding, takes nothing out.
+    `products`: the inner products of each column with those up to itself. A column that depends on those before it, to
+    rounding, is ignored.
     """
     rest = [list(row) for row in products]
     for i in range(len(rest) - 1):
@@ -135,12 +137,12 @@ def rest_of_last(products: list[list[Float[Array, "*batch"]]]) -> Float[Array, "
 
 
 def times(matrix: Float[Array, "n n"], x: Float[Array, " n"]) -> Float[Array, " n"]:
-    """Return `matrix` x, as a sum that fuses with what is around it."""
+    """Return `matrix` x, as a sum that XLA fuses with its neighbours."""
     return jnp.sum(matrix * x, axis=1)
 
 
 class _Search(NamedTuple):
-    """Where the search for the lowest point is: `x` in the box, each unknown free or held at a side of it."""
+    """State of the active-set method: `x` within bounds, each unknown free or held at a bound."""
 
     x: Float[Array, " n"]
     free: Bool[Array, " n"]
@@ -148,7 +150,7 @@ class _Search(NamedTuple):
     rounds: Int[Array, ""]
 
 
-def lowest_in_box(
+def minimise_bounded_quadratic(
     matrix: Float[Array, "n n"], gradient: Float[Array, " n"], low: Float[Array, " n"], high: Float[Array, " n"]
 ) -> Float[Array, " n"]:
     """Return the x in [`low`, `high`] at which x . matrix x / 2 + gradient . x is lowest.
@@ -158,23 +160,23 @@ def lowest_in_box(
     matrix, gradient:
         Of a convex quadratic.
     low, high:
-        The box, low <= high; infinite where there is no side.
+        Bounds, low <= high; infinite where there is none.
 
     Source: the active set method of Stark and Parker (1995), Bounded-variable least squares, Computational
-    Statistics 10. Every round ends lower, or with an unknown more held, so that the sets never come back.
+    Statistics 10. Every iteration lowers the value or holds one more unknown, so that no active set recurs.
     """
     size = jnp.sqrt(jnp.diagonal(matrix))
     size = jnp.where(size > 0, size, 1.0)
     rounding = 1e-14 * jnp.max(jnp.abs(gradient) / size)
 
-    def lowest(x: Float[Array, " n"], free: Bool[Array, " n"]) -> Float[Array, " n"]:
+    def unconstrained(x: Float[Array, " n"], free: Bool[Array, " n"]) -> Float[Array, " n"]:
         held = jnp.where(free, 0.0, x)
         reduced = jnp.where(free[:, None] & free, matrix, jnp.eye(len(x)))
         return jnp.where(free, solve_positive(reduced, jnp.where(free, -gradient - times(matrix, held), 0.0)), x)
 
     def move(search: _Search) -> _Search:
         x, free = search.x, search.free
-        aim = lowest(x, free)
+        aim = unconstrained(x, free)
         side = jnp.where(aim > high, high, low)
         outside = (aim > high) | (aim < low)
         way = jnp.where(outside, (side - x) / jnp.where(outside, aim - x, 1.0), 1.0)
@@ -188,5 +190,5 @@ def lowest_in_box(
 
     nothing = jnp.zeros(len(gradient))
     start = _Search(jnp.clip(nothing, low, high), nothing == 0, jnp.array(False), jnp.array(0))
-    found = jax.lax.while_loop(lambda search: ~search.done & (search.rounds < MAX_ROUNDS), move, move(start))
-    return jnp.clip(found.x, low, high)
+    final = jax.lax.while_loop(lambda search: ~search.done & (search.rounds < MAX_ROUNDS), move, move(start))
+    return jnp.clip(final.x, low, high)

@@ -1,4 +1,4 @@
-"""What a fit of a record is worth, in words: `ok`, or the reasons why it is not."""
+"""The status of each fit: `ok`, or the reasons why the record cannot be fitted or the estimate is not reliable."""
 
 from typing import NamedTuple
 
@@ -13,18 +13,18 @@ from bayes_tyre.inference.least_squares.estimate import Estimate
 from bayes_tyre.inference.least_squares.parameters import BETA, D_I, F_I, PARAMETERS, C, K
 from bayes_tyre.laws.fancher import equation_2
 
-#: Displacements and forces above this are no measurements, and their sums of squares overflow; travels and changes
-#: of force below the inverse are none either, and vanish.
+#: Displacements and forces above this overflow in sums of squares, travels and changes of force below the inverse
+#: underflow; neither is a measurement.
 LARGEST = 1e100
-#: Part of its travel by which displacement may run back, by noise or overshoot, and still be one step.
+#: Part of the travel by which displacement may turn back, by noise or overshoot, within one step.
 TURNS_BACK = 0.25
-#: Residuals are asked whether they follow each other from this many points on, and where their root mean square is
-#: above this part of the change of force: below it they are rounding.
-FOLLOWED_FROM, FOLLOWED_ABOVE = 50, 1e-9
+#: Residuals are checked for autocorrelation from this many points on, and where their root mean square is above this
+#: part of the change of force; below it they are rounding.
+CORRELATION_POINTS, CORRELATION_RMS = 50, 1e-9
 
 
-def hopeless(batch: Batch, used: Bool[np.ndarray, "records points"], unknowns: int) -> np.ndarray:
-    """Return, a record, why there is nothing to fit; empty where there is.
+def unfittable(batch: Batch, used: Bool[np.ndarray, "records points"], unknowns: int) -> np.ndarray:
+    """Return, a record, why it cannot be fitted; empty where it can.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def hopeless(batch: Batch, used: Bool[np.ndarray, "records points"], unknowns: i
     unknowns:
         Number of parameters to fit.
     """
-    d, F = (_Ends.of(rows) for rows in _points(batch, used))
+    d, F = (_Extent.of(rows) for rows in _points(batch, used))
     points = used.sum(axis=1)
     least = np.minimum(d.travel, np.where(F.high > F.low, F.travel, 1))
     reasons = np.full(len(points), "", dtype=object)
@@ -52,14 +52,14 @@ def status(
     used: Bool[np.ndarray, "records points"],
     estimate: Estimate,
     bounds: Float[np.ndarray, "2 5"],
-    hopeless: np.ndarray,
+    unfittable: np.ndarray,
 ) -> np.ndarray:
-    """Return, a record, ``ok`` or what the estimate is not worth; `bounds` (kN, mm): low and high."""
-    said = hopeless.copy()
-    said[(said == "") & ~np.asarray(estimate.converged)] = (
+    """Return, a record, ``ok`` or why the estimate is not reliable; `bounds` (kN, mm): low and high."""
+    result = unfittable.copy()
+    result[(result == "") & ~np.asarray(estimate.converged)] = (
         "did not converge: give a --start nearer to the data, or fix a parameter"
     )
-    fitted = said == ""
+    fitted = result == ""
     reasons = (
         *_of_the_points(batch, used),
         *_of_bounds(estimate, bounds),
@@ -68,25 +68,25 @@ def status(
     )
     for holds, reason in reasons:
         rows = np.flatnonzero(fitted & holds)
-        said[rows] = [f"{said[row]}; {reason}" if said[row] else reason for row in rows]
-    said[said == ""] = "ok"
-    return said
+        result[rows] = [f"{result[row]}; {reason}" if result[row] else reason for row in rows]
+    result[result == ""] = "ok"
+    return result
 
 
 Reasons = list[tuple[np.ndarray, str]]
-"""Which records a reason holds for, shape (records,), and its words."""
+"""Which records a reason holds for, shape (records,), and its text."""
 
 
 def _points(batch: Batch, used: Bool[np.ndarray, "records points"]) -> tuple[np.ndarray, np.ndarray]:
-    """Return displacement and force with the first point in place of those not used."""
+    """Return displacement and force, unused points replaced by the first."""
     d, F = batch.displacement_mm, batch.force_kN
     if used.all():
         return d, F
     return np.where(used, d, d[:, :1]), np.where(used, F, F[:, :1])
 
 
-class _Ends(NamedTuple):
-    """Least and largest of some numbers a record, the largest without its sign, and that of those from the first on."""
+class _Extent(NamedTuple):
+    """Minimum, maximum and largest magnitude of each record's values, and their largest distance from the first."""
 
     low: Float[np.ndarray, " records"]
     high: Float[np.ndarray, " records"]
@@ -94,8 +94,8 @@ class _Ends(NamedTuple):
     travel: Float[np.ndarray, " records"]
 
     @classmethod
-    def of(cls, numbers: Float[np.ndarray, "records points"]) -> "_Ends":
-        low, high, first = numbers.min(axis=1), numbers.max(axis=1), numbers[:, 0]
+    def of(cls, values: Float[np.ndarray, "records points"]) -> "_Extent":
+        low, high, first = values.min(axis=1), values.max(axis=1), values[:, 0]
         with np.errstate(over="ignore"):
             return cls(low, high, np.maximum(-low, high), np.maximum(first - low, high - first))
 
@@ -103,13 +103,13 @@ class _Ends(NamedTuple):
 def _of_the_points(batch: Batch, used: Bool[np.ndarray, "records points"]) -> Reasons:
     d, F = _points(batch, used)
     rows, last = np.arange(len(d)), used.sum(axis=1) - 1
-    with np.errstate(over="ignore", invalid="ignore"):  # of records that are hopeless
+    with np.errstate(over="ignore", invalid="ignore"):  # of records that cannot be fitted
         u = d - d[:, :1]
         farthest = u[rows, np.abs(u).argmax(axis=1)]
         forward = u * np.sign(farthest)[:, None]
-        back = (np.maximum.accumulate(forward, axis=1) - np.where(used, forward, np.inf)).max(axis=1)
+        reversal = (np.maximum.accumulate(forward, axis=1) - np.where(used, forward, np.inf)).max(axis=1)
         falls = np.sign(F[rows, last] - F[:, 0]) * np.sign(u[rows, last]) < 0
-        turns = back > TURNS_BACK * np.abs(farthest)
+        turns = reversal > TURNS_BACK * np.abs(farthest)
     return [
         (falls, "force falls as displacement grows: check the signs"),
         (turns, "displacement turns back: Equation 2 holds for one direction, cut the record there"),
@@ -129,12 +129,12 @@ def _of_bounds(estimate: Estimate, bounds: Float[np.ndarray, "2 5"]) -> Reasons:
 def _of_the_estimate(estimate: Estimate) -> Reasons:
     below, above = np.asarray(estimate.beta_open_below), np.asarray(estimate.beta_open_above)
     lost = np.asarray(estimate.undetermined) & ~(below | above)[:, None]
-    beta, error = (np.asarray(figure)[:, BETA] for figure in (estimate.value, estimate.standard_error))
+    beta, error = (np.asarray(field)[:, BETA] for field in (estimate.value, estimate.standard_error))
     return [
         (below & above, "beta not determined: this record bounds it neither below nor above"),
         (below & ~above, "beta not determined: only an upper bound, it lies below the spacing of the first points"),
         (above & ~below, "beta not determined: only a lower bound, beyond the travel it trades against k"),
-        (~(below | above) & (error >= beta), "beta hardly determined: its standard error is as large as itself"),
+        (~(below | above) & (error >= beta), "beta weakly identified: its standard error is as large as itself"),
         *(
             ((lost == which).all(axis=1), f"{', '.join(np.array(PARAMETERS)[which])} not determined by this record")
             for which in np.unique(lost, axis=0)
@@ -146,27 +146,27 @@ def _of_the_estimate(estimate: Estimate) -> Reasons:
 def _of_the_residuals(
     batch: Batch, used: Bool[np.ndarray, "records points"], estimate: Estimate, fitted: np.ndarray
 ) -> Reasons:
-    """Return which of the records where k, C and beta were found have residuals that no noise leaves."""
+    """Return which records with estimates of k, C and beta have autocorrelated residuals."""
     points = used.sum(axis=1)
-    found = np.isfinite(np.asarray(estimate.standard_error)[:, [K, C, BETA]]).all(axis=1)
-    found &= fitted & ~np.asarray(estimate.beta_open_below) & ~np.asarray(estimate.beta_open_above)
-    found &= points >= FOLLOWED_FROM
-    if not found.any():
+    checked = np.isfinite(np.asarray(estimate.standard_error)[:, [K, C, BETA]]).all(axis=1)
+    checked &= fitted & ~np.asarray(estimate.beta_open_below) & ~np.asarray(estimate.beta_open_above)
+    checked &= points >= CORRELATION_POINTS
+    if not checked.any():
         return []
     _, F = _points(batch, used)
-    with np.errstate(over="ignore", invalid="ignore"):  # of records that are hopeless
-        found &= np.sqrt(np.asarray(estimate.rss) / points) > FOLLOWED_ABOVE * _Ends.of(F).travel
+    with np.errstate(over="ignore", invalid="ignore"):  # of records that cannot be fitted
+        checked &= np.sqrt(np.asarray(estimate.rss) / points) > CORRELATION_RMS * _Extent.of(F).travel
     arrays = (batch.displacement_mm, batch.force_kN, used, estimate.value)
-    follows = np.asarray(_lag_1_of_residuals(*(jnp.asarray(array) for array in arrays)))
-    said = np.array(
+    rho = np.asarray(_lag_1_of_residuals(*(jnp.asarray(array) for array in arrays)))
+    reasons = np.array(
         [
-            f"residuals follow each other (lag-1 {rho:.3f}): signals look smoothed, or the curve is not Equation 2; "
+            f"residuals follow each other (lag-1 {each:.3f}): signals look smoothed, or the curve is not Equation 2; "
             "beta then reflects the filter, not the tyre"
-            for rho in follows
+            for each in rho
         ]
     )
-    found &= follows > SMOOTHED
-    return [(found & (said == which), str(which)) for which in np.unique(said[found])]
+    checked &= rho > SMOOTHED
+    return [(checked & (reasons == which), str(which)) for which in np.unique(reasons[checked])]
 
 
 @jax.jit

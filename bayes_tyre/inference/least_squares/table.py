@@ -1,4 +1,4 @@
-"""From a record table to a row a record: which points and parameters are used, and what the fit is worth in words."""
+"""Least squares of a record table: a row a record with estimates, standard errors, rmse and status."""
 
 import os
 from collections import deque
@@ -15,16 +15,16 @@ from bayes_tyre.batch import NARROWEST, Batch, batches
 from bayes_tyre.inference.least_squares import estimate as ls
 from bayes_tyre.inference.least_squares.parameters import PARAMETERS
 from bayes_tyre.inference.least_squares.settings import REGIONS, FitSettings
-from bayes_tyre.inference.least_squares.status import LARGEST, hopeless, status
+from bayes_tyre.inference.least_squares.status import LARGEST, status, unfittable
 from bayes_tyre.record import FACTORS
 from bayes_tyre.record_table import carry_extras, origin_of, record_extras, record_factors
 
-__all__ = ["COLUMNS", "LARGEST", "REGIONS", "THESIS_KEPT", "FitSettings", "fit_records"]
+__all__ = ["COLUMNS", "LARGEST", "REGIONS", "THESIS_SHARE", "FitSettings", "fit_records"]
 
 COLUMNS = {"k": "k_kN_per_mm", "C": "C_kN", "beta": "beta_mm", "d_i": "d_i_mm", "F_i": "F_i_kN"}
 NUMBERS = [name for column in COLUMNS.values() for name in (column, f"{column}_se")]
 #: The source's choices (appendix B5): the first 70 % of a record, its line from 20 % on, beta from 0.1 mm.
-THESIS_KEPT, THESIS_LINE_FROM, THESIS_BETA_MM = 0.7, 0.2, 0.1
+THESIS_SHARE, THESIS_LINE_FROM, THESIS_BETA_MM = 0.7, 0.2, 0.1
 
 
 def fit_records(
@@ -41,14 +41,14 @@ def fit_records(
     table:
         A checked record table (`bayes_tyre.record_table.check_record_table`).
     settings:
-        What to fit; by default k, C and beta over all points.
+        Settings of the fit; by default k, C and beta over all points.
     on_progress:
-        Called with the number of records just done.
+        Called with the number of records just fitted.
 
     Returns
     -------
     pandas.DataFrame
-        `record`, the words (empty where the table has none), each parameter with its standard error
+        `record`, the factors (empty where the table has none), each parameter with its standard error
         (`k_kN_per_mm`, `k_kN_per_mm_se`, ...), `rmse_kN`, `points`, `status` (``ok`` or a reason), the table's
         further columns (``given_<name>`` where one of these has the name; numbers that vary within a record are
         averaged), `origin`.
@@ -64,77 +64,78 @@ def fit_records(
         rows.append(fitted)
         on_progress(len(fitted))
     fits = record_factors(table).merge(pd.concat(rows), on="record", how="left", validate="1:1")
-    for word in FACTORS:
-        if word not in fits:
-            fits[word] = ""
+    for factor in FACTORS:
+        if factor not in fits:
+            fits[factor] = ""
     fits["origin"] = table.drop_duplicates("record")["origin"].to_numpy() if "origin" in table else origin_of(table)
-    ours = ["record", *FACTORS, *NUMBERS, "rmse_kN", "points", "status"]
-    return carry_extras(fits[ours], record_extras(table)).assign(origin=fits["origin"])
+    columns = ["record", *FACTORS, *NUMBERS, "rmse_kN", "points", "status"]
+    return carry_extras(fits[columns], record_extras(table)).assign(origin=fits["origin"])
 
 
 def _fit_batches(table: pd.DataFrame, settings: FitSettings) -> Iterator[pd.DataFrame]:
-    """Yield the fits of each batch, in order; as many batches as there are cores are under way at a time."""
+    """Yield the fits of each batch, in order; as many batches run at a time as there are cores."""
     lengths = np.bincount(pd.factorize(table["record"])[0])
     if settings.region == "thesis":
-        lengths = np.ceil(THESIS_KEPT * lengths).astype(int)
+        lengths = np.ceil(THESIS_SHARE * lengths).astype(int)
     shapes: dict[int, tuple[int, int]] = {}
-    under_way: deque[Future[pd.DataFrame]] = deque()
+    running: deque[Future[pd.DataFrame]] = deque()
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         for batch in batches(table):
             width = batch.present.shape[1]
-            alone = width not in shapes
-            if alone:
-                # Only the columns that a record of this width uses. A smaller last batch is filled up to the shape of
-                # those before it: another shape is another compilation.
+            is_first = width not in shapes
+            if is_first:
+                # Only the columns that a record of this width uses. A smaller last batch is padded to the shape of
+                # those before it, because each shape is compiled.
                 used = int(lengths[lengths <= width].max())
                 shapes[width] = len(batch.records), min(width, -(-used // NARROWEST) * NARROWEST)
-            under_way.append(pool.submit(_fit_batch, batch, settings, shapes[width]))
+            running.append(pool.submit(_fit_batch, batch, settings, shapes[width]))
             # The first of a shape compiles, which two at a time would do twice.
-            while under_way and (alone or len(under_way) >= (os.cpu_count() or 1)):
-                yield under_way.popleft().result()
-        while under_way:
-            yield under_way.popleft().result()
+            while running and (is_first or len(running) >= (os.cpu_count() or 1)):
+                yield running.popleft().result()
+        while running:
+            yield running.popleft().result()
 
 
 def _fit_batch(batch: Batch, settings: FitSettings, shape: tuple[int, int]) -> pd.DataFrame:
-    """Return the fits of a batch, which the solver sees with as many records and points as `shape` says."""
+    """Return the fits of a batch, padded to `shape` (records, points) for the solver."""
     used = batch.present
     given = np.full((len(batch.records), len(PARAMETERS)), np.nan)
     if settings.region == "thesis":
-        kept = np.ceil(THESIS_KEPT * batch.points).astype(int)
-        used = used & (np.arange(used.shape[1]) < kept[:, None])
-        given[:, [ls.K, ls.C]] = _thesis_line(batch, kept)
+        points = np.ceil(THESIS_SHARE * batch.points).astype(int)
+        used = used & (np.arange(used.shape[1]) < points[:, None])
+        given[:, [ls.K, ls.C]] = _thesis_line(batch, points)
         given[:, ls.BETA] = THESIS_BETA_MM
     for name, value in settings.start.items():
         given[:, PARAMETERS.index(name)] = value
-    found = np.full_like(given, np.nan)
-    # A start far from the data may end in a flat place: the data's own start runs beside it, the better fit counts.
-    start = np.stack([found] if np.isnan(given).all() else [given, found], axis=1)
+    estimated = np.full_like(given, np.nan)
+    # A given start far from the data may end where the RSS is flat: a start estimated from the data is fitted too, and
+    # the better fit counts.
+    start = np.stack([estimated] if np.isnan(given).all() else [given, estimated], axis=1)
     fixed = np.broadcast_to([settings.fix.get(name, np.nan) for name in PARAMETERS], given.shape)
     bounds = np.array([settings.bounds.get(name, (-np.inf, np.inf)) for name in PARAMETERS]).T
     low, high = (np.broadcast_to(side, given.shape) for side in bounds)
     batch, used = batch.narrowed(shape[1]), used[:, : shape[1]]
     arrays = (batch.displacement_mm, batch.force_kN, used, fixed, start, *((low, high) if settings.bounds else ()))
     short = shape[0] - len(batch.records)
-    problems = ls.Problem(*(jnp.asarray(_filled_up(array, short) if short else array) for array in arrays))
+    problems = ls.Problem(*(jnp.asarray(_padded(array, short) if short else array) for array in arrays))
     estimates = jax.device_get(ls.estimate_batch(problems, settings.free_indices))
     estimate = ls.Estimate(*(field[: len(batch.records)] for field in estimates))
     return _rows(batch, used, estimate, settings, bounds)
 
 
-def _filled_up(array: np.ndarray, short: int) -> np.ndarray:
-    """Return an array with its last row repeated so many times more."""
+def _padded(array: np.ndarray, short: int) -> np.ndarray:
+    """Return an array with its last row repeated `short` times more."""
     return np.concatenate([array, array[-1:].repeat(short, axis=0)])
 
 
-def _thesis_line(batch: Batch, kept: np.ndarray) -> Float[np.ndarray, "records 2"]:
-    """Return k (kN/mm) and C (kN) of the line from 20 % of the record to the last point kept."""
-    rows = np.arange(len(kept))
+def _thesis_line(batch: Batch, points: np.ndarray) -> Float[np.ndarray, "records 2"]:
+    """Return k (kN/mm) and C (kN) of the line from 20 % of the record to the last used point."""
+    rows = np.arange(len(points))
     begin = np.ceil(THESIS_LINE_FROM * batch.points).astype(int) - 1
     d, F = batch.displacement_mm, batch.force_kN
-    with np.errstate(over="ignore", invalid="ignore"):  # of records that are hopeless
-        run = d[rows, kept - 1] - d[rows, begin]
-        k = np.divide(F[rows, kept - 1] - F[rows, begin], run, out=np.ones_like(run), where=run != 0)
+    with np.errstate(over="ignore", invalid="ignore"):  # of records that cannot be fitted
+        run = d[rows, points - 1] - d[rows, begin]
+        k = np.divide(F[rows, points - 1] - F[rows, begin], run, out=np.ones_like(run), where=run != 0)
         return np.stack([k, F[rows, begin] - k * d[rows, begin]], axis=1)
 
 
@@ -145,7 +146,7 @@ def _rows(
     settings: FitSettings,
     bounds: Float[np.ndarray, "2 5"],
 ) -> pd.DataFrame:
-    reasons = hopeless(batch, used, len(settings.free_indices))
+    reasons = unfittable(batch, used, len(settings.free_indices))
     unfit = (reasons != "") | ~estimate.converged
     points = used.sum(axis=1)
     numbers = np.stack([estimate.value, estimate.standard_error], axis=2).reshape(len(points), -1)

@@ -1,6 +1,7 @@
-"""Equation 2 in log beta alone: for each beta the force is linear in k, C and F_i, which are put at their optimum.
+"""Variable projection (Golub and Pereyra 1973): the RSS of Equation 2 as a function of log beta alone.
 
-Variable projection (Golub and Pereyra 1973). One unknown is left, so that few passes over the points fit a record.
+At each beta the force is linear in k, C and F_i, which take their optimum; this profile has one unknown, so that few
+passes over the points fit a record.
 """
 
 from typing import NamedTuple
@@ -10,24 +11,24 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from bayes_tyre.inference.least_squares.parameters import BETA, D_I, F_I, C, K
-from bayes_tyre.inference.least_squares.scalar_newton import NewtonOnALine, Slope
+from bayes_tyre.inference.least_squares.scalar_newton import Derivatives, ScalarNewton
 from bayes_tyre.inference.least_squares.scaled_problem import OwnProblem
-from bayes_tyre.inference.least_squares.small_linear_algebra import orthogonalised, solve_forward, solve_upper
+from bayes_tyre.inference.least_squares.small_linear_algebra import orthogonalised, solve_transposed, solve_upper
 from bayes_tyre.inference.least_squares.starting_values import LINEAR
 
 #: Residuals below this part of the forces are rounding.
 _EXACT = 1e-14
-#: exp(-|d - d_i| / beta) of the point next to d_i is below rounding where beta is this part of that distance: no
-#: smaller beta changes a force.
-_NEXT_TO_NOTHING = 1 / 40
-#: Newton's curvature is taken where it is at least this part of Gauss and Newton's, which is never negative.
+#: Least beta over the distance from d_i to the nearest point: exp(-|d - d_i| / beta) is then rounding at every point,
+#: and no smaller beta changes a force.
+_LEAST_BETA = 1 / 40
+#: The second derivative is used where it is at least this part of the Gauss-Newton one, which is never negative.
 _LEAST_NEWTON = 0.1
 #: A curvature below this part of the tangent's square is rounding.
 _LEAST_CURVATURE = 1e-26
 
 
 class Profile(NamedTuple):
-    """A record as its profile needs it, in own units.
+    """A record prepared for its profile, in scaled units.
 
     Attributes
     ----------
@@ -38,7 +39,7 @@ class Profile(NamedTuple):
     one, d, F:
         Shape (points,): 1, displacement and force; 0 on padding.
     rounding:
-        Sum of squares of residuals that are rounding.
+        Sum of squares below which residuals are rounding.
     """
 
     own: OwnProblem
@@ -48,17 +49,17 @@ class Profile(NamedTuple):
     F: Float[Array, " points"]
     rounding: Float[Array, ""]
 
-    def columns(self, gone: Float[Array, " points"]) -> dict[int, Float[Array, " points"]]:
-        """Return the derivative of the force with respect to each linear parameter; `gone`: 1 - exp(-reach)."""
-        return {K: self.d * gone, C: gone, F_I: self.one - gone}
+    def columns(self, rise: Float[Array, " points"]) -> dict[int, Float[Array, " points"]]:
+        """Return the derivative of the force with respect to each linear parameter; `rise`: 1 - exp(-reach)."""
+        return {K: self.d * rise, C: rise, F_I: self.one - rise}
 
     def offset(self, columns: dict[int, Float[Array, " points"]], free: tuple[int, ...]) -> Float[Array, " points"]:
-        """Return the force less what the linear parameters that are not free make of it."""
+        """Return the force less the part of the linear parameters that are fixed."""
         return self.F - sum((columns[i] * self.own.base[i] for i in LINEAR if i not in free), jnp.zeros(()))
 
 
 def profile_of(own: OwnProblem) -> Profile:
-    """Return a record as its profile needs it."""
+    """Return a record prepared for its profile."""
     distance, one, d, F = (
         jnp.where(own.used, row, 0.0) for row in (jnp.abs(own.d - own.base[D_I]), jnp.ones_like(own.d), own.d, own.F)
     )
@@ -66,14 +67,14 @@ def profile_of(own: OwnProblem) -> Profile:
 
 
 def ends(profile: Profile) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Return the least and the largest beta worth a look: the record's own ends, but no beta too small to be seen."""
+    """Return the least and the largest beta of the search: the record's limits, and none too small to change a force."""
     low, high = profile.own.beta_ends
     nearest = jnp.min(jnp.where(profile.distance > 0, profile.distance, jnp.inf))
-    return jnp.clip(_NEXT_TO_NOTHING * nearest, low, high), high
+    return jnp.clip(_LEAST_BETA * nearest, low, high), high
 
 
 class Optimum(NamedTuple):
-    """The best fit for one beta, in own units.
+    """The best fit at one beta, in scaled units.
 
     Attributes
     ----------
@@ -91,15 +92,15 @@ class Optimum(NamedTuple):
 
 
 class Point(NamedTuple):
-    """The profile at one beta, in own units.
+    """The profile at one beta, in scaled units.
 
     Attributes
     ----------
     rss, slope, curvature:
-        Sum of squares of the residuals; half its first derivative in log beta, and half its second, or what Gauss
-        and Newton take for it where the second is negative or nearly so.
+        Sum of squares of the residuals; half its first derivative in log beta; and half its second, or
+        the Gauss-Newton approximation where the second is negative or nearly so.
     exact:
-        Whether it is the second.
+        Whether the curvature is the second derivative.
     """
 
     rss: Float[Array, ""]
@@ -114,37 +115,37 @@ def at(profile: Profile, log_beta: Float[Array, ""], free: tuple[int, ...]) -> P
 
 
 def optimum(profile: Profile, beta: Float[Array, ""], free: tuple[int, ...]) -> Optimum:
-    """Return the best fit for a beta."""
+    """Return the best fit at a beta."""
     return _at(profile, beta, free)[1]
 
 
 def _at(profile: Profile, beta: Float[Array, ""], free: tuple[int, ...]) -> tuple[Point, Optimum]:
     """Return the profile and the best fit at a beta.
 
-    Through an orthogonal basis of the columns: inner products of the columns themselves would lose twice the digits,
-    and with them the fits of records that are almost without noise.
+    By an orthogonal basis of the columns: the normal equations would lose twice the digits, which records almost
+    without noise need.
     """
     reach = profile.distance / beta
-    gone = -jnp.expm1(-reach)
-    columns = profile.columns(gone)
+    rise = -jnp.expm1(-reach)
+    columns = profile.columns(rise)
     names = [i for i in LINEAR if i in free]
     basis = orthogonalised([*(columns[i] for i in names), profile.offset(columns, free)])
     residual = -basis.rest[-1]
     upper = [row[:-1] for row in basis.rows[:-1]]
     value = profile.own.base.at[jnp.array(names)].set(solve_upper(upper, [row[-1] for row in basis.rows[:-1]]))
 
-    change = reach * (profile.one - gone)
+    change = reach * (profile.one - rise)
     over = value[F_I] * profile.one - value[K] * profile.d - value[C] * profile.one
     tangent = over * change
     along, across = [], tangent
     for i in range(len(names)):
-        part, across = basis.split(i, across)
-        along.append(part)
+        component, across = basis.split(i, across)
+        along.append(component)
     changes = {K: -profile.d * change, C: -change, F_I: change}
-    turned = solve_forward(upper, [jnp.sum(changes[i] * residual) for i in names])
+    projected = solve_transposed(upper, [jnp.sum(changes[i] * residual) for i in names])
     square, rss = jnp.sum(across**2), jnp.sum(residual**2)
     bend = square + jnp.sum(residual * tangent * (reach - 1.0))
-    bend = bend - sum(((2.0 * a + v) * v for a, v in zip(along, turned, strict=True)), jnp.zeros(()))
+    bend = bend - sum(((2.0 * a + v) * v for a, v in zip(along, projected, strict=True)), jnp.zeros(()))
     never_negative = jnp.maximum(square, _LEAST_CURVATURE * jnp.sum(tangent**2))
     exact = bend > _LEAST_NEWTON * never_negative
     point = Point(rss, jnp.sum(residual * across), jnp.where(exact, bend, never_negative), exact)
@@ -160,14 +161,14 @@ def solve(
     tolerance: float,
     max_steps: int,
 ) -> optx.Solution:
-    """Return the optimum over log beta from a start; if it is not wanted, at once, and nothing was looked at."""
+    """Return the optimum over log beta from a start; the start itself, not evaluated, if it is not wanted."""
     low, high = jnp.log(jnp.stack(ends(profile)))
 
-    def half_rss(log_beta: Float[Array, ""], _: None) -> tuple[Float[Array, ""], Slope]:
+    def half_rss(log_beta: Float[Array, ""], _: None) -> tuple[Float[Array, ""], Derivatives]:
         point = at(profile, log_beta, free)
-        return 0.5 * point.rss, Slope(point.slope, point.curvature, point.exact)
+        return 0.5 * point.rss, Derivatives(point.slope, point.curvature, point.exact)
 
-    solver = NewtonOnALine(
+    solver = ScalarNewton(
         low=low, high=high, rtol=tolerance, atol=tolerance, ftol=0.01 * profile.rounding, wanted=wanted
     )
     start = jnp.clip(log_beta, low, high)

@@ -11,7 +11,7 @@ import xarray as xr
 from bayes_tyre.batch import Batch, pad
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.correlated_noise import Whitening, smoothed_noise
-from bayes_tyre.inference.least_squares.table import LARGEST, REGIONS, THESIS_KEPT
+from bayes_tyre.inference.least_squares.table import LARGEST, REGIONS, THESIS_SHARE
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.hyperparameters import hyperparameter_starts, prior_sites, published_sites
@@ -101,7 +101,7 @@ def used_points(table: pd.DataFrame, region: str) -> pd.DataFrame:
     if region == "all":
         return table
     by_record = table.groupby("record", sort=False)["record"]
-    kept = by_record.cumcount() < np.ceil(THESIS_KEPT * by_record.transform("size"))
+    kept = by_record.cumcount() < np.ceil(THESIS_SHARE * by_record.transform("size"))
     return table[kept].reset_index(drop=True)
 
 

@@ -93,7 +93,7 @@ class Reported:
         return self.summary[self.summary["parameter"] == f"{parameter}{MEAN}"]
 
     def said(self, kind: str) -> list[str]:
-        """Return the sentences in `diagnostics.json` under ``reasons`` or ``remarks``."""
+        """Return the sentences in `diagnostics.json` under ``reasons`` or ``limitations``."""
         found = self.diagnostics.get(kind)
         return [each for each in found if isinstance(each, str)] if isinstance(found, list) else []
 

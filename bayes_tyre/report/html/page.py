@@ -110,7 +110,7 @@ def _shown(part: Part) -> dict[str, Any]:
         "verdict": result.verdict,
         "said": VERDICTS[result.verdict],
         "reasons": [label(each, _LONG) for each in result.said("reasons")],
-        "remarks": [label(each, _LONG) for each in result.said("remarks")],
+        "limitations": [label(each, _LONG) for each in result.said("limitations")],
         "origins": [(each, origin_sentence(each)) for each in result.origins],
         "answer": answer(result),
         "cautions": cautions(result),

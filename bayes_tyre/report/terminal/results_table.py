@@ -25,8 +25,8 @@ WHAT_IT_IS = {
 PARAMETERS = ("k_mean", "x_mean", "beta_mean", "m_mean", "c_mean", "energy_per_cycle_mean")
 NUMBERS = ("median", "lower", "upper", "interval")
 COLUMNS = ("parameter", "configuration", "direction", "unit", *NUMBERS, "verdict")
-#: The most of a remark: three labels are in it.
-LONGEST_REMARK = 600
+#: The most of a limitation: three labels are in it.
+LONGEST_LIMITATION = 600
 
 
 def overview_rows(folder: Path) -> pd.DataFrame:
@@ -72,18 +72,18 @@ def print_overview(folders: list[Path], console: Console | None = None) -> None:
             console.print(beside)
         else:
             console.print(Text(f"\n{_below(rows)}\n"), soft_wrap=True)
-        for remark in remarks(folder):
-            console.print(Text(f"note: {shown(remark, LONGEST_REMARK)}"), soft_wrap=True)
+        for limitation in limitations(folder):
+            console.print(Text(f"note: {shown(limitation, LONGEST_LIMITATION)}"), soft_wrap=True)
         console.print(Text(f"files: {shown(folder, None)}"), soft_wrap=True)
 
 
-def remarks(folder: Path) -> list[str]:
-    """Return the remarks in a result's `diagnostics.json`: where the data did not speak; none where it has none."""
+def limitations(folder: Path) -> list[str]:
+    """Return the limitations in a result's `diagnostics.json`: what is weakly identified; none where it has none."""
     try:
-        said = json.loads((folder / "diagnostics.json").read_text(encoding="utf-8"))["remarks"]
+        said = json.loads((folder / "diagnostics.json").read_text(encoding="utf-8"))["limitations"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return []
-    return [remark for remark in said if isinstance(remark, str)] if isinstance(said, list) else []
+    return [each for each in said if isinstance(each, str)] if isinstance(said, list) else []
 
 
 def _beside(rows: pd.DataFrame) -> Table:

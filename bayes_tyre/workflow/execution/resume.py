@@ -102,7 +102,7 @@ def _read_diagnostics(out: Path) -> Diagnostics:
     try:
         said: Any = json.loads(path.read_text(encoding="utf-8"))
         numbers = {name: math.nan if value is None else value for name, value in said.items()}
-        sentences = {name: tuple(said[name]) for name in ("reasons", "remarks") if name in said}
+        sentences = {name: tuple(said[name]) for name in ("reasons", "limitations") if name in said}
         return Diagnostics(**{**numbers, **sentences})
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         raise BadInput(f"{path}: is not what fit writes; leave out --resume to fit anew") from None

@@ -218,18 +218,20 @@ def with_estimates(diagnostics: Diagnostics, estimated: Estimated) -> Diagnostic
     widened instead, and told. Where that is half of them or more, the cases rest on what nobody checked.
     """
     bad = estimated.table[estimated.table["status"] != OK]
-    remarks = list(diagnostics.remarks)
+    limitations = list(diagnostics.limitations)
     if len(estimated.rejected):
-        remarks.append(f"{len(estimated.rejected)} files have no estimate and are not in the result: see {REJECTED}")
+        limitations.append(
+            f"{len(estimated.rejected)} files have no estimate and are not in the result: see {REJECTED}"
+        )
     if bad.empty:
-        return diagnostics._replace(remarks=tuple(remarks))
+        return diagnostics._replace(limitations=tuple(limitations))
     more = f" and {len(bad) - _NAMED} more" if len(bad) > _NAMED else ""
     said = (
         f"{', '.join(bad['record'][:_NAMED])}{more}: the estimate failed its check and counts with standard deviations "
         f"{WIDENED:g} times as wide; see status in {ESTIMATES}"
     )
     if 2 * len(bad) < len(estimated.table):
-        return diagnostics._replace(remarks=(*remarks, said))
+        return diagnostics._replace(limitations=(*limitations, said))
     share = f"these are {len(bad)} of {len(estimated.table)} records"
     reason = f"{said}: {share}; record them again, check the rig file, or try another --law"
-    return diagnostics._replace(verdict="fail", reasons=(*diagnostics.reasons, reason), remarks=tuple(remarks))
+    return diagnostics._replace(verdict="fail", reasons=(*diagnostics.reasons, reason), limitations=tuple(limitations))

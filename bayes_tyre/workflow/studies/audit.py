@@ -15,7 +15,7 @@ from bayes_tyre.results.provenance import RUN_JSON, begin_run, write_run
 from bayes_tyre.studies.audit import ORIGIN, study_audit
 from bayes_tyre.studies.audit_grid import FACTOR_NAMES, PLANS, SOURCE_WINDOW, TYPICAL, WINDOW
 from bayes_tyre.studies.audit_overview import overview
-from bayes_tyre.studies.audit_words import conclusion
+from bayes_tyre.studies.audit_sentences import conclusion
 
 
 class Written(NamedTuple):

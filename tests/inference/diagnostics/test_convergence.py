@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from bayes_tyre.inference.diagnostics.convergence import figures_kept, figures_of, monitor, with_figures
+from bayes_tyre.inference.diagnostics.convergence import figures_of, monitor, stored_figures, with_figures
 
 
 def tree_of(chains: int) -> xr.DataTree:
@@ -32,9 +32,9 @@ def test_figures_kept_are_those_taken_anew(chains):
 
 def test_one_quantity_has_its_own():
     tree = with_figures(tree_of(4))
-    figures = figures_kept(tree, "k_case")
+    figures = stored_figures(tree, "k_case")
     assert figures is not None
     assert figures.r_hat is not None
     assert list(figures.r_hat.data_vars) == ["k_case"]
-    assert figures_kept(tree, "beta_case") is None
-    assert figures_kept(tree_of(4), "k_case") is None
+    assert stored_figures(tree, "beta_case") is None
+    assert stored_figures(tree_of(4), "k_case") is None

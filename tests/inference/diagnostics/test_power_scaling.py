@@ -133,16 +133,16 @@ def test_every_quantity_of_records_has_its_measures_with_its_labels(of_records):
     assert bool(sensitive["k_case"].notnull().all())
 
 
-def test_what_the_data_did_not_say_is_remarked_by_name_and_with_a_remedy(of_records):
+def test_what_the_data_did_not_say_is_limitationed_by_name_and_with_a_remedy(of_records):
     label = str(of_records["posterior"]["case"].to_numpy()[2])
     said = find_limitations(of_records)
-    case = next(remark for remark in said if remark.startswith(f"beta_case[{label}]: the data did not speak"))
+    case = next(limitation for limitation in said if limitation.startswith(f"beta_case[{label}]: weakly identified"))
     assert "it needs several points within beta of the start" in case
-    assert any(remark.startswith("sd_J: the data hardly spoke") for remark in said)
+    assert any(limitation.startswith("sd_J: weakly identified") for limitation in said)
     # Draws of the prior itself follow their prior and nothing else.
-    assert any("sd_J" in remark and "the prior moves them" in remark for remark in said)
+    assert any("sd_J" in limitation and "prior-sensitive" in limitation for limitation in said)
     assert identified(of_records, "sd_J")["decided_by"].tolist() == ["prior"]
-    assert not any("k_case" in remark for remark in said)
+    assert not any("k_case" in limitation for limitation in said)
 
 
 def test_a_summary_carries_what_was_found_row_by_row(of_records):
@@ -153,7 +153,7 @@ def test_a_summary_carries_what_was_found_row_by_row(of_records):
     assert table[table["parameter"] == "k_group[single loading]"]["contraction"].item() > 0.99
 
 
-def test_a_posterior_without_the_group_has_no_remarks_and_empty_columns():
+def test_a_posterior_without_the_group_has_no_limitations_and_empty_columns():
     factor_table = grid(("single",))
     tree = posterior(scattered(factor_table, seed=1), factor_table)
     assert find_limitations(tree) == []

@@ -206,7 +206,7 @@ def test_figures_stand_by_parameter_and_by_chain():
     assert (second["trees_at_limit"], second["tree_depth_max"]) == (0, 3)
     assert second["acceptance_mean"] == pytest.approx(0.9)
     assert min(chain["bfmi"] for chain in found.by_chain) == found.bfmi_min
-    assert [remark.split(":")[0] for remark in found.remarks] == ["chain 0"]
+    assert [limitation.split(":")[0] for limitation in found.limitations] == ["chain 0"]
 
 
 @pytest.mark.parametrize("chains", [1, CHAINS])

@@ -7,10 +7,10 @@ import optimistix as optx
 import pytest
 from helpers.one_record import NAN, fit_one
 
-from bayes_tyre.inference.least_squares.beta_grid import _POINTS, _sums_of_all_or_fewer, _thinned, scanned
+from bayes_tyre.inference.least_squares.beta_grid import _POINTS, _averaged, _sums_on_grid, grid_minima
 from bayes_tyre.inference.least_squares.parameters import BETA, F_I, C, K
 from bayes_tyre.inference.least_squares.scaled_problem import Problem, in_own_units
-from bayes_tyre.inference.least_squares.small_linear_algebra import rest_of_last
+from bayes_tyre.inference.least_squares.small_linear_algebra import residual_of_last
 from bayes_tyre.inference.least_squares.starting_values import SCANNED_BETAS
 from bayes_tyre.inference.least_squares.variable_projection import ends, optimum, profile_of, solve
 
@@ -34,7 +34,7 @@ def profile(d: np.ndarray, F: np.ndarray, free: tuple[int, ...]):
 def test_the_sums_are_the_rss_of_the_best_fit_for_each_beta(points, free):
     @jax.jit
     def both(record):
-        sums, rounding = _sums_of_all_or_fewer(record, optimum(record, ends(record)[0], free), free, None)
+        sums, rounding = _sums_on_grid(record, optimum(record, ends(record)[0], free), free, None)
         betas = SCANNED_BETAS[1] * 2.0 ** (-jnp.arange(len(sums)) / 3)
         return sums, rounding, jax.lax.map(lambda beta: optimum(record, beta, free).rss, betas)
 
@@ -52,13 +52,13 @@ def test_small_betas_of_an_exact_record_are_told_apart():
     u = curve(40, 1.0, 0.0)[0] - 10
     beta = u[1] / (9 * np.log(10))
     record = profile(10 + u, 14 + (0.4 + 1.6 * u) * -np.expm1(-u / beta), free)
-    found = scanned(record, optimum(record, ends(record)[0], free), free)
+    found = grid_minima(record, optimum(record, ends(record)[0], free), free)
     assert float(found.log_betas[0]) == pytest.approx(np.log(beta / u[-1]), abs=np.log(2) / 3)
 
 
 def test_points_far_from_their_neighbours_are_not_put_together():
     d, F = curve(LONG, 0.1, 0.03)
-    apart = [bool(_thinned(profile(*rows, (K, C, BETA)))[2]) for rows in ((d, F), shuffled(d, F))]
+    apart = [bool(_averaged(profile(*rows, (K, C, BETA)))[2]) for rows in ((d, F), shuffled(d, F))]
     assert apart == [False, True]
 
 
@@ -88,4 +88,4 @@ def test_what_is_left_of_the_last_column_is_its_distance_from_the_others():
     columns[1] = 2.0 * columns[0]  # takes nothing out that the first has not
     products = [[jnp.asarray(a @ b) for b in columns[: i + 1]] for i, a in enumerate(columns)]
     _, (expected,), *_ = np.linalg.lstsq(columns[[0, 2]].T, columns[3])
-    assert float(rest_of_last(products)) == pytest.approx(expected, rel=1e-12)
+    assert float(residual_of_last(products)) == pytest.approx(expected, rel=1e-12)

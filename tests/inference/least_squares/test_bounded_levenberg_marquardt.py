@@ -10,7 +10,7 @@ import pytest
 from scipy import optimize
 
 from bayes_tyre.inference.least_squares.bounded_levenberg_marquardt import BoxLevenbergMarquardt
-from bayes_tyre.inference.least_squares.small_linear_algebra import lowest_in_box, solve_positive
+from bayes_tyre.inference.least_squares.small_linear_algebra import minimise_bounded_quadratic, solve_positive
 
 
 def quadratics(n: int, likeness: float, count: int, seed: int) -> tuple[np.ndarray, ...]:
@@ -27,7 +27,7 @@ def quadratics(n: int, likeness: float, count: int, seed: int) -> tuple[np.ndarr
 def test_the_lowest_point_meets_the_conditions_of_karush_kuhn_and_tucker(n, likeness):
     H, gradient, low, high = quadratics(n, likeness, 2000, seed=n)
     low[:200], high[200:400] = -np.inf, np.inf
-    x = np.asarray(jax.jit(jax.vmap(lowest_in_box))(*map(jnp.asarray, (H, gradient, low, high))))
+    x = np.asarray(jax.jit(jax.vmap(minimise_bounded_quadratic))(*map(jnp.asarray, (H, gradient, low, high))))
     assert np.all((low <= x) & (x <= high))
     size = np.sqrt(np.einsum("njj->nj", H))
     slope = (np.einsum("njk,nk->nj", H, x) + gradient) / size
@@ -40,7 +40,7 @@ def test_the_lowest_point_meets_the_conditions_of_karush_kuhn_and_tucker(n, like
 
 def test_the_lowest_point_is_the_best_of_all_faces():
     H, gradient, low, high = quadratics(3, 1e-2, 20, seed=4)
-    found = np.asarray(jax.vmap(lowest_in_box)(*map(jnp.asarray, (H, gradient, low, high))))
+    found = np.asarray(jax.vmap(minimise_bounded_quadratic)(*map(jnp.asarray, (H, gradient, low, high))))
     for h, g, lo, hi, x in zip(H, gradient, low, high, found, strict=True):
         best = min(
             height for face in product((-1, 0, 1), repeat=3) if (height := on_face(h, g, lo, hi, face)) is not None

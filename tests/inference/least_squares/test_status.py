@@ -11,7 +11,7 @@ from helpers.odd_records import FIXED, LONG, RECORDS, K, fitted, record, table_o
 from bayes_tyre.batch import batches
 from bayes_tyre.inference.least_squares.estimate import Estimate
 from bayes_tyre.inference.least_squares.settings import FitSettings
-from bayes_tyre.inference.least_squares.status import hopeless, status
+from bayes_tyre.inference.least_squares.status import status, unfittable
 from bayes_tyre.inference.least_squares.table import NUMBERS
 
 # Compilation and module fixtures: over 10 s for the file from cold.
@@ -104,9 +104,9 @@ def test_a_fit_that_did_not_converge_is_said_and_a_lost_parameter_is_named():
     none, ones = jnp.zeros(4, bool), jnp.ones((4, 5))
     lost, errors = jnp.zeros((4, 5), bool).at[0, :2].set(True), (0.5 * ones).at[3].set(1.0)
     estimate = Estimate(ones, errors, ones[:, 0], lost & False, lost, none, none, jnp.array([True, False, True, True]))
-    said = status(batch, batch.present, estimate, np.full((2, 5), np.inf), hopeless(batch, batch.present, 3))
-    hardly = "beta hardly determined: its standard error is as large as itself"
-    assert said.tolist() == ["k, C not determined by this record", NOT_CONVERGED, "ok", hardly]
+    said = status(batch, batch.present, estimate, np.full((2, 5), np.inf), unfittable(batch, batch.present, 3))
+    weak = "beta weakly identified: its standard error is as large as itself"
+    assert said.tolist() == ["k, C not determined by this record", NOT_CONVERGED, "ok", weak]
 
 
 def test_a_parameter_on_its_bound_is_said_and_has_no_standard_error(fits):

@@ -9,9 +9,9 @@ from helpers.one_record import NAN, record
 
 from bayes_tyre.inference.least_squares.estimate import estimate_record
 from bayes_tyre.inference.least_squares.parameters import BETA, F_I, C, K
-from bayes_tyre.inference.least_squares.scalar_newton import NewtonOnALine, Slope
+from bayes_tyre.inference.least_squares.scalar_newton import Derivatives, ScalarNewton
 from bayes_tyre.inference.least_squares.scaled_problem import Problem, in_own_units
-from bayes_tyre.inference.least_squares.small_linear_algebra import triangle
+from bayes_tyre.inference.least_squares.small_linear_algebra import r_factor
 from bayes_tyre.inference.least_squares.variable_projection import at, optimum, profile_of
 
 
@@ -57,9 +57,9 @@ def test_the_profile_ends_where_the_fit_of_all_parameters_does(free):
 def test_a_start_ends_in_the_valley_that_it_lies_in():
     def valleys(y, _):  # lowest at -1.04 and at 0.96, with a ridge between
         value, slope, bend = (y**2 - 1) ** 2 + 0.3 * y + 1, 4 * y**3 - 4 * y + 0.3, 12 * y**2 - 4
-        return value, Slope(slope, jnp.where(bend > 0, bend, 1.0), bend > 0)
+        return value, Derivatives(slope, jnp.where(bend > 0, bend, 1.0), bend > 0)
 
-    solver = NewtonOnALine(low=jnp.array(-3.0), high=jnp.array(3.0), rtol=1e-12, atol=1e-12, ftol=jnp.array(0.0))
+    solver = ScalarNewton(low=jnp.array(-3.0), high=jnp.array(3.0), rtol=1e-12, atol=1e-12, ftol=jnp.array(0.0))
     roots = np.sort(np.roots([4, 0, -4, 0.3]).real)
     for start, end in ((-2.5, roots[0]), (0.5, roots[2]), (2.5, roots[2])):
         found = optx.minimise(valleys, solver, jnp.array(start), has_aux=True, throw=False)
@@ -68,9 +68,9 @@ def test_a_start_ends_in_the_valley_that_it_lies_in():
 
 
 def test_an_end_of_the_interval_is_reached_exactly():
-    solver = NewtonOnALine(low=jnp.array(-1.0), high=jnp.array(2.0), rtol=1e-12, atol=1e-12, ftol=jnp.array(0.0))
+    solver = ScalarNewton(low=jnp.array(-1.0), high=jnp.array(2.0), rtol=1e-12, atol=1e-12, ftol=jnp.array(0.0))
     found = optx.minimise(
-        lambda y, _: ((y - 5.0) ** 2 + 1.0, Slope(2.0 * (y - 5.0), jnp.array(2.0), jnp.array(True))),
+        lambda y, _: ((y - 5.0) ** 2 + 1.0, Derivatives(2.0 * (y - 5.0), jnp.array(2.0), jnp.array(True))),
         solver,
         jnp.array(0.0),
         has_aux=True,
@@ -82,7 +82,7 @@ def test_an_end_of_the_interval_is_reached_exactly():
 def test_the_triangle_is_that_of_householder_though_columns_are_nearly_alike():
     rng = np.random.default_rng(2)
     matrix = rng.normal(size=(40, 1)) + 1e-6 * rng.normal(size=(40, 3))
-    found = np.asarray(triangle([jnp.asarray(column) for column in matrix.T]))
+    found = np.asarray(r_factor([jnp.asarray(column) for column in matrix.T]))
     expected = np.linalg.qr(matrix, mode="r")
     np.testing.assert_allclose(np.abs(found), np.abs(expected), rtol=1e-9, atol=1e-15)
-    assert np.all(triangle([jnp.zeros(4), jnp.ones(4)]) == np.array([[0.0, 0.0], [0.0, 2.0]]))
+    assert np.all(r_factor([jnp.zeros(4), jnp.ones(4)]) == np.array([[0.0, 0.0], [0.0, 2.0]]))

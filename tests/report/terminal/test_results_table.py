@@ -96,16 +96,16 @@ def test_labels_are_shown_as_text(label, shown, width, tmp_path):
 
 def test_remarks_stand_below_the_table_in_one_line_each(tmp_path):
     folder = result(tmp_path / "fit", summary("single"))
-    said = {"remarks": ["beta_case[x]: the data did not speak; \x1b[31mmeasure", 3]}
+    said = {"limitations": ["beta_case[x]: weakly identified; \x1b[31mmeasure", 3]}
     (folder / "diagnostics.json").write_text(json.dumps(said), encoding="utf-8")
     lines = printed(folder, width=40)
     assert lines[-2:] == [
-        "note: beta_case[x]: the data did not speak; \ufffd[31mmeasure",
+        "note: beta_case[x]: weakly identified; \ufffd[31mmeasure",
         f"files: {folder}",
     ]
 
 
-@pytest.mark.parametrize("content", ["", "{", "[]", '{"remarks": 3}', '{"remarks": {"a": 1}}', "{}"])
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"limitations": 3}', '{"limitations": {"a": 1}}', "{}"])
 def test_a_folder_whose_diagnostics_say_nothing_is_shown_without_remarks(content, tmp_path):
     folder = result(tmp_path / "fit", summary("single"))
     (folder / "diagnostics.json").write_text(content, encoding="utf-8")

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from arviz_stats.base import array_stats  # pyright: ignore[reportPrivateImportUsage]
 from jaxtyping import Array, ArrayLike, Float
 
+from bayes_tyre.inference.diagnostics.pareto_smoothing import smooth_log_weights
 from bayes_tyre.inference.motion.record.forward_model import residuals
 from bayes_tyre.inference.motion.record.map_fit import value_and_jacobian
 from bayes_tyre.inference.motion.record.window import Window
@@ -86,10 +86,9 @@ def weighed_draws(
         return Weighed(np.tile(standard, (DRAWS, 1)), np.full(DRAWS, 1 / DRAWS), float("nan"))
     draws, height = jax.tree.map(np.asarray, _along(rig, window, standard, covariance, WIDER * unit))
     log_weights = np.nan_to_num(0.5 * np.sum(unit**2, axis=1) - height, nan=-np.inf)
-    # ArviZ takes the logarithm of what the weights are one over, as in leave-one-out.
-    smooth, pareto_k = array_stats.psislw(log_weights.max() - log_weights)
+    smooth, pareto_k = smooth_log_weights(log_weights)
     mean = float(np.logaddexp.reduce(log_weights) - np.log(len(log_weights)))
-    return Weighed(draws, np.exp(smooth), float(pareto_k), mean)
+    return Weighed(draws, np.exp(smooth), pareto_k, mean)
 
 
 class Valley(NamedTuple):
