@@ -1,6 +1,6 @@
-"""Whether every link of a built site leads somewhere, and nothing of it is fetched from a network.
+"""Check that every internal link of a built site resolves, and that no page loads anything from a network.
 
-`python docs/check_links.py results/docs/html` asks no network either: links of pages to the outside are not followed.
+`python docs/check_links.py results/docs/html` works offline: external links are not followed.
 """
 
 import sys
@@ -25,20 +25,20 @@ class Page(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Note one tag."""
-        found = {name: value or "" for name, value in attrs}
-        self.anchors |= {found[name] for name in ("id", "name") if name in found}
-        if tag == "a" and "href" in found:
-            self.links.add(found["href"])
-        target = found.get(LOADED.get(tag, ""))
-        if target and not (tag == "link" and set(found.get("rel", "").split()) & NAMED_ONLY):
+        """Collect the anchors, links and loaded files of one tag."""
+        attributes = {name: value or "" for name, value in attrs}
+        self.anchors |= {attributes[name] for name in ("id", "name") if name in attributes}
+        if tag == "a" and "href" in attributes:
+            self.links.add(attributes["href"])
+        target = attributes.get(LOADED.get(tag, ""))
+        if target and not (tag == "link" and set(attributes.get("rel", "").split()) & NAMED_ONLY):
             self.loaded.add(target)
 
 
 def faults(site: Path) -> list[str]:
-    """Return a line a link that leads nowhere, and a line a thing that a page would fetch."""
+    """Return one line for each dead link, and one for each file that a page would fetch from a network."""
     pages = {path.resolve(): Page(path.read_text(encoding="utf-8")) for path in sorted(site.rglob("*.html"))}
-    found = []
+    dead_links = []
     for path, page in pages.items():
         name = path.relative_to(site.resolve())
         for link in sorted(page.links | page.loaded):
@@ -47,19 +47,19 @@ def faults(site: Path) -> list[str]:
                 continue
             if parts.scheme or parts.netloc:
                 if link in page.loaded:
-                    found.append(f"{name}: loads {link} from a network")
+                    dead_links.append(f"{name}: loads {link} from a network")
                 continue
             target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
             anchor = unquote(parts.fragment)
             if not target.exists():
-                found.append(f"{name}: {link} leads nowhere")
+                dead_links.append(f"{name}: {link} leads nowhere")
             elif anchor and target in pages and anchor not in pages[target].anchors:
-                found.append(f"{name}: {link} leads to a page that has no such place")
+                dead_links.append(f"{name}: {link} leads to a page that has no such place")
     for sheet in sorted(site.rglob("*.css")):
         text = sheet.read_text(encoding="utf-8").replace("'", "").replace('"', "")
         if any(loads in text for loads in ("url(http", "url(//", "@import http")):
-            found.append(f"{sheet.relative_to(site)}: loads from a network")
-    return found
+            dead_links.append(f"{sheet.relative_to(site)}: loads from a network")
+    return dead_links
 
 
 def main() -> int:
@@ -68,11 +68,11 @@ def main() -> int:
     if not (site / "index.html").is_file():
         print(f"{site}: holds no index.html; build the site first")
         return 2
-    said = faults(site)
-    for line in said:
+    dead_links = faults(site)
+    for line in dead_links:
         print(line)
-    print(f"{sum(1 for _ in site.rglob('*.html'))} pages, {len(said)} dead links")
-    return 1 if said else 0
+    print(f"{sum(1 for _ in site.rglob('*.html'))} pages, {len(dead_links)} dead links")
+    return 1 if dead_links else 0
 
 
 if __name__ == "__main__":

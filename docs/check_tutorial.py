@@ -6,8 +6,8 @@ the order of the page; blocks of other kinds, such as ``sh``, are not run.
 
 Words and whole numbers must be the same. A number with a decimal point may differ by one unit of the last digit shown
 or by 2 %: on one machine the same seed gives the same bytes, on another processor sums are rounded otherwise and chains
-part ways. How many differ is printed, and by how much; with ``--exact`` none may. An ellipsis on a page stands for any
-text, runs of spaces for one another.
+diverge. The number of differences and the largest are printed; ``--exact`` allows none. An ellipsis on a page matches
+any text, and a run of spaces any other run of spaces.
 """
 
 import argparse
@@ -29,9 +29,17 @@ _PART = re.compile(rf"(?P<any>\.\.\.|…)|(?P<number>{_NUMBER})|(?P<space>\s+)|(
 
 
 class Difference(NamedTuple):
-    """How an output differs from what a page shows: in its words, or in the relative difference of its numbers."""
+    """How an output differs from what a page shows.
 
-    factor_table: bool
+    Attributes
+    ----------
+    words_differ:
+        Whether its text differs, a whole number does, or another number by more than is allowed.
+    numbers:
+        Relative differences of the numbers with a decimal point that are not the same.
+    """
+
+    words_differ: bool
     numbers: tuple[float, ...] = ()
 
 
@@ -52,43 +60,43 @@ def compare(shown: str, printed: str) -> Difference:
             patterns.append("[─━]+" if part["rule"] else re.escape(part["text"]))
     match = re.fullmatch("".join(patterns), printed.strip(), re.DOTALL)
     if match is None:
-        return Difference(factor_table=True)
-    off = []
+        return Difference(words_differ=True)
+    differences = []
     for one, other in zip(numbers, match.groups(), strict=True):
         last_digit = 10.0 ** -len(re.sub(r"e.*", "", one).partition(".")[2])
         distance = abs(float(one) - float(other))
         if distance > 0:
-            off.append(distance / max(abs(float(one)), last_digit))
+            differences.append(distance / max(abs(float(one)), last_digit))
         if distance > max(1.000001 * last_digit, LARGEST_DIFFERENCE * abs(float(one))):
-            return Difference(factor_table=True, numbers=tuple(off))
-    return Difference(factor_table=False, numbers=tuple(off))
+            return Difference(words_differ=True, numbers=tuple(differences))
+    return Difference(words_differ=False, numbers=tuple(differences))
 
 
 class Checker(doctest.OutputChecker):
-    """Doctest's comparison, replaced by that of this module."""
+    """Doctest's checker with the comparison of this module; collects the relative differences of numbers."""
 
     def __init__(self) -> None:
-        self.off: list[float] = []
+        self.differences: list[float] = []
 
     def check_output(self, want: str, got: str, optionflags: int) -> bool:
-        """Return whether what was printed is what is shown, and keep by how much its numbers differ."""
+        """Return whether the printed output agrees with the one shown, and collect the differences of its numbers."""
         del optionflags
-        found = compare(want, got)
-        self.off += found.numbers
-        return not found.factor_table
+        difference = compare(want, got)
+        self.differences += difference.numbers
+        return not difference.words_differ
 
 
 def commands(block: str) -> list[tuple[str, str]]:
     """Return the commands of a console block, each with the output shown; ``>`` continues a command."""
-    found: list[tuple[list[str], list[str]]] = []
+    examples: list[tuple[list[str], list[str]]] = []
     for line in block.splitlines():
         if line.startswith("$ "):
-            found.append(([line[2:]], []))
-        elif line.startswith("> ") and not found[-1][1]:
-            found[-1][0].append(line[2:])
+            examples.append(([line[2:]], []))
+        elif line.startswith("> ") and not examples[-1][1]:
+            examples[-1][0].append(line[2:])
         else:
-            found[-1][1].append(line)
-    return [("\n".join(command), "\n".join(shown)) for command, shown in found]
+            examples[-1][1].append(line)
+    return [("\n".join(command), "\n".join(shown)) for command, shown in examples]
 
 
 def run_page(page: Path, folder: Path) -> tuple[int, list[float]]:
@@ -108,7 +116,7 @@ def run_page(page: Path, folder: Path) -> tuple[int, list[float]]:
             if not checker.check_output(shown, done.stdout, 0):
                 failed += 1
                 print(f"{page.name}: $ {command}\nshown:\n{shown}\nprinted:\n{done.stdout}")
-    return failed, checker.off
+    return failed, checker.differences
 
 
 def check(page: Path, exact: bool) -> int:
@@ -118,11 +126,11 @@ def check(page: Path, exact: bool) -> int:
     with tempfile.TemporaryDirectory() as away:
         (Path(away) / "data").symlink_to(HERE.parent / "data")
         os.chdir(away)
-        failed, off = run_page(page, Path(away))
+        failed, differences = run_page(page, Path(away))
         os.chdir(HERE)
-    most = f", by at most {100 * max(off):.2g} %" if off else ""
-    print(f"{page.name}: {failed} outputs differ; {len(off)} numbers differ within bounds{most}")
-    return 1 if failed or (exact and off) else 0
+    most = f", by at most {100 * max(differences):.2g} %" if differences else ""
+    print(f"{page.name}: {failed} outputs differ; {len(differences)} numbers differ within bounds{most}")
+    return 1 if failed or (exact and differences) else 0
 
 
 def main() -> int:
@@ -130,14 +138,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("pages", nargs="*", type=Path, default=[TUTORIAL])
     parser.add_argument("--exact", action="store_true", help="let no number differ")
-    told = parser.parse_args()
-    pages = [page.resolve() for page in told.pages]
+    options = parser.parse_args()
+    pages = [page.resolve() for page in options.pages]
     if len(pages) == 1:
-        return check(pages[0], told.exact)
+        return check(pages[0], options.exact)
     # JAX fixes its devices when it starts, and with other devices sums are rounded otherwise.
-    flags = ["--exact"] if told.exact else []
-    ends = [subprocess.run([sys.executable, __file__, str(page), *flags]).returncode for page in pages]
-    return max(ends)
+    flags = ["--exact"] if options.exact else []
+    codes = [subprocess.run([sys.executable, __file__, str(page), *flags]).returncode for page in pages]
+    return max(codes)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What the pages take from the program instead of saying it again: help, priors; and docstrings made ready."""
+"""Sphinx directives that take command help and priors from the program, and the preparation of docstrings."""
 
 from typing import Any, NamedTuple
 
@@ -11,13 +11,13 @@ RANGE = 0.95
 
 
 class Help(NamedTuple):
-    """A command, such as ``study outliers``, and what it prints when asked for help."""
+    """A command, such as ``study outliers``, and the text that its ``--help`` prints."""
 
     command: str
-    said: str
+    text: str
 
 
-#: What Python makes of each field of a named tuple.
+#: Type of the descriptor of a named tuple's field.
 _FIELD_OF_TUPLE = type(vars(Help)["command"])
 
 
@@ -28,28 +28,28 @@ def commands() -> list[Help]:
 
     from bayes_tyre.cli import app
 
-    def named(command: Any, factor_table: tuple[str, ...]) -> list[tuple[str, ...]]:
+    def named(command: Any, path: tuple[str, ...]) -> list[tuple[str, ...]]:
         below = getattr(command, "commands", {})
-        return [factor_table, *(name for key, one in below.items() for name in named(one, (*factor_table, key)))]
+        return [path, *(name for key, one in below.items() for name in named(one, (*path, key)))]
 
-    runner, found = CliRunner(), []
-    for factor_table in named(typer.main.get_command(app), ()):
-        done = runner.invoke(app, [*factor_table, "--help"], prog_name="bayes-tyre")
+    runner, helps = CliRunner(), []
+    for path in named(typer.main.get_command(app), ()):
+        done = runner.invoke(app, [*path, "--help"], prog_name="bayes-tyre")
         if done.exit_code != 0:
-            raise RuntimeError(f"bayes-tyre {' '.join(factor_table)} --help: exit code {done.exit_code}")
-        found.append(Help(" ".join(factor_table), done.stdout.strip()))
-    return found
+            raise RuntimeError(f"bayes-tyre {' '.join(path)} --help: exit code {done.exit_code}")
+        helps.append(Help(" ".join(path), done.stdout.strip()))
+    return helps
 
 
 def prior_rows() -> list[tuple[str, ...]]:
-    """Return a row a prior: its name, law, median with its range and unit, and the reason for its width."""
+    """Return a row a prior: its name, distribution, median with its range and unit, and the reason for its width."""
     from bayes_tyre.inference.model.default_priors import PRIORS
 
     rows = []
     for name, prior in PRIORS.items():
-        low, median, high = (f"{q:.2g}" for q in PRIORS[name].scipy().ppf([(1 - RANGE) / 2, 0.5, (1 + RANGE) / 2]))
-        law = f"{prior.family.__name__}({', '.join(f'{value:.3g}' for value in prior.parameters)})"
-        rows.append((name, law, f"{median} ({low} to {high}) {prior.unit}".strip(), prior.reason))
+        low, median, high = (f"{q:.2g}" for q in prior.scipy().ppf([(1 - RANGE) / 2, 0.5, (1 + RANGE) / 2]))
+        distribution = f"{prior.family.__name__}({', '.join(f'{value:.3g}' for value in prior.parameters)})"
+        rows.append((name, distribution, f"{median} ({low} to {high}) {prior.unit}".strip(), prior.reason))
     return rows
 
 
@@ -57,12 +57,12 @@ def table(header: tuple[str, ...], rows: list[tuple[str, ...]], codes: int) -> n
     """Return a table of plain text, its first `codes` columns in code type."""
 
     def row(cells: tuple[str, ...], heading: bool) -> nodes.row:
-        found = nodes.row()
+        entries = nodes.row()
         for number, text in enumerate(cells):
             kind = nodes.literal if text and number < codes and not heading else nodes.Text
             paragraph = nodes.paragraph("", "", kind("", text) if kind is nodes.literal else nodes.Text(text))
-            found += nodes.entry("", paragraph)
-        return found
+            entries += nodes.entry("", paragraph)
+        return entries
 
     group = nodes.tgroup("", *(nodes.colspec(colwidth=1) for _ in header), cols=len(header))
     group += nodes.thead("", row(header, True))
@@ -76,9 +76,9 @@ class CommandHelp(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         """Return the sections."""
         parts = []
-        for command, said in commands():
+        for command, text in commands():
             title = f"bayes-tyre {command}".strip()
-            parts.append(f"## `{title}`\n\n```text\n{said}\n```\n")
+            parts.append(f"## `{title}`\n\n```text\n{text}\n```\n")
         return self.parse_text_to_nodes("\n".join(parts), allow_section_headings=True)
 
 
@@ -87,33 +87,33 @@ class PriorTable(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Return the table."""
-        header = ("prior", "law", f"median ({100 * RANGE:.0f} % range)", "what it allows, and why")
+        header = ("prior", "distribution", f"median ({100 * RANGE:.0f} % range)", "what it allows, and why")
         return [table(header, prior_rows(), codes=1)]
 
 
 def ready(lines: list[str]) -> list[str]:
-    """Return a docstring's lines as napoleon and docutils want them.
+    """Return a docstring's lines in the form that napoleon and docutils parse correctly.
 
-    Without this a Returns section of plain sentences, the house's habit, would be taken for a type, attributes
-    described together (``low, high:``) for one with a type, a source below the parameters for one of them, and
-    ``|step_kN|`` for a substitution.
+    Otherwise a Returns section of plain sentences, as used in this package, would be parsed as a type, attributes
+    described together (``low, high:``) as one attribute with a type, a source below the parameters as a parameter,
+    and ``|step_kN|`` as a substitution.
     """
-    section, found = "", []
+    section, prepared = "", []
     for number, line in enumerate(lines):
         below = lines[number + 1] if number + 1 < len(lines) else ""
         if below and set(below) == {"-"}:
             section = line
-            found.append({"Attributes": "Fields"}.get(line, line))
+            prepared.append({"Attributes": "Fields"}.get(line, line))
         elif section == "Attributes" and line.endswith(":") and not line.startswith(" "):
-            found.append(", ".join(f"``{name}``" for name in line[:-1].split(", ")))
+            prepared.append(", ".join(f"``{name}``" for name in line[:-1].split(", ")))
         elif section == "Raises" and line == "BadInput":
-            found.append("bayes_tyre.errors.BadInput")
+            prepared.append("bayes_tyre.errors.BadInput")
         elif section and line.startswith("Source: "):
             section = "Source"
-            found += [section, "-" * len(section), line.removeprefix("Source: ")]
+            prepared += [section, "-" * len(section), line.removeprefix("Source: ")]
         else:
-            found.append("`".join(_without_bars(line.split("`"))))
-    return _with_sentences_returned(found)
+            prepared.append("`".join(_without_bars(line.split("`"))))
+    return _with_sentences_returned(prepared)
 
 
 def _with_sentences_returned(lines: list[str]) -> list[str]:
@@ -130,34 +130,34 @@ def _with_sentences_returned(lines: list[str]) -> list[str]:
 
 
 def _without_bars(parts: list[str]) -> list[str]:
-    """Return what stands between backticks as it is, and the rest with its bars escaped."""
+    """Return the text between backticks unchanged, and the rest with its vertical bars escaped."""
     return [part if number % 2 else part.replace("|", r"\|") for number, part in enumerate(parts)]
 
 
 class Docstrings:
-    """Docstrings on their way through autodoc: made ready for napoleon, which what is said of a value goes round.
+    """Prepare docstrings for napoleon, and exclude comments on values from it.
 
-    Of ``#: Scatter: of one test`` napoleon would take the first word for a type.
+    In ``#: Scatter: of one test`` napoleon would take the first word for a type.
     """
 
     def __init__(self) -> None:
         self._of_values: dict[str, list[str]] = {}
 
     def before(self, app: Sphinx, what: str, name: str, it: object, options: object, lines: list[str]) -> None:
-        """Make the lines ready, and keep those of a value."""
+        """Prepare the lines, and store those of a value."""
         del app, it, options
         lines[:] = ready(lines)
         if what in ("attribute", "data", "property"):
             self._of_values[name] = list(lines)
 
     def after(self, app: Sphinx, what: str, name: str, it: object, options: object, lines: list[str]) -> None:
-        """Put the lines of a value back."""
+        """Restore the stored lines of a value."""
         del app, what, it, options
         lines[:] = self._of_values.pop(name, lines)
 
 
 def _skip(app: Sphinx, what: str, name: str, it: object, skip: bool, options: object) -> bool | None:
-    """Leave out what a named tuple says of its fields by itself: their class's docstring says it in words."""
+    """Skip the automatic descriptions of a named tuple's fields: the class docstring describes them."""
     del app, what, name, options
     return True if isinstance(it, _FIELD_OF_TUPLE) else (skip or None)
 

@@ -69,14 +69,14 @@ SHOWN = "24 records, k 1.864 [1.81, 1.908]\n  file   DynamicS(0)30-20(1)\ndone i
     ],
 )
 def test_an_output_is_compared_by_its_words_and_within_two_per_cent(printed, same):
-    assert tutorial.compare(SHOWN, printed).words is not same
+    assert tutorial.compare(SHOWN, printed).words_differ is not same
 
 
 def test_numbers_that_differ_are_told():
     assert tutorial.compare("k 2.00", "k 2.02").numbers == pytest.approx((0.01,))
     assert tutorial.compare("k 2.00", "k 2.00").numbers == ()
-    assert not tutorial.compare("p 0.001", "p 0.002").words  # a unit of the last digit shown
-    assert tutorial.compare("p 0.001", "p 0.004").words
+    assert not tutorial.compare("p 0.001", "p 0.002").words_differ  # a unit of the last digit shown
+    assert tutorial.compare("p 0.001", "p 0.004").words_differ
 
 
 def test_a_page_that_shows_what_is_not_printed_is_told(tmp_path, capsys):
@@ -112,7 +112,7 @@ def test_dead_links_and_what_a_network_would_serve_are_found(tmp_path):
 def test_every_command_and_every_prior_has_its_place_in_the_reference():
     helps = dict(source.commands())
     assert {*COMMANDS, "study", "study calibration", "study outliers", ""} <= set(helps)
-    assert all(said.startswith("Usage: bayes-tyre") and "--help" in said for said in helps.values())
+    assert all(shown.startswith("Usage: bayes-tyre") and "--help" in shown for shown in helps.values())
     rows = source.prior_rows()
     assert [row[0] for row in rows] == list(PRIORS)
     assert [row[-1] for row in rows] == [prior.reason for prior in PRIORS.values()]
