@@ -22,9 +22,9 @@ from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record_table import origin_of
 from bayes_tyre.results.provenance import RUN_JSON, begin_run, read_run
 from bayes_tyre.rig.axle import Rig
-from bayes_tyre.workflow.execution.batch import Machines, each_file
+from bayes_tyre.workflow.execution.batch import Machines, run_batch
 from bayes_tyre.workflow.execution.resume import Watch, begin
-from bayes_tyre.workflow.execution.task_cache import Parts
+from bayes_tyre.workflow.execution.task_cache import TaskCache
 from bayes_tyre.workflow.fit import sampler_options
 from bayes_tyre.workflow.raw.motion_estimates import BY_LAW, OK, estimate_file, read_estimates
 from bayes_tyre.workflow.raw.motions_shown import shown_motions
@@ -125,14 +125,14 @@ def estimate_files(
         check_folder(plan.pictures, "--figures")
     tasks = plan_tasks(files, Settings(plan.rig, plan.cases, f"{BY_LAW}{plan.law}", plan.pictures))
     prepare_folder(out)
-    parts = Parts(out / ESTIMATES)
-    outcomes = each_file(estimate_file, tasks, parts, machines, on_progress)
+    cache = TaskCache(out / ESTIMATES)
+    outcomes = run_batch(estimate_file, tasks, cache, machines, on_progress)
     rows = rejected(files, outcomes)
     kept = [(file, task, end) for file, task, end in zip(files, tasks, outcomes, strict=True) if isinstance(end, Path)]
     if not kept:
         remove_leftovers([out / REJECTED])
         write_table(rows, out / REJECTED)
-        parts.remove()
+        cache.remove()
         (out / RUN_JSON).unlink(missing_ok=True)  # an earlier run's result is not of these files
         raise none_usable(out / REJECTED, rows, len(tasks))
     table, motions = read_estimates([part for _, _, part in kept], law)
