@@ -23,7 +23,7 @@ from bayes_tyre.record_table import origin_of
 from bayes_tyre.results.provenance import RUN_JSON, begin_run, read_run
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.workflow.execution.batch import Machines, run_batch
-from bayes_tyre.workflow.execution.resume import Watch, begin
+from bayes_tyre.workflow.execution.resume import Callbacks, open_checkpoints
 from bayes_tyre.workflow.execution.task_cache import TaskCache
 from bayes_tyre.workflow.fit import sampler_options
 from bayes_tyre.workflow.raw.motion_estimates import BY_LAW, OK, estimate_file, read_estimates
@@ -149,7 +149,7 @@ def fit_estimates(
     plan: MotionPlan,
     out: Path,
     command: Sequence[str],
-    watch: Watch | None = None,
+    callbacks: Callbacks | None = None,
     *,
     resume: bool = False,
 ) -> Diagnostics:
@@ -159,7 +159,7 @@ def fit_estimates(
     ----------
     estimated, plan:
         As `estimate_files` gives them, and what it was told.
-    out, command, watch, resume:
+    out, command, callbacks, resume:
         As `bayes_tyre.workflow.fit.fit_table` has them.
 
     Raises
@@ -167,13 +167,13 @@ def fit_estimates(
     BadInput
         If the folder is of no use.
     """
-    watch, origin = watch or Watch(), estimated.origin
+    callbacks, origin = callbacks or Callbacks(), estimated.origin
     call = shlex.join(["bayes-tyre", *command])
     run = begin_run(call, plan.options, plan.sampler.seed, [*estimated.files, *_told_files(plan)], origin)
-    checkpoints = begin(out, run, watch, resume, over=True)  # the estimates are kept: to sample again is quick
+    checkpoints = open_checkpoints(out, run, callbacks, resume, overwrite=True)  # the estimates are cached
     if isinstance(checkpoints, Diagnostics):
         return checkpoints
-    settings = replace(plan.sampler, checkpoints=checkpoints, on_progress=watch.on_progress)
+    settings = replace(plan.sampler, checkpoints=checkpoints, on_progress=callbacks.on_progress)
     tree = fit_motions(estimated.motions, settings, plan.repeats)
     tree.attrs["origin"] = origin
     tree = with_losses(tree, estimated.motions.factor_table, estimated.middles, plan.amplitude_mm)
