@@ -1,4 +1,4 @@
-"""What JAX compiles is kept for the next run, and no state of the folder it is kept in disturbs a run."""
+"""JAX's compilation cache serves the next run, and no state of its folder disturbs a run."""
 
 import subprocess
 import sys
@@ -6,8 +6,6 @@ from pathlib import Path
 
 import pytest
 from helpers.command_line import environment
-
-from bayes_tyre.runtime import cache_folder
 
 SCRIPT = """
 from bayes_tyre.cli.messages import one_line_each
@@ -69,15 +67,3 @@ def test_jaxs_own_variables_and_a_folder_that_cannot_be_are_heeded(off, tmp_path
     assert_undisturbed(run(cache, **more))
     assert not cache.is_dir()
     assert (tmp_path / "mine").is_dir() == (off == "elsewhere")
-
-
-@pytest.mark.parametrize(
-    ("platform", "below"),
-    [("linux", ".cache/bayes-tyre"), ("darwin", "Library/Caches/bayes-tyre"), ("win32", "local/bayes-tyre/Cache")],
-)
-def test_the_folder_is_where_the_system_keeps_such_things(platform, below, monkeypatch, tmp_path):
-    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
-    monkeypatch.setenv("LOCALAPPDATA", str(tmp_path / "local"))
-    monkeypatch.setattr(Path, "home", lambda: tmp_path)
-    monkeypatch.setattr(sys, "platform", platform)
-    assert cache_folder() == tmp_path / below

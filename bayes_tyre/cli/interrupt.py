@@ -1,4 +1,4 @@
-"""Ctrl-C: a command ends at once, with one line and nothing half-written, in whatever library it is."""
+"""Ctrl-C ends a command at once, with one line and nothing half-written, whichever library is running."""
 
 import os
 import signal
@@ -11,25 +11,25 @@ from contextlib import contextmanager
 from bayes_tyre.cli.messages import fault
 from bayes_tyre.formats.files import take_back_for_good
 
-#: What a shell reports of a command that was interrupted.
+#: Exit code of an interrupted command, as shells report it.
 INTERRUPTED = 130
 
 
 @contextmanager
-def heeding_interrupts(advice: str = "run the command again") -> Iterator[None]:
-    """End the process at Ctrl-C, from a thread that hears the signal itself, with advice on how to go on.
+def ending_at_interrupt(advice: str = "run the command again") -> Iterator[None]:
+    """End the process at Ctrl-C from a thread that receives the signal itself; print advice on how to continue.
 
-    Python's own way, an exception in the main thread, does not serve: it waits for XLA, which samples for
-    minutes, is lost in JAX's callbacks, and aborts the process where it meets a compiled module being imported.
+    Python's own way, an exception in the main thread, fails in three places: it waits for XLA, which samples for
+    minutes; it is lost in JAX's callbacks; and it aborts the process while a compiled module is imported.
     """
-    usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # not so where a parent process ignores it
+    usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # a parent process may ignore it
     if not usual or threading.current_thread() is not threading.main_thread():
         yield
         return
-    hear, tell = socket.socketpair()
-    tell.setblocking(False)
-    thread = threading.Thread(target=_watch, args=(hear, advice), daemon=True)
-    before = signal.set_wakeup_fd(tell.fileno(), warn_on_full_buffer=False)
+    receiver, sender = socket.socketpair()
+    sender.setblocking(False)
+    thread = threading.Thread(target=_end_at_interrupt, args=(receiver, advice), daemon=True)
+    before = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
     signal.signal(signal.SIGINT, lambda *_: None)
     thread.start()
     try:
@@ -37,16 +37,16 @@ def heeding_interrupts(advice: str = "run the command again") -> Iterator[None]:
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
         signal.set_wakeup_fd(before)
-        tell.close()
+        sender.close()
         thread.join()
-        hear.close()
+        receiver.close()
 
 
-def _watch(hear: socket.socket, advice: str) -> None:
-    while heard := hear.recv(1):
-        if heard[0] == signal.SIGINT:
+def _end_at_interrupt(receiver: socket.socket, advice: str) -> None:
+    while signals := receiver.recv(1):
+        if signals[0] == signal.SIGINT:
             take_back_for_good()
             if sys.stderr.isatty():
-                sys.stderr.write("\r\x1b[2K\x1b[?25h")  # where a bar was drawn: its line, and the cursor that it hid
+                sys.stderr.write("\r\x1b[2K\x1b[?25h")  # clear the progress bar's line and show the cursor
             fault(f"interrupted; nothing half-written is left, {advice}")
             os._exit(INTERRUPTED)

@@ -1,4 +1,4 @@
-"""What goes to which stream, and how: results on stdout; faults and warnings on stderr, one line each."""
+"""Results go to stdout; faults and warnings go to stderr, one line each."""
 
 import io
 import logging
@@ -10,14 +10,12 @@ from typing import Any
 
 import typer
 
-#: Warnings about code, not about data: who runs a command cannot act on them.
+from bayes_tyre.report.wording import shown
+
+#: Characters of a line on the terminal.
+LONGEST_LINE = 10_000
+#: Warnings about code, not about data: the user of a command cannot act on them.
 _FOR_DEVELOPERS = (DeprecationWarning, PendingDeprecationWarning, FutureWarning)
-
-
-def one_line(text: object) -> str:
-    """Return a text in one line, with escapes for what would steer a terminal or turn its writing round."""
-    line = " ".join(str(text).split())
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in line)
 
 
 def say(text: str, quiet: bool) -> None:
@@ -27,58 +25,58 @@ def say(text: str, quiet: bool) -> None:
 
 
 def note(text: object, quiet: bool) -> None:
-    """Print on stderr, one line, what a command does beside what was asked, unless quiet."""
+    """Print on stderr, one line, what the user should know of how a command runs, unless quiet."""
     if not quiet:
-        typer.echo(f"bayes-tyre: {one_line(text)}", err=True)
+        fault(text)
 
 
 def fault(text: object) -> None:
     """Print on stderr, one line, what ended a command or why its result is not to be trusted."""
-    typer.echo(f"bayes-tyre: {one_line(text)}", err=True)
+    typer.echo(f"bayes-tyre: {shown(text, LONGEST_LINE)}", err=True)
 
 
 def warn(text: object) -> None:
     """Print a warning on stderr, one line, quiet or not."""
-    fault(f"warning: {one_line(text)}")
+    fault(f"warning: {text}")
 
 
-class _Warn(logging.Handler):
-    """What libraries log, told like every other warning."""
+class _WarningHandler(logging.Handler):
+    """Print what libraries log like every other warning."""
 
-    def __init__(self, said: set[str]) -> None:
+    def __init__(self, printed: set[str]) -> None:
         super().__init__(logging.WARNING)
-        self.said = said
+        self.printed = printed
 
     def emit(self, record: logging.LogRecord) -> None:
-        # What JAX logs below an error, such as a GPU that it does not use, needs nobody's attention.
+        # What JAX logs below an error, such as a GPU that it does not use, is of no use to the user.
         if record.name.split(".")[0] != "jax" or record.levelno >= logging.ERROR:
-            _warn_once(record.getMessage(), self.said)
+            _warn_once(record.getMessage(), self.printed)
 
 
-def _warn_once(text: str, said: set[str]) -> None:
-    if text not in said:
-        said.add(text)
+def _warn_once(text: str, printed: set[str]) -> None:
+    if text not in printed:
+        printed.add(text)
         warn(text)
 
 
 @contextmanager
 def one_line_each() -> Iterator[None]:
-    """Tell the warnings of the block, Python's and those that libraries log, once each and in one line."""
-    said: set[str] = set()
+    """Print the warnings of the block, Python's and those that libraries log, once each and in one line."""
+    printed: set[str] = set()
 
     def show(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
         if not issubclass(category, _FOR_DEVELOPERS):
-            _warn_once(str(message), said)
+            _warn_once(str(message), printed)
 
-    for stream in (sys.stdout, sys.stderr):  # a label or a path that the terminal cannot show is shown by its codes
+    for stream in (sys.stdout, sys.stderr):  # characters that the terminal cannot show become escapes
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
-    handler, root = _Warn(said), logging.getLogger()
+    handler, root = _WarningHandler(printed), logging.getLogger()
     root.addHandler(handler)
     try:
         with warnings.catch_warnings():
             warnings.showwarning = show
-            # JAX compiles what it could not read there, and goes on without what it could not write.
+            # JAX then compiles anew, or continues without writing the entry.
             warnings.filterwarnings("ignore", message="Error (reading|writing) persistent compilation cache entry")
             yield
     finally:

@@ -1,4 +1,4 @@
-"""What all commands share: options, faults turned into exit codes, progress, and what goes to which stream."""
+"""What all commands share: common options, exit codes for faults, progress bars, and the report of a verdict."""
 
 import functools
 import inspect
@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from bayes_tyre.cli.interrupt import heeding_interrupts
-from bayes_tyre.cli.messages import fault, one_line, one_line_each, say
-from bayes_tyre.cli.messages import note as note  # to commands these are among the things shared
+from bayes_tyre.cli.interrupt import ending_at_interrupt
+from bayes_tyre.cli.messages import LONGEST_LINE, fault, one_line_each, say
+from bayes_tyre.cli.messages import note as note  # commands import these two from here
 from bayes_tyre.cli.messages import warn as warn
 from bayes_tyre.errors import BadInput
+from bayes_tyre.report.wording import shown
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -35,35 +36,35 @@ Out = Annotated[Path, typer.Option(help="Folder to write into; made if it is not
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors and warnings.")]
 Resume = Annotated[
     bool,
-    typer.Option(RESUME, help="Go on from the last checkpoint of the same run in --out; the bytes are the same."),
+    typer.Option(RESUME, help="Continue from the last checkpoint of the same run in --out; the bytes are the same."),
 ]
-Chains = Annotated[int, typer.Option(min=1, help="Chains, run side by side.")]
+Chains = Annotated[int, typer.Option(min=1, help="Chains, run in parallel.")]
 Warmup = Annotated[int, typer.Option(min=1, help="Iterations of each chain to adapt.")]
 Draws = Annotated[int, typer.Option(min=4, help="Iterations of each chain to keep.")]
 Seed = Annotated[int, typer.Option(min=0, max=2**32 - 1, help="The same seed, data and options give the same numbers.")]
-#: Of the commands that draw nothing, so that a script may give every command the same options.
-NoSeed = Annotated[int, typer.Option("--seed", min=0, help="Taken as by every command; nothing here is drawn.")]
+#: For commands without random numbers, so that a script may give every command the same options.
+NoSeed = Annotated[int, typer.Option("--seed", min=0, help="Accepted by every command; nothing here is random.")]
 Interval = Annotated[float, typer.Option(min=0.01, max=0.999, help="Probability of every interval, equal-tailed.")]
 
 
 class Command(TyperCommand):
-    """A command whose context is what its annotation says: Typer's own class, and not the base class of that."""
+    """A command whose context is Typer's own class, as the annotations of commands say, not its base class."""
 
     context_class = typer.Context
 
 
 def guarded(command: Callable[..., None]) -> Callable[..., None]:
-    """Turn bad input and disks that refuse into one line on stderr and exit code 3; warnings into a line each."""
+    """Turn bad input and disk errors into one line on stderr and exit code 3, and print each warning in one line."""
 
     @functools.wraps(command)
     def run(*args: Any, **kwargs: Any) -> None:
         try:
-            with one_line_each(), heeding_interrupts(*_going_on(command)):
+            with one_line_each(), ending_at_interrupt(*_resume_advice(command)):
                 command(*args, **kwargs)
         except BadInput as error:
             fault(error)
             raise typer.Exit(BAD_INPUT) from None
-        except BrokenPipeError:  # who read the output has seen enough; Typer ends quietly
+        except BrokenPipeError:  # the reader of the output has closed it; Typer ends silently
             raise
         except OSError as error:
             where = f"{error.filename}: " if error.filename else ""
@@ -73,22 +74,22 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def _going_on(command: Callable[..., None]) -> tuple[str, ...]:
-    """Return how an interrupted command that can go on is gone on with; nothing for others."""
+def _resume_advice(command: Callable[..., None]) -> tuple[str, ...]:
+    """Return how to resume an interrupted command; nothing for commands that cannot be resumed."""
     if "resume" not in inspect.signature(command).parameters:
         return ()
     call = ["bayes-tyre", *(option for option in sys.argv[1:] if option != RESUME), RESUME]
-    return (f"go on with: {shlex.join(call)}",)
+    return (f"resume with: {shlex.join(call)}",)
 
 
 def on_terminal(quiet: bool) -> bool:
-    """Return whether somebody watches stderr and wants to."""
+    """Return whether stderr is a terminal and --quiet was not given."""
     return sys.stderr.isatty() and not quiet
 
 
 @contextmanager
 def progress(what: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
-    """Give a function to call with the number just done; it draws a bar on stderr when that is a terminal."""
+    """Yield a function to call with the number just done; it draws a bar on stderr if that is a terminal."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -120,16 +121,16 @@ def assignments(options: list[str], flag: str) -> dict[str, float]:
 
 
 def conclude(diagnostics: "Diagnostics", out: Path, quiet: bool) -> None:
-    """Tell the verdict of what a fit wrote; end with code 4 where it is not `pass`."""
+    """Print the verdict on what a fit wrote; end with code 4 where it is not `pass`."""
     report_verdict(diagnostics, out, quiet)
     if diagnostics.verdict != "pass":
         raise typer.Exit(NOT_TRUSTED)
 
 
 def report_verdict(diagnostics: "Diagnostics", out: Path, quiet: bool) -> None:
-    """Print where a fit was written, its verdict and its limitations; reasons against it on stderr."""
+    """Print where a fit was written, its verdict and its limitations; failed checks go to stderr."""
     say(f"wrote {out}: verdict {diagnostics.verdict}", quiet)
     for reason in diagnostics.reasons:
-        fault(reason)
-    for limitation in diagnostics.limitations:
-        say(f"note: {one_line(limitation)}", quiet)
+        warn(reason)
+    for text in diagnostics.limitations:
+        say(f"note: {shown(text, LONGEST_LINE)}", quiet)

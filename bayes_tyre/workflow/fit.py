@@ -27,7 +27,7 @@ from bayes_tyre.published import tables
 from bayes_tyre.record_table import origin_of
 from bayes_tyre.results.posterior_predictive import residual_autocorrelation
 from bayes_tyre.results.provenance import begin_run, read_run, sha256, versions
-from bayes_tyre.workflow.execution.resume import Watch, begin
+from bayes_tyre.workflow.execution.resume import Callbacks, open_checkpoints
 from bayes_tyre.workflow.result_folder import write_fit
 
 _SAMPLER = ("chains", "warmup", "draws")
@@ -119,7 +119,7 @@ def fit_table(
     plan: Plan,
     out: Path,
     command: Sequence[str],
-    watch: Watch | None = None,
+    callbacks: Callbacks | None = None,
     *,
     resume: bool = False,
 ) -> Diagnostics:
@@ -131,7 +131,7 @@ def fit_table(
         The checked table of `plan.records`, and what else the fit is told.
     out, command:
         The folder; and the command line, for `run.json`.
-    watch:
+    callbacks:
         Who is told of it.
     resume:
         Go on from the checkpoints of the same run in the folder, or take its finished result.
@@ -142,13 +142,13 @@ def fit_table(
         For a record that cannot be fitted; and, to resume, if what is in the folder is of another run.
     """
     check_folder(out)
-    watch = watch or Watch()
+    callbacks = callbacks or Callbacks()
     call = shlex.join(["bayes-tyre", *command])
     run = begin_run(call, plan.options, plan.sampler.seed, [plan.records], origin_of(table))
-    checkpoints = begin(out, run, watch, resume)
+    checkpoints = open_checkpoints(out, run, callbacks, resume)
     if isinstance(checkpoints, Diagnostics):
         return checkpoints
-    settings = replace(plan.sampler, checkpoints=checkpoints, on_progress=watch.on_progress)
+    settings = replace(plan.sampler, checkpoints=checkpoints, on_progress=callbacks.on_progress)
     try:
         tree = fit_hierarchical(table, settings, plan.model)
     except BadInput as error:

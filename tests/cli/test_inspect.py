@@ -111,8 +111,8 @@ def test_names_that_would_steer_a_terminal_or_a_spreadsheet_are_text(tmp_path):
     done = here("inspect", path)
     assert done.exit_code == 0
     assert "\x1b" not in done.stdout + done.stderr
-    assert "\\x1b[31m[red]=1+1[/red]" in done.stdout
-    assert "[bold]a [red]\\x1b[2J.lvm" in done.stdout
+    assert "\N{REPLACEMENT CHARACTER}[31m[red]=1+1[/red]" in done.stdout
+    assert "[bold]a [red]\N{REPLACEMENT CHARACTER}[2J.lvm" in done.stdout
     assert here("inspect", path, "--out", tmp_path / "a.csv", "--quiet").exit_code == 0
     written = (tmp_path / "a.csv").read_text()
     assert "'=HYPERLINK(0)" in written

@@ -17,7 +17,8 @@ from bayes_tyre.embedded import data_path
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.signals.process import process
 from bayes_tyre.simulate.plan import thesis_plan
-from bayes_tyre.workflow.execution.parallel import in_parallel
+from bayes_tyre.workflow.execution.batch import as_completed
+from bayes_tyre.workflow.execution.executors import local_processes
 from bayes_tyre.workflow.raw import process as workflow
 from bayes_tyre.workflow.raw.simulate import write_simulated
 
@@ -169,8 +170,8 @@ def test_options_of_no_use_are_refused_before_the_work(raw, tmp_path, options, s
 
 @pytest.mark.slow
 def test_a_process_that_dies_loses_nothing_but_its_own_task():
-    outcomes = dict(in_parallel(work, range(6), 2))
-    assert "died twice" in str(outcomes.pop(DEADLY))
+    outcomes = dict(as_completed(local_processes(2), work, range(6)))
+    assert "every process that worked on it died" in str(outcomes.pop(DEADLY))
     assert outcomes == {i: str(i) for i in range(6) if i != DEADLY}
 
 

@@ -147,8 +147,8 @@ def test_without_a_checkpoint_or_without_resume_a_run_begins_anew_and_says_so(ru
     monkeypatch.setattr(workflow, "fit_hierarchical", began)
     monkeypatch.chdir(runs)
     for out, resume, said in (
-        (tmp_path / "new", ["--resume"], "no checkpoint to go on from; the run starts from the beginning"),
-        (tmp_path / "old", [], "an unfinished run is overwritten; --resume would have gone on from it"),
+        (tmp_path / "new", ["--resume"], "no checkpoint to resume from; the run starts from the beginning"),
+        (tmp_path / "old", [], "an unfinished run is overwritten; --resume would have continued it"),
     ):
         if out.name == "old":
             shutil.copytree(runs / "after" / "1", out)

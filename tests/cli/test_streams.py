@@ -51,7 +51,7 @@ def test_warnings_are_told_once_and_in_one_line_each_and_those_about_code_not_at
     done = finish(start_as(command, tmp_path))
     assert (done.returncode, done.stdout) == (0, "")
     assert done.stderr.splitlines() == [
-        "bayes-tyre: warning: two lines \\x1b[31m",
+        "bayes-tyre: warning: two lines \N{REPLACEMENT CHARACTER}[31m",
         "bayes-tyre: warning: said once",
         "bayes-tyre: warning: overflow encountered in multiply",
         "bayes-tyre: warning: no font like this",
@@ -145,7 +145,7 @@ def test_ctrl_c_while_the_installed_fit_samples_ends_it(records, tmp_path):
     process.send_signal(signal.SIGINT)
     done = finish(process)
     call = shlex.join(["bayes-tyre", *map(str, process.args[1:]), "--resume"])  # pyright: ignore[reportIndexIssue]
-    assert (done.returncode, done.stderr) == (130, INTERRUPTED.replace("run the command again", f"go on with: {call}"))
+    assert (done.returncode, done.stderr) == (130, INTERRUPTED.replace("run the command again", f"resume with: {call}"))
     assert said.startswith("fitting 6 records")
     left = {name for name in tree_of(tmp_path) if not name.endswith("/")}
     assert all(name == "records.csv" or name.startswith("out/.checkpoint/chunk-") for name in left)

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bayes_tyre.cli.messages import one_line
+from bayes_tyre.cli.messages import LONGEST_LINE
 from bayes_tyre.cli.shell import NoSeed, Quiet, say, warn
+from bayes_tyre.report.wording import shown
 
 if TYPE_CHECKING:
     from bayes_tyre.workflow.calibrate import Fitted
@@ -31,18 +32,18 @@ def calibrate(
 ) -> None:
     """Fit the lines from volts to engineering units, m/s^2 and (mm, kN), by least squares over all rows of a file.
 
-    Prints for each sensor slope (unit/V), intercept (unit), what the line leaves (root mean square), the digitiser's
-    step, and rows used. A sensor whose pair of channels is missing, or still, is said on stderr; with none, exit 3. So
-    is a line that leaves more than three steps, and whether lost minus signs are why.
+    Prints for each sensor slope (unit/V), intercept (unit), root mean square of the residuals, the digitiser's step,
+    and rows used. A sensor whose pair of channels is missing, or constant, is named on stderr; with none, exit 3.
+    A line that leaves more than three steps is named too, and whether lost minus signs are the cause.
 
     Example: bayes-tyre calibrate data/sample/appendix_b1.lvm --mend-signs --out calibration.toml
     """
     del seed
     from bayes_tyre.workflow.calibrate import calibrate as fit_lines
 
-    lines, remarks = fit_lines(raw, rig, mend_signs, out)
-    for remark in remarks:
-        warn(remark)
+    lines, notes = fit_lines(raw, rig, mend_signs, out)
+    for text in notes:
+        warn(text)
     if not quiet:
         _print(lines)
     mended = sum(fitted.mended for fitted in lines)
@@ -58,11 +59,11 @@ def _print(lines: Sequence["Fitted"]) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    shown = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
-    shown.add_column("sensor")
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
+    table.add_column("sensor")
     for name in ("slope", "intercept", "residual rms", "step, V", "step", "rows"):
-        shown.add_column(name, justify="right", no_wrap=True)
-    shown.add_column("channels", overflow="fold")
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("channels", overflow="fold")
     for fitted in lines:
         sensor, line, unit = fitted.sensor, fitted.line, fitted.sensor.unit
         cells = [
@@ -73,9 +74,9 @@ def _print(lines: Sequence["Fitted"]) -> None:
             f"{fitted.volts_step:.4g}",
             f"{fitted.unit_step:.4g} {unit}",
             str(fitted.rows),
-            one_line(f"{sensor.voltage} -> {sensor.channel}"),
+            shown(f"{sensor.voltage} -> {sensor.channel}", LONGEST_LINE),
         ]
-        shown.add_row(*map(Text, cells))
+        table.add_row(*map(Text, cells))
     console = Console()
-    # Wide enough that nothing is cut where no terminal says how wide it is.
-    (console if console.is_terminal else Console(width=10_000)).print(shown)
+    # Without a terminal the table is not cut.
+    (console if console.is_terminal else Console(width=10_000)).print(table)

@@ -107,15 +107,15 @@ def _run(plan: "Plan", out: Path, resume: bool, quiet: bool) -> None:
     """Fit as planned, tell how it goes, and end as the verdict says."""
     from bayes_tyre.record_table import origin_of
     from bayes_tyre.runtime import prepare_jax
-    from bayes_tyre.workflow.fit import Watch, fit_table  # imports JAX, which starts only when it computes
+    from bayes_tyre.workflow.fit import Callbacks, fit_table  # imports JAX, which starts only when it computes
 
     table, sampler = _checked_table(plan), plan.sampler
     prepare_jax(sampler.chains)
     say(f"fitting {table['record'].nunique()} records (data: {origin_of(table)}), {sampler.chains} chains", quiet)
     began = time.monotonic()
     with progress("fit", sampler.warmup + sampler.draws, quiet) as advance:
-        watch = Watch(partial(note, quiet=quiet), warn, advance)
-        diagnostics = fit_table(table, plan, out, sys.argv[1:], watch, resume=resume)
+        callbacks = Callbacks(partial(note, quiet=quiet), warn, advance)
+        diagnostics = fit_table(table, plan, out, sys.argv[1:], callbacks, resume=resume)
     say(f"done in {time.monotonic() - began:.0f} s", quiet)
     conclude(diagnostics, out, quiet)
 

@@ -1,4 +1,4 @@
-"""`inspect`: what raw files hold, a row a channel and segment."""
+"""`inspect`: the channels of raw files, a row a channel and segment."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayes_tyre.cli.shell import NoSeed, Quiet, progress, say, warn
+from bayes_tyre.report.wording import shown
 
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Columns of a table that goes to no terminal: wide enough that nothing is cut.
+#: Characters of a table's line where stdout is no terminal, so that nothing is cut.
 _WIDE = 10_000
 
 
@@ -25,11 +26,11 @@ def inspect(
     seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
-    """Say what raw files hold: a row a channel and segment, in the units of the file, such as (mm, kN); X in s.
+    """List the channels of raw files: a row a channel and segment, in the units of the file, such as (mm, kN); X in s.
 
-    Columns: file, segment, channel, unit, samples, dt_s, first, last, min, max, missing. X is no channel. What is odd
-    about a file, such as fewer samples than its header promises, goes to stderr, a line each. So does a file that
-    cannot be read: the others are listed all the same, but nothing is written to --out, and the exit code is 3.
+    Columns: file, segment, channel, unit, samples, dt_s, first, last, min, max, missing. X is no channel. Notes
+    on a file, such as fewer samples than its header declares, go to stderr, a line each. So does a file that cannot be
+    read: the others are still listed, but nothing is written to --out, and the exit code is 3.
 
     Example: bayes-tyre inspect data/sample/appendix_b1.lvm --out results/channels.csv
     """
@@ -38,13 +39,13 @@ def inspect(
     from bayes_tyre.formats.raw import raw_files
     from bayes_tyre.workflow.raw.inspect import inspect_raw
 
-    files, passed_over = raw_files(raw)
+    files, skipped = raw_files(raw)
     with progress("inspect", len(files), quiet) as advance:
-        table, remarks, faults = inspect_raw(files, out, advance)
+        table, notes, faults = inspect_raw(files, out, advance)
     if len(files) == len(faults) == 1:
         raise BadInput(faults[0])
-    for remark in [*passed_over, *remarks, *faults]:
-        warn(remark)
+    for text in [*skipped, *notes, *faults]:
+        warn(text)
     if (out is None or faults) and len(table) and not quiet:
         _print(table)
     if faults:
@@ -54,7 +55,7 @@ def inspect(
         say(f"wrote {out}", quiet)
 
 
-def _print(table: "pd.DataFrame") -> None:
+def _print(channels: "pd.DataFrame") -> None:
     from rich import box
     from rich.console import Console
     from rich.table import Table
@@ -63,17 +64,17 @@ def _print(table: "pd.DataFrame") -> None:
     console = Console()
     if not console.is_terminal:
         console = Console(width=_WIDE)
-    shown = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
     texts = ("file", "channel", "unit")
-    for name in table.columns:
-        shown.add_column(name, justify="left" if name in texts else "right", overflow="fold")
-    for row in table.itertuples(index=False):
-        shown.add_row(*(Text(_cell(value)) for value in row))
-    console.print(shown)
+    for name in channels.columns:
+        table.add_column(name, justify="left" if name in texts else "right", overflow="fold")
+    for row in channels.itertuples(index=False):
+        table.add_row(*(Text(_cell(value)) for value in row))
+    console.print(table)
 
 
 def _cell(value: object) -> str:
-    """Return a cell as text: what would steer a terminal is escaped, a number that is not there is blank."""
+    """Return a cell as text that is safe on a terminal; NaN is blank."""
     if isinstance(value, float):
         return "" if value != value else f"{value:.6g}"
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in str(value))
+    return shown(value, None)

@@ -107,7 +107,7 @@ def motion(
 def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path, quiet: bool) -> None:
     """Estimate each file, fit the estimates as planned, tell how it goes, and end as the verdict says."""
     from bayes_tyre.runtime import prepare_jax
-    from bayes_tyre.workflow.execution.resume import Watch
+    from bayes_tyre.workflow.execution.resume import Callbacks
     from bayes_tyre.workflow.raw.motion import estimate_files, fit_estimates
 
     sampler = plan.sampler
@@ -118,7 +118,7 @@ def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path,
     found, lost = len(estimated.table), len(estimated.rejected)
     say(f"{found} records, {lost} rejected (data: {estimated.origin}), {sampler.chains} chains", quiet)
     with progress("hierarchy", sampler.warmup + sampler.draws, quiet) as advance:
-        watch = Watch(partial(note, quiet=quiet), warn, advance)
-        diagnostics = fit_estimates(estimated, plan, out, sys.argv[1:], watch, resume=machines.resume)
+        callbacks = Callbacks(partial(note, quiet=quiet), warn, advance)
+        diagnostics = fit_estimates(estimated, plan, out, sys.argv[1:], callbacks, resume=machines.resume)
     say(f"done in {time.monotonic() - began:.0f} s", quiet)
     conclude(diagnostics, out, quiet)

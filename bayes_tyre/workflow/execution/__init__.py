@@ -1,1 +1,1 @@
-"""The same work on many files: in processes here or on a cluster, kept as it is done, resumed."""
+"""The same work on many files: executors here or on a cluster, a cache of results, and resumed runs."""

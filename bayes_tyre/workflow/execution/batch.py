@@ -1,46 +1,56 @@
-"""The same work on each of many raw files, on the cores here or on a cluster; each result is kept once it is there."""
+"""The same work on each of many raw files, on an executor here or on a cluster; each result is cached once it is there.
+
+One loop over `concurrent.futures` serves both. `Executor.map` would not do: it submits every task at once, so that
+memory grows with the number of files, and it ends with the first worker that dies.
+"""
 
 import os
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import ExitStack, closing
 from functools import partial
 from importlib.metadata import version
+from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
-from bayes_tyre.workflow.execution.cluster import WorkerLacks, connected, on_cluster
+from bayes_tyre.workflow.execution.cluster import WorkerMismatch, cluster_executors, connected
+from bayes_tyre.workflow.execution.executors import Executors, local_processes
 from bayes_tyre.workflow.execution.outcome import Done, Fault, FileTask, fingerprint
-from bayes_tyre.workflow.execution.parallel import in_parallel
-from bayes_tyre.workflow.execution.task_cache import Parts
+from bayes_tyre.workflow.execution.task_cache import TaskCache
 
 type Keyed = tuple[str | None, Done | Fault]
 
+_DIED = "every process that worked on it died, perhaps for want of memory; cut the file in pieces"
+#: s between looks at the executor: futures of a lost scheduler may never be done.
+_LOOK = 1.0
+
 
 class Machines(NamedTuple):
-    """Processes here (None: one a core), or the address of a cluster's scheduler; whether to go on with a run."""
+    """Number of processes here (None: one a core), or address of a cluster's scheduler; whether to resume a run."""
 
     workers: int | None = None
     cluster: str | None = None
     resume: bool = False
 
 
-def each_file[T: FileTask](
+def run_batch[T: FileTask](
     work: Callable[[T], Done | Fault],
     tasks: Sequence[T],
-    parts: Parts,
+    cache: TaskCache,
     machines: Machines,
     on_progress: Callable[[int], None],
 ) -> list[Path | Fault]:
-    """Return where each task's result is kept, or why there is none, in the order of the tasks.
+    """Return where each task's result is cached, or why there is none, in the order of the tasks.
 
     Parameters
     ----------
     work:
-        A function of a module; what it raises ends all, and what is done stays kept.
+        A function of a module; an exception from it ends the batch, results so far stay cached.
     tasks:
         One a file.
-    parts:
-        Where results are kept; with `machines.resume`, those that are there already are not made again.
+    cache:
+        Where results are written; with `machines.resume`, results in it are not computed again.
     machines:
         Processes, cluster, resume.
     on_progress:
@@ -55,59 +65,121 @@ def each_file[T: FileTask](
     keys: set[str] = set()
     for i, task in enumerate(tasks) if machines.resume else ():
         key = fingerprint(task)
-        found = parts.find(key, task.picture) if key is not None else None
-        if key is not None and found is not None:
-            outcomes[i] = found
+        cached = cache.find(key, task.picture) if key is not None else None
+        if key is not None and cached is not None:
+            outcomes[i] = cached
             keys.add(key)
             on_progress(1)
     todo = [i for i in range(len(tasks)) if i not in outcomes]
     with ExitStack() as stack:
-        done = _begun(partial(_keyed, work, version("bayes-tyre")), [tasks[i] for i in todo], machines, stack)
-        parts.begin(machines.resume, [task.picture for task in tasks if task.picture is not None])
-        for nth, outcome in done:
+        keyed = partial(_keyed, work, version("bayes-tyre"))
+        completed = _started(keyed, [tasks[i] for i in todo], machines, stack)
+        cache.prepare(machines.resume, [task.picture for task in tasks if task.picture is not None])
+        for nth, outcome in completed:
             i = todo[nth]
-            if isinstance(outcome, Fault):  # who worked on it died: there is no more to say, and nothing to keep
+            if isinstance(outcome, Fault):  # its workers died: there is no result to cache
                 outcomes[i] = outcome
             else:
-                key, result = outcome[0], _blamed(outcome[1], outcome[0], tasks[i], machines)
-                outcomes[i] = _kept(parts, key, result, tasks[i].picture)
+                key, result = outcome[0], _checked_disk(outcome[1], outcome[0], tasks[i], machines)
+                outcomes[i] = _cached(cache, key, result, tasks[i].picture)
                 keys |= {key} if key is not None else set()
                 del result
-            del outcome
+            del outcome  # or it is in memory beside the next ones
             on_progress(1)
-    parts.keep_only(keys)
+    cache.keep_only(keys)
     return [outcomes[i] for i in range(len(tasks))]
 
 
-def _begun[T: FileTask](
+def as_completed[T, R](
+    executors: Executors, work: Callable[[T], R], tasks: Sequence[T]
+) -> Generator[tuple[int, R | Fault]]:
+    """Yield each task's index and outcome as it is done; no more outcomes than `capacity` are in memory.
+
+    Where a worker dies (killed, out of memory), its executor is emptied and each task in doubt is repeated on an
+    executor of its own; a task whose worker dies again has a `Fault`. The other tasks then continue on a new executor.
+
+    Parameters
+    ----------
+    executors:
+        Where tasks run.
+    work:
+        A function of a module, called with each task; an exception from it is raised here.
+    tasks:
+        Picklable.
+    """
+    todo = iter(range(len(tasks)))
+    while doubtful := (yield from _until_death(executors, work, tasks, todo)):
+        for i in doubtful:
+            if (yield from _until_death(executors, work, tasks, iter([i]))):
+                yield i, Fault(_DIED, lasting=False)
+
+
+def _until_death[T, R](
+    executors: Executors, work: Callable[[T], R], tasks: Sequence[T], todo: Iterator[int]
+) -> Generator[tuple[int, R], None, list[int]]:
+    """Yield outcomes until all are done or a worker has died; return the tasks that may have been its last."""
+    waiting: dict[Future[R], int] = {}
+    doubtful: list[int] = []
+    with executors.start() as executor:
+        while True:
+            with executors.explained():
+                for i in islice(todo, 0 if doubtful else max(0, executors.capacity() - len(waiting))):
+                    try:
+                        waiting[executor.submit(work, tasks[i])] = i
+                    except executors.worker_died:
+                        doubtful.append(i)
+                        break
+                if not waiting:
+                    return sorted(doubtful)
+                done = _errors_last(wait(waiting, _LOOK, FIRST_COMPLETED).done)
+            for future in done:
+                i, error = waiting.pop(future), future.exception()
+                if error is None:
+                    yield i, future.result()
+                elif isinstance(error, executors.worker_died):
+                    doubtful.append(i)
+                else:
+                    raise error
+                del future  # or its result is in memory beside the next ones
+            del done
+
+
+def _errors_last[R](done: Iterable[Future[R]]) -> list[Future[R]]:
+    """Return futures, those with a result first: an error must not lose results of the same moment."""
+    return sorted(done, key=lambda future: future.exception() is not None)
+
+
+def _started[T: FileTask](
     work: Callable[[T], Keyed], tasks: Sequence[T], machines: Machines, stack: ExitStack
-) -> Generator[tuple[int, Keyed | Fault]]:
+) -> Iterator[tuple[int, Keyed | Fault]]:
     """Return the outcomes to come; a cluster is connected to now, and left at the end of the stack."""
-    if machines.cluster is None or not tasks:
-        done = in_parallel(work, tasks, machines.workers)
+    if machines.cluster is not None and tasks:
+        executors = cluster_executors(stack.enter_context(connected(machines.cluster)), machines.cluster)
     else:
-        client = stack.enter_context(connected(machines.cluster))
-        done = on_cluster(client, work, tasks, machines.cluster)
-    return stack.enter_context(closing(done))
+        count = min(machines.workers or os.cpu_count() or 1, len(tasks))
+        if count <= 1:
+            return ((i, work(task)) for i, task in enumerate(tasks))
+        executors = local_processes(count)
+    return stack.enter_context(closing(as_completed(executors, work, tasks)))
 
 
-def _keyed[T: FileTask](work: Callable[[T], Done | Fault], asked_by: str, task: T) -> Keyed:
-    """Return a task's fingerprint, taken before its file is read for the work, and its outcome."""
-    if version("bayes-tyre") != asked_by:  # a worker that joined late
-        raise WorkerLacks(f"it has bayes-tyre {version('bayes-tyre')}, here is {asked_by}")
+def _keyed[T: FileTask](work: Callable[[T], Done | Fault], required: str, task: T) -> Keyed:
+    """Return a task's fingerprint, taken before `work` reads its file, and its outcome."""
+    if version("bayes-tyre") != required:  # a worker that joined after the versions were checked
+        raise WorkerMismatch(f"it has bayes-tyre {version('bayes-tyre')}, here is {required}")
     return fingerprint(task), work(task)
 
 
-def _blamed(result: Done | Fault, key: str | None, task: FileTask, machines: Machines) -> Done | Fault:
-    """Return a fault that says so where a file is here but not where the workers are."""
+def _checked_disk(result: Done | Fault, key: str | None, task: FileTask, machines: Machines) -> Done | Fault:
+    """Return the result; a fault that says so where a file can be read here but not on the cluster's workers."""
     if key is None and machines.cluster is not None and isinstance(result, Fault) and os.access(task.file, os.R_OK):
         return Fault(f"the workers at {machines.cluster} cannot read it; put it on a disk that they share", False)
     return result
 
 
-def _kept(parts: Parts, key: str | None, result: Done | Fault, picture: Path | None) -> Path | Fault:
+def _cached(cache: TaskCache, key: str | None, result: Done | Fault, picture: Path | None) -> Path | Fault:
     if key is None:
         return result if isinstance(result, Fault) else Fault("cannot be read each time; check the disk", lasting=False)
     if isinstance(result, Fault) and not result.lasting:
         return result
-    return parts.keep(key, result, picture)
+    return cache.keep(key, result, picture)

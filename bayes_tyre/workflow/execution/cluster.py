@@ -1,52 +1,60 @@
-"""The same work on many files, on a dask cluster: dask does the tasks of lost workers again, and nothing here does."""
+"""A Dask cluster as an executor of `concurrent.futures`. Dask itself repeats the tasks of lost workers.
+
+`Client.get_executor` does not check that workers have the versions of this process, and says nothing of a lost
+scheduler: its futures are cancelled, or never done. Both are checked here.
+"""
 
 import asyncio
 import logging
 import warnings
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from concurrent.futures import CancelledError, Executor
 from contextlib import contextmanager, suppress
-from itertools import islice
 from typing import TYPE_CHECKING, Any, cast
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.workflow.execution.outcome import Fault
-from bayes_tyre.workflow.execution.parallel import AHEAD
+from bayes_tyre.workflow.execution.executors import TASKS_PER_WORKER, Executors
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client
 
-#: Without the same ones tasks and results do not get across; with others of `_NUMBERS` the last digits may differ.
-_NEEDED = ("python", "distributed", "bayes-tyre")
-_NUMBERS = ("numpy", "scipy", "pandas", "jax")
-#: s; to reach a scheduler, and to say goodbye to one.
-_PATIENCE, _FAREWELL = 10, 2
+#: Must be equal here and on the workers, or tasks cannot be exchanged.
+_REQUIRED = ("python", "distributed", "bayes-tyre")
+#: Where these differ, the last digits of results may differ.
+_NUMERICAL = ("numpy", "scipy", "pandas", "jax")
+#: s; to connect to a scheduler, and to disconnect from one.
+_CONNECT_TIMEOUT, _CLOSE_TIMEOUT = 10, 2
 
 
-class WorkerLacks(Exception):
-    """A worker cannot do the tasks of this process; the message says what it lacks."""
+class WorkerMismatch(Exception):
+    """A worker cannot run the tasks of this process; the message says why."""
 
 
 @contextmanager
 def connected(address: str) -> "Iterator[Client]":
-    """Give a client of the scheduler at an address, such as ``tcp://host:8786``; what dask logs goes nowhere.
+    """Connect to the scheduler at an address, such as ``tcp://host:8786``; Dask's log messages are suppressed.
 
     Raises
     ------
     BadInput
-        If dask is not installed, the scheduler cannot be reached, or its workers have other versions.
+        If Dask is not installed, the scheduler cannot be reached, or its workers have other versions.
     """
     logged = logging.root.manager.disable
-    logging.disable(logging.CRITICAL)  # it tells of every worker that comes and goes, in many lines
+    logging.disable(logging.CRITICAL)  # Dask logs every worker that joins or leaves, in many lines
     try:
         client = _client(address)
         try:
-            with _lost_means(client, address):
+            with _explained(client, address):
                 versions = cast("Mapping[str, Any]", client.get_versions(packages=["bayes-tyre", "scipy", "jax"]))
             check_versions(versions, address)
             yield client
+        except (WorkerMismatch, ImportError) as error:
+            raise BadInput(
+                f"--cluster {address}: a worker fails: {error}; install there what is installed here"
+            ) from None
         finally:
-            with suppress(Exception):  # to a scheduler that is lost there is no goodbye
-                client.close(timeout=_FAREWELL)
+            with suppress(Exception):  # the scheduler may be lost
+                client.close(timeout=_CLOSE_TIMEOUT)
     finally:
         logging.disable(logged)
 
@@ -58,18 +66,18 @@ def _client(address: str) -> "Client":
     except ImportError:
         raise BadInput('--cluster: needs dask; install it with pip install "bayes_tyre[cluster]"') from None
 
-    async def knock() -> None:
+    async def connect_once() -> None:
         arguments = Security().get_connection_args("client")
-        (await connect(address, timeout=_PATIENCE, **arguments)).abort()
+        (await connect(address, timeout=_CONNECT_TIMEOUT, **arguments)).abort()
 
-    if not address.strip():  # dask would start a cluster of its own
+    if not address.strip():  # Dask would start a local cluster
         raise BadInput("--cluster: the address is empty; give that of a scheduler, such as tcp://host:8786")
     try:
-        asyncio.run(knock())  # a client that finds nobody leaves a traceback on stderr when it is collected
-        with warnings.catch_warnings():  # of versions, in a table: see `check_versions`
+        asyncio.run(connect_once())  # a client without a scheduler prints a traceback when it is collected
+        with warnings.catch_warnings():  # a table of versions; `check_versions` says it in one line
             warnings.simplefilter("ignore")
-            return Client(address, timeout=_PATIENCE, set_as_default=False)
-    except Exception as error:  # addresses are read in many places, each with its own kind of error
+            return Client(address, timeout=_CONNECT_TIMEOUT, set_as_default=False)
+    except Exception as error:  # each transport raises errors of its own
         reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise BadInput(
             f"--cluster {address}: no scheduler can be reached ({reason}); give an address such as tcp://host:8786"
@@ -77,17 +85,23 @@ def _client(address: str) -> "Client":
 
 
 def check_versions(versions: Mapping[str, Any], address: str) -> None:
-    """Refuse workers that have other versions than this process of what both must share; warn of other numerics."""
+    """Refuse workers whose versions of required packages differ; warn where those of numerical packages differ.
+
+    Raises
+    ------
+    BadInput
+        If a worker has another version of Python, distributed or bayes-tyre than this process.
+    """
     here = versions["client"]["packages"]
     if not versions["workers"]:
         warnings.warn(f"--cluster {address}: has no workers yet; waiting for one", stacklevel=2)
-    packages = {worker: held["packages"] for worker, held in versions["workers"].items()}
-    for name in (*_NEEDED, *_NUMBERS):
-        for worker, held in packages.items():
-            ours, theirs = (_shown(name, version) for version in (here.get(name), held.get(name)))
+    packages = {worker: info["packages"] for worker, info in versions["workers"].items()}
+    for name in (*_REQUIRED, *_NUMERICAL):
+        for worker, installed in packages.items():
+            ours, theirs = (_version_text(name, version) for version in (here.get(name), installed.get(name)))
             if ours == theirs:
                 continue
-            if name in _NEEDED:
+            if name in _REQUIRED:
                 raise BadInput(
                     f"--cluster {address}: worker {worker} has {name} {theirs}, here is {ours}; install the same there"
                 )
@@ -96,94 +110,40 @@ def check_versions(versions: Mapping[str, Any], address: str) -> None:
             break
 
 
-def _shown(name: str, version: str | None) -> str:
+def _version_text(name: str, version: str | None) -> str:
     return ".".join((version or "none").split(".")[:2]) if name == "python" else version or "none"
 
 
-def on_cluster[T, R](
-    client: "Client", work: Callable[[T], R], tasks: Sequence[T], address: str
-) -> Generator[tuple[int, R | Fault]]:
-    """Yield each task's index and outcome as it is done; see `in_parallel`.
-
-    Notes
-    -----
-    Dask gives a task up (`KilledWorker`) when several workers in turn died with it, which may have been another's
-    doing. Such tasks are submitted once more, one at a time: what is given up then has the reason as its outcome.
-
-    Raises
-    ------
-    BadInput
-        If the scheduler is lost, or a worker lacks what it needs.
-    """
+def cluster_executors(client: "Client", address: str) -> Executors:
+    """Return executors on the cluster of a connected client; the address is for messages."""
     from distributed import KilledWorker
 
-    doubtful: list[int] = []
-    for i, outcome in _submitted(client, work, tasks, range(len(tasks)), address):
-        if isinstance(outcome, KilledWorker):
-            doubtful.append(i)
-        else:
-            yield i, outcome
-    for alone in doubtful:
-        for i, outcome in _submitted(client, work, tasks, [alone], address):
-            if isinstance(outcome, KilledWorker):
-                reason = "every worker that worked on it died, perhaps for want of memory; cut it in pieces"
-                yield i, Fault(reason, lasting=False)
-            else:
-                yield i, outcome
+    @contextmanager
+    def start() -> Iterator[Executor]:
+        executor = client.get_executor(pure=False)
+        try:
+            yield executor
+        finally:
+            with suppress(Exception):  # a lost scheduler has nothing to cancel
+                executor.shutdown(wait=False)
 
+    def capacity() -> int:
+        threads = cast("dict[str, int]", client.nthreads())
+        return TASKS_PER_WORKER * max(1, sum(threads.values()))
 
-def _submitted(
-    client: "Client", work: Callable[[Any], Any], tasks: Sequence[Any], which: Iterable[int], address: str
-) -> Generator[tuple[int, Any]]:
-    """Yield outcomes, `KilledWorker` among them; so many futures are out as keep every thread of the cluster busy."""
-    from distributed import as_completed
-
-    todo, waiting, done = iter(which), dict["Future", int](), as_completed(loop=client.loop)
-    try:
-        while True:
-            with _lost_means(client, address):
-                room = AHEAD * max(1, sum(cast("dict[str, int]", client.nthreads()).values())) - len(waiting)
-                for i in islice(todo, max(0, room)):
-                    future = client.submit(work, tasks[i], pure=False)
-                    waiting[future] = i
-                    done.add(future)
-                if not waiting:
-                    return
-                future = next(done)
-            outcome = _outcome(client, future, address)
-            yield waiting.pop(future), outcome
-            del outcome, future
-    finally:
-        with suppress(Exception):  # a scheduler that is lost has none of them
-            client.cancel(list(waiting))
-
-
-def _outcome(client: "Client", future: "Future", address: str) -> Any:
-    from distributed import KilledWorker
-
-    with _lost_means(client, address):
-        error = cast("Exception | None", future.exception())
-        if error is None:
-            return future.result()
-    if isinstance(error, KilledWorker):
-        return error
-    if isinstance(error, WorkerLacks | ImportError):
-        raise BadInput(f"--cluster {address}: a worker fails: {error}; install there what is installed here")
-    raise error
+    return Executors(start, capacity, KilledWorker, lambda: _explained(client, address))
 
 
 @contextmanager
-def _lost_means(client: "Client", address: str) -> Iterator[None]:
-    """Turn what dask raises when the scheduler is gone into how to go on."""
-    from distributed import CancelledError
-
+def _explained(client: "Client", address: str) -> Iterator[None]:
+    """Turn what Dask raises when the scheduler is lost into `BadInput` that says how to resume."""
     try:
         yield
     except Exception as error:
-        # A client that has given its scheduler up fails in many ways, some of them in its own code.
+        # A client without its scheduler fails in many ways, some of them inside Dask.
         if client.status == "running" and not isinstance(error, CancelledError | OSError | RuntimeError):
             raise
         raise BadInput(
-            f"--cluster {address}: the scheduler is lost ({type(error).__name__}); what is done is kept: start it "
-            "again and go on with --resume"
+            f"--cluster {address}: the scheduler is lost ({type(error).__name__}); finished files are kept: start "
+            "it again and continue with --resume"
         ) from None

@@ -1,4 +1,4 @@
-"""A run of the sampler into a folder: begun, gone on with from its checkpoints, or found finished."""
+"""Starting a run of the sampler in a folder: anew, from its checkpoints, or not at all where it is finished."""
 
 import json
 import math
@@ -17,13 +17,13 @@ CHECKPOINTS = ".checkpoint"
 
 
 @dataclass(frozen=True)
-class Watch:
-    """Who is told of a fit under way.
+class Callbacks:
+    """Functions that a running fit calls.
 
     Attributes
     ----------
     note, warn:
-        Told what it does with an earlier run in its folder; and what went wrong without ending it: a line each.
+        Called with what it does with an earlier run in its folder; and with errors that do not end it: a line each.
     on_progress:
         Called with the number of iterations just done.
     """
@@ -33,41 +33,43 @@ class Watch:
     on_progress: Callable[[int], None] = lambda _: None
 
 
-def begin(out: Path, run: Run, watch: Watch, resume: bool, *, over: bool = False) -> Checkpoints | Diagnostics:
-    """Return where a run is saved on the way; or its verdict, where it is to be gone on with and is finished.
+def open_checkpoints(
+    out: Path, run: Run, callbacks: Callbacks, resume: bool, *, overwrite: bool = False
+) -> Checkpoints | Diagnostics:
+    """Return the checkpoints of a run; or its verdict, where it is to be resumed and is finished.
 
     Parameters
     ----------
-    out, run, watch, resume:
-        The folder, the run, who is told, and whether to go on with what is in the folder.
-    over:
-        Whether, to go on, what another run left is written over with a warning: of a command that keeps its dearest
-        part elsewhere, and whose draws are soon made anew.
+    out, run, callbacks, resume:
+        The folder, the run, what to call, and whether to resume what is in the folder.
+    overwrite:
+        When resuming, overwrite what another run left, with a warning, instead of refusing. For a command whose
+        expensive results are cached elsewhere, so that sampling again is quick.
 
     Raises
     ------
     BadInput
-        To go on, if what is in the folder is of another run and not to be written over.
+        When resuming, if the folder holds another run and it may not be overwritten.
     """
-    checkpoints = Checkpoints(out / CHECKPOINTS, run.identity, watch.warn)
+    checkpoints = Checkpoints(out / CHECKPOINTS, run.identity, callbacks.warn)
     try:
-        if resume and (finished := _finished(out, run, checkpoints, watch.note)):
+        if resume and (finished := _finished(out, run, checkpoints, callbacks.note)):
             return finished
     except BadInput as error:
-        if not over:
+        if not overwrite:
             raise
-        what, _, _ = str(error).rpartition(";")  # behind it stands what would be done if it were refused
-        watch.warn(f"{what}: the draws are made anew")
+        what, _, _ = str(error).rpartition(";")  # what follows is advice for a refused run
+        callbacks.warn(f"{what}: sampling starts again")
         checkpoints.clear()
         return checkpoints
     if not resume and checkpoints.exist():
-        watch.note(f"{checkpoints.folder}: an unfinished run is overwritten; --resume would have gone on from it")
+        callbacks.note(f"{checkpoints.folder}: an unfinished run is overwritten; --resume would have continued it")
         checkpoints.clear()
     return checkpoints
 
 
 def _finished(out: Path, run: Run, checkpoints: Checkpoints, note: Callable[[str], None]) -> Diagnostics | None:
-    """Return the verdict in a folder that holds this very run, finished; None where it is to be gone on with.
+    """Return the verdict in a folder that holds this run, finished; None where it is to be continued.
 
     Raises
     ------
@@ -75,20 +77,22 @@ def _finished(out: Path, run: Run, checkpoints: Checkpoints, note: Callable[[str
         If the folder holds checkpoints, or without any a result, of another run.
     """
     result = out / RUN_JSON
-    found = checkpoints.identity_found()
-    if found is not None:
-        _refuse_other(checkpoints.folder, difference(found, run.identity))
+    saved = checkpoints.identity_found()
+    if saved is not None:
+        _refuse_other(checkpoints.folder, difference(saved, run.identity))
     if result.is_file():
-        said = read_run(result, shlex.split(run.command)[1])
-        other = difference(identity(said["inputs"], said["options"], said["seed"], said["versions"]), run.identity)
+        earlier = read_run(result, shlex.split(run.command)[1])
+        other = difference(
+            identity(earlier["inputs"], earlier["options"], earlier["seed"], earlier["versions"]), run.identity
+        )
         if not other:
             note(f"{out}: this run is finished; nothing is done again")
             checkpoints.clear()
             return _read_diagnostics(out)
-        if found is None:
+        if saved is None:
             _refuse_other(result, other)
-    if found is None:
-        note(f"{out}: no checkpoint to go on from; the run starts from the beginning")
+    if saved is None:
+        note(f"{out}: no checkpoint to resume from; the run starts from the beginning")
     return None
 
 
@@ -100,9 +104,9 @@ def _refuse_other(where: Path, other: str) -> None:
 def _read_diagnostics(out: Path) -> Diagnostics:
     path = out / "diagnostics.json"
     try:
-        said: Any = json.loads(path.read_text(encoding="utf-8"))
-        numbers = {name: math.nan if value is None else value for name, value in said.items()}
-        sentences = {name: tuple(said[name]) for name in ("reasons", "limitations") if name in said}
+        stored: Any = json.loads(path.read_text(encoding="utf-8"))
+        numbers = {name: math.nan if value is None else value for name, value in stored.items()}
+        sentences = {name: tuple(stored[name]) for name in ("reasons", "limitations") if name in stored}
         return Diagnostics(**{**numbers, **sentences})
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         raise BadInput(f"{path}: is not what fit writes; leave out --resume to fit anew") from None

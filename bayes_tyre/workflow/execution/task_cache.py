@@ -1,4 +1,4 @@
-"""What is done of a run, kept on disk file by file, so that a later run does only what is missing."""
+"""Results of a batch, cached on disk file by file, so that a resumed run computes only what is missing."""
 
 import hashlib
 import json
@@ -11,37 +11,37 @@ from bayes_tyre.formats.joined import is_part, write_part
 from bayes_tyre.workflow.execution.outcome import Done, Fault
 
 _RESULT, _REASON, _PICTURE = ".part", ".reason", ".picture"
-_README = """What bayes-tyre has made of each raw file of {out}: with --resume it does only what is missing here or has
-changed. Named after a fingerprint of all that decides a result: the file's content, words, rig, method, version.
+_README = """Results of each raw file of {out}: with --resume, bayes-tyre computes only what is missing here or has
+changed. Names are fingerprints of all that decides a result: the file's content, factors, rig, method, version.
 
 .part     the rows of a record (Parquet)
 .reason   why a file was rejected (JSON)
 .picture  the SHA-256 of the picture drawn with it
 
-It may be removed: the next run then does everything again.
+The folder may be removed: the next run then computes everything again.
 """
 
 
-class Parts:
-    """The folder of what is done, beside the table that it becomes; every file in it is whole or not there."""
+class TaskCache:
+    """A folder of results beside the table that they become; every file in it is whole or absent."""
 
     def __init__(self, out: Path) -> None:
         self.folder = out.with_name(f".{out.name}.parts")
         self._out = out
 
-    def begin(self, resume: bool, pictures: Iterable[Path]) -> None:
-        """Make the folder, without an earlier run's results unless to resume; remove what a killed run left half."""
+    def prepare(self, resume: bool, pictures: Iterable[Path]) -> None:
+        """Make the folder, emptied unless to resume; remove half-written files of a killed run."""
         if not resume:
             self.remove()
         readme = self.folder / "README.txt"
-        for path in self._names():
+        for path in self._files():
             if path.name.startswith("."):
                 path.unlink(missing_ok=True)
         remove_leftovers(pictures)
         write_text(_README.format(out=self._out.name), readme)
 
     def find(self, key: str, picture: Path | None) -> Path | Fault | None:
-        """Return what is kept under a fingerprint, or None; without the picture wanted it does not count as there."""
+        """Return the result cached under a fingerprint, or None; None too where the wanted picture is missing."""
         reason, result = self.folder / f"{key}{_REASON}", self.folder / f"{key}{_RESULT}"
         try:
             return Fault(json.loads(reason.read_text(encoding="utf-8")))
@@ -50,7 +50,7 @@ class Parts:
         return result if is_part(result) and (picture is None or self._is_drawn(key, picture)) else None
 
     def keep(self, key: str, done: Done | Fault, picture: Path | None) -> Path | Fault:
-        """Keep what became of a file: its picture first, so that no result stands without it."""
+        """Write the outcome of a file: its picture first, so that no result is without it."""
         if isinstance(done, Fault):
             write_text(json.dumps(done.reason), self.folder / f"{key}{_REASON}")
             return done
@@ -61,10 +61,10 @@ class Parts:
         return write_part(done.table, self.folder / f"{key}{_RESULT}")
 
     def keep_only(self, keys: Iterable[str]) -> None:
-        """Remove what no file of this run has led to: the folder grows no larger than its table asks for."""
-        kept = set(keys)
-        for path in self._names():
-            if path.suffix in (_RESULT, _REASON, _PICTURE) and path.stem not in kept:
+        """Remove results that no file of this run has, so that the folder does not grow."""
+        wanted = set(keys)
+        for path in self._files():
+            if path.suffix in (_RESULT, _REASON, _PICTURE) and path.stem not in wanted:
                 path.unlink(missing_ok=True)
 
     def remove(self) -> None:
@@ -72,11 +72,11 @@ class Parts:
         if self.folder.exists():
             shutil.rmtree(self.folder)
 
-    def _names(self) -> list[Path]:
+    def _files(self) -> list[Path]:
         return list(self.folder.iterdir()) if self.folder.exists() else []
 
     def _is_drawn(self, key: str, picture: Path) -> bool:
-        """Return whether a picture is the one drawn with this result, not one of another rig, method or content."""
+        """Return whether a picture was drawn with this result, not with another rig, method or content."""
         try:
             drawn = (self.folder / f"{key}{_PICTURE}").read_text(encoding="utf-8")
             return hashlib.sha256(picture.read_bytes()).hexdigest() == drawn

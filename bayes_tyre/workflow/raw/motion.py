@@ -24,9 +24,9 @@ from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record_table import origin_of
 from bayes_tyre.results.provenance import RUN_JSON, begin_run, read_run
 from bayes_tyre.rig.axle import Rig
-from bayes_tyre.workflow.execution.batch import Machines, each_file
-from bayes_tyre.workflow.execution.resume import Watch, begin
-from bayes_tyre.workflow.execution.task_cache import Parts
+from bayes_tyre.workflow.execution.batch import Machines, run_batch
+from bayes_tyre.workflow.execution.resume import Callbacks, open_checkpoints
+from bayes_tyre.workflow.execution.task_cache import TaskCache
 from bayes_tyre.workflow.fit import sampler_options
 from bayes_tyre.workflow.raw.motion_estimates import BY_LAW, OK, estimate_file, read_estimates
 from bayes_tyre.workflow.raw.motions_shown import shown_motions
@@ -131,14 +131,14 @@ def estimate_files(
         check_folder(plan.pictures, "--figures")
     tasks = plan_tasks(files, Settings(plan.rig, plan.cases, f"{BY_LAW}{plan.law}", plan.pictures))
     prepare_folder(out)
-    parts = Parts(out / ESTIMATES)
-    outcomes = each_file(estimate_file, tasks, parts, machines, on_progress)
+    cache = TaskCache(out / ESTIMATES)
+    outcomes = run_batch(estimate_file, tasks, cache, machines, on_progress)
     rows = rejected(files, outcomes)
     kept = [(file, task, end) for file, task, end in zip(files, tasks, outcomes, strict=True) if isinstance(end, Path)]
     if not kept:
         remove_leftovers([out / REJECTED])
         write_table(rows, out / REJECTED)
-        parts.remove()
+        cache.remove()
         (out / RUN_JSON).unlink(missing_ok=True)  # an earlier run's result is not of these files
         raise none_usable(out / REJECTED, rows, len(tasks))
     table, motions = read_estimates([part for _, _, part in kept], law)
@@ -155,7 +155,7 @@ def fit_estimates(
     plan: MotionPlan,
     out: Path,
     command: Sequence[str],
-    watch: Watch | None = None,
+    callbacks: Callbacks | None = None,
     *,
     resume: bool = False,
 ) -> Diagnostics:
@@ -165,7 +165,7 @@ def fit_estimates(
     ----------
     estimated, plan:
         As `estimate_files` gives them, and what it was told.
-    out, command, watch, resume:
+    out, command, callbacks, resume:
         As `bayes_tyre.workflow.fit.fit_table` has them.
 
     Raises
@@ -173,13 +173,13 @@ def fit_estimates(
     BadInput
         If the folder is of no use.
     """
-    watch, origin = watch or Watch(), estimated.origin
+    callbacks, origin = callbacks or Callbacks(), estimated.origin
     call = shlex.join(["bayes-tyre", *command])
     run = begin_run(call, plan.options, plan.sampler.seed, [*estimated.files, *_told_files(plan)], origin)
-    checkpoints = begin(out, run, watch, resume, over=True)  # the estimates are kept: to sample again is quick
+    checkpoints = open_checkpoints(out, run, callbacks, resume, overwrite=True)  # the estimates are cached
     if isinstance(checkpoints, Diagnostics):
         return checkpoints
-    settings = replace(plan.sampler, checkpoints=checkpoints, on_progress=watch.on_progress)
+    settings = replace(plan.sampler, checkpoints=checkpoints, on_progress=callbacks.on_progress)
     tree = fit_motions(estimated.motions, settings, plan.repeats, priors=plan.priors)
     tree.attrs["origin"] = origin
     tree = with_losses(tree, estimated.motions.factor_table, estimated.middles, plan.amplitude_mm)

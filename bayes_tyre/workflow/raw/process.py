@@ -13,9 +13,9 @@ from bayes_tyre.formats.tables import write_table
 from bayes_tyre.rig.sensors import columns_of
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.signals.process import process
-from bayes_tyre.workflow.execution.batch import Machines, each_file
+from bayes_tyre.workflow.execution.batch import Machines, run_batch
 from bayes_tyre.workflow.execution.outcome import Done, Fault
-from bayes_tyre.workflow.execution.task_cache import Parts
+from bayes_tyre.workflow.execution.task_cache import TaskCache
 from bayes_tyre.workflow.raw.process_tasks import Settings, Task, plan_tasks
 from bayes_tyre.workflow.raw.raw_records import REJECTED, attempted, none_usable, origin_of_raw, rejected, usable
 
@@ -50,15 +50,15 @@ def process_files(
     check_folder(out.parent)
     if settings.figures:
         check_folder(settings.figures, "--figures")
-    tasks, parts = plan_tasks(files, settings), Parts(out)
-    outcomes = each_file(process_file, tasks, parts, machines, on_progress)
+    tasks, cache = plan_tasks(files, settings), TaskCache(out)
+    outcomes = run_batch(process_file, tasks, cache, machines, on_progress)
     rows = rejected(files, outcomes)
     records = [end for end in outcomes if isinstance(end, Path)]
     remove_leftovers([out, out.parent / REJECTED])
     write_table(rows, out.parent / REJECTED)
     if not records:
         out.unlink(missing_ok=True)  # an earlier run's records are not those of these files
-        parts.remove()
+        cache.remove()
         raise none_usable(out.parent / REJECTED, rows, len(tasks))
     write_joined(records, out)
     return len(records), len(rows)

@@ -1,4 +1,4 @@
-"""Work on each file: kept as it is done, gone on with, on a cluster that loses workers, in bounded memory."""
+"""Batches: cached as they are done, resumed, on a cluster that loses workers, in bounded memory."""
 
 import logging
 from pathlib import Path
@@ -8,10 +8,10 @@ from helpers import dying_work
 from helpers.dying_work import ALIVE, Task, make
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.workflow.execution.batch import Machines, each_file
-from bayes_tyre.workflow.execution.cluster import check_versions, connected, on_cluster
+from bayes_tyre.workflow.execution.batch import Machines, as_completed, run_batch
+from bayes_tyre.workflow.execution.cluster import check_versions, cluster_executors, connected
 from bayes_tyre.workflow.execution.outcome import Fault
-from bayes_tyre.workflow.execution.task_cache import Parts
+from bayes_tyre.workflow.execution.task_cache import TaskCache
 
 HERE = Machines(workers=1)
 
@@ -32,7 +32,7 @@ def run(tasks, out, machines=HERE, work=make):
         return work(task)
 
     progress = []
-    outcomes = each_file(counted if machines.workers == 1 else work, tasks, Parts(out), machines, progress.append)
+    outcomes = run_batch(counted if machines.workers == 1 else work, tasks, TaskCache(out), machines, progress.append)
     assert sum(progress) == len(tasks)
     return outcomes, made
 
@@ -72,12 +72,12 @@ def test_a_picture_that_is_missing_or_another_is_drawn_again(tmp_path):
 def test_a_part_cut_short_and_leftovers_of_a_killed_run_do_no_harm(tmp_path):
     out, tasks = tmp_path / "records.csv", tasks_of(tmp_path / "raw", ["a", "bad"])
     first = contents(run(tasks, out)[0])
-    for part in Parts(out).folder.iterdir():
+    for part in TaskCache(out).folder.iterdir():
         part.write_bytes(part.read_bytes()[:-5] if part.suffix == ".part" else b"")
-    (Parts(out).folder / ".x.part.abcd1234.part").touch()
+    (TaskCache(out).folder / ".x.part.abcd1234.part").touch()
     again, made = resumed(tasks, out)
     assert (contents(again), len(made)) == (first, 2)
-    assert not [path for path in Parts(out).folder.iterdir() if path.name.startswith(".")]
+    assert not [path for path in TaskCache(out).folder.iterdir() if path.name.startswith(".")]
 
 
 def test_a_fault_that_may_pass_is_not_kept(tmp_path):
@@ -134,7 +134,7 @@ def test_a_cluster_loses_nothing_but_a_file_that_kills_every_worker(cluster, tmp
     tasks = tasks_of(tmp_path / "raw", texts, deaths=tmp_path / "deaths")
     outcomes, _ = run(tasks, tmp_path / "records.csv", Machines(cluster=cluster.scheduler_address))
     assert isinstance(outcomes[3], Fault)
-    assert "every worker that worked on it died" in outcomes[3].reason
+    assert "every process that worked on it died" in outcomes[3].reason
     kept = [task for i, task in enumerate(tasks) if i != 3]
     alone, _ = run(kept, tmp_path / "alone.csv")
     assert contents([*outcomes[:3], *outcomes[4:]]) == contents(alone)
@@ -152,13 +152,15 @@ def test_no_more_results_come_from_a_cluster_than_are_out(cluster, tmp_path):
     assert 1 <= ALIVE["most"] <= 5
 
 
-def test_a_client_that_has_given_its_scheduler_up_says_how_to_go_on(cluster, tmp_path):
-    """As dask's own client does when none answers for `_PATIENCE`, here while a result is being written."""
+def test_a_lost_scheduler_is_named_with_how_to_resume(cluster, tmp_path):
+    """As Dask's client does after its timeout, here while a result is being written."""
     with connected(cluster.scheduler_address) as client:
-        outcomes = on_cluster(client, make, tasks_of(tmp_path, list(map(str, range(20)))), "tcp://s")
+        outcomes = as_completed(
+            cluster_executors(client, "tcp://s"), make, tasks_of(tmp_path, list(map(str, range(20))))
+        )
         next(outcomes)
         client.close()
-        with pytest.raises(BadInput, match=r"tcp://s: the scheduler is lost .* what is done is kept: .* --resume"):
+        with pytest.raises(BadInput, match=r"tcp://s: the scheduler is lost .* finished files are kept: .* --resume"):
             list(outcomes)
 
 

@@ -1,4 +1,4 @@
-"""To resume in a folder that another run has used: refused, or its draws made anew where the dear part is elsewhere."""
+"""Resuming in a folder of another run is refused, or samples again where the expensive results are cached elsewhere."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +11,7 @@ from bayes_tyre.inference.sampling import checkpoint
 from bayes_tyre.inference.sampling.checkpoint import Checkpoints
 from bayes_tyre.inference.sampling.nuts import Chunk
 from bayes_tyre.results.provenance import Run, begin_run, write_run
-from bayes_tyre.workflow.execution.resume import CHECKPOINTS, Watch, begin
+from bayes_tyre.workflow.execution.resume import CHECKPOINTS, Callbacks, open_checkpoints
 
 RUN = begin_run("bayes-tyre motion raw", {"draws": 100}, 0, [], "simulated")
 OTHER = replace(RUN, options={"draws": 200})
@@ -41,7 +41,7 @@ def test_what_another_run_left_is_refused_and_stays(what, tmp_path, monkeypatch)
     expected = left_by(what, tmp_path, monkeypatch)
     before = sorted(tmp_path.rglob("*"))
     with pytest.raises(BadInput, match="leave out --resume to begin anew") as caught:
-        begin(tmp_path, RUN, Watch(), True)
+        open_checkpoints(tmp_path, RUN, Callbacks(), True)
     assert expected in str(caught.value)
     assert sorted(tmp_path.rglob("*")) == before
 
@@ -49,17 +49,17 @@ def test_what_another_run_left_is_refused_and_stays(what, tmp_path, monkeypatch)
 @pytest.mark.parametrize("what", ["a result", "checkpoints", "checkpoints of another format"])
 def test_where_the_dear_part_is_elsewhere_it_is_told_and_the_draws_are_made_anew(what, tmp_path, monkeypatch):
     expected, said = left_by(what, tmp_path, monkeypatch), []
-    found = begin(tmp_path, RUN, Watch(warn=said.append), True, over=True)
+    found = open_checkpoints(tmp_path, RUN, Callbacks(warn=said.append), True, overwrite=True)
     assert isinstance(found, Checkpoints)
     assert not found.exist()
     assert len(said) == 1
     assert expected in said[0]
-    assert said[0].endswith(": the draws are made anew")
+    assert said[0].endswith(": sampling starts again")
 
 
 def test_ones_own_checkpoints_are_gone_on_with_either_way(tmp_path):
     saved(tmp_path, RUN)
     for over in (False, True):
-        found = begin(tmp_path, RUN, Watch(warn=lambda said: pytest.fail(said)), True, over=over)
+        found = open_checkpoints(tmp_path, RUN, Callbacks(warn=lambda said: pytest.fail(said)), True, overwrite=over)
         assert isinstance(found, Checkpoints)
         assert found.exist()
