@@ -97,7 +97,7 @@ def estimated(recording: process.Recording):
     read, step = recording.raw, recording.step
     channels = read.acceleration_m_per_s2, read.laser_mm, read.load_kN
     ramp_s = step.ramp.start_s, step.ramp.end_s
-    return estimate_motion(rig, Recorded(read.dt_s, *channels, quiet=step.quiet, ramp_s=ramp_s))
+    return estimate_motion(rig, Recorded(read.dt_s, *channels, pre_step=step.pre_step, ramp_s=ramp_s))
 
 
 estimates = {record: estimated(recording) for record, recording in recordings.items()}

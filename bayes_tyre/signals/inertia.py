@@ -46,7 +46,7 @@ def inertia(recording: Recording, rig: Rig) -> Processed:
     """
     step, signals = recording.step, recording.signals
     dt_s = signals.dt_s
-    first = max(step.quiet, min(step.start, step.onset - round(_MARGIN_S / dt_s)))
+    first = max(step.pre_step, min(step.start, step.onset - round(_MARGIN_S / dt_s)))
     path = anchored_path(signals, step, first)
     _check_sensors(path)
     motion = _at_wheel_centre(rig, path, signals.load_kN)

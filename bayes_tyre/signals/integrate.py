@@ -7,7 +7,7 @@ from jaxtyping import Float
 from scipy.integrate import cumulative_trapezoid
 
 from bayes_tyre.signals.channels import Signals
-from bayes_tyre.signals.noise import quiet_level
+from bayes_tyre.signals.noise import signal_level
 from bayes_tyre.signals.steps import Step
 
 Samples = Float[np.ndarray, " samples"]
@@ -76,8 +76,8 @@ def anchored_path(signals: Signals, step: Step, first: int) -> Path:
     displacement = integrated(velocity, dt_s)
     t = np.arange(stop - first) * dt_s
 
-    before = quiet_level(signals.laser_mm[: step.quiet], dt_s)
-    after = quiet_level(signals.laser_mm[step.settled :], dt_s)
+    before = signal_level(signals.laser_mm[: step.pre_step], dt_s)
+    after = signal_level(signals.laser_mm[step.settled :], dt_s)
     laser, laser_sd = after.mean - before.mean, float(np.hypot(before.standard_error, after.standard_error))
     density = step.acceleration.density * MM_PER_M**2
     bias_variance = (step.acceleration.standard_error * MM_PER_M) ** 2

@@ -51,7 +51,7 @@ def moving_mean(values: Samples, length: int) -> Samples:
     return (total[high] - total[low]) / (high - low) + values[0]
 
 
-def quiet_level(values: Samples, dt_s: float, block_s: float = 0.02) -> Level:
+def signal_level(values: Samples, dt_s: float, block_s: float = 0.02) -> Level:
     """Return mean and noise of a quiet stretch of a signal.
 
     Parameters

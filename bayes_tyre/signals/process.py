@@ -11,7 +11,7 @@ from bayes_tyre.signals.inertia import inertia
 from bayes_tyre.signals.processed import Processed, Recording
 from bayes_tyre.signals.ramp import find_ramp
 from bayes_tyre.signals.runout import nominal_bodies, remove_runout
-from bayes_tyre.signals.steps import find_step, quiet_samples
+from bayes_tyre.signals.steps import find_step, pre_step_samples
 from bayes_tyre.signals.thesis import thesis
 
 METHODS: dict[str, Callable[[Recording, Rig], Processed]] = {"thesis": thesis, "inertia": inertia}
@@ -32,7 +32,7 @@ def prepare(raw: RawSignals, rig: Rig, factors: RecordFactors) -> Recording:
     signals, rms, turning = as_read, 0.0, ()
     if factors.case.speed_km_h > 0:
         bodies = nominal_bodies(rig, factors.case.speed_km_h)
-        signals, runout = remove_runout(as_read, quiet_samples(ramp, as_read), bodies)
+        signals, runout = remove_runout(as_read, pre_step_samples(ramp, as_read), bodies)
         ramp, rms = find_ramp(signals.load_kN, signals.dt_s), runout.acceleration_rms_m_per_s2
         turning = runout.bodies
     step = find_step(signals, ramp)

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.signals.channels import Signals
-from bayes_tyre.signals.noise import Level, block_means, moving_mean, quiet_level, robust_sd
+from bayes_tyre.signals.noise import Level, block_means, moving_mean, robust_sd, signal_level
 from bayes_tyre.signals.ramp import Ramp, find_ramp
 
 Samples = Float[np.ndarray, " samples"]
@@ -65,7 +65,7 @@ class Step(NamedTuple):
         return 1 if self.change_kN > 0 else -1
 
 
-def quiet_samples(ramp: Ramp, signals: Signals) -> int:
+def pre_step_samples(ramp: Ramp, signals: Signals) -> int:
     """Return how many samples before a ramp are at rest.
 
     Raises
@@ -77,7 +77,7 @@ def quiet_samples(ramp: Ramp, signals: Signals) -> int:
     before, after = ramp.start_s - _BEFORE_RAMP_S, duration_s - ramp.end_s - _BEFORE_RAMP_S
     if min(before, after) < REST_S:
         longer = slice(0, int(before / signals.dt_s)) if before > after else slice(int(-after / signals.dt_s), None)
-        _check_load(ramp, quiet_level(signals.load_kN[longer], signals.dt_s, LOAD_MEAN_S))
+        _check_load(ramp, signal_level(signals.load_kN[longer], signals.dt_s, LOAD_MEAN_S))
         raise BadInput(
             f"the load changes most at {ramp.start_s:.3g} to {ramp.end_s:.3g} s of {duration_s:.3g} s, by "
             f"{ramp.after_kN - ramp.before_kN:.2g} kN; a step needs {REST_S + _BEFORE_RAMP_S:g} s of rest before and "
@@ -102,10 +102,10 @@ def find_step(signals: Signals, ramp: Ramp | None = None) -> Step:
         If load or acceleration do not stand out of their noise, with the figures, or the rest is too short.
     """
     ramp = ramp or find_ramp(signals.load_kN, signals.dt_s)
-    quiet, dt_s = quiet_samples(ramp, signals), signals.dt_s
-    load = quiet_level(signals.load_kN[:quiet], dt_s, LOAD_MEAN_S)
+    quiet, dt_s = pre_step_samples(ramp, signals), signals.dt_s
+    load = signal_level(signals.load_kN[:quiet], dt_s, LOAD_MEAN_S)
     change, load_clarity = ramp.after_kN - ramp.before_kN, _check_load(ramp, load)
-    level = quiet_level(signals.acceleration_m_per_s2[:quiet], dt_s, LOAD_MEAN_S)
+    level = signal_level(signals.acceleration_m_per_s2[:quiet], dt_s, LOAD_MEAN_S)
     moved = signals.acceleration_m_per_s2 - level.mean
     spike, clarity = _spike(moved, quiet, ramp, dt_s)
     onset = _onset(moved, quiet, ramp, -np.sign(change), dt_s) if clarity >= CLEAR else None

@@ -56,7 +56,7 @@ def thesis(recording: Recording, rig: Rig, window_s: float = WINDOW_S) -> Proces
     return Processed(
         recording.factors,
         signals.time_s[region],
-        d + float(signals.laser_mm[: step.quiet].mean()),
+        d + float(signals.laser_mm[: step.pre_step].mean()),
         force[region] * per_wheel_centre,
         np.sqrt(density * since**3 / 3) * lever,
         force_sd * per_wheel_centre,

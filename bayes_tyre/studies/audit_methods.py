@@ -108,7 +108,7 @@ def motion_answer(recording: Recording, truth: Tyre, rig: Rig) -> Answer:
         signals.acceleration_m_per_s2,
         signals.laser_mm,
         signals.load_kN,
-        step.quiet,
+        step.pre_step,
         (step.ramp.start_s, step.ramp.end_s),
     )
     try:

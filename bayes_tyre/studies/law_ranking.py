@@ -74,7 +74,7 @@ def simulated(law: MotionLaw, plan: Planned, rig: Rig, seed: int) -> Recorded:
 def _made(law: MotionLaw, truth: Truth) -> StatefulLaw:
     k, x, beta = truth.k_kN_per_mm, truth.x_kN, truth.beta_mm
     values = {"k": k, "x": x, "settled": x - k * beta, "beta": beta, **FURTHER}
-    return law.law(**{name: values[name] for name in law.told}, C=truth.C_kN)
+    return law.law(**{name: values[name] for name in law.reported}, C=truth.C_kN)
 
 
 def rank_laws(
@@ -141,7 +141,7 @@ def _motions(rig: Rig, plans: list[Planned], estimates: list[MotionEstimate], la
 
 
 def _estimate_row(true: str, fitted: str, plan: Planned, estimate: MotionEstimate, elpd: float) -> dict[str, Any]:
-    squares = estimate.found.chi_squared
+    squares = estimate.map_estimate.chi_squared
     return {
         **{"true_law": true, "fitted_law": fitted, "record": plan.record, "elpd": elpd},
         **{"log_evidence": estimate.log_evidence, "chi_squared_acceleration": float(squares[0])},

@@ -140,7 +140,7 @@ def recorded(recording: Recording) -> Recorded:
     read, step = recording.raw, recording.step
     channels = read.acceleration_m_per_s2, read.laser_mm, read.load_kN
     bodies = tuple((body.turn_Hz, body.harmonics) for body in recording.bodies)
-    return Recorded(read.dt_s, *channels, step.quiet, (step.ramp.start_s, step.ramp.end_s), bodies)
+    return Recorded(read.dt_s, *channels, step.pre_step, (step.ramp.start_s, step.ramp.end_s), bodies)
 
 
 def _told(truth: Truth, estimate: MotionEstimate | None) -> list[dict[str, object]]:
@@ -157,7 +157,7 @@ def _told(truth: Truth, estimate: MotionEstimate | None) -> list[dict[str, objec
 
 
 def _left(estimate: MotionEstimate) -> dict[str, float]:
-    found = estimate.found
+    found = estimate.map_estimate
     squares = {f"chi_squared_{name}": float(of) for name, of in zip(CHANNELS, found.chi_squared, strict=True)}
     alike = {f"autocorrelation_{name}": float(of) for name, of in zip(CHANNELS, found.correlation, strict=True)}
     return squares | alike

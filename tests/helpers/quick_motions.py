@@ -23,17 +23,23 @@ def estimated(task: Task) -> Done:
     factor_table, _ = usable(task)
     k, settled, beta, m, c = TYPICAL
     values = dict(zip(motion_estimates.parameter_columns(), (k, settled + k * beta, beta, m, c), strict=True))
-    told = {"displacement_mm": 10.0, "method": "importance", "pareto_k": 0.1, "status": "ok", "origin": "simulated"}
-    told |= {"log_evidence": 5000.0, "log_constant": 5000.0, "effective_draws": 300.0}
+    statistics = {
+        "displacement_mm": 10.0,
+        "method": "importance",
+        "pareto_k": 0.1,
+        "status": "ok",
+        "origin": "simulated",
+    }
+    statistics |= {"log_evidence": 5000.0, "log_constant": 5000.0, "effective_draws": 300.0}
     arrays = {"likelihood_rows": 100 * np.eye(5), "likelihood_target": 100 * np.log(TYPICAL)}
     arrays |= {"log_mean": np.log(TYPICAL), "log_variance": np.full(5, 1e-4)}
     flat = {name: array.ravel().tolist() for name, array in arrays.items()}
     errors = {f"{name}_se": 0.01 * value for name, value in values.items()}
-    return Done(pd.DataFrame([{**factor_table.row(), **values, **errors, **told, **flat}]))
+    return Done(pd.DataFrame([{**factor_table.row(), **values, **errors, **statistics, **flat}]))
 
 
 def drawn(motions: Motions, *_: object) -> xr.DataTree:
-    """Return well-mixed draws of records, cases and cells."""
+    """Return well-mixed draws of records, cases and groups."""
     rng, factors = np.random.default_rng(0), find_factors(motions.factor_table)
     draws: dict[str, np.ndarray] = {}
     for ending, units in (
@@ -41,9 +47,9 @@ def drawn(motions: Motions, *_: object) -> xr.DataTree:
         ("_case", len(factors.cases)),
         ("_group", len(factors.group.labels)),
     ):
-        of = TYPICAL * np.exp(0.03 * rng.standard_normal((4, 250, units, len(TYPICAL))))
-        draws |= {f"{name}{ending}": of[..., i] for i, name in enumerate(MOTION_PARAMETERS)}
-        draws[f"x{ending}"] = of[..., 1] + of[..., 0] * of[..., 2]
+        values = TYPICAL * np.exp(0.03 * rng.standard_normal((4, 250, units, len(TYPICAL))))
+        draws |= {f"{name}{ending}": values[..., i] for i, name in enumerate(MOTION_PARAMETERS)}
+        draws[f"x{ending}"] = values[..., 1] + values[..., 0] * values[..., 2]
     draws["sd_log_k_repeat"] = 0.01 * np.exp(0.1 * rng.standard_normal((4, 250)))
     return to_datatree(draws, quiet(4, 250), factors, motions.factor_table, {"model": "motion", "repeats": "mixture"})
 

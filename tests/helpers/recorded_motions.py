@@ -17,4 +17,4 @@ def recorded(plan, seed):
     step = find_step(signals)
     _, acceleration, laser, load = signals
     ramp = step.ramp.start_s, step.ramp.end_s
-    return truth, Recorded(signals.dt_s, acceleration, laser, load, step.quiet, ramp)
+    return truth, Recorded(signals.dt_s, acceleration, laser, load, step.pre_step, ramp)

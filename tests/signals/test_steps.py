@@ -59,7 +59,7 @@ def test_rolling_steps_stand_out_once_the_runout_is_removed(file):
     record, factors = simulated(file, 2000.0, 6.0, 3.5)
     rig = RIGS[factors.case.configuration]
     found = prepare(record.raw, rig, factors)
-    quiet = found.step.quiet
+    quiet = found.step.pre_step
     raw = find_channels(record.raw, rig).acceleration_m_per_s2[:quiet]
     assert np.std(found.signals.acceleration_m_per_s2[:quiet]) < 0.75 * np.std(raw)
     late_s = found.step.onset / 2000.0 - float(str(record.row["step_start_s"]))

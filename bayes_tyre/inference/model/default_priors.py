@@ -132,15 +132,15 @@ PRIORS = Priors(
             dist.LogNormal, (np.log(4.0), 0.7), "", "1 to 16: more of the deflection is beneath the belt than beside it"
         ),
         **{
-            f"log_{name}_{ending}": prior
+            f"sd_log_{name}_{effect}": prior
             for name in ("belt_frequency", "belt_damping", "sidewall_ratio")
-            for ending, prior in {
-                "speed_scale": Prior(dist.HalfNormal, (0.2,), "", "rolling changes a belt by tens of per cent at most"),
-                "load_scale": Prior(dist.HalfNormal, (0.2,), "", "a longer contact: tens of per cent at most"),
-                "step_scale": Prior(dist.HalfNormal, (0.2,), "", "the ring is linear: the step's size matters little"),
-                "case_scale": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: what the words leave over"),
-                "repeat_scatter": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: one belt, tested again"),
-                "scatter_spread": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
+            for effect, prior in {
+                "speed": Prior(dist.HalfNormal, (0.2,), "", "rolling changes a belt by tens of per cent at most"),
+                "load": Prior(dist.HalfNormal, (0.2,), "", "a longer contact: tens of per cent at most"),
+                "step": Prior(dist.HalfNormal, (0.2,), "", "the ring is linear: the step's size matters little"),
+                "case": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: what the words leave over"),
+                "repeat": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: one belt, tested again"),
+                "repeat_over_speeds": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
             }.items()
         },
     },

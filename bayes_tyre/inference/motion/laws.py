@@ -1,7 +1,7 @@
-"""The force laws that a motion can be fitted with: what is unknown of each, what was known of it, how it is made.
+"""The force laws that a motion can be fitted with: their parameters, the priors, and how to build the law.
 
-A further law is a file of `bayes_tyre.laws` and an entry here: its parameters, positive all, and their priors. What a
-case of records has of them is in `bayes_tyre.inference.model.priors`, by the same names.
+To add a law, write a file of `bayes_tyre.laws` and an entry here: its parameters, all positive, and their priors.
+Priors of the cases are in `bayes_tyre.inference.model.priors`, by the same names.
 """
 
 from collections.abc import Callable
@@ -22,89 +22,89 @@ from bayes_tyre.laws.maxwell_slip import MaxwellSlip
 from bayes_tyre.laws.rigid_ring import RigidRing
 
 
-class Before(NamedTuple):
-    """What is known of a number before its record: normal with this location and scale, and why.
+class NormalPrior(NamedTuple):
+    """A normal prior of one parameter of a record, and the reason for it.
 
-    NaN stands for what the rig file or the record's own rest before and after the step says
-    (`bayes_tyre.inference.motion.record.parameters.priors_of`).
+    NaN is replaced by a value from the rig file or from the record's own rest before and after the step
+    (`bayes_tyre.inference.motion.record.parameters.prior_moments`).
     """
 
-    location: float
-    scale: float
+    mean: float
+    sd: float
     reason: str
 
 
-#: Of the logarithms of parameters, by name. Laws that have one by the same name mean the same by it, so that no law is
-#: favoured by what was known before. `settled` is half the distance between the branches on which the force settles;
-#: of Fancher's law x - k beta, which loses energy only where x > k beta: there is no other place to go.
-OF_TYRES: dict[str, Before] = {
-    "k": Before(np.log(1.0), 1.0, "0.14 to 7.1 kN/mm: car tyre to a pair of truck tyres, as `k_group` of the fit"),
-    "settled": Before(np.log(0.2), 1.0, "0.03 to 1.4 kN: 0.1 to 10 % of a truck tyre's load as friction"),
-    "beta": Before(np.log(0.1), 1.5, "0.005 to 1.9 mm: below the travel between two samples to half a step's travel"),
-    "n": Before(0.0, 0.4, "0.46 to 2.2 about 1, where Bouc-Wen's law is Fancher's: slower or more sudden settling"),
-    "belt_frequency": Before(np.log(60.0), 0.4, "27 to 131 Hz: the belt's first swing, of heavy tyres to small ones"),
-    "belt_damping": Before(np.log(0.05), 0.7, "1.3 to 20 % of critical: rubber, as the axle's own damper"),
-    "sidewall_ratio": Before(np.log(4.0), 0.7, "1 to 16: more of the deflection is beneath the belt than beside it"),
+#: Priors of the logarithms of tyre parameters, by name. A name means the same in every law, so that no law is favoured
+#: by its prior. `settled` is half the distance between the branches on which the force settles. For Fancher's law it is
+#: x - k beta, positive because the law loses energy only where x > k beta.
+TYRE_PRIORS: dict[str, NormalPrior] = {
+    "k": NormalPrior(np.log(1.0), 1.0, "0.14 to 7.1 kN/mm: car tyre to a pair of truck tyres, as `k_group` of the fit"),
+    "settled": NormalPrior(np.log(0.2), 1.0, "0.03 to 1.4 kN: 0.1 to 10 % of a truck tyre's load as friction"),
+    "beta": NormalPrior(np.log(0.1), 1.5, "0.005 to 1.9 mm: less than between two samples to half a step's travel"),
+    "n": NormalPrior(0.0, 0.4, "0.46 to 2.2 about 1, where Bouc-Wen's law is Fancher's: slow to sudden settling"),
+    "belt_frequency": NormalPrior(np.log(60.0), 0.4, "27 to 131 Hz: the belt's first mode, heavy to small tyres"),
+    "belt_damping": NormalPrior(np.log(0.05), 0.7, "1.3 to 20 % of critical: rubber, as the axle's own damper"),
+    "sidewall_ratio": NormalPrior(np.log(4.0), 0.7, "1 to 16: most of the deflection is beneath the belt"),
 }
-#: What the estimate of any motion has behind the parameters of its tyre.
-OF_AXLE = ("m", "c")
+#: Parameters of the axle; they follow those of the tyre.
+AXLE_PARAMETERS = ("m", "c")
 
 
 class MotionLaw(eqx.Module):
-    """How a law is fitted. A pytree without leaves: it may go where arrays go, and is compiled for.
+    """A force law and its parameters. A pytree without leaves: jitted functions take it as a static argument.
 
     Attributes
     ----------
     name:
-        As `motion --law` has it.
-    unknowns:
-        The tyre's parameters whose logarithms are unknown, in their order; names of `OF_TYRES`, k the first.
-    told:
-        What estimates tell in their place, in the same order: fields of the law.
+        Value of the option `motion --law`.
+    tyre_parameters:
+        The tyre's parameters whose logarithms are sampled, in order; names of `TYRE_PRIORS`, k first.
+    reported:
+        The parameters that estimates report instead, in the same order: fields of the law.
     law:
-        Its class; `told` and C are its fields.
+        The law's class; its fields are `reported` and C.
     """
 
     name: str = eqx.field(static=True)
-    unknowns: tuple[str, ...] = eqx.field(static=True)
-    told: tuple[str, ...] = eqx.field(static=True)
+    tyre_parameters: tuple[str, ...] = eqx.field(static=True)
+    reported: tuple[str, ...] = eqx.field(static=True)
     law: Callable[..., StatefulLaw] = eqx.field(static=True)
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """What records and cases have in the hierarchy: the unknowns, mass and damping."""
-        return (*self.unknowns, *OF_AXLE)
+        """Parameters of records and cases in the hierarchy: the tyre's, mass and damping."""
+        return (*self.tyre_parameters, *AXLE_PARAMETERS)
 
     @property
-    def told_parameters(self) -> tuple[str, ...]:
-        """What a record's estimate tells, in the same order."""
-        return (*self.told, *OF_AXLE)
+    def reported_parameters(self) -> tuple[str, ...]:
+        """Parameters that a record's estimate reports, in the same order."""
+        return (*self.reported, *AXLE_PARAMETERS)
 
     @property
     def has_friction(self) -> bool:
-        """Whether the law itself loses energy; one that does not leaves it all to the damper."""
-        return "settled" in self.unknowns
+        """Whether the law itself dissipates energy; otherwise only the damper does."""
+        return "settled" in self.tyre_parameters
 
-    def of_logs(self, logs: Float[Array, " parameters"], C: ScalarLike = 0.0) -> StatefulLaw:
-        """Return the law from the logarithms of its unknowns, shape (parameters,); the axle's are passed over."""
-        of = dict(zip(self.unknowns, jnp.exp(logs), strict=False))
-        if "x" in self.told:
-            of["x"] = of.pop("settled") + of["k"] * of["beta"]
-        return self.law(**of, C=C)
+    def from_logs(self, logs: Float[Array, " parameters"], C: ScalarLike = 0.0) -> StatefulLaw:
+        """Return the law from the logarithms of its parameters, shape (parameters,); those of the axle are ignored."""
+        values = dict(zip(self.tyre_parameters, jnp.exp(logs), strict=False))
+        if "x" in self.reported:
+            values["x"] = values.pop("settled") + values["k"] * values["beta"]
+        return self.law(**values, C=C)
 
-    def of_told(self, told: Float[Array, " parameters"], C: ScalarLike = 0.0) -> StatefulLaw:
-        """Return the law from what estimates tell, in units, shape (parameters,); the axle's are passed over."""
-        return self.law(**dict(zip(self.told, told, strict=False)), C=C)
+    def from_reported(self, values: Float[Array, " parameters"], C: ScalarLike = 0.0) -> StatefulLaw:
+        """Return the law from its reported parameters, shape (parameters,); those of the axle are ignored."""
+        return self.law(**dict(zip(self.reported, values, strict=False)), C=C)
 
 
-# Between two samples a tyre moves by less than beta: with one step of Bouc-Wen's integration instead of four readings
-# differ by 0.003 of their noise, and a fit takes a seventh of the time.
+# Between two samples a tyre moves by less than beta. One integration step of Bouc-Wen's law instead of four changes
+# readings by 0.003 of their noise, and a fit takes a seventh of the time.
 _bouc_wen = partial(BoucWen, substeps=1)
 _FRICTION = ("k", "settled", "beta")
 _RING = ("k", "belt_frequency", "belt_damping", "sidewall_ratio")
 FANCHER = MotionLaw("fancher", _FRICTION, ("k", "x", "beta"), Fancher)
 KELVIN_VOIGT = MotionLaw("kelvin_voigt", ("k",), ("k",), KelvinVoigt)
-#: By name, the thesis's first.
+#: Laws by name, the thesis's first.
 MOTION_LAWS: dict[str, MotionLaw] = {
     law.name: law
     for law in (
@@ -123,7 +123,7 @@ def motion_law(name: str) -> MotionLaw:
     Raises
     ------
     BadInput
-        If there is none by this name.
+        If no law has this name.
     """
     if name not in MOTION_LAWS:
         raise BadInput(f"law {name!r} is unknown; use {', '.join(MOTION_LAWS)}")

@@ -84,7 +84,7 @@ def _draw_long(ax: Axes, time_s: Samples, values: Samples, colour: str) -> None:
 
 def _mark(whole: Axes, near: Axes, processed: Processed) -> None:
     step, time_s = processed.recording.step, processed.recording.raw.time_s
-    whole.axvspan(float(time_s[0]), float(time_s[step.quiet]), color=_MARK, alpha=0.10, linewidth=0)
+    whole.axvspan(float(time_s[0]), float(time_s[step.pre_step]), color=_MARK, alpha=0.10, linewidth=0)
     near.axvspan(float(processed.time_s[0]), float(processed.time_s[-1]), color=_MARK, alpha=0.15, linewidth=0)
     for at in (time_s[0] + step.ramp.start_s, time_s[0] + step.ramp.end_s):
         near.axvline(float(at), color=_MARK, linewidth=0.8, linestyle=":")

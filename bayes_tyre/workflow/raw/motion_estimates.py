@@ -18,7 +18,7 @@ from bayes_tyre.inference.motion.record.estimate import CORRELATION_MOST, MISFIT
 from bayes_tyre.inference.motion.record.evidence import log_constant
 from bayes_tyre.inference.motion.record.forward_model import predicted, residuals
 from bayes_tyre.inference.motion.record.likelihood import hierarchy_moments, likelihood_of
-from bayes_tyre.inference.motion.record.parameters import Unknowns, in_units
+from bayes_tyre.inference.motion.record.parameters import MotionParameters, in_units
 from bayes_tyre.inference.motion.record.window import Recorded, Window
 from bayes_tyre.record import FACTORS
 from bayes_tyre.results.motion_traces import COLUMNS, readings_table
@@ -54,8 +54,8 @@ MISFIT, READINGS, TOLD = "misfit", "readings", ("record", "configuration", "stat
 
 
 def parameter_columns(law: MotionLaw = FANCHER) -> tuple[str, ...]:
-    """Return the columns of a law's `told_parameters`, in their order; a standard error stands behind each."""
-    return tuple(_COLUMN[name] for name in law.told_parameters)
+    """Return the columns of a law's `reported_parameters`, in their order; a standard error stands behind each."""
+    return tuple(_COLUMN[name] for name in law.reported_parameters)
 
 
 def columns(law: MotionLaw) -> list[str]:
@@ -85,12 +85,14 @@ def _done(task: Task) -> Done:
     estimate = _estimate(rig, prepare(raw, rig, factors), law)
     # With a law that is not the tyre's a solver need not come to rest, and laws are compared on the same records: what
     # it found is kept, and its status says so.
-    if law is FANCHER and not bool(estimate.found.converged):
+    if law is FANCHER and not bool(estimate.map_estimate.converged):
         raise BadInput("the fit of its motion did not converge; look at its channels with process --figures")
     unknowns = _unknowns(rig, estimate)
     origin = origin_of_raw(raw, task)
     row = {**factors.row(), **_columns(rig, estimate, unknowns), "origin": origin}
-    readings = readings_table(estimate.window, *map(np.asarray, _fitted(rig, estimate.found.standard, estimate.window)))
+    readings = readings_table(
+        estimate.window, *map(np.asarray, _fitted(rig, estimate.map_estimate.standard, estimate.window))
+    )
     picture = None
     if task.picture is not None:
         from bayes_tyre.report.figures.motion import motion_png
@@ -115,21 +117,23 @@ def _estimate(rig: Rig, recording: Recording, law: MotionLaw) -> MotionEstimate:
     bodies = tuple((body.turn_Hz, body.harmonics) for body in recording.bodies)
     ramp_s = step.ramp.start_s, step.ramp.end_s
     channels = read.acceleration_m_per_s2, read.laser_mm, read.load_kN
-    return estimate_motion(rig, Recorded(read.dt_s, *channels, quiet=step.quiet, ramp_s=ramp_s, bodies=bodies), law)
+    return estimate_motion(
+        rig, Recorded(read.dt_s, *channels, pre_step=step.pre_step, ramp_s=ramp_s, bodies=bodies), law
+    )
 
 
 def _kept(readings: pd.DataFrame, estimate: MotionEstimate) -> dict[str, Any]:
-    found = estimate.found
+    found = estimate.map_estimate
     shares = np.asarray(found.chi_squared) / (1 + MISFIT_MOST), np.asarray(found.correlation) / CORRELATION_MOST
     return {MISFIT: float(np.nanmax(shares)), READINGS: readings[list(COLUMNS)].to_numpy(float).ravel().tolist()}
 
 
-def _unknowns(rig: Rig, estimate: MotionEstimate) -> Unknowns:
+def _unknowns(rig: Rig, estimate: MotionEstimate) -> MotionParameters:
     window = estimate.window
-    return in_units(rig, jnp.asarray(estimate.found.standard), window.prior, window.rolling, window.law)
+    return in_units(rig, jnp.asarray(estimate.map_estimate.standard), window.prior, window.rolling, window.law)
 
 
-def _columns(rig: Rig, estimate: MotionEstimate, unknowns: Unknowns) -> dict[str, Any]:
+def _columns(rig: Rig, estimate: MotionEstimate, unknowns: MotionParameters) -> dict[str, Any]:
     values, sd, law = estimate.value, np.sqrt(np.diag(estimate.log_covariance)), estimate.window.law
     found: dict[str, Any] = {}
     for name, value, of_log in zip(parameter_columns(law), values, sd, strict=True):
@@ -148,7 +152,7 @@ def _columns(rig: Rig, estimate: MotionEstimate, unknowns: Unknowns) -> dict[str
     return found | {name: array.ravel().tolist() for name, array in arrays.items()}
 
 
-def _by_decay(window: Window, unknowns: Unknowns) -> tuple[float, float]:
+def _by_decay(window: Window, unknowns: MotionParameters) -> tuple[float, float]:
     """Return k, kN/mm, and c, kN s/mm, at the wheel centre from what the accelerometer read after the load's step."""
     time_s = (np.arange(window.readings.shape[-1]) + 0.5) * float(window.block_s)
     readings, weight = np.asarray(window.readings)[0], np.asarray(window.weight)[0]

@@ -1,12 +1,11 @@
-"""How well a law predicts a motion that it has not seen: leave-one-record-out over whole recordings.
+"""Leave-one-record-out cross-validation of a law over whole recordings.
 
-A record's readings have, under the populations of the others, the density that its estimate gives: the normal
-likelihood of its parameters, times the constant that makes it the density of the readings
-(`motion_evidence.log_constant`), averaged over what its case and the scatter of repeats let these parameters be. That
-average is in closed form at every draw. Why this and not the evidence of each record by itself: the evidence charges a
-law for the width of priors of one record after the other, and so for what a lab says of tyres in general; left out, a
-record charges it for what the other records of the same tyre could have told. Both come from the same integral over
-all that is unknown in a record, and both stand in the result (`estimates.csv`, `log_evidence`).
+The predictive density of a record's readings, given the hyperparameters, is the normal likelihood of its parameters
+times the constant that makes it the density of the readings (`evidence.log_constant`), averaged over the distribution
+of repeats of its case. At every draw this average has a closed form. Why not the evidence of each record: it penalises
+a law for the width of the priors in every record, whereas leave-one-out conditions on the other records of the same
+tyre. Both come from the same integral over a record's parameters; the result has both (`estimates.csv`,
+`log_evidence`).
 """
 
 from collections.abc import Callable
@@ -29,7 +28,7 @@ from bayes_tyre.inference.sampling.datatree import priors_of
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record import FACTORS
 
-#: The group of a result's tree that holds what its records said.
+#: The group of a result's tree that holds the estimates of its records.
 GROUP = "motion_estimates"
 _OF_PARAMETERS = ("target", "log_mean", "log_variance")
 _NEEDED = {"mixture": "discordant_weight", "student": "student_nu"}
@@ -38,15 +37,15 @@ _QUANTILES = 48
 
 
 def with_motions(tree: xr.DataTree, motions: Motions) -> xr.DataTree:
-    """Return a posterior with the estimates that it was fitted to, for `motions_in`."""
+    """Return a posterior with the estimates that it was fitted to; `motions_in` reads them."""
     if motions.readings is None:
         return tree
-    kept = {"rows": (("record", "row", "parameter"), motions.rows)}
-    kept |= {name: (("record", "parameter"), getattr(motions, name)) for name in _OF_PARAMETERS}
-    kept |= {name: ("record", values) for name, values in motions.readings._asdict().items()}
+    arrays = {"rows": (("record", "row", "parameter"), motions.rows)}
+    arrays |= {name: (("record", "parameter"), getattr(motions, name)) for name in _OF_PARAMETERS}
+    arrays |= {name: ("record", values) for name, values in motions.readings._asdict().items()}
     labels = {"record": list(motions.factor_table["record"]), "parameter": list(motions.law.parameters)}
     with_all = tree.copy()
-    with_all[GROUP] = xr.DataTree(xr.Dataset(kept, labels))
+    with_all[GROUP] = xr.DataTree(xr.Dataset(arrays, labels))
     return with_all
 
 
@@ -60,12 +59,12 @@ def motions_in(tree: xr.DataTree) -> Motions:
     """
     if GROUP not in tree.children:
         raise BadInput("holds no estimates of motions to compare; run motion again")
-    kept, posterior = tree[GROUP].to_dataset(), tree["posterior"].to_dataset()
+    estimates, posterior = tree[GROUP].to_dataset(), tree["posterior"].to_dataset()
     factor_table = pd.DataFrame({"record": posterior["record"].to_numpy()})
-    for word in FACTORS:
-        factor_table[word] = posterior[f"record_{word}"].to_numpy()
-    arrays = {name: kept[name].to_numpy() for name in ("rows", *_OF_PARAMETERS)}
-    readings = Readings(*(kept[name].to_numpy() for name in Readings._fields))
+    for factor in FACTORS:
+        factor_table[factor] = posterior[f"record_{factor}"].to_numpy()
+    arrays = {name: estimates[name].to_numpy() for name in ("rows", *_OF_PARAMETERS)}
+    readings = Readings(*(estimates[name].to_numpy() for name in Readings._fields))
     return Motions(factor_table, **arrays, law=motion_law(str(tree.attrs["law"])), readings=readings)
 
 
@@ -98,12 +97,13 @@ def leave_one_motion_out(
 
     def exactly(record: int) -> float:
         others = np.arange(len(motions.factor_table)) != record
-        # Its case stays, if only as its words.
+        # Its case stays in the model, even without records.
         without = replace(factors, of_record=factors.of_record[others])
         fitted = fit_motions(_chosen(motions, others), refit, repeats, without, priors)
         alone = replace(factors, of_record=factors.of_record[~others])
-        found = densities(thinned(fitted), _chosen(motions, ~others), alone, repeats, priors.discordant_widening)[:, 0]
-        return float(np.logaddexp.reduce(found) - np.log(len(found)))
+        refitted = densities(thinned(fitted), _chosen(motions, ~others), alone, repeats, priors.discordant_widening)
+        density = refitted[:, 0]
+        return float(np.logaddexp.reduce(density) - np.log(len(density)))
 
     names = tuple(motions.factor_table["record"])
     return left_out(by_chain, names, motions.readings.effective_draws, exactly if refit else None, on_refit)
@@ -116,53 +116,55 @@ def densities(
     repeats: str,
     widening: float = DISCORDANT_WIDENING,
 ) -> Float[np.ndarray, "draws records"]:
-    """Return the log density of each record's readings under the populations of each draw, its own parameters gone.
+    """Return the log density of each record's readings at each draw, with its own parameters integrated out.
 
     Parameters
     ----------
     posterior:
-        Of cases and scatters.
+        Draws of the cases and of the standard deviations of repeats.
     motions, factors:
-        The records, and the cases that they are of.
+        The records and their cases.
     repeats:
-        How repeats scatter about their case.
+        Distribution of repeats about their case.
     """
     assert motions.readings is not None
     of_record, rows = factors.of_record, np.asarray(motions.rows)
-    case = np.stack([_flat(posterior, f"{name}_case") for name in motions.law.parameters], axis=-1)
-    scatter = np.stack([_scatter(posterior, name, factors) for name in motions.law.parameters], axis=-1)[:, of_record]
-    off = np.asarray(motions.target) - np.einsum("rij,drj->dri", rows, np.log(case)[:, of_record])
-    # Too few repeats to judge any: the model had no such number, and its repeats scatter normally.
+    case = np.stack([_draws(posterior, f"{name}_case") for name in motions.law.parameters], axis=-1)
+    sd_repeat = np.stack([_sd_repeat(posterior, name, factors) for name in motions.law.parameters], axis=-1)[
+        :, of_record
+    ]
+    offset = np.asarray(motions.target) - np.einsum("rij,drj->dri", rows, np.log(case)[:, of_record])
+    # With too few repeats the model has no such parameter and repeats are normal.
     kind = repeats if _NEEDED.get(repeats) in posterior else "normal"
-    return _averaged(posterior, rows, off, scatter**2, kind, widening) + motions.readings.log_constant
+    return _averaged(posterior, rows, offset, sd_repeat**2, kind, widening) + motions.readings.log_constant
 
 
 def _averaged(
-    posterior: xr.Dataset, rows: np.ndarray, off: np.ndarray, variance: np.ndarray, kind: str, widening: float
+    posterior: xr.Dataset, rows: np.ndarray, offset: np.ndarray, variance: np.ndarray, kind: str, widening: float
 ) -> np.ndarray:
     if kind == "normal":
-        return log_average(rows, off, variance)
+        return log_average(rows, offset, variance)
     if kind == "student":
-        half = _flat(posterior, "student_nu")[:, None] / 2
-        # A t is a normal whose variance is nu over a chi-squared number of nu degrees.
+        half = _draws(posterior, "student_nu")[:, None] / 2
+        # Student's t is a normal whose variance is nu over a chi-squared variable of nu degrees of freedom.
         shares = (np.arange(_QUANTILES) + 0.5) / _QUANTILES
         precisions = gammaincinv(half, shares) / half
-        each = [log_average(rows, off, variance / of[:, None, None]) for of in precisions.T]
+        each = [log_average(rows, offset, variance / precision[:, None, None]) for precision in precisions.T]
         return np.logaddexp.reduce(each, axis=0) - np.log(_QUANTILES)
-    weight = _flat(posterior, "discordant_weight")[:, None]
-    usual = np.log1p(-weight) + log_average(rows, off, variance)
-    return np.logaddexp(usual, np.log(weight) + log_average(rows, off, widening**2 * variance))
+    weight = _draws(posterior, "discordant_weight")[:, None]
+    usual = np.log1p(-weight) + log_average(rows, offset, variance)
+    return np.logaddexp(usual, np.log(weight) + log_average(rows, offset, widening**2 * variance))
 
 
-def _scatter(posterior: xr.Dataset, parameter: str, factors: Factors) -> Float[np.ndarray, "draws cases"]:
-    """Return the scatter of repeats of each case."""
+def _sd_repeat(posterior: xr.Dataset, parameter: str, factors: Factors) -> Float[np.ndarray, "draws cases"]:
+    """Return the standard deviation of repeats of each case."""
     by_speed = f"sd_log_{parameter}_repeat_by_speed"
     if by_speed in posterior:
-        return _flat(posterior, by_speed)[:, factors.speed.of_case]
-    return np.repeat(_flat(posterior, f"sd_log_{parameter}_repeat")[:, None], len(factors.cases), axis=1)
+        return _draws(posterior, by_speed)[:, factors.speed.of_case]
+    return np.repeat(_draws(posterior, f"sd_log_{parameter}_repeat")[:, None], len(factors.cases), axis=1)
 
 
-def _flat(posterior: xr.Dataset, name: str) -> np.ndarray:
+def _draws(posterior: xr.Dataset, name: str) -> np.ndarray:
     values = posterior[name].transpose("chain", "draw", ...).to_numpy()
     return values.reshape(-1, *values.shape[2:])
 

@@ -32,7 +32,7 @@ class Readings(NamedTuple):
     Attributes
     ----------
     log_constant:
-        Makes exp(-|rows @ logarithms - target|^2 / 2) the density of the readings (`motion_evidence.log_constant`).
+        Makes exp(-|rows @ logarithms - target|^2 / 2) the density of the readings (`evidence.log_constant`).
     effective_draws:
         That the estimate and its evidence rest on.
     """
@@ -123,7 +123,7 @@ def motions_model(
 
 def _keep_with_x(ending: str, values: Float[Array, "p units"], law: MotionLaw) -> None:
     """Keep x, kN, of records or cases where the law has it: it follows from x - k beta, k and beta."""
-    if "x" not in law.told:
+    if "x" not in law.reported:
         return
     k, settled, beta, *_ = values
     numpyro.deterministic(f"x{ending}", settled + k * beta)

@@ -1,4 +1,4 @@
-"""What the recordings said of each quantity of their hierarchy, and what its prior did."""
+"""Sensitivity of each quantity of the motions' hierarchy to its prior and to the data, by power scaling."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -20,13 +20,13 @@ def log_likelihood_of_motions(posterior: xr.Dataset, motions: Motions) -> xr.Dat
     Parameters
     ----------
     posterior, motions:
-        Of `bayes_tyre.inference.motion.hierarchy.model.fit_motions`, and what it took.
+        Draws and data of `bayes_tyre.inference.motion.hierarchy.model.fit_motions`.
     """
-    of_record = [posterior[name].transpose(*SAMPLE, "record").to_numpy() for name in motions.law.parameters]
+    values = [posterior[name].transpose(*SAMPLE, "record").to_numpy() for name in motions.law.parameters]
     rows, target = jnp.asarray(motions.rows), jnp.asarray(motions.target)
-    density = log_likelihood(jnp.log(jnp.stack(of_record, axis=-1)), rows, target)
-    like = posterior["k"].transpose(*SAMPLE, "record")
-    return without_labels({"motion": like.copy(data=np.asarray(density))})
+    density = log_likelihood(jnp.log(jnp.stack(values, axis=-1)), rows, target)
+    template = posterior["k"].transpose(*SAMPLE, "record")
+    return without_labels({"motion": template.copy(data=np.asarray(density))})
 
 
 def identify_motions(tree: xr.DataTree, motions: Motions, priors: Priors = PRIORS) -> xr.DataTree:
@@ -35,14 +35,14 @@ def identify_motions(tree: xr.DataTree, motions: Motions, priors: Priors = PRIOR
     Parameters
     ----------
     tree, motions:
-        The posterior, and what `bayes_tyre.inference.motion.hierarchy.model.fit_motions` took.
+        The posterior, and the data of `bayes_tyre.inference.motion.hierarchy.model.fit_motions`.
     """
     factors = find_factors(motions.factor_table)
     law = motions.law
     sites = motion_sites(factors, tree.attrs["repeats"], law.parameters)
-    drawn = prior_quantities(factors, sites, PRIOR_DRAWS, seed=0, parameters=law.parameters, priors=priors)
-    for ending in ("", "_case") if "x" in law.told else ():
-        drawn[f"x{ending}"] = drawn[f"settled{ending}"] + drawn[f"k{ending}"] * drawn[f"beta{ending}"]
-    some = thinned(tree["posterior"].to_dataset())
-    densities = log_prior(some, sites, priors=priors), log_likelihood_of_motions(some, motions)
-    return with_identifiability(tree, prior_tree(drawn, factors, motions.factor_table), *densities, priors)
+    prior = prior_quantities(factors, sites, PRIOR_DRAWS, seed=0, parameters=law.parameters, priors=priors)
+    for ending in ("", "_case") if "x" in law.reported else ():
+        prior[f"x{ending}"] = prior[f"settled{ending}"] + prior[f"k{ending}"] * prior[f"beta{ending}"]
+    draws = thinned(tree["posterior"].to_dataset())
+    densities = log_prior(draws, sites, priors=priors), log_likelihood_of_motions(draws, motions)
+    return with_identifiability(tree, prior_tree(prior, factors, motions.factor_table), *densities, priors)

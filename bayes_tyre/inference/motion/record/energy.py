@@ -1,11 +1,10 @@
-"""What a tyre loses when it is moved up and down, at the wheel centre: energy, loss factor, equivalent damping."""
+"""Energy, loss factor and equivalent damping of a cycle at the wheel centre."""
 
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
@@ -18,12 +17,12 @@ from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.motion import KN_PER_KG_MM_PER_S2
 from bayes_tyre.rig.motion_step import wheel_centre_per_flat
 
-#: Strokes from the middle line before a numerical cycle is taken as steady, and points of half of it.
-FORGETTING, HALF_CYCLE = 16, 96
+#: Strokes from the middle line before a numerical cycle is steady, and points of half a cycle.
+WARM_UP_STROKES, HALF_CYCLE = 16, 96
 
 
 class Losses(NamedTuple):
-    """Of a cycle about a displacement, at the wheel centre, by the tyre's law; viscous damping only where it says so.
+    """Losses of a cycle about a displacement, at the wheel centre, by the tyre's law.
 
     Attributes
     ----------
@@ -32,7 +31,7 @@ class Losses(NamedTuple):
     loss_factor:
         Energy over 2 pi times k a^2 / 2, k the slope of the middle line at the wheel centre, a the amplitude.
     damping_kN_s_per_mm:
-        Viscous damping that loses as much at that amplitude, at the mass's natural frequency on k.
+        Viscous damping with the same loss at that amplitude, at the mass's natural frequency on k.
     separation_kN:
         Distance of the settled branches on flat ground, 2 (x - k beta) of Fancher's law; 0 without friction.
     """
@@ -51,7 +50,7 @@ def losses(
     amplitude_mm: ScalarLike,
     c_kN_s_per_mm: ScalarLike = 0.0,
 ) -> Losses:
-    """Return what a cycle loses.
+    """Return the losses of a cycle.
 
     Parameters
     ----------
@@ -66,23 +65,23 @@ def losses(
     amplitude_mm:
         Half the stroke at the wheel centre, mm.
     c_kN_s_per_mm:
-        Damping at the wheel centre to be counted among the losses, at the mass's natural frequency on k.
+        Damping at the wheel centre that counts as a loss, at the mass's natural frequency on k.
     """
     d, a = jnp.asarray(displacement_mm, float), jnp.asarray(amplitude_mm, float)
 
-    def flat(d: Array) -> Array:
+    def to_flat(d: Array) -> Array:
         return jnp.asarray(geometry.flat_ground_displacement(rig, d))
 
     def middle_line(d: Array) -> Array:
-        return jnp.asarray(law.k * flat(d) + law.C) * wheel_centre_per_flat(rig, d)
+        return jnp.asarray(law.k * to_flat(d) + law.C) * wheel_centre_per_flat(rig, d)
 
-    # What depends on the displacement alone loses nothing. Of the friction's work the weight from flat ground to the
-    # wheel centre is taken at the middle: it is odd about it, to second order in the stroke.
-    stroke = (flat(d + a) - flat(d - a)) / 2
-    weight = wheel_centre_per_flat(rig, d) / jax.jvp(flat, (d,), (jnp.ones_like(d),))[1]
+    # A force that depends on the displacement alone loses nothing. The factor from flat ground to the wheel centre is
+    # taken at the middle of the stroke: its error is odd about it, to second order in the stroke.
+    stroke = (to_flat(d + a) - to_flat(d - a)) / 2
+    weight = wheel_centre_per_flat(rig, d) / jax.jvp(to_flat, (d,), (jnp.ones_like(d),))[1]
     slope = jax.jvp(middle_line, (d,), (jnp.ones_like(d),))[1]
     omega = jnp.sqrt(slope / (jnp.asarray(m_kg) * KN_PER_KG_MM_PER_S2))
-    energy = weight * _loss_on_flat(law, flat(d), stroke, omega)
+    energy = weight * _loss_on_flat(law, to_flat(d), stroke, omega)
     energy = energy + jnp.pi * jnp.asarray(c_kN_s_per_mm) * omega * a**2
     viscous = energy / (jnp.pi * omega * a**2)
     settled = jnp.subtract(law.x, jnp.multiply(law.k, law.beta)) if isinstance(law, Fancher) else _settled(law)
@@ -94,7 +93,7 @@ def _settled(law: Any) -> Array:
 
 
 def _loss_on_flat(law: Any, middle_mm: Array, stroke_mm: Array, omega: Array) -> Array:
-    """Return what a cycle about a displacement loses on flat ground, J, by the law alone; at an angular frequency."""
+    """Return the loss of a cycle on flat ground, J, by the law alone, at an angular frequency."""
     if isinstance(law, Fancher):
         return dissipated_energy_per_cycle(k=law.k, x=law.x, beta=law.beta, amplitude=stroke_mm)
     if isinstance(law, KelvinVoigt):
@@ -105,40 +104,40 @@ def _loss_on_flat(law: Any, middle_mm: Array, stroke_mm: Array, omega: Array) ->
 
 
 def steady_loss(law: Any, middle_mm: Array, stroke_mm: Array) -> Array:
-    """Return what a cycle of any rate-independent law loses on flat ground, J, once it repeats itself.
+    """Return the steady loss of a cycle of any rate-independent law on flat ground, J.
 
-    Some strokes from the middle line to forget the start, then a cycle in points that stand close where it turns: the
-    closed form of `Fancher` comes back to 4e-4 for amplitudes from beta / 2.
+    Some strokes from the middle line remove the influence of the start; then a cycle with points close together where
+    it turns. It agrees with the closed form of `Fancher` to 4e-4 for amplitudes from beta / 2.
 
     Parameters
     ----------
     law:
-        With a middle line k d + C, which loses nothing and is left out of the force.
+        With a middle line k d + C, which loses nothing and is omitted from the force.
     middle_mm, stroke_mm:
         Middle of the cycle and half its stroke, mm.
     """
     bare = replace(law, k=0.0, C=0.0)
-    ends = middle_mm + stroke_mm * jnp.where(jnp.arange(FORGETTING) % 2 == 0, 1.0, -1.0)
+    ends = middle_mm + stroke_mm * jnp.where(jnp.arange(WARM_UP_STROKES) % 2 == 0, 1.0, -1.0)
     start = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), bare.init(middle_mm - stroke_mm, jnp.zeros(())))
     state, _ = jax.lax.scan(lambda state, d: (bare.step(state, d)[0], None), start, ends)
     cycle = middle_mm - stroke_mm * jnp.cos(jnp.linspace(0.0, 2 * jnp.pi, 2 * HALF_CYCLE + 1))
     return loop_energy(cycle, jax.lax.scan(lambda state, d: bare.step(state, d), state, cycle)[1])
 
 
-def losses_of_told(
+def losses_from_reported(
     rig: Rig,
     law: MotionLaw,
-    told: Float[Array, " p"],
+    values: Float[Array, " p"],
     displacement_mm: ScalarLike,
     amplitude_mm: ScalarLike,
 ) -> Losses:
-    """Return what a cycle loses by a law's `told_parameters` in units, C as 0; other arguments as in `losses`.
+    """Return the losses of a cycle from a law's `reported_parameters`, with C = 0; other arguments as in `losses`.
 
-    A law with friction loses by that alone. Of one without, Kelvin and Voigt's spring or the rigid ring, the damper
-    is the tyre's, beside the ring's own: it loses what they do at the mass's natural frequency on k.
+    For a law with friction only the friction counts. For one without (Kelvin-Voigt, rigid ring) the damper belongs to
+    the tyre and is included, at the mass's natural frequency on k.
     """
-    m, c = told[-2], told[-1]
-    return losses(rig, law.of_told(told), m, displacement_mm, amplitude_mm, 0.0 if law.has_friction else c)
+    m, c = values[-2], values[-1]
+    return losses(rig, law.from_reported(values), m, displacement_mm, amplitude_mm, 0.0 if law.has_friction else c)
 
 
 def losses_of_logs(
@@ -148,17 +147,17 @@ def losses_of_logs(
     amplitude_mm: ScalarLike,
     law: MotionLaw = FANCHER,
 ) -> Losses:
-    """Return what a cycle loses by the logarithms of a law's `told_parameters`, such as an estimate or its draws.
+    """Return the losses of a cycle from the logarithms of a law's `reported_parameters`, one set or draws.
 
-    Of the line through first touch (C) a motion says next to nothing, and it moves the geometry by tenths of a mm: it
-    is taken as 0. c is not in what a tyre's law with friction loses (`losses_of_told`).
+    The offset C is weakly identified by a motion and moves the geometry by tenths of a mm: it is set to 0. c is not
+    included for a law with friction (`losses_from_reported`).
 
     Parameters
     ----------
     rig:
         Geometry.
     logs:
-        Natural logarithms in the order of the law's `told_parameters`, shape (..., p).
+        Natural logarithms in the order of the law's `reported_parameters`, shape (..., p).
     displacement_mm, amplitude_mm:
         The cycle's middle and half its stroke at the wheel centre, mm.
     law:
@@ -171,25 +170,7 @@ def losses_of_logs(
     logs = jnp.asarray(logs, float)
 
     def one(logs: Array) -> Losses:
-        return losses_of_told(rig, law, jnp.exp(logs), displacement_mm, amplitude_mm)
+        return losses_from_reported(rig, law, jnp.exp(logs), displacement_mm, amplitude_mm)
 
     flat = jax.vmap(one)(logs.reshape(-1, logs.shape[-1]))
     return Losses(*(values.reshape(logs.shape[:-1]) for values in flat))
-
-
-def losses_moments(
-    rig: Rig,
-    log_mean: Float[ArrayLike, " p"],
-    log_covariance: Float[ArrayLike, "p p"],
-    displacement_mm: ScalarLike,
-    amplitude_mm: ScalarLike,
-    law: MotionLaw = FANCHER,
-) -> tuple[Float[np.ndarray, "4"], Float[np.ndarray, "4 4"]]:
-    """Return `Losses` at a mean of the logarithms, in its order, and their covariance to first order, in its units."""
-
-    def stacked(logs: Array) -> Array:
-        return jnp.stack(losses_of_logs(rig, logs, displacement_mm, amplitude_mm, law))
-
-    mean = jnp.asarray(log_mean, float)
-    jacobian = jax.jacfwd(stacked)(mean)
-    return np.asarray(stacked(mean)), np.asarray(jacobian @ jnp.asarray(log_covariance) @ jacobian.T)

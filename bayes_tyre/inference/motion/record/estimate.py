@@ -1,4 +1,4 @@
-"""What a fitted motion says of its record: k, x, beta, m and c with their covariance, and whether to trust it."""
+"""The estimate of one record: k, x, beta, m and c with their covariance, and the checks of the fit."""
 
 import functools
 from dataclasses import dataclass
@@ -11,24 +11,36 @@ from jaxtyping import Array, Float
 
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
 from bayes_tyre.inference.motion.record.evidence import log_evidence
-from bayes_tyre.inference.motion.record.importance_sampling import Weighed, weighed_draws
-from bayes_tyre.inference.motion.record.map_fit import ROUGH, Found, approach, find, settle, starts_of
-from bayes_tyre.inference.motion.record.nuts import SETTINGS, effective_draws, sampled
+from bayes_tyre.inference.motion.record.importance_sampling import WeightedDraws, weighted_draws
+from bayes_tyre.inference.motion.record.map_fit import (
+    ROUGH_TOLERANCE,
+    MapEstimate,
+    fit_map,
+    refine_map,
+    rough_map,
+    starting_points,
+)
+from bayes_tyre.inference.motion.record.nuts import SETTINGS, effective_draws, sample_motion
 from bayes_tyre.inference.motion.record.parameters import in_units
-from bayes_tyre.inference.motion.record.road_roughness import road_of, wave_count, with_noise, with_quick_road
-from bayes_tyre.inference.motion.record.window import Recorded, Window, window_of
+from bayes_tyre.inference.motion.record.road_roughness import (
+    road_response,
+    wave_count,
+    with_residual_noise,
+    with_road_noise,
+)
+from bayes_tyre.inference.motion.record.window import Recorded, Window, make_window
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.rig.axle import Rig
 
-#: The order of what is estimated with Fancher's law; units kN/mm, kN, mm, kg, kN s/mm. Others: `told_parameters`.
-RECORD_PARAMETERS = FANCHER.told_parameters
-#: Above this, importance weights have no reliable mean (Vehtari 2024). With fewer effective draws than this a mean is
-#: off by more than a seventh of its standard deviation, for the normal that was drawn from is not like the posterior.
+#: Reported parameters of Fancher's law, in order; units kN/mm, kN, mm, kg, kN s/mm.
+RECORD_PARAMETERS = FANCHER.reported_parameters
+#: Above this Pareto k, importance weights have no reliable mean (Vehtari 2024). With fewer effective draws than this,
+#: the standard error of a mean exceeds a seventh of the posterior's standard deviation.
 PARETO_K_MOST, EFFECTIVE_LEAST = 0.7, 50.0
-#: Residuals' mean square beyond 1 by more, or a lag-1 autocorrelation above, says that the model misses something. Of
-#: 1100 white residuals a channel the standard deviations are 0.04 and 0.03.
+#: A mean square of the residuals above 1 by more than the first, or a lag-1 autocorrelation above the second, indicates
+#: a misfit. For 1100 white residuals a channel the standard deviations are 0.04 and 0.03.
 MISFIT_MOST, CORRELATION_MOST = 0.3, 0.2
-#: Of the last fit to a rolling record, in prior standard deviations: friction turning with the road leaves kinks.
+#: Tolerance of the last fit to a rolling record, in prior standard deviations: reversals of friction leave kinks.
 ROLLING_TOLERANCE = 1e-4
 
 
@@ -39,20 +51,20 @@ class MotionEstimate:
     Attributes
     ----------
     log_mean, log_covariance:
-        Of the natural logarithms of the law's `told_parameters`, shape (p,) and (p, p), priors included.
+        Of the natural logarithms of the law's `reported_parameters`, shape (p,) and (p, p), priors included.
     method:
-        How they came about: `importance` from weighed draws; `nuts` where their weights are of no use and the motion
-        fits a standing record; `laplace` from the peak otherwise.
+        `importance` from weighted draws; `nuts` where the weights are unreliable and the motion fits a stationary
+        record; `laplace` from the peak otherwise.
     log_draws, weights:
-        Draws of the same logarithms, shape (draws, p), and what each weighs, shape (draws,), their sum 1.
-    found:
-        All unknowns, misfit of each channel, steps taken.
+        Draws of the same logarithms, shape (draws, p), and their weights, shape (draws,), of sum 1.
+    map_estimate:
+        All parameters, misfit of each channel, steps taken.
     window:
-        What was fitted.
+        The data that were fitted.
     pareto_k, effective_draws:
-        How heavy the tail of the weights about the peak is; how many independent draws would say as much as these.
+        Tail index of the weights about the peak; effective number of draws.
     log_evidence:
-        Log density of the record's readings under law and priors, all unknowns integrated out (`motion_evidence`).
+        Log density of the record's readings under law and priors, all parameters integrated out (`evidence`).
     status:
         Empty, or why the estimate is not to be trusted as it stands.
     """
@@ -62,7 +74,7 @@ class MotionEstimate:
     method: str
     log_draws: Float[np.ndarray, "draws p"]
     weights: Float[np.ndarray, " draws"]
-    found: Found
+    map_estimate: MapEstimate
     window: Window
     pareto_k: float
     effective_draws: float
@@ -71,7 +83,7 @@ class MotionEstimate:
 
     @property
     def value(self) -> Float[np.ndarray, " p"]:
-        """Return the estimates in units."""
+        """Return the estimates in physical units."""
         return np.exp(self.log_mean)
 
 
@@ -83,38 +95,38 @@ def estimate_motion(
     Parameters
     ----------
     rig:
-        Geometry, effective mass and how well it is known.
+        Geometry, effective mass and its standard deviation.
     recorded:
         Its three channels, rest and ramp.
     law:
         Of the tyre.
     sampler:
-        How much NUTS samples of a standing record whose weighed draws are of no use, a minute or two; None: nothing.
+        NUTS settings for a stationary record whose weights are unreliable, a minute or two; None: no NUTS.
     """
-    window, found = fit_window(rig, window_of(rig, recorded, law=law))
-    weighed = weighed_draws(rig, found.standard, found.covariance, window)
-    told = _told(rig, window, found, weighed, sampler)
-    if told.method == "laplace":
-        mean, covariance = laplace_moments(rig, found, window)
+    window, estimate = fit_window(rig, make_window(rig, recorded, law=law))
+    weighted = weighted_draws(rig, estimate.standard, estimate.covariance, window)
+    draws = _posterior_draws(rig, window, estimate, weighted, sampler)
+    if draws.method == "laplace":
+        mean, covariance = laplace_moments(rig, estimate, window)
     else:
-        mean, covariance = _moments(told.log_draws, told.weights)
+        mean, covariance = _moments(draws.log_draws, draws.weights)
     return MotionEstimate(
         log_mean=mean,
         log_covariance=covariance,
-        method=told.method,
-        log_draws=told.log_draws,
-        weights=told.weights,
-        found=found,
+        method=draws.method,
+        log_draws=draws.log_draws,
+        weights=draws.weights,
+        map_estimate=estimate,
         window=window,
-        pareto_k=weighed.pareto_k,
-        effective_draws=told.effective,
-        log_evidence=log_evidence(window, found, weighed if told.method == "importance" else None),
-        status="; ".join([*_reasons(found), *[_untrusted(weighed)] * (told.method == "laplace")]),
+        pareto_k=weighted.pareto_k,
+        effective_draws=draws.effective,
+        log_evidence=log_evidence(window, estimate, weighted if draws.method == "importance" else None),
+        status="; ".join([*_reasons(estimate), *[_untrusted(weighted)] * (draws.method == "laplace")]),
     )
 
 
-class _Told(NamedTuple):
-    """Draws of the logarithms of the law's `told_parameters`, what each weighs, and how they came about."""
+class _PosteriorDraws(NamedTuple):
+    """Draws of the logarithms of the law's `reported_parameters`, their weights, and the method of sampling."""
 
     log_draws: Float[np.ndarray, "draws p"]
     weights: Float[np.ndarray, " draws"]
@@ -122,88 +134,96 @@ class _Told(NamedTuple):
     effective: float
 
 
-def _told(rig: Rig, window: Window, found: Found, weighed: Weighed, sampler: SamplerSettings | None) -> _Told:
-    """Return the draws about the peak; NUTS's where these are of no use and the motion fits its standing record.
+def _posterior_draws(
+    rig: Rig, window: Window, estimate: MapEstimate, weighted: WeightedDraws, sampler: SamplerSettings | None
+) -> _PosteriorDraws:
+    """Return the weighted draws, or draws by NUTS where the weights are unreliable and the motion fits its record.
 
-    A rolling record has many times the unknowns: NUTS on it would take the better part of an hour.
+    NUTS is not used for a rolling record: it has many times the parameters and would take most of an hour.
     """
     prior = jnp.asarray(window.prior)
-    method = "importance" if weights_trusted(weighed) else "laplace"
-    worth_it = window.rolling is None and not _reasons(found) and np.isfinite(weighed.pareto_k)
-    if sampler is not None and method == "laplace" and worth_it:
-        standard, divergent = sampled(rig, window, found, sampler)
+    method = "importance" if weights_trusted(weighted) else "laplace"
+    use_nuts = window.rolling is None and not _reasons(estimate) and np.isfinite(weighted.pareto_k)
+    if sampler is not None and method == "laplace" and use_nuts:
+        standard, divergent = sample_motion(rig, window, estimate, sampler)
         logs = np.asarray(log_parameters(rig, standard, prior, window.law))
         if effective := effective_draws(logs, divergent):
             draws = logs.reshape(-1, logs.shape[-1])
-            return _Told(draws, np.full(len(draws), 1 / len(draws)), "nuts", effective)
-    draws = np.asarray(log_parameters(rig, weighed.standard, prior, window.law))
-    return _Told(draws, weighed.weights, method, weighed.effective)
+            return _PosteriorDraws(draws, np.full(len(draws), 1 / len(draws)), "nuts", effective)
+    draws = np.asarray(log_parameters(rig, weighted.standard, prior, window.law))
+    return _PosteriorDraws(draws, weighted.weights, method, weighted.effective)
 
 
-def fit_window(rig: Rig, window: Window) -> tuple[Window, Found]:
-    """Return a window, with its road where the tyre rolls, and what is found in it."""
-    starts = starts_of(rig, window)
+def fit_window(rig: Rig, window: Window) -> tuple[Window, MapEstimate]:
+    """Return a window, with the response to road roughness where the tyre rolls, and its MAP estimate."""
+    starts = starting_points(rig, window)
     if window.rolling is None:
-        return window, jax.tree.map(np.asarray, find(rig, window, starts))
-    standard, waves = approach(rig, window, starts), wave_count(window)
-    road, roughness = road_of(rig, window, standard, waves)
+        return window, jax.tree.map(np.asarray, fit_map(rig, window, starts))
+    standard, waves = rough_map(rig, window, starts), wave_count(window)
+    road, roughness = road_response(rig, window, standard, waves)
     window = window._replace(road=road)
-    rough = settle(rig, window, standard, ROUGH)
-    # The first road's weights are of answers in narrower noise; its estimate in mm is the same.
-    window = with_quick_road(rig, with_noise(window, rough), rough.standard, roughness)
-    window = window._replace(road=road_of(rig, window, rough.standard, waves)[0])
-    return window, jax.tree.map(np.asarray, settle(rig, window, rough.standard, ROLLING_TOLERANCE))
+    rough = refine_map(rig, window, standard, ROUGH_TOLERANCE)
+    # The first road's weights belong to responses in narrower noise; its estimate in mm is the same.
+    window = with_road_noise(rig, with_residual_noise(window, rough), rough.standard, roughness)
+    window = window._replace(road=road_response(rig, window, rough.standard, waves)[0])
+    return window, jax.tree.map(np.asarray, refine_map(rig, window, rough.standard, ROLLING_TOLERANCE))
 
 
-def weights_trusted(weighed: Weighed) -> bool:
-    """Return whether weights have a reliable mean, and enough of the draws a share in it."""
-    return weighed.pareto_k <= PARETO_K_MOST and weighed.effective >= EFFECTIVE_LEAST
+def weights_trusted(weighted: WeightedDraws) -> bool:
+    """Return whether the weights have a reliable mean and enough effective draws."""
+    return weighted.pareto_k <= PARETO_K_MOST and weighted.effective >= EFFECTIVE_LEAST
 
 
 @functools.partial(jax.jit, static_argnums=0)
 def log_parameters(
-    rig: Rig, standard: Float[Array, "*draws unknowns"], prior: Array, law: MotionLaw = FANCHER
+    rig: Rig, standard: Float[Array, "*draws parameters"], prior: Array, law: MotionLaw = FANCHER
 ) -> Float[Array, "*draws p"]:
-    """Return the logarithms of the law's `told_parameters` at standard unknowns."""
+    """Return the logarithms of the law's `reported_parameters` at standardised parameters."""
 
     def logs(standard: Array) -> Array:
-        unknowns = in_units(rig, standard, prior, law=law)
-        of_tyre = (getattr(unknowns.law, name) for name in law.told)
-        values = (*of_tyre, unknowns.m_kg, unknowns.c_kN_s_per_mm)
+        parameters = in_units(rig, standard, prior, law=law)
+        tyre = (getattr(parameters.law, name) for name in law.reported)
+        values = (*tyre, parameters.m_kg, parameters.c_kN_s_per_mm)
         return jnp.log(jnp.stack([jnp.asarray(value) for value in values]))
 
     return jnp.vectorize(logs, signature="(u)->(p)")(standard)
 
 
-def laplace_moments(rig: Rig, found: Found, window: Window) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p p"]]:
-    """Return mean and covariance of the logarithms of the law's `told_parameters`, to first order in the unknowns."""
-    at, prior = jnp.asarray(found.standard), jnp.asarray(window.prior)
+def laplace_moments(
+    rig: Rig, estimate: MapEstimate, window: Window
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p p"]]:
+    """Return mean and covariance of the logarithms of the law's `reported_parameters`, linearised in the parameters."""
+    at, prior = jnp.asarray(estimate.standard), jnp.asarray(window.prior)
     jacobian = jax.jacfwd(lambda standard: log_parameters(rig, standard, prior, window.law))(at)
-    return np.asarray(log_parameters(rig, at, prior, window.law)), np.asarray(jacobian @ found.covariance @ jacobian.T)
+    return np.asarray(log_parameters(rig, at, prior, window.law)), np.asarray(
+        jacobian @ estimate.covariance @ jacobian.T
+    )
 
 
 def _moments(
     draws: Float[np.ndarray, "draws p"], weights: Float[np.ndarray, " draws"]
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p p"]]:
-    """Return weighted mean and covariance; the divisor is that of weighted draws (1 less the weights' squares)."""
+    """Return weighted mean and covariance, unbiased: the divisor is 1 less the sum of the squared weights."""
     mean = weights @ draws
-    off = draws - mean
-    return mean, (weights[:, None] * off).T @ off / (1 - np.sum(weights**2))
+    deviations = draws - mean
+    return mean, (weights[:, None] * deviations).T @ deviations / (1 - np.sum(weights**2))
 
 
-def _reasons(found: Found) -> list[str]:
-    """Return what there is to be said against a fit."""
-    reasons = [] if found.converged else ["the fit did not converge"]
-    for name, square, alike in zip(
-        ("acceleration", "laser", "load"), found.chi_squared, found.correlation, strict=True
+def _reasons(estimate: MapEstimate) -> list[str]:
+    """Return the failed checks of a fit."""
+    reasons = [] if estimate.converged else ["the fit did not converge"]
+    for name, square, correlation in zip(
+        ("acceleration", "laser", "load"), estimate.chi_squared, estimate.correlation, strict=True
     ):
-        if square > 1 + MISFIT_MOST or alike > CORRELATION_MOST:
-            reasons.append(f"{name} is off by {np.sqrt(square):.2g} times its noise, lag-1 autocorrelation {alike:.2g}")
+        if square > 1 + MISFIT_MOST or correlation > CORRELATION_MOST:
+            reasons.append(
+                f"{name} is off by {np.sqrt(square):.2g} times its noise, lag-1 autocorrelation {correlation:.2g}"
+            )
     return reasons
 
 
-def _untrusted(weighed: Weighed) -> str:
+def _untrusted(weighted: WeightedDraws) -> str:
     return (
-        f"the posterior is not what was drawn from about its peak (Pareto k {weighed.pareto_k:.2g}, at most "
-        f"{PARETO_K_MOST:g}; {weighed.effective:.0f} effective draws, at least {EFFECTIVE_LEAST:g})"
+        f"the posterior is not what was drawn from about its peak (Pareto k {weighted.pareto_k:.2g}, at most "
+        f"{PARETO_K_MOST:g}; {weighted.effective:.0f} effective draws, at least {EFFECTIVE_LEAST:g})"
     )

@@ -1,10 +1,10 @@
-"""What a motion's unknowns predict: the readings of accelerometer, laser and load cell in a window."""
+"""The forward model: from a motion's parameters to the readings of accelerometer, laser and load cell."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.motion.record.load_step import load_share
-from bayes_tyre.inference.motion.record.parameters import Unknowns, in_units
+from bayes_tyre.inference.motion.record.parameters import MotionParameters, in_units
 from bayes_tyre.inference.motion.record.window import Window
 from bayes_tyre.laws.base import ScalarLike, StatefulLaw
 from bayes_tyre.rig import geometry
@@ -14,7 +14,7 @@ from bayes_tyre.rig.motion_step import wheel_centre_per_flat
 
 
 def simulated(
-    rig: Rig, unknowns: Unknowns, window: Window, road_mm: Float[ArrayLike, "*nodes"] = 0.0
+    rig: Rig, parameters: MotionParameters, window: Window, road_mm: Float[ArrayLike, "*nodes"] = 0.0
 ) -> tuple[Drive, Motion, Array]:
     """Return drive and motion through a window, and the displacement, mm, at which the laser reads its level.
 
@@ -22,30 +22,34 @@ def simulated(
     ----------
     rig:
         Geometry; static.
-    unknowns:
-        In units.
+    parameters:
+        In physical units.
     window:
         Of the record, with which time starts.
     road_mm:
-        What moves the ground beside the runout's harmonics, mm.
+        Displacement of the ground in addition to the runout's harmonics, mm.
     """
     time_s = node_times(window)
-    F = jnp.asarray(geometry.tyre_load(rig, cylinder_load(unknowns, time_s)))
-    ground = unknowns.ground
+    F = jnp.asarray(geometry.tyre_load(rig, cylinder_load(parameters, time_s)))
+    ground = parameters.ground
     runout = jnp.zeros_like(time_s) if ground is None else ground.displacement_mm(time_s)
     drive = Drive(time_s, F, runout + road_mm)
-    law = unknowns.law
+    law = parameters.law
     if ground is None or window.rolling is None:
-        level = rest_displacement(rig, F[0], k=law.k, offset_kN=jnp.add(law.C, unknowns.rest_friction_kN))
+        level = rest_displacement(rig, F[0], k=law.k, offset_kN=jnp.add(law.C, parameters.rest_friction_kN))
         start = Start(level)
     else:
         level = rest_displacement(rig, F[0], k=law.k, offset_kN=law.C)
-        read = (window.rolling.start_laser_mm - unknowns.laser_mm) / lever(rig)
-        d = level + read + ground.start_off_mm
+        read = (window.rolling.start_laser_mm - parameters.laser_mm) / lever(rig)
+        d = level + read + ground.start_offset_mm
         compression = d + jnp.asarray(drive.runout_mm)[0]
-        flat = law.k * geometry.flat_ground_displacement(rig, compression) + law.C + unknowns.rest_friction_kN
+        flat = law.k * geometry.flat_ground_displacement(rig, compression) + law.C + parameters.rest_friction_kN
         start = Start(d, ground.start_velocity_mm_per_s, flat * wheel_centre_per_flat(rig, compression))
-    return drive, move(rig, Body(law, axle_kg(rig, law, unknowns.m_kg), unknowns.c_kN_s_per_mm), drive, start), level
+    return (
+        drive,
+        move(rig, Body(law, axle_kg(rig, law, parameters.m_kg), parameters.c_kN_s_per_mm), drive, start),
+        level,
+    )
 
 
 def axle_kg(rig: Rig, law: StatefulLaw, m_kg: ScalarLike) -> Array:
@@ -70,54 +74,54 @@ def node_times(window: Window) -> Float[Array, " nodes"]:
     return jnp.arange(per_block * window.readings.shape[-1] + 1) * (window.block_s / per_block)
 
 
-def cylinder_load(unknowns: Unknowns, time_s: Float[Array, " times"]) -> Float[Array, " times"]:
+def cylinder_load(parameters: MotionParameters, time_s: Float[Array, " times"]) -> Float[Array, " times"]:
     """Return the cylinder's force, kN, at times from the start of the window, s."""
-    before, after = unknowns.load_kN
-    return before + (after - before) * load_share(time_s, unknowns.start_s, unknowns.rise_s, unknowns.shape)
+    before, after = parameters.load_kN
+    return before + (after - before) * load_share(time_s, parameters.start_s, parameters.rise_s, parameters.shape)
 
 
 def predicted(
-    rig: Rig, unknowns: Unknowns, window: Window, road_mm: Float[ArrayLike, "*nodes"] = 0.0
+    rig: Rig, parameters: MotionParameters, window: Window, road_mm: Float[ArrayLike, "*nodes"] = 0.0
 ) -> Float[Array, "3 blocks"]:
     """Return the block means that the sensors would read without noise: m/s^2 (up), mm, kN of the cylinder."""
-    drive, motion, level = simulated(rig, unknowns, window, road_mm)
+    drive, motion, level = simulated(rig, parameters, window, road_mm)
     readings = jnp.stack(
         [
-            unknowns.acceleration_m_per_s2 - lever(rig) * motion.acceleration_m_per_s2,
-            unknowns.laser_mm + lever(rig) * (motion.displacement_mm - level),
-            cylinder_load(unknowns, jnp.asarray(drive.time_s)),
+            parameters.acceleration_m_per_s2 - lever(rig) * motion.acceleration_m_per_s2,
+            parameters.laser_mm + lever(rig) * (motion.displacement_mm - level),
+            cylinder_load(parameters, jnp.asarray(drive.time_s)),
         ]
     )
     return block_means(readings, jnp.asarray(window.node_weights))
 
 
 def block_means(nodes: Float[Array, "channels nodes"], weights: Float[Array, " per_block"]) -> Array:
-    """Return means of blocks, shape (channels, blocks), by `motion_window.block_weights` of their nodes."""
+    """Return means of blocks, shape (channels, blocks), by `window.block_weights` of their nodes."""
     per_block = weights.shape[0] - 1
     inner = nodes[:, :-1].reshape(nodes.shape[0], -1, per_block)
     return inner @ weights[:-1] + nodes[:, per_block::per_block] * weights[-1]
 
 
-def residuals(rig: Rig, standard: Float[Array, " unknowns"], window: Window) -> Float[Array, " residuals"]:
-    """Return what the readings differ by, in standard deviations, and then the unknowns, whose prior is normal(0, 1).
+def residuals(rig: Rig, standard: Float[Array, " parameters"], window: Window) -> Float[Array, " residuals"]:
+    """Return the residuals of the readings, in standard deviations, followed by the standardised parameters.
 
     Half their sum of squares is the negative log posterior density but for a constant.
     """
     road = window.road
     if road is None:
         return jnp.concatenate([misfit(rig, standard, window).ravel(), standard])
-    off = (misfit(rig, standard, window, road.mean_mm) - road.answer).ravel()
-    # What the road explains is shrunk to unit variance: readings' noise and road together are white then.
-    off = off - road.directions @ (road.shrink * (off @ road.directions))
-    return jnp.concatenate([off, standard])
+    difference = (misfit(rig, standard, window, road.mean_mm) - road.response).ravel()
+    # The directions that the road explains are scaled to unit variance: noise and road together are white.
+    difference = difference - road.directions @ (road.shrink * (difference @ road.directions))
+    return jnp.concatenate([difference, standard])
 
 
 def misfit(
-    rig: Rig, standard: Float[Array, " unknowns"], window: Window, road_mm: Float[ArrayLike, "*nodes"] = 0.0
+    rig: Rig, standard: Float[Array, " parameters"], window: Window, road_mm: Float[ArrayLike, "*nodes"] = 0.0
 ) -> Float[Array, "3 blocks"]:
-    """Return prediction less readings, each in standard deviations of its own noise; the accelerometer's made white."""
-    unknowns = in_units(rig, standard, jnp.asarray(window.prior), window.rolling, window.law)
-    off = (predicted(rig, unknowns, window, road_mm) - window.readings) * window.weight
-    if window.road is None or window.road.quick is None:
-        return off
-    return off.at[0].set(window.road.quick @ off[0])
+    """Return predictions less readings, in standard deviations of their noise; the accelerometer's are whitened."""
+    parameters = in_units(rig, standard, jnp.asarray(window.prior), window.rolling, window.law)
+    difference = (predicted(rig, parameters, window, road_mm) - window.readings) * window.weight
+    if window.road is None or window.road.whitening is None:
+        return difference
+    return difference.at[0].set(window.road.whitening @ difference[0])

@@ -1,10 +1,10 @@
-"""Draws from the posterior of a motion: a normal laid along the bent valley of its density, weighed by what it misses.
+"""Importance sampling of the posterior of a motion: draws along a curved ridge of its density, with weights.
 
-The step's shape, levels and rest are hardly determined, and what they do to the readings the steep unknowns undo
-(stiffness, mass, timing): along them the density's valley bends by several of its own widths. A straight normal such
-as Laplace's leaves it at once. Draws here go straight along the flat directions only; in the steep ones they start
-from the valley's floor below them, found by a few chord steps. That moves each draw by what depends on its flat part
-alone, so no volume changes, and the draws' density is the normal's.
+The step's shape, levels and rest are weakly identified, and the narrow parameters (stiffness, mass, timing) compensate
+for what they do to the readings: along the wide directions the density's ridge bends by several of its own widths, and
+Laplace's normal leaves it at once. The proposal here is normal along the wide directions alone. In the narrow ones a
+draw starts from the conditional mode at its wide coordinates, found by a few chord steps. That shifts each draw by a
+function of its wide coordinates alone, so volumes do not change and the density of the draws is the normal's.
 """
 
 import functools
@@ -22,50 +22,50 @@ from bayes_tyre.inference.motion.record.window import Window
 from bayes_tyre.rig.axle import Rig
 
 DRAWS = 400
-#: So many directions, those of the largest posterior standard deviations, are gone along straight. In the others prior
-#: standard deviations shrink to a hundredth and less.
-FLAT = 8
-#: Steps towards the valley's floor; the third changes the height by some 0.01.
+#: Number of wide directions: those of the largest posterior standard deviations. In the others the posterior's are a
+#: hundredth of the prior's and less.
+WIDE = 8
+#: Steps towards the conditional mode; the third changes the log density by some 0.01.
 CHORD_STEPS = 3
-#: The draws' standard deviations are wider than Laplace's by this factor, so that no tail of the posterior is missed.
-WIDER = 1.1
+#: Factor of the draws' standard deviations on Laplace's, so that no tail of the posterior is missed.
+PROPOSAL_WIDENING = 1.1
 
 
-class Weighed(NamedTuple):
-    """Draws and what they weigh.
+class WeightedDraws(NamedTuple):
+    """Draws and their importance weights.
 
     Attributes
     ----------
     standard:
-        Unknowns, in standard deviations of their prior, shape (draws, unknowns).
+        MotionParameters, in standard deviations of their prior, shape (draws, parameters).
     weights:
         Pareto-smoothed, their sum 1, shape (draws,).
     pareto_k:
-        Of the weights; NaN where there was nothing to draw from.
+        Of the weights; NaN where there is no proposal distribution.
     log_mean_weight:
-        Logarithm of the weights' mean before they were smoothed and made to sum to 1: prior and likelihood, but for
-        `motion_evidence`'s constants, over the density of the draws' standard normal numbers.
+        Logarithm of the weights' mean before smoothing and normalisation: prior times likelihood, without the constants
+        of `evidence`, over the density of the draws' standard normal numbers.
     """
 
-    standard: Float[np.ndarray, "draws unknowns"]
+    standard: Float[np.ndarray, "draws parameters"]
     weights: Float[np.ndarray, " draws"]
     pareto_k: float
     log_mean_weight: float = float("nan")
 
     @property
     def effective(self) -> float:
-        """Return how many draws of equal weight would say as much (Kish)."""
+        """Return the effective number of draws (Kish)."""
         return float(1.0 / np.sum(self.weights**2))
 
 
-def weighed_draws(
+def weighted_draws(
     rig: Rig,
-    standard: Float[ArrayLike, " unknowns"],
-    covariance: Float[ArrayLike, "unknowns unknowns"],
+    standard: Float[ArrayLike, " parameters"],
+    covariance: Float[ArrayLike, "parameters parameters"],
     window: Window,
     seed: int = 0,
-) -> Weighed:
-    """Return draws about a peak with the weights that make them the posterior's.
+) -> WeightedDraws:
+    """Return draws about a peak with the weights that make them draws from the posterior.
 
     Source: Vehtari et al. 2024, "Pareto smoothed importance sampling".
 
@@ -74,7 +74,7 @@ def weighed_draws(
     rig:
         Geometry; static.
     standard, covariance:
-        Peak and Laplace's covariance of the unknowns.
+        Peak and Laplace's covariance of the parameters.
     window:
         Of the record.
     seed:
@@ -83,62 +83,62 @@ def weighed_draws(
     standard, covariance = np.asarray(standard), np.asarray(covariance)
     unit = np.random.default_rng(seed).standard_normal((DRAWS, len(standard)))
     if not (np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0):
-        return Weighed(np.tile(standard, (DRAWS, 1)), np.full(DRAWS, 1 / DRAWS), float("nan"))
-    draws, height = jax.tree.map(np.asarray, _along(rig, window, standard, covariance, WIDER * unit))
+        return WeightedDraws(np.tile(standard, (DRAWS, 1)), np.full(DRAWS, 1 / DRAWS), float("nan"))
+    draws, height = jax.tree.map(np.asarray, _proposed(rig, window, standard, covariance, PROPOSAL_WIDENING * unit))
     log_weights = np.nan_to_num(0.5 * np.sum(unit**2, axis=1) - height, nan=-np.inf)
     smooth, pareto_k = smooth_log_weights(log_weights)
     mean = float(np.logaddexp.reduce(log_weights) - np.log(len(log_weights)))
-    return Weighed(draws, np.exp(smooth), pareto_k, mean)
+    return WeightedDraws(draws, np.exp(smooth), pareto_k, mean)
 
 
-class Valley(NamedTuple):
-    """Coordinates along the valley: of independent normal(0, 1) numbers, if it were as it is about the peak.
+class ProposalMap(NamedTuple):
+    """The proposal: a map from independent normal(0, 1) numbers to parameters.
 
     Attributes
     ----------
     peak:
-        The most probable unknowns.
-    steep, flat:
+        The most probable parameters.
+    narrow, wide:
         Directions, a column each, as long as their posterior standard deviations.
-    to_floor:
-        What residuals are multiplied with for a chord step towards the floor.
+    chord:
+        Matrix from residuals to a chord step towards the conditional mode.
     """
 
-    peak: Float[Array, " unknowns"]
-    steep: Float[Array, "unknowns steep"]
-    flat: Float[Array, "unknowns flat"]
-    to_floor: Float[Array, "unknowns residuals"]
+    peak: Float[Array, " parameters"]
+    narrow: Float[Array, "parameters narrow"]
+    wide: Float[Array, "parameters wide"]
+    chord: Float[Array, "parameters residuals"]
 
-    def at(self, rig: Rig, window: Window, unit: Float[Array, " unknowns"]) -> Float[Array, " unknowns"]:
-        """Return unknowns at coordinates; the map leaves volumes as they are, but for a constant."""
-        flat = self.flat.shape[1]
-        return self.floor(rig, window, unit[-flat:]) + self.steep @ unit[:-flat]
+    def at(self, rig: Rig, window: Window, unit: Float[Array, " parameters"]) -> Float[Array, " parameters"]:
+        """Return the parameters at coordinates; the map preserves volumes but for a constant."""
+        wide = self.wide.shape[1]
+        return self.conditional_mode(rig, window, unit[-wide:]) + self.narrow @ unit[:-wide]
 
-    def floor(self, rig: Rig, window: Window, unit: Float[Array, " flat"]) -> Float[Array, " unknowns"]:
-        """Return unknowns on the valley's floor at flat coordinates."""
+    def conditional_mode(self, rig: Rig, window: Window, unit: Float[Array, " wide"]) -> Float[Array, " parameters"]:
+        """Return the parameters of highest density at given wide coordinates."""
 
-        def lower(_: object, at: Array) -> Array:
-            return at - self.to_floor @ residuals(rig, at, window)
+        def step(_: object, at: Array) -> Array:
+            return at - self.chord @ residuals(rig, at, window)
 
-        return jax.lax.fori_loop(0, CHORD_STEPS, lower, self.peak + self.flat @ unit)
+        return jax.lax.fori_loop(0, CHORD_STEPS, step, self.peak + self.wide @ unit)
 
 
-def valley_about(rig: Rig, window: Window, standard: Array, covariance: Array) -> Valley:
-    """Return the coordinates along the valley about a peak with Laplace's covariance."""
+def proposal_map(rig: Rig, window: Window, standard: Array, covariance: Array) -> ProposalMap:
+    """Return the proposal about a peak with Laplace's covariance."""
     _, jacobian = value_and_jacobian(rig, standard, window)
     variance, directions = jnp.linalg.eigh(covariance)
     coordinates = directions * jnp.sqrt(variance)
-    steep, flat = coordinates[:, :-FLAT], coordinates[:, -FLAT:]
-    return Valley(standard, steep, flat, steep @ (jacobian @ steep).T)
+    narrow, wide = coordinates[:, :-WIDE], coordinates[:, -WIDE:]
+    return ProposalMap(standard, narrow, wide, narrow @ (jacobian @ narrow).T)
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def _along(rig: Rig, window: Window, standard: Array, covariance: Array, unit: Array) -> tuple[Array, Array]:
+def _proposed(rig: Rig, window: Window, standard: Array, covariance: Array, unit: Array) -> tuple[Array, Array]:
     """Return draws and their negative log posterior density but for a constant, from normal(0, 1) numbers."""
-    valley = valley_about(rig, window, standard, covariance)
+    proposal = proposal_map(rig, window, standard, covariance)
 
     def draw(unit: Array) -> tuple[Array, Array]:
-        at = valley.at(rig, window, unit)
+        at = proposal.at(rig, window, unit)
         return at, 0.5 * jnp.sum(residuals(rig, at, window) ** 2)
 
     return jax.vmap(draw)(unit)

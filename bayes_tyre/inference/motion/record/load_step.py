@@ -1,15 +1,15 @@
-"""The shape of a load's step: from one level to the other over its rise, by few numbers."""
+"""The shape of a load step, a parametric family: from one level to the other over its rise."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from bayes_tyre.laws.base import ScalarLike
 
-#: Numbers that bend the raised cosine's time, and numbers by which it then still departs. A third departure would let
-#: the onset of the step go its own way where nothing but the coarse load cell sees it, and k with it.
+#: Number of exponents that warp the raised cosine's time, and number of additive departures. A third departure would
+#: make the onset of the step, which only the coarse load cell measures, weakly identified, and with it k.
 BENDS, DEPARTURES = 2, 2
 SHAPE_TERMS = BENDS + DEPARTURES
-# Powers of 0 have no derivative: the share is held so near to the ends of the rise.
+# Powers of 0 have no derivative: the share is clipped at this distance from 0 and 1.
 _EDGE = 1e-9
 
 
@@ -19,7 +19,7 @@ def load_share(
     rise_s: ScalarLike,
     shape: Float[Array, " terms"],
 ) -> Float[Array, " times"]:
-    """Return which share of its step the load has gone, 0 before it and 1 after it.
+    """Return the share of its step that the load has completed, 0 before it and 1 after it.
 
     ``(1 - cos(pi w)) / 2 + (s (1 - s))^2 sum_j b_j P_j(2 s - 1)``, s = (t - start) / rise held within 0 and 1,
     time bent to ``w = 1 - (1 - s^exp(a_1))^exp(a_2)``, P_j Legendre's polynomials. All shape 0: the

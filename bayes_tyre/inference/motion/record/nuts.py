@@ -1,4 +1,4 @@
-"""NUTS on one record's motion, for a posterior that draws about its peak do not cover."""
+"""NUTS on one record's motion, for a posterior that importance sampling about its peak does not cover."""
 
 import functools
 from typing import NamedTuple
@@ -14,90 +14,101 @@ from bayes_tyre.inference.diagnostics.convergence import monitor
 from bayes_tyre.inference.diagnostics.verdict import ESS_LEAST_PER_CHAIN, R_HAT_MOST
 from bayes_tyre.inference.model.case_effects import flat
 from bayes_tyre.inference.motion.record.forward_model import residuals
-from bayes_tyre.inference.motion.record.importance_sampling import Valley, valley_about
-from bayes_tyre.inference.motion.record.map_fit import Found, value_and_jacobian
+from bayes_tyre.inference.motion.record.importance_sampling import ProposalMap, proposal_map
+from bayes_tyre.inference.motion.record.map_fit import MapEstimate, value_and_jacobian
 from bayes_tyre.inference.motion.record.window import Window
 from bayes_tyre.inference.sampling.nuts import CAREFUL_ACCEPTANCE
 from bayes_tyre.inference.sampling.run import SamplerSettings, sample
 from bayes_tyre.rig.axle import Rig
 
-#: Coordinates are near to a standard normal's even where weights fail: a short warmup does.
+#: In these coordinates the posterior is nearly standard normal even where weights fail: a short warmup is enough.
 SETTINGS = SamplerSettings(chains=4, warmup=150, draws=200)
 
 
-class Sampled(NamedTuple):
-    """Draws of a record's unknowns.
+class NutsDraws(NamedTuple):
+    """Draws of a record's parameters.
 
     Attributes
     ----------
     standard:
-        In standard deviations of their prior, shape (chains, draws, unknowns).
+        In standard deviations of their prior, shape (chains, draws, parameters).
     divergent:
-        Number of transitions that ended far off: above 0 parts of the posterior were not reached.
+        Number of divergent transitions; above 0, the sampler did not reach all of the posterior.
     """
 
-    standard: Float[np.ndarray, "chains draws unknowns"]
+    standard: Float[np.ndarray, "chains draws parameters"]
     divergent: int
 
 
-def sampled(rig: Rig, window: Window, found: Found, settings: SamplerSettings = SETTINGS) -> Sampled:
-    """Return NUTS draws of a record's unknowns, in coordinates along the valley of their density.
+def sample_motion(
+    rig: Rig, window: Window, map_estimate: MapEstimate, settings: SamplerSettings = SETTINGS
+) -> NutsDraws:
+    """Return NUTS draws of a record's parameters, in the coordinates of the proposal of `importance_sampling`.
 
     Parameters
     ----------
     rig:
         Geometry; static.
-    window, found:
-        Of the record: readings and noise; peak and Laplace's covariance, positive definite.
+    window:
+        Readings and noise of the record.
+    map_estimate:
+        Peak and Laplace's covariance, positive definite.
     settings:
-        How much to sample.
+        Chains and draws.
     """
-    # JAX arrays are arguments of what is compiled: another record of the same length needs no compilation.
+    # JAX arrays are arguments of the compiled function: another record of the same length needs no compilation.
     window = jax.tree.map(jnp.asarray, window)
-    valley = _about(rig, window, jnp.asarray(found.standard), jnp.asarray(found.covariance))
+    proposal = _proposal(rig, window, jnp.asarray(map_estimate.standard), jnp.asarray(map_estimate.covariance))
 
-    def posterior(window: Window, valley: Valley) -> None:
-        numpyro.factor("height", -_height(rig, window, valley, flat("along", valley.peak.shape)))
+    def posterior(window: Window, proposal: ProposalMap) -> None:
+        numpyro.factor(
+            "log_density", -_negative_log_density(rig, window, proposal, flat("coordinates", proposal.peak.shape))
+        )
 
-    draws = sample(posterior, {"window": window, "valley": valley}, settings, acceptance=CAREFUL_ACCEPTANCE)
-    return Sampled(
-        np.asarray(_places(rig, window, valley, draws.sites["along"])), int(np.sum(draws.statistics["diverging"]))
+    draws = sample(posterior, {"window": window, "proposal": proposal}, settings, acceptance=CAREFUL_ACCEPTANCE)
+    return NutsDraws(
+        np.asarray(_parameters(rig, window, proposal, draws.sites["coordinates"])),
+        int(np.sum(draws.statistics["diverging"])),
     )
 
 
-_about = jax.jit(valley_about, static_argnums=0)
+_proposal = jax.jit(proposal_map, static_argnums=0)
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def _places(rig: Rig, window: Window, valley: Valley, along: Float[ArrayLike, "chains draws unknowns"]) -> Array:
-    return jnp.vectorize(lambda unit: valley.at(rig, window, unit), signature="(u)->(u)")(along)
+def _parameters(
+    rig: Rig, window: Window, proposal: ProposalMap, coordinates: Float[ArrayLike, "chains draws parameters"]
+) -> Array:
+    return jnp.vectorize(lambda unit: proposal.at(rig, window, unit), signature="(u)->(u)")(coordinates)
 
 
 @functools.partial(jax.custom_vjp, nondiff_argnums=(0,))
-def _height(rig: Rig, window: Window, valley: Valley, unit: Float[Array, " unknowns"]) -> Float[Array, ""]:
-    """Return the negative log posterior density but for a constant, at coordinates along the valley.
+def _negative_log_density(
+    rig: Rig, window: Window, proposal: ProposalMap, unit: Float[Array, " parameters"]
+) -> Float[Array, ""]:
+    """Return the negative log posterior density but for a constant, at coordinates of the proposal.
 
-    Its gradient is by forward derivatives, all directions side by side, as in the fit: through four runs of the motion
-    reverse ones take minutes to compile.
+    Its gradient uses forward derivatives, vectorised over directions, as in the fit: reverse ones through four runs of
+    the motion take minutes to compile.
     """
-    return 0.5 * jnp.sum(residuals(rig, valley.at(rig, window, unit), window) ** 2)
+    return 0.5 * jnp.sum(residuals(rig, proposal.at(rig, window, unit), window) ** 2)
 
 
-def _height_and_slope(rig: Rig, window: Window, valley: Valley, unit: Array) -> tuple[Array, Array]:
-    flat = valley.flat.shape[1]
-    floor_moves = jax.jacfwd(lambda flat: valley.floor(rig, window, flat))(unit[-flat:])
-    off, jacobian = value_and_jacobian(rig, valley.at(rig, window, unit), window)
-    slope = jacobian.T @ off
-    return 0.5 * jnp.sum(off**2), jnp.concatenate([valley.steep.T @ slope, floor_moves.T @ slope])
+def _density_and_gradient(rig: Rig, window: Window, proposal: ProposalMap, unit: Array) -> tuple[Array, Array]:
+    wide = proposal.wide.shape[1]
+    mode_jacobian = jax.jacfwd(lambda unit: proposal.conditional_mode(rig, window, unit))(unit[-wide:])
+    residual, jacobian = value_and_jacobian(rig, proposal.at(rig, window, unit), window)
+    gradient = jacobian.T @ residual
+    return 0.5 * jnp.sum(residual**2), jnp.concatenate([proposal.narrow.T @ gradient, mode_jacobian.T @ gradient])
 
 
-_height.defvjp(_height_and_slope, lambda _, slope, change: (None, None, change * slope))
+_negative_log_density.defvjp(_density_and_gradient, lambda _, gradient, change: (None, None, change * gradient))
 
 
 def effective_draws(draws: Float[np.ndarray, "chains draws p"], divergent: int) -> float:
     """Return the least effective number of draws over p numbers; 0 where chains differ, or some of them diverged."""
-    figures = monitor(xr.Dataset({"number": (("chain", "draw", "which"), draws)}))
-    r_hat, *effective = (np.asarray(figure["number"]) for figure in figures if figure is not None)
+    statistics = monitor(xr.Dataset({"number": (("chain", "draw", "which"), draws)}))
+    r_hat, *effective = (np.asarray(values["number"]) for values in statistics if values is not None)
     least = float(np.min(effective))
-    told = divergent == 0 and r_hat.max() <= R_HAT_MOST and least >= ESS_LEAST_PER_CHAIN * len(draws)
-    return least if told else 0.0
+    converged = divergent == 0 and r_hat.max() <= R_HAT_MOST and least >= ESS_LEAST_PER_CHAIN * len(draws)
+    return least if converged else 0.0

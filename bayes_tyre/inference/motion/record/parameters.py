@@ -1,4 +1,4 @@
-"""What is unknown of a motion: each number with what is known of it before, on a scale where that is normal(0, 1)."""
+"""The parameters of a motion and their priors, standardised so that each prior is normal(0, 1)."""
 
 from typing import Any, NamedTuple
 
@@ -7,53 +7,54 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from bayes_tyre.inference.motion.laws import FANCHER, OF_TYRES, Before, MotionLaw
+from bayes_tyre.inference.motion.laws import FANCHER, TYRE_PRIORS, MotionLaw, NormalPrior
 from bayes_tyre.inference.motion.record.load_step import SHAPE_TERMS
 from bayes_tyre.inference.motion.record.runout import Ground, Rolling, ground_in_units
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.motion import KN_PER_KG_MM_PER_S2
 
-#: What is unknown behind the tyre's own parameters (`motion_laws.OF_TYRES`), by name, in the order of the unknowns.
-#: Logarithms are natural.
-BEFORE: dict[str, Before] = {
-    "log_m": Before(np.nan, np.nan, "the rig file's effective mass and how well it is known"),
-    "log_damping_ratio": Before(np.log(0.03), 1.0, "0.4 to 21 % of critical: what rubber and bearings do"),
-    "C_kN": Before(0.0, 0.3, "the line through first touch; it moves the geometry by tenths of a mm, no force"),
-    "rest_friction": Before(
+#: Priors of the parameters that follow the tyre's own (`laws.TYRE_PRIORS`), by name, in order. Logarithms are natural.
+RECORD_PRIORS: dict[str, NormalPrior] = {
+    "log_m": NormalPrior(np.nan, np.nan, "the rig file's effective mass and how well it is known"),
+    "log_damping_ratio": NormalPrior(np.log(0.03), 1.0, "0.4 to 21 % of critical: what rubber and bearings do"),
+    "C_kN": NormalPrior(0.0, 0.3, "the line through first touch; it moves the geometry by tenths of a mm, no force"),
+    "rest_friction": NormalPrior(
         0.0, 1.0, "uniform between the settled branches: standard normal quantile of its place; idle without friction"
     ),
-    "load_before_kN": Before(np.nan, np.nan, "mean of the rest before the step, with its standard error"),
-    "load_after_kN": Before(np.nan, np.nan, "mean after the window, with its standard error"),
-    "laser_at_rest_mm": Before(np.nan, np.nan, "mean of the rest before the step, with its standard error"),
-    "acceleration_offset_m_per_s2": Before(np.nan, np.nan, "mean of the rest before the step, with its standard error"),
-    "ramp_start_s": Before(np.nan, 0.02, "where a straight ramp begins that fits the load: off by a tenth of a rise"),
-    "log_rise": Before(np.nan, 0.5, "that ramp's length, a factor of 2.7 about it: the load cell is coarse"),
-    "shape_bend_onset": Before(
+    "load_before_kN": NormalPrior(np.nan, np.nan, "mean of the rest before the step, with its standard error"),
+    "load_after_kN": NormalPrior(np.nan, np.nan, "mean after the window, with its standard error"),
+    "laser_at_rest_mm": NormalPrior(np.nan, np.nan, "mean of the rest before the step, with its standard error"),
+    "acceleration_offset_m_per_s2": NormalPrior(
+        np.nan, np.nan, "mean of the rest before the step, with its standard error"
+    ),
+    "ramp_start_s": NormalPrior(
+        np.nan, 0.02, "where a straight ramp begins that fits the load: off by a tenth of a rise"
+    ),
+    "log_rise": NormalPrior(np.nan, 0.5, "that ramp's length, a factor of 2.7 about it: the load cell is coarse"),
+    "shape_bend_onset": NormalPrior(
         0.0, 0.5, "1 standard deviation from a raised cosine's onset to about a straight ramp's"
     ),
-    "shape_bend_end": Before(0.0, 0.5, "as at the onset: from smooth to a lag's slow end"),
-    "shape_even": Before(0.0, 0.15, "about 1 % of the step at its middle: what the bends leave of the usual shapes"),
-    "shape_odd": Before(0.0, 0.15, "as the even one"),
+    "shape_bend_end": NormalPrior(0.0, 0.5, "as at the onset: from smooth to a lag's slow end"),
+    "shape_even": NormalPrior(
+        0.0, 0.15, "about 1 % of the step at its middle: what the bends leave of the usual shapes"
+    ),
+    "shape_odd": NormalPrior(0.0, 0.15, "as the even one"),
 }
 
 
-def names_of(law: MotionLaw) -> tuple[str, ...]:
-    """Return the names of the unknowns of a motion on a law, in their order; of a rolling tyre more follow."""
-    return (*(f"log_{name}" for name in law.unknowns), *BEFORE)
+def parameter_names(law: MotionLaw) -> tuple[str, ...]:
+    """Return the names of the parameters of a motion on a law, in order; those of a rolling tyre's ground follow."""
+    return (*(f"log_{name}" for name in law.tyre_parameters), *RECORD_PRIORS)
 
 
-#: The names with Fancher's law.
-NAMES = names_of(FANCHER)
-
-
-class Unknowns(NamedTuple):
-    """The unknowns of a motion, in units.
+class MotionParameters(NamedTuple):
+    """The parameters of a motion, in physical units.
 
     Attributes
     ----------
     law:
-        The tyre's, with a line k d + C in its middle; Fancher's has x > k beta.
+        Of the tyre, with the middle line k d + C; Fancher's has x > k beta.
     m_kg, c_kN_s_per_mm:
         Mass and damping at the wheel centre.
     rest_friction_kN:
@@ -65,7 +66,7 @@ class Unknowns(NamedTuple):
     start_s, rise_s, shape:
         Of the load's step (`load_share`), from the start of the window.
     ground:
-        Under a rolling tyre; None where it stands. Of a rolling tyre `rest_friction_kN` is the friction at the
+        Under a rolling tyre; None for a stationary one. For a rolling tyre `rest_friction_kN` is the friction at the
         window's start, and `laser_mm` the reading on the middle line with no runout.
     """
 
@@ -84,38 +85,38 @@ class Unknowns(NamedTuple):
 
 def in_units(
     rig: Rig,
-    standard: Float[Array, " unknowns"],
-    prior: Float[ArrayLike, "2 unknowns"],
+    standard: Float[Array, " parameters"],
+    prior: Float[ArrayLike, "2 parameters"],
     rolling: Rolling | None = None,
     law: MotionLaw = FANCHER,
-) -> Unknowns:
-    """Return the unknowns in units from the standard ones, whose prior is normal(0, 1), independent.
+) -> MotionParameters:
+    """Return the parameters in physical units from the standardised ones, whose priors are independent normal(0, 1).
 
     Parameters
     ----------
     rig:
         For the stiffness at the wheel centre, which critical damping refers to.
     standard:
-        Shape (unknowns,), in the order of `names_of`; of a rolling tyre `motion_runout.ground_names` follow.
+        Shape (parameters,), in the order of `parameter_names`; a rolling tyre's follow (`runout.ground_in_units`).
     prior:
-        Locations and scales, shape (2, unknowns).
+        Means and standard deviations, shape (2, parameters).
     rolling:
-        What the further unknowns of a rolling tyre belong to.
+        Harmonics of a rolling tyre; None for a stationary one.
     law:
-        How the tyre's law is made of its unknowns.
+        Force law of the tyre.
     """
-    names = names_of(law)
+    names = parameter_names(law)
     at = {name: index for index, name in enumerate(names)}
-    location, scale = jnp.asarray(prior)
-    value = location + scale * standard
+    mean, sd = jnp.asarray(prior)
+    value = mean + sd * standard
     k, m, ratio = (jnp.exp(value[at[name]]) for name in ("log_k", "log_m", "log_damping_ratio"))
     rest = jnp.zeros(())
     if law.has_friction:
         settled = jnp.exp(value[at["log_settled"]])
         rest = settled * jax.scipy.special.erf(value[at["rest_friction"]] / np.sqrt(2))
     at_wheel_centre = k * geometry.curvature_factor(rig)
-    return Unknowns(
-        law=law.of_logs(value[: len(law.unknowns)], value[at["C_kN"]]),
+    return MotionParameters(
+        law=law.from_logs(value[: len(law.tyre_parameters)], value[at["C_kN"]]),
         m_kg=m,
         c_kN_s_per_mm=2 * ratio * jnp.sqrt(at_wheel_centre * m * KN_PER_KG_MM_PER_S2),
         rest_friction_kN=rest,
@@ -129,25 +130,25 @@ def in_units(
     )
 
 
-def priors_of(
-    rig: Rig, known: dict[str, tuple[float, float]], law: MotionLaw = FANCHER
-) -> Float[np.ndarray, "2 unknowns"]:
-    """Return locations and scales of all unknowns, shape (2, unknowns).
+def prior_moments(
+    rig: Rig, levels: dict[str, tuple[float, float]], law: MotionLaw = FANCHER
+) -> Float[np.ndarray, "2 parameters"]:
+    """Return prior means and standard deviations of all parameters, shape (2, parameters).
 
     Parameters
     ----------
     rig:
         Effective mass and its relative standard deviation.
-    known:
-        What the record says of its own levels and ramp: location and scale by name; a NaN scale leaves `BEFORE`'s.
+    levels:
+        Mean and standard deviation of the record's own levels and ramp, by name; NaN keeps that of `RECORD_PRIORS`.
     law:
-        Whose parameters the first unknowns are.
+        Force law of the tyre; its parameters come first.
     """
     axle = rig.axle
     mass = {"log_m": (np.log(axle.effective_mass_kg), axle.effective_mass_relative_sd)}
-    before = [*(OF_TYRES[name] for name in law.unknowns), *BEFORE.values()]
-    table, names = np.array([[each.location, each.scale] for each in before]), names_of(law)
-    for name, (location, scale) in (mass | known).items():
+    priors = [*(TYRE_PRIORS[name] for name in law.tyre_parameters), *RECORD_PRIORS.values()]
+    table, names = np.array([[prior.mean, prior.sd] for prior in priors]), parameter_names(law)
+    for name, (mean, sd) in (mass | levels).items():
         row = names.index(name)
-        table[row] = location, table[row, 1] if np.isnan(scale) else scale
+        table[row] = mean, table[row, 1] if np.isnan(sd) else sd
     return table.T

@@ -1,4 +1,4 @@
-"""The quiet stretch of a rolling record: harmonics of the axle's motion, by laser and accelerometer together."""
+"""Harmonics of a rolling axle's motion before the step, from laser and accelerometer together."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -7,15 +7,15 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 
 Values = Float[np.ndarray, "..."]
-#: Gauss-Newton steps for the turns a second, which are known to a few parts in ten thousand before.
+#: Gauss-Newton steps for the turns a second, whose nominal values are accurate to a few parts in ten thousand.
 _STEPS = 4
-#: A turn's standard deviation is taken so many times as large as white noise would have it, and as large as this share
-#: at least: the road's roughness is not white, and no wheel turns quite evenly.
+#: Factor on a turn frequency's standard deviation under white noise, and its least relative value: the road's roughness
+#: is not white, and no wheel turns at an exactly constant rate.
 _TURN_SD_TIMES, _TURN_SD_LEAST = 3.0, 3e-5
 
 
-class Quiet(NamedTuple):
-    """What the quiet stretch says of the motion at the measurement point, down positive, time from the window's start.
+class PreStepHarmonics(NamedTuple):
+    """Harmonics of the motion at the measurement point before the step, down positive, time from the window's start.
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class Quiet(NamedTuple):
     amplitude_mm:
         Complex amplitude a of each harmonic's displacement Re(a exp(i omega t)), shape (harmonics,).
     laser_mm, acceleration_m_per_s2:
-        Factors of both channels without harmonics, each with its standard error.
+        Means of both channels without harmonics, each with its standard error.
     """
 
     body: Int[np.ndarray, " harmonics"]
@@ -43,10 +43,10 @@ class Quiet(NamedTuple):
         return 2 * np.pi * self.turn_Hz[self.body] * self.order
 
 
-def quiet_motion(
+def fit_harmonics(
     time_s: Values, acceleration_m_per_s2: Values, laser_mm: Values, bodies: Sequence[tuple[float, int]]
-) -> Quiet:
-    """Return the harmonics of the quiet stretch by least squares of both channels, the turns a second among them.
+) -> PreStepHarmonics:
+    """Return the pre-step harmonics and turns a second by least squares of both channels.
 
     Parameters
     ----------
@@ -66,12 +66,12 @@ def quiet_motion(
         omega = 2 * np.pi * turn[body] * order
         linear = _columns(time_s, omega)
         weights = _solve(linear, values, sd)[0]
-        bend = _bent(time_s, omega, weights, body, len(turn))
-        weights, covariance, misfit = _solve(np.concatenate([linear, bend]), values, sd)
+        derivative = _turn_derivative(time_s, omega, weights, body, len(turn))
+        weights, covariance, misfit = _solve(np.concatenate([linear, derivative]), values, sd)
         turn = turn * np.exp(weights[-len(turn) :])
     n = len(order)
     error = np.sqrt(np.diag(covariance))
-    return Quiet(
+    return PreStepHarmonics(
         body,
         order,
         turn,
@@ -87,12 +87,12 @@ def _columns(time_s: Values, omega: Values) -> Float[np.ndarray, "columns 2 valu
     angle = omega[:, None] * time_s
     turns = np.concatenate([np.cos(angle), np.sin(angle)])
     squared = np.tile(omega, 2)[:, None] ** 2 * 1e-3
-    factors = np.zeros((2, 2, len(time_s)))
-    factors[0, 0] = factors[1, 1] = 1.0
-    return np.concatenate([np.stack([squared * turns, turns], axis=1), factors])
+    levels = np.zeros((2, 2, len(time_s)))
+    levels[0, 0] = levels[1, 1] = 1.0
+    return np.concatenate([np.stack([squared * turns, turns], axis=1), levels])
 
 
-def _bent(time_s: Values, omega: Values, weights: Values, body: np.ndarray, bodies: int) -> np.ndarray:
+def _turn_derivative(time_s: Values, omega: Values, weights: Values, body: np.ndarray, bodies: int) -> np.ndarray:
     """Return the derivative of the readings by the logarithm of each body's turns a second."""
     n, angle = len(omega), omega[:, None] * time_s
     a, b = weights[:n, None], weights[n : 2 * n, None]
@@ -103,7 +103,7 @@ def _bent(time_s: Values, omega: Values, weights: Values, body: np.ndarray, bodi
 
 
 def _solve(columns: np.ndarray, values: np.ndarray, sd: Values) -> tuple[Values, np.ndarray, float]:
-    """Return weights, their covariance in white noise of `sd`, and how many times as large the misfit is."""
+    """Return weights, their covariance in white noise of `sd`, and the ratio of the misfit to it, at least 1."""
     design = (columns / sd[:, None]).reshape(len(columns), -1)
     target = (values / sd[:, None]).ravel()
     covariance = np.linalg.pinv(design @ design.T, hermitian=True)

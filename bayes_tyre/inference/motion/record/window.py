@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
-from bayes_tyre.inference.motion.record.parameters import priors_of
-from bayes_tyre.inference.motion.record.pre_step_harmonics import quiet_motion
+from bayes_tyre.inference.motion.record.parameters import prior_moments
+from bayes_tyre.inference.motion.record.pre_step_harmonics import fit_harmonics
 from bayes_tyre.inference.motion.record.runout import Rolling, ground_priors
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
@@ -20,20 +20,20 @@ Values = Float[np.ndarray, "..."]
 #: one block.
 BLOCK_S = 5e-4
 ROLLING_BLOCK_S = 1e-3
-#: The window begins so long before the straight ramp of the load and ends so long after it starts, s: the ringing has
-#: all but gone, and what moves later tells of drift.
+#: The window begins so long before the straight ramp of the load and ends so long after it starts, s: the ringing
+#: has decayed by then, and later motion is drift.
 BEFORE_S, AFTER_S = 0.05, 0.5
-#: Of a rolling tyre it begins earlier, s: about a turn of the wheel shows what its runout is.
+#: The window of a rolling tyre begins earlier, s: about one turn of the wheel determines its runout.
 ROLLING_BEFORE_S = 1.0
-# The quiet stretch is averaged over so long, s. The middle line lies within so much of the laser's mean, mm: friction
-# over stiffness.
-_QUIET_MEAN_S, _FRICTION_MM = 2e-3, 0.3
+# Block length for the pre-step harmonics, s; standard deviation of the middle line about the laser's mean, mm, which is
+# friction over stiffness.
+_HARMONICS_BLOCK_S, _FRICTION_MM = 2e-3, 0.3
 #: A straight ramp fitted to a raised cosine starts later and is shorter, by these shares of its length.
 _RAMP_LATE, _RAMP_SHORT = 0.2, 1.4
 
 
 class Recorded(NamedTuple):
-    """A recording as the fit takes it.
+    """A recording, the input of the fit.
 
     Attributes
     ----------
@@ -41,54 +41,54 @@ class Recorded(NamedTuple):
         Spacing of the samples, s.
     acceleration_m_per_s2, laser_mm, load_kN:
         Shape (samples,): at the measurement point, up positive; growing as the axle goes down; of the cylinder.
-    quiet:
-        So many samples are at rest before the step.
+    pre_step:
+        Number of samples at rest before the step.
     ramp_s:
         Start and end of a straight ramp that fits the load, s after the first sample.
     bodies:
-        Of a rolling tyre: turns a second and number of harmonics of each turning body, the wheel first. The channels
-        are as read, the runout in them.
+        For a rolling tyre: turns a second and number of harmonics of each turning body, the wheel first. The channels
+        include the runout.
     """
 
     dt_s: float
     acceleration_m_per_s2: Samples
     laser_mm: Samples
     load_kN: Samples
-    quiet: int
+    pre_step: int
     ramp_s: tuple[float, float]
     bodies: tuple[tuple[float, int], ...] = ()
 
 
-class Road(NamedTuple):
-    """How the road's roughness shows in the readings (`motion_road`).
+class RoadResponse(NamedTuple):
+    """The response of the readings to the road's roughness (`road_roughness`).
 
     Attributes
     ----------
     mean_mm:
-        The road as estimated, about which its answers are linear, at the nodes, shape (nodes,).
+        Estimate of the road's height at the nodes, about which the response is linearised, shape (nodes,).
     weights:
-        Of its waves (`motion_road`), shape (columns,).
-    answer:
-        Of the readings to that, in their own noise, shape (3, blocks).
+        Of its waves (`road_roughness`), shape (columns,).
+    response:
+        Of the readings to the estimated road, in standard deviations of their noise, shape (3, blocks).
     directions:
-        Orthonormal, of the readings in their own noise, shape (3 blocks, directions).
+        Orthonormal directions of the standardised readings, shape (3 blocks, directions).
     shrink:
-        1 less one over the standard deviation along each, shape (directions,).
-    quick:
-        What makes the accelerometer's residuals white, shape (blocks, blocks); None before it is known
-        (`motion_quick_road`).
+        1 - 1 / (standard deviation along each direction), shape (directions,).
+    whitening:
+        Matrix that whitens the accelerometer's residuals, shape (blocks, blocks); None before it is estimated
+        (`road_noise`).
     """
 
     mean_mm: Float[Array, "*records nodes"]
     weights: Float[Array, "*records columns"]
-    answer: Float[Array, "*records 3 blocks"]
+    response: Float[Array, "*records 3 blocks"]
     directions: Float[Array, "*records readings directions"]
     shrink: Float[Array, "*records directions"]
-    quick: Float[Array, "*records blocks blocks"] | None = None
+    whitening: Float[Array, "*records blocks blocks"] | None = None
 
 
 class Window(NamedTuple):
-    """What the kernel takes of a record; a leading axis batches it.
+    """The data of a record for the fit; a leading axis batches it.
 
     Attributes
     ----------
@@ -99,31 +99,31 @@ class Window(NamedTuple):
     weight:
         1 / standard deviation of each; 0 where there is no reading, shape (3, blocks).
     node_weights:
-        Of the motion's nodes in a block, to give the mean of its samples, shape (nodes,).
+        Weights of the motion's nodes in a block that give the mean of its samples, shape (nodes,).
     prior:
-        Locations and scales of the unknowns, shape (2, unknowns).
+        Means and standard deviations of the parameters, shape (2, parameters).
     rolling, road:
-        Of a rolling tyre.
+        For a rolling tyre.
     law:
-        That it is fitted with.
+        Force law that is fitted.
     """
 
     block_s: Float[Array, "*records"]
     readings: Float[Array, "*records 3 blocks"]
     weight: Float[Array, "*records 3 blocks"]
     node_weights: Float[Array, "*records nodes"]
-    prior: Float[Array, "*records 2 unknowns"]
+    prior: Float[Array, "*records 2 parameters"]
     rolling: Rolling | None = None
-    road: Road | None = None
+    road: RoadResponse | None = None
     law: MotionLaw = FANCHER
 
 
-def window_of(rig: Rig, samples: Recorded, block_s: float | None = None, law: MotionLaw = FANCHER) -> Window:
+def make_window(rig: Rig, samples: Recorded, block_s: float | None = None, law: MotionLaw = FANCHER) -> Window:
     """Return the window of a recording.
 
     The window is as long for every record of a sampling rate, so that one compilation serves all; where a recording
-    ends within it, weights are 0. What lies outside goes in as known before: levels of the rest before the step, and
-    of the load after the window.
+    ends within it, weights are 0. What lies outside enters through the priors: levels of the rest before the step,
+    and of the load after the window.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def window_of(rig: Rig, samples: Recorded, block_s: float | None = None, law: Mo
         Samples are averaged over about so long, s, or not at all where they are further apart; None: `BLOCK_S`, or
         `ROLLING_BLOCK_S`.
     law:
-        To fit it with.
+        Force law to fit.
     """
     dt_s, rolls = samples.dt_s, len(samples.bodies) > 0
     length = max(1, round((block_s or (ROLLING_BLOCK_S if rolls else BLOCK_S)) / dt_s))
@@ -143,56 +143,57 @@ def window_of(rig: Rig, samples: Recorded, block_s: float | None = None, law: Mo
     first = max(0, round((samples.ramp_s[0] - before_s) / dt_s))
     blocks = round((before_s + AFTER_S) / (length * dt_s))
     channels = np.stack([samples.acceleration_m_per_s2, samples.laser_mm, samples.load_kN])
-    quiet = channels[:, : min(samples.quiet, first)]
+    pre_step = channels[:, : min(samples.pre_step, first)]
     cut = channels[:, first : first + blocks * length]
     full = cut.shape[1] // length
     readings, weight = np.zeros((3, blocks)), np.zeros((3, blocks))
     readings[:, :full] = _means(cut, length)
     readings[:, full:] = readings[:, full - 1 : full]
     sd = _block_sd_of_differences if rolls else _block_sd
-    weight[:, :full] = 1 / np.array([sd(channel, length) for channel in quiet])[:, None]
-    factors = [_level(channel, dt_s) for channel in quiet]
+    weight[:, :full] = 1 / np.array([sd(channel, length) for channel in pre_step])[:, None]
+    levels = [_level(channel, dt_s) for channel in pre_step]
     after = channels[2, first + blocks * length :]
-    known = {
-        "acceleration_offset_m_per_s2": factors[0],
-        "laser_at_rest_mm": factors[1],
-        "load_before_kN": factors[2],
-        "load_after_kN": _after(after, readings[2, :full], factors[2], dt_s),
+    record_levels = {
+        "acceleration_offset_m_per_s2": levels[0],
+        "laser_at_rest_mm": levels[1],
+        "load_before_kN": levels[2],
+        "load_after_kN": _after(after, readings[2, :full], levels[2], dt_s),
         **_ramp(samples, first * dt_s),
     }
     rolling, prior = None, None
     if rolls:
-        rolling, known, prior = _rolling(rig, samples, channels[:, : samples.quiet], first, known)
-    own = priors_of(rig, known, law)
-    prior = own if prior is None else np.concatenate([own, prior], axis=1)
+        rolling, rolling_levels, prior = _rolling(rig, samples, channels[:, : samples.pre_step], first)
+        record_levels |= rolling_levels
+    law_prior = prior_moments(rig, record_levels, law)
+    prior = law_prior if prior is None else np.concatenate([law_prior, prior], axis=1)
     nodes = block_weights(length, substeps_of(length * dt_s))
     return Window(*map(jnp.asarray, (length * dt_s, readings, weight, nodes, prior)), rolling=rolling, law=law)
 
 
 def _rolling(
-    rig: Rig, samples: Recorded, quiet: Values, first: int, known: dict[str, tuple[float, float]]
+    rig: Rig, samples: Recorded, pre_step: Values, first: int
 ) -> tuple[Rolling, dict[str, tuple[float, float]], Float[np.ndarray, "2 further"]]:
-    """Return what a rolling record's window has beside a standing one's; its levels; priors of its further unknowns."""
-    length = max(1, round(_QUIET_MEAN_S / samples.dt_s))
-    means = _means(quiet, length)
+    """Return the harmonics of a rolling record, its levels, and the priors of the ground's parameters."""
+    length = max(1, round(_HARMONICS_BLOCK_S / samples.dt_s))
+    means = _means(pre_step, length)
     # Samples stand at the middle of their share of a block (`block_weights`).
     time_s = (length * np.arange(means.shape[1]) + length / 2 - first) * samples.dt_s
-    said = quiet_motion(time_s, means[0], means[1], samples.bodies)
-    factors = {
-        "acceleration_offset_m_per_s2": said.acceleration_m_per_s2,
-        "laser_at_rest_mm": (said.laser_mm[0], _FRICTION_MM),
+    fit = fit_harmonics(time_s, means[0], means[1], samples.bodies)
+    levels = {
+        "acceleration_offset_m_per_s2": fit.acceleration_m_per_s2,
+        "laser_at_rest_mm": (fit.laser_mm[0], _FRICTION_MM),
     }
-    velocity = float(geometry.wheel_centre_displacement(rig, np.sum(-said.omega * np.imag(said.amplitude_mm))))
+    velocity = float(geometry.wheel_centre_displacement(rig, np.sum(-fit.omega * np.imag(fit.amplitude_mm))))
     rolling = Rolling(
-        jnp.asarray(said.body),
-        jnp.asarray(said.order),
-        jnp.asarray(said.amplitude_mm) * float(geometry.wheel_centre_displacement(rig, 1.0)),
-        jnp.asarray(said.laser_mm[0] + np.sum(np.real(said.amplitude_mm))),
+        jnp.asarray(fit.body),
+        jnp.asarray(fit.order),
+        jnp.asarray(fit.amplitude_mm) * float(geometry.wheel_centre_displacement(rig, 1.0)),
+        jnp.asarray(fit.laser_mm[0] + np.sum(np.real(fit.amplitude_mm))),
     )
     return (
         rolling,
-        known | factors,
-        ground_priors(velocity, np.log(said.turn_Hz), said.turn_sd, len(said.order)),
+        levels,
+        ground_priors(velocity, np.log(fit.turn_Hz), fit.turn_sd, len(fit.order)),
     )
 
 
@@ -230,36 +231,36 @@ def converter_step(readings: Samples) -> float:
     return float(wide.min()) if len(wide) else 0.0
 
 
-def _block_sd(quiet: Samples, length: int) -> float:
+def _block_sd(rest: Samples, length: int) -> float:
     """Return the standard deviation of a block's mean: its noise, and what rounding adds that does not average out.
 
     Rounding to steps q adds q^2 / 12 to the variance of a reading, in the scatter already where noise of sd s blurs
     it; what is then still alike from reading to reading is q^2 / (2 pi^2) exp(-4 pi^2 s^2 / q^2), the first term of
     its series (Widrow and Kollar 2008, Quantization Noise, chapter 6).
     """
-    q = converter_step(quiet)
-    scatter = float(np.std(_means(quiet, length)))
+    q = converter_step(rest)
+    scatter = float(np.std(_means(rest, length)))
     least = q**2 / 12 / length
     variance = max(scatter**2, least, 1e-18)
     if q > 0:
-        noise = max(float(np.var(quiet)) - q**2 / 12, 0.0)
+        noise = max(float(np.var(rest)) - q**2 / 12, 0.0)
         variance += q**2 / (2 * np.pi**2) * np.exp(-4 * np.pi**2 * noise / q**2)
     return float(np.sqrt(variance))
 
 
-def _block_sd_of_differences(quiet: Samples, length: int) -> float:
+def _block_sd_of_differences(rest: Samples, length: int) -> float:
     """Return the standard deviation of a block's mean from that of third differences: motion drops out of them."""
     # The third differences of white noise have 1 + 9 + 9 + 1 times its variance.
-    return float(max(np.std(np.diff(_means(quiet, length), n=3)) / np.sqrt(20), 1e-9))
+    return float(max(np.std(np.diff(_means(rest, length), n=3)) / np.sqrt(20), 1e-9))
 
 
-def _level(quiet: Samples, dt_s: float) -> tuple[float, float]:
+def _level(rest: Samples, dt_s: float) -> tuple[float, float]:
     """Return the mean of a rest and its standard error, from means over 20 ms: noise that is slow says less."""
     length = max(1, round(0.02 / dt_s))
-    means = _means(quiet, length)
-    white = float(np.std(quiet)) / np.sqrt(len(quiet))
+    means = _means(rest, length)
+    white = float(np.std(rest)) / np.sqrt(len(rest))
     slow = float(np.std(means)) / np.sqrt(max(len(means), 1))
-    return float(np.mean(quiet)), max(white, slow, 1e-9)
+    return float(np.mean(rest)), max(white, slow, 1e-9)
 
 
 def _after(after: Values, window: Values, before: tuple[float, float], dt_s: float) -> tuple[float, float]:

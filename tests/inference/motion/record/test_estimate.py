@@ -9,15 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from bayes_tyre.inference.motion.laws import FANCHER
 from bayes_tyre.inference.motion.record.estimate import PARETO_K_MOST, estimate_motion, weights_trusted
 from bayes_tyre.inference.motion.record.forward_model import residuals
-from bayes_tyre.inference.motion.record.importance_sampling import weighed_draws
+from bayes_tyre.inference.motion.record.importance_sampling import weighted_draws
 from bayes_tyre.inference.motion.record.load_step import SHAPE_TERMS, load_share
-from bayes_tyre.inference.motion.record.map_fit import starts_of, value_and_jacobian
-from bayes_tyre.inference.motion.record.parameters import NAMES, in_units, priors_of
-from bayes_tyre.inference.motion.record.window import Recorded, block_weights, window_of
+from bayes_tyre.inference.motion.record.map_fit import starting_points, value_and_jacobian
+from bayes_tyre.inference.motion.record.parameters import in_units, parameter_names, prior_moments
+from bayes_tyre.inference.motion.record.window import Recorded, block_weights, make_window
 from bayes_tyre.simulate.drive import SHAPES
 from bayes_tyre.simulate.plan import quick_plan
+
+NAMES = parameter_names(FANCHER)
 
 pytestmark = pytest.mark.usefixtures("fully_compiled")
 
@@ -34,7 +37,7 @@ def test_parameters_come_back(fitted):
     logs = [np.log([t.k_kN_per_mm, t.x_kN, t.beta_mm, t.m_kg, t.c_kN_s_per_mm]) for t, _ in fitted]
     off = np.array([estimate.log_mean for _, estimate in fitted]) - logs
     sd = np.array([np.sqrt(np.diag(estimate.log_covariance)) for _, estimate in fitted])
-    assert all(estimate.found.converged for _, estimate in fitted)
+    assert all(estimate.map_estimate.converged for _, estimate in fitted)
     # The model is the simulator's: nothing may be said against it.
     assert [(estimate.method, estimate.status) for _, estimate in fitted] == [("importance", "")] * len(fitted)
     # 20 normal numbers, some correlated: one of them beyond 4 standard deviations in 0.13 % of seeds at most.
@@ -57,11 +60,11 @@ def test_95_per_cent_intervals_hold_the_truth(fitted):
 
 def test_the_check_passes_a_good_fit_and_tells_bad_ones(fitted):
     _, estimate = fitted[0]
-    window, found = estimate.window, estimate.found
+    window, found = estimate.window, estimate.map_estimate
     sd = np.sqrt(np.diag(found.covariance))
-    assert weights_trusted(weighed_draws(RIG, found.standard, found.covariance, window))
-    assert not weights_trusted(weighed_draws(RIG, found.standard, 4 * found.covariance, window))
-    assert not weights_trusted(weighed_draws(RIG, found.standard + 3 * sd, found.covariance, window))
+    assert weights_trusted(weighted_draws(RIG, found.standard, found.covariance, window))
+    assert not weights_trusted(weighted_draws(RIG, found.standard, 4 * found.covariance, window))
+    assert not weights_trusted(weighted_draws(RIG, found.standard + 3 * sd, found.covariance, window))
 
 
 def test_the_check_tells_a_covariance_that_is_too_narrow(fitted):
@@ -69,26 +72,26 @@ def test_the_check_tells_a_covariance_that_is_too_narrow(fitted):
     window = fitted[0][1].window
     blind = window._replace(weight=0 * window.weight)
     peak, unit = np.zeros(len(NAMES)), np.eye(len(NAMES))
-    assert weighed_draws(RIG, peak, unit, blind).pareto_k < PARETO_K_MOST
-    assert weighed_draws(RIG, peak, 0.3 * unit, blind).pareto_k > PARETO_K_MOST
-    assert np.isnan(weighed_draws(RIG, peak, -unit, blind).pareto_k)
+    assert weighted_draws(RIG, peak, unit, blind).pareto_k < PARETO_K_MOST
+    assert weighted_draws(RIG, peak, 0.3 * unit, blind).pareto_k > PARETO_K_MOST
+    assert np.isnan(weighted_draws(RIG, peak, -unit, blind).pareto_k)
 
 
 def test_weighed_draws_are_the_posterior_where_it_is_known(fitted):
     window = fitted[0][1].window
     blind = window._replace(weight=0 * window.weight)
-    weighed = weighed_draws(RIG, np.zeros(len(NAMES)), 1.2 * np.eye(len(NAMES)), blind)
-    mean = weighed.weights @ weighed.standard
-    variance = weighed.weights @ weighed.standard**2
+    weighted = weighted_draws(RIG, np.zeros(len(NAMES)), 1.2 * np.eye(len(NAMES)), blind)
+    mean = weighted.weights @ weighted.standard
+    variance = weighted.weights @ weighted.standard**2
     # Some 200 effective draws of 17 normal numbers: standard errors 0.07 and 0.1; 34 comparisons at 4.5 of them err
     # in 0.03 % of seeds.
-    assert np.all(np.abs(mean) < 4.5 / np.sqrt(weighed.effective))
-    assert np.all(np.abs(variance - 1) < 4.5 * np.sqrt(2 / weighed.effective))
+    assert np.all(np.abs(mean) < 4.5 / np.sqrt(weighted.effective))
+    assert np.all(np.abs(variance - 1) < 4.5 * np.sqrt(2 / weighted.effective))
 
 
 def test_jacobian_is_that_of_finite_differences(fitted):
     window = fitted[0][1].window
-    start = starts_of(RIG, window)[0]
+    start = starting_points(RIG, window)[0]
     rng = np.random.default_rng(3)
     direction = rng.standard_normal(len(NAMES))
     step = 1e-5
@@ -104,11 +107,11 @@ def test_jacobian_is_that_of_finite_differences(fitted):
 @settings(max_examples=50, deadline=None, derandomize=True)
 def test_friction_always_exceeds_k_beta(standard):
     known = {name: (1.0, 1.0) for name in NAMES if "load" in name or "rest_mm" in name or "offset" in name}
-    prior = priors_of(RIG, known | {"ramp_start_s": (0.05, np.nan), "log_rise": (-3.0, np.nan)})
-    unknowns = in_units(RIG, jnp.array(standard), prior)
-    law = unknowns.law
+    prior = prior_moments(RIG, known | {"ramp_start_s": (0.05, np.nan), "log_rise": (-3.0, np.nan)})
+    parameters = in_units(RIG, jnp.array(standard), prior)
+    law = parameters.law
     assert jnp.asarray(law.x) > law.k * law.beta
-    assert abs(float(unknowns.rest_friction_kN)) <= float(jnp.asarray(law.x) - law.k * law.beta) * (1 + 1e-9)
+    assert abs(float(parameters.rest_friction_kN)) <= float(jnp.asarray(law.x) - law.k * law.beta) * (1 + 1e-9)
 
 
 @pytest.mark.parametrize(("name", "shape"), [("raised cosine", (0.0, 0.0)), ("minimum jerk", (0.226, 0.247))])
@@ -134,7 +137,7 @@ def test_a_short_recording_leaves_blocks_without_weight():
     _, record = recorded(next(p for p in quick_plan() if p.case.configuration == "single"), seed=7)
     end = round((record.ramp_s[0] + 0.3) / record.dt_s)
     cut = record._replace(**{name: getattr(record, name)[:end] for name in Recorded._fields[1:4]})
-    whole, short = window_of(RIG, record), window_of(RIG, cut)
+    whole, short = make_window(RIG, record), make_window(RIG, cut)
     assert short.readings.shape == whole.readings.shape
     full = np.flatnonzero(short.weight[0])
     assert 0 < len(full) < whole.readings.shape[1]

@@ -1,4 +1,4 @@
-"""Evidence of records: where it is known, and which law it prefers of records simulated with each."""
+"""Evidence of records: where it is levels, and which law it prefers of records simulated with each."""
 
 import jax
 import jax.numpy as jnp
@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from jaxtyping import Array
 
-from bayes_tyre.inference.motion.laws import MOTION_LAWS
+from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS
 from bayes_tyre.inference.motion.record.estimate import estimate_motion
 from bayes_tyre.inference.motion.record.evidence import log_average, log_constant, log_evidence
-from bayes_tyre.inference.motion.record.importance_sampling import weighed_draws
-from bayes_tyre.inference.motion.record.likelihood import RecordLikelihood, to_standard_of
-from bayes_tyre.inference.motion.record.map_fit import Found
-from bayes_tyre.inference.motion.record.parameters import NAMES, priors_of
+from bayes_tyre.inference.motion.record.importance_sampling import weighted_draws
+from bayes_tyre.inference.motion.record.likelihood import RecordLikelihood, standardisation
+from bayes_tyre.inference.motion.record.map_fit import MapEstimate
+from bayes_tyre.inference.motion.record.parameters import parameter_names, prior_moments
 from bayes_tyre.inference.motion.record.window import Recorded, Window
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import load_rig
@@ -22,6 +22,8 @@ from bayes_tyre.simulate.plan import quick_plan
 from bayes_tyre.simulate.truth import Truth
 from bayes_tyre.studies.law_ranking import FURTHER, simulated
 from bayes_tyre.workflow.raw import motion_estimates
+
+NAMES = parameter_names(FANCHER)
 
 pytestmark = pytest.mark.usefixtures("fully_compiled")
 
@@ -41,25 +43,25 @@ RIVALS = {
 def blind_window() -> Window:
     """Return a window whose readings have no weight: the posterior is the prior, and the evidence 1."""
     factors = ("acceleration_offset_m_per_s2", "laser_at_rest_mm", "load_before_kN", "load_after_kN")
-    known = dict.fromkeys(factors, (5.0, 1.0)) | {"ramp_start_s": (0.01, np.nan), "log_rise": (-3.5, np.nan)}
+    levels = dict.fromkeys(factors, (5.0, 1.0)) | {"ramp_start_s": (0.01, np.nan), "log_rise": (-3.5, np.nan)}
     nothing, nodes = jnp.zeros((3, 40)), jnp.array([1.0, 4.0, 1.0]) / 6
-    return Window(jnp.array(1e-3), nothing, nothing, nodes, jnp.asarray(priors_of(RIG, known)))
+    return Window(jnp.array(1e-3), nothing, nothing, nodes, jnp.asarray(prior_moments(RIG, levels)))
 
 
 def test_evidence_of_no_readings_is_one():
     window, n = blind_window(), len(NAMES)
     wide = 1.3 * jnp.eye(n)
-    found = Found(jnp.zeros(n), jnp.eye(n), jnp.zeros(3), jnp.zeros(3), jnp.array(1), jnp.array(True))
-    assert log_evidence(window, found, None) == pytest.approx(0.0, abs=1e-12)
-    weighed = weighed_draws(RIG, np.zeros(n), wide, window)
+    estimate = MapEstimate(jnp.zeros(n), jnp.eye(n), jnp.zeros(3), jnp.zeros(3), jnp.array(1), jnp.array(True))
+    assert log_evidence(window, estimate, None) == pytest.approx(0.0, abs=1e-12)
+    weighted = weighted_draws(RIG, np.zeros(n), wide, window)
     # 400 draws that are too wide by sqrt(1.3) and 1.1 in each of 17 directions: some 100 effective, so a standard
     # deviation near 0.09 of their mean.
-    assert log_evidence(window, found._replace(covariance=wide), weighed) == pytest.approx(0.0, abs=0.45)
+    assert log_evidence(window, estimate._replace(covariance=wide), weighted) == pytest.approx(0.0, abs=0.45)
 
 
 def test_a_records_constant_averages_to_its_evidence():
     rng, window = np.random.default_rng(0), blind_window()
-    to_standard, shift = to_standard_of(RIG, np.asarray(window.prior), 5)
+    to_standard, shift = standardisation(RIG, np.asarray(window.prior), 5)
     rows = rng.standard_normal((5, 5)) @ to_standard
     # Within the prior, so that plain draws from it meet the likelihood.
     target = rows @ np.linalg.solve(to_standard, -shift) + rng.standard_normal(5)
@@ -90,15 +92,15 @@ def test_the_law_of_a_record_has_the_evidence(true):
     record, truth = recorded(true)
     wanted = (true, *CONTAINED_IN.get(true, ()), *RIVALS[true])
     found = {name: estimate_motion(RIG, record, MOTION_LAWS[name], sampler=None) for name in wanted}
-    evidence = {name: estimate.log_evidence for name, estimate in found.items()}
+    evidence = {name: estimate.log_evidence for name, estimate in estimate.items()}
     # A whole recording: what cannot imitate it is far behind; what contains it pays for its width, and is not ahead.
     assert all(evidence[true] > evidence[name] + 4 for name in RIVALS[true]), evidence
     assert all(evidence[true] > evidence[name] - 2 for name in CONTAINED_IN.get(true, ())), evidence
     own, law = found[true], MOTION_LAWS[true]
     assert own.status == ""
     values = {"k": truth.k_kN_per_mm, "m": truth.m_kg, "c": truth.c_kN_s_per_mm, **FURTHER}
-    shared = [i for i, name in enumerate(law.told_parameters) if name in values]
-    true_logs = np.log([values[law.told_parameters[i]] for i in shared])
+    shared = [i for i, name in enumerate(law.reported_parameters) if name in values]
+    true_logs = np.log([values[law.reported_parameters[i]] for i in shared])
     off = (own.log_mean[shared] - true_logs) / np.sqrt(np.diag(own.log_covariance)[shared])
     # Of some 20 numbers of the five records one is beyond 4.5 standard deviations once in 7000 seeds.
     assert np.abs(off).max() < 4.5, dict(zip(shared, off, strict=True))

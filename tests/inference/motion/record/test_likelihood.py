@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.motion.laws import FANCHER
 from bayes_tyre.inference.motion.record.likelihood import (
     WIDENED,
     RecordLikelihood,
@@ -13,8 +14,10 @@ from bayes_tyre.inference.motion.record.likelihood import (
     likelihood_of,
     without_prior,
 )
-from bayes_tyre.inference.motion.record.parameters import NAMES, in_units, priors_of
+from bayes_tyre.inference.motion.record.parameters import in_units, parameter_names, prior_moments
 from bayes_tyre.rig.axle import load_rig
+
+NAMES = parameter_names(FANCHER)
 
 RIG = load_rig("single")
 #: Names that take their location from a record.
@@ -27,15 +30,15 @@ def random_precision(seed: int, scale: float) -> np.ndarray:
 
 
 KNOWN_BEFORE = dict.fromkeys(KNOWN, (1.0, 1.0)) | {"ramp_start_s": (0.05, np.nan), "log_rise": (-3.0, np.nan)}
-PRIOR = priors_of(RIG, KNOWN_BEFORE)
+PRIOR = prior_moments(RIG, KNOWN_BEFORE)
 
 
 @jax.jit
 def logs(five: jax.Array) -> jax.Array:
-    """Return the logarithms of k, x, beta, m and c at the first five standard unknowns."""
-    unknowns = in_units(RIG, jnp.concatenate([five, jnp.zeros(len(NAMES) - 5)]), PRIOR)
-    law = unknowns.law
-    return jnp.log(jnp.stack([law.k, law.x, law.beta, unknowns.m_kg, unknowns.c_kN_s_per_mm]))
+    """Return the logarithms of k, x, beta, m and c at the first five standard parameters."""
+    parameters = in_units(RIG, jnp.concatenate([five, jnp.zeros(len(NAMES) - 5)]), PRIOR)
+    law = parameters.law
+    return jnp.log(jnp.stack([law.k, law.x, law.beta, parameters.m_kg, parameters.c_kN_s_per_mm]))
 
 
 def of_a_record(precision: np.ndarray, peak: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -47,7 +50,7 @@ def of_a_record(precision: np.ndarray, peak: np.ndarray) -> tuple[np.ndarray, np
 
 
 def log_density(likelihood: RecordLikelihood, five: np.ndarray) -> float:
-    """Return the likelihood's logarithm at standard unknowns."""
+    """Return the likelihood's logarithm at standard parameters."""
     of_x = np.array(logs(jnp.asarray(five)))
     k, x, beta = np.exp(of_x[:3])
     of_x[1] = np.log(x - k * beta)
@@ -62,7 +65,7 @@ def test_a_known_likelihood_comes_back(scale):
     points = peak + rng.normal(size=(6, 5)) / np.sqrt(scale)
     expected = np.array([-0.5 * (point - peak) @ precision @ (point - peak) for point in points])
     density = np.array([log_density(found, point) for point in points])
-    # The logarithms are linear in standard unknowns: nothing but rounding is lost.
+    # The logarithms are linear in standard parameters: nothing but rounding is lost.
     np.testing.assert_allclose(density - density[0], expected - expected[0], rtol=1e-7, atol=1e-7)
 
 

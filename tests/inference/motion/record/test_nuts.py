@@ -1,4 +1,4 @@
-"""NUTS on one record's motion: its gradient, its draws beside weighed ones, and when an estimate rests on it."""
+"""NUTS on one record's motion: its gradient, its draws beside weighted ones, and when an estimate rests on it."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,8 +12,8 @@ from helpers.recorded_motions import RIG, recorded
 from bayes_tyre.inference.motion.record import estimate as motion_estimate
 from bayes_tyre.inference.motion.record import nuts as motion_nuts
 from bayes_tyre.inference.motion.record.estimate import MotionEstimate, estimate_motion
-from bayes_tyre.inference.motion.record.importance_sampling import valley_about
-from bayes_tyre.inference.motion.record.nuts import Sampled, effective_draws, sampled
+from bayes_tyre.inference.motion.record.importance_sampling import proposal_map
+from bayes_tyre.inference.motion.record.nuts import NutsDraws, effective_draws, sample_motion
 from bayes_tyre.inference.motion.record.window import Recorded
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.simulate.plan import quick_plan
@@ -32,26 +32,26 @@ def record() -> Recorded:
 
 @pytest.fixture(scope="module")
 def estimate(record) -> MotionEstimate:
-    """Its estimate from weighed draws."""
+    """Its estimate from weighted draws."""
     return estimate_motion(RIG, record)
 
 
 @pytest.fixture(scope="module")
-def run_once() -> Callable[..., Sampled]:
+def run_once() -> Callable[..., NutsDraws]:
     """NUTS on a record, run the first time that it is asked for."""
-    runs: list[Sampled] = []
+    runs: list[NutsDraws] = []
 
-    def sampled_once(*of: Any) -> Sampled:
-        return runs[0] if runs else (runs.append(sampled(*of)) or runs[0])
+    def sampled_once(*of: Any) -> NutsDraws:
+        return runs[0] if runs else (runs.append(sample_motion(*of)) or runs[0])
 
     return sampled_once
 
 
 @pytest.fixture
 def no_weights_trusted(monkeypatch, run_once) -> None:
-    """Ask of weighed draws what none can give: this record's are good, and records whose are of no use are rare."""
+    """Ask of weighted draws what none can give: this record's are good, and records whose are of no use are rare."""
     monkeypatch.setattr(motion_estimate, "EFFECTIVE_LEAST", np.inf)
-    monkeypatch.setattr(motion_estimate, "sampled", run_once)
+    monkeypatch.setattr(motion_estimate, "sample_motion", run_once)
 
 
 @pytest.fixture
@@ -64,9 +64,10 @@ def by_nuts(record, no_weights_trusted, monkeypatch) -> MotionEstimate:
 
 def test_the_gradient_is_that_of_the_height(estimate):
     window = jax.tree.map(jnp.asarray, estimate.window)
-    standard, covariance = (jnp.asarray(each) for each in (estimate.found.standard, estimate.found.covariance))
-    valley = jax.jit(valley_about, static_argnums=0)(RIG, window, standard, covariance)
-    height = jax.jit(lambda unit: motion_nuts._height(RIG, window, valley, unit))
+    peak = estimate.map_estimate
+    standard, covariance = jnp.asarray(peak.standard), jnp.asarray(peak.covariance)
+    proposal = jax.jit(proposal_map, static_argnums=0)(RIG, window, standard, covariance)
+    height = jax.jit(lambda unit: motion_nuts._negative_log_density(RIG, window, proposal, unit))
     unit = np.random.default_rng(0).normal(size=len(standard))
     small = 1e-4 * np.eye(len(unit))
     differences = [(height(unit + step) - height(unit - step)) / 2e-4 for step in small]
@@ -99,7 +100,7 @@ def test_chains_that_are_too_short_leave_the_peak_and_a_status_that_says_so(reco
 
 
 def test_a_motion_that_does_not_fit_its_record_is_not_sampled(record, no_weights_trusted, monkeypatch):
-    monkeypatch.setattr(motion_estimate, "sampled", lambda *_: pytest.fail("sampled all the same"))
+    monkeypatch.setattr(motion_estimate, "sample_motion", lambda *_: pytest.fail("sampled all the same"))
     # A shake of 20 Hz over all of it, which neither the load nor any law explains.
     time_s = record.dt_s * np.arange(len(record.acceleration_m_per_s2))
     shaken = record.acceleration_m_per_s2 + 0.5 * np.sin(2 * np.pi * 20.0 * time_s)

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 from bayes_tyre.inference.motion.record.estimate import estimate_motion
-from bayes_tyre.inference.motion.record.pre_step_harmonics import quiet_motion
-from bayes_tyre.inference.motion.record.road_noise import quick_spectrum
-from bayes_tyre.inference.motion.record.runout import ground_names
-from bayes_tyre.inference.motion.record.window import Recorded, window_of
+from bayes_tyre.inference.motion.record.pre_step_harmonics import fit_harmonics
+from bayes_tyre.inference.motion.record.road_noise import road_noise_spectrum
+from bayes_tyre.inference.motion.record.window import Recorded, make_window
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.signals.channels import find_channels
 from bayes_tyre.signals.ramp import find_ramp
 from bayes_tyre.signals.runout import nominal_bodies, remove_runout
-from bayes_tyre.signals.steps import find_step, quiet_samples
+from bayes_tyre.signals.steps import find_step, pre_step_samples
 from bayes_tyre.simulate.draw import draw_truth
 from bayes_tyre.simulate.plan import thesis_plan
 from bayes_tyre.simulate.simulator import simulate_record
@@ -31,13 +30,13 @@ def test_harmonics_and_turns_of_a_quiet_stretch_come_back():
     moved = np.real(amplitude[:, None] * np.exp(1j * omega[:, None] * time_s))
     laser = 650.0 + moved.sum(axis=0) + 0.005 * rng.standard_normal(len(time_s))
     acceleration = 0.2 + 1e-3 * omega**2 @ moved + 0.01 * rng.standard_normal(len(time_s))
-    said = quiet_motion(time_s, acceleration, laser, [(turn[0] * 1.001, 2), (turn[1] * 0.9995, 1)])
+    fit = fit_harmonics(time_s, acceleration, laser, [(turn[0] * 1.001, 2), (turn[1] * 0.9995, 1)])
     # 1500 values a channel: standard errors of amplitudes 0.0002 mm, of levels 0.00013 mm and 0.00026 m/s^2, of turns
     # below 1e-4; eight comparisons at 5 of them: 5e-6 of seeds.
-    np.testing.assert_allclose(said.amplitude_mm, amplitude, atol=1e-3)
-    np.testing.assert_allclose(said.turn_Hz, turn, rtol=5e-4)
-    assert said.laser_mm[0] == pytest.approx(650.0, abs=6.5e-4)
-    assert said.acceleration_m_per_s2[0] == pytest.approx(0.2, abs=1.3e-3)
+    np.testing.assert_allclose(fit.amplitude_mm, amplitude, atol=1e-3)
+    np.testing.assert_allclose(fit.turn_Hz, turn, rtol=5e-4)
+    assert fit.laser_mm[0] == pytest.approx(650.0, abs=6.5e-4)
+    assert fit.acceleration_m_per_s2[0] == pytest.approx(0.2, abs=1.3e-3)
 
 
 BLOCK_S, BLOCKS, PERIOD_S = 1e-3, 1500, 2.25
@@ -64,7 +63,7 @@ def road_and_noise(answers: np.ndarray, end_Hz: float, seed: int) -> np.ndarray:
 def test_white_noise_and_road_of_a_steady_tyre_come_back(end_Hz):
     answers, seeds = answers_of(np.ones(BLOCKS)), 20
     left = jnp.stack([road_and_noise(answers, end_Hz, seed) for seed in range(seeds)])
-    estimate = jax.jit(jax.vmap(quick_spectrum, in_axes=(None, 0, None, None, None)))
+    estimate = jax.jit(jax.vmap(road_noise_spectrum, in_axes=(None, 0, None, None, None)))
     white, shares = map(np.asarray, estimate(BLOCK_S, left, answers, FREQUENCY, DENSITY))
     power = shares.sum(axis=1) / np.sum(end_Hz >= FREQUENCY)
     # The standard error of a mean over 20 seeds, from the seeds: Student's t with 19 degrees of freedom is beyond 4.2
@@ -83,7 +82,8 @@ def test_quick_road_that_is_larger_at_times_is_made_white(end_Hz):
     # As a tyre is that turns now and then: for a tenth of the time it answers with four times the force.
     answers = answers_of(np.where(np.arange(BLOCKS) % 100 < 10, 4.0, 1.0))
     left = road_and_noise(answers, end_Hz, 6)
-    white, shares = map(np.asarray, quick_spectrum(BLOCK_S, *map(jnp.asarray, (left, answers, FREQUENCY)), DENSITY))
+    readings = jnp.asarray(left), jnp.asarray(answers), jnp.asarray(FREQUENCY)
+    white, shares = map(np.asarray, road_noise_spectrum(BLOCK_S, *readings, DENSITY))
     covariance = white * np.eye(BLOCKS) + (answers * DENSITY * np.tile(shares, 2)) @ answers.T
     made_white = np.linalg.solve(np.linalg.cholesky(covariance), left)
     # Of 1500 white values the lag-1 autocorrelation has a standard deviation of 0.026: four of them.
@@ -95,18 +95,20 @@ def rolling_record():
     plan = next(p for p in thesis_plan() if p.record == "S(25)30-35(3)")
     truth = draw_truth(plan._replace(duration_s=6.0), RIG, 1)
     read = find_channels(simulate_record(truth, RIG).raw, RIG)
-    quiet = quiet_samples(find_ramp(read.load_kN, read.dt_s), read)
-    still, runout = remove_runout(read, quiet, nominal_bodies(RIG, plan.case.speed_km_h))
+    pre_step = pre_step_samples(find_ramp(read.load_kN, read.dt_s), read)
+    still, runout = remove_runout(read, pre_step, nominal_bodies(RIG, plan.case.speed_km_h))
     step = find_step(still)
     bodies = tuple((body.turn_Hz, body.harmonics) for body in runout.bodies)
     ramp_s = step.ramp.start_s, step.ramp.end_s
-    return truth, Recorded(read.dt_s, *read[1:], quiet=step.quiet, ramp_s=ramp_s, bodies=bodies)
+    return truth, Recorded(read.dt_s, *read[1:], pre_step=step.pre_step, ramp_s=ramp_s, bodies=bodies)
 
 
 def test_a_rolling_window_has_an_unknown_for_every_name():
     _, record = rolling_record()
-    window = window_of(RIG, record)
-    assert window.prior.shape[1] == 17 + len(ground_names(record.bodies))
+    window = make_window(RIG, record)
+    harmonics = sum(harmonics for _, harmonics in record.bodies)
+    # Displacement and velocity at the start, a turn for each body, a sine and a cosine for each harmonic.
+    assert window.prior.shape[1] == 17 + 2 + len(record.bodies) + 2 * harmonics
     assert np.isfinite(window.prior).all()
 
 
