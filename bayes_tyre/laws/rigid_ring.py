@@ -32,8 +32,8 @@ class RigidRing(StatefulLaw):
 
     Three parameters define the belt, and a step record sampled at 10 kHz identifies all of them: its frequency by the
     ripple on the axle's acceleration, the ratio by the ripple's size and by how much more of the belt moves along as
-    the axle swings faster, the damping ratio by the ripple's decay. Mass and stiffness of the belt follow; as parameters
-    they would be strongly correlated.
+    the axle swings faster, the damping ratio by the ripple's decay. Mass and stiffness of the belt follow; as
+    parameters they would be strongly correlated.
 
     Attributes
     ----------
