@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 type State = Any
-"""Whatever a law remembers between two points: a pytree of arrays."""
+"""The state of a law between two points: a pytree of arrays."""
 
 ScalarLike = Float[ArrayLike, ""]
 Path = Float[ArrayLike, " points"]
@@ -46,8 +46,8 @@ class StatefulLaw(Law):
     def step(self, state: State, d: ScalarLike) -> tuple[State, Float[Array, ""]]:
         """Return the state and the force, kN, after a monotone move to displacement `d`, mm.
 
-        No move, no change: a step to the displacement where the state already is returns its force. Of a law to which
-        time matters it is the move that is slow, at the end of which all has come to rest.
+        No move, no change: a step to the displacement where the state already is returns its force. For a law that
+        depends on time the move is quasi-static: all is at rest at its end.
         """
 
     def step_in(
@@ -55,19 +55,19 @@ class StatefulLaw(Law):
     ) -> tuple[State, Float[Array, ""]]:
         """Return the same after a monotone move to `d`, mm, that takes `dt_s`, s, and ends at the rate `rate`, mm/s.
 
-        Motions move laws by this. A law that follows displacement alone has nothing to add: its move is `step`, however
-        long it takes.
+        Motions move laws by this. For a law that depends on displacement alone this is `step`, whatever the
+        time.
         """
         del dt_s, rate
         return self.step(state, d)
 
     @property
     def carried_kg(self) -> ScalarLike:
-        """Mass of its own that the tyre moves along with a slow motion, on flat ground, kg; a law has none, mostly."""
+        """Mass of its own that the tyre moves along with a slow motion, on flat ground, kg; 0 for most laws."""
         return 0.0
 
     def check(self) -> None:
-        """Refuse parameters, known numbers, with which a body moving on the law would gain energy from it.
+        """Refuse parameters, concrete numbers, with which a body moving on the law would gain energy from it.
 
         Raises
         ------
@@ -78,7 +78,7 @@ class StatefulLaw(Law):
     def force(self, path: Path, F_start: ScalarLike, dt_s: ScalarLike | None = None) -> Float[Array, " points"]:
         """Return the force, kN, at every point of the path, mm, by stepping along it from `F_start`, kN.
 
-        From point to point it takes `dt_s`, s; None: it goes slowly, which only a law that knows time tells apart.
+        From point to point it takes `dt_s`, s; None: quasi-static, which differs only for a law that depends on time.
         """
         # A scan's carry keeps its dtype: let path, start and parameters agree on one before it starts.
         numbers = [leaf for leaf in jax.tree.leaves(self) if not callable(leaf)]

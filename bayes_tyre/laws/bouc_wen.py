@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from bayes_tyre.laws.base import ScalarLike, StatefulLaw
 
 Point = tuple[ScalarLike, ScalarLike]
-"""What the law remembers: displacement, mm, and force, kN."""
+"""State of the law: displacement, mm, and force, kN."""
 
 
 class BoucWen(StatefulLaw):
@@ -63,7 +63,7 @@ class BoucWen(StatefulLaw):
         return (d, F), F
 
     def check(self) -> None:
-        """Refuse settled <= 0, beta <= 0 and n <= 0 (known numbers).
+        """Refuse settled <= 0, beta <= 0 and n <= 0 (concrete numbers).
 
         Raises
         ------

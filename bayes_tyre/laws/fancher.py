@@ -132,7 +132,7 @@ def _rise_and_fall(
 
 
 Point = tuple[ScalarLike, ScalarLike]
-"""What Fancher's law remembers: displacement, mm, and force, kN."""
+"""State of Fancher's law: displacement, mm, and force, kN."""
 
 
 class Recursion(StatefulLaw):
@@ -223,14 +223,14 @@ class Fancher(StatefulLaw):
         return (d, F), F
 
     def check(self) -> None:
-        """Refuse x < k beta and beta <= 0 (known numbers): closed loops would make energy.
+        """Refuse x < k beta and beta <= 0 (concrete numbers): closed loops would make energy.
 
         Raises
         ------
         ValueError
             If any of the parameters, single or stacked, is so.
         """
-        # In numpy: under a trace even known numbers come out of jax.numpy as traced ones.
+        # In numpy: under a trace jax.numpy returns traced arrays even for concrete numbers.
         k, x, beta = np.asarray(self.k), np.asarray(self.x), np.asarray(self.beta)
         if not (np.all(beta > 0) and np.all(x >= k * beta)):
             raise ValueError(f"needs beta > 0 and x >= k beta, or the law makes energy; got k {k}, x {x}, beta {beta}")

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from bayes_tyre.laws.base import ScalarLike, StatefulLaw
 
 Point = tuple[ScalarLike, ScalarLike]
-"""What the spring remembers: displacement, mm, and force, kN."""
+"""State of the spring: displacement, mm, and force, kN."""
 
 
 class KelvinVoigt(StatefulLaw):
@@ -42,7 +42,7 @@ class KelvinVoigt(StatefulLaw):
         return (d, F), F
 
     def check(self) -> None:
-        """Refuse k < 0 (known numbers): a body would fly off.
+        """Refuse k < 0 (concrete numbers): a body would fly off.
 
         Raises
         ------

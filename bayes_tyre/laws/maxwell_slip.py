@@ -1,4 +1,4 @@
-"""Maxwell-slip: springs that each stick before they slide, side by side with a linear spring.
+"""Maxwell-slip: springs that each stick before they slide, in parallel with a linear spring.
 
 Elements in parallel, each elastic up to its own yield displacement and sliding under its own Coulomb friction beyond,
 are how FTire describes the hysteresis of a tyre's radial stiffness, and are Iwan's (1966) parallel-series model. Unlike
@@ -14,7 +14,7 @@ from bayes_tyre.laws.base import ScalarLike, StatefulLaw
 
 ELEMENTS = 5
 
-#: What the law remembers: displacement, mm, force, kN, and the friction of each element, kN, shape (elements,).
+#: State of the law: displacement, mm, force, kN, and the friction of each element, kN, shape (elements,).
 type Slips = tuple[ScalarLike, ScalarLike, Float[Array, " elements"]]
 
 
@@ -34,7 +34,7 @@ _YIELDS = yields()
 class MaxwellSlip(StatefulLaw):
     """A line ``k d + C`` and `ELEMENTS` elements of equal friction, their yield displacements spread by `yields`.
 
-    Two numbers place all elements, so that a motion can tell them. Each move is exact, however long.
+    Two parameters define all elements, so that a motion identifies them. Each move is exact, however long.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class MaxwellSlip(StatefulLaw):
     settled:
         Friction of all elements: half the distance between the settled branches, kN, >= 0.
     beta:
-        Scale of the yield displacements, mm, > 0; comparable to that of Fancher's law. They go from 0.53 to 3.9 beta.
+        Unit of the yield displacements, mm, > 0; comparable to that of Fancher's law. They go from 0.53 to 3.9 beta.
     """
 
     k: ScalarLike
@@ -69,7 +69,7 @@ class MaxwellSlip(StatefulLaw):
         return (d, F, after), F
 
     def check(self) -> None:
-        """Refuse settled < 0 and beta <= 0 (known numbers): closed loops would make energy.
+        """Refuse settled < 0 and beta <= 0 (concrete numbers): closed loops would make energy.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""A rigid ring: the belt's mass between the sidewall and what lies beneath it, the vertical part of the SWIFT picture.
+"""A rigid ring: the belt's mass between the sidewall and what lies beneath it, the vertical part of the SWIFT model.
 
 ``m_b y'' = k_s (d - y) + c_s (d' - y') - k_r y`` and ``F = k_s (d - y) + c_s (d' - y') + C``, y the belt's
 displacement, k_s and c_s spring and damper of the sidewall, k_r the residual stiffness between belt and road. Up to
@@ -18,7 +18,7 @@ from bayes_tyre.laws.base import ScalarLike, StatefulLaw
 
 
 class Ring(NamedTuple):
-    """What the ring remembers: displacement, mm, its rate, mm/s, force, kN; the belt's displacement and rate."""
+    """State of the ring: displacement, mm, its rate, mm/s, force, kN; the belt's displacement and rate."""
 
     d: ScalarLike
     rate: ScalarLike
@@ -30,10 +30,10 @@ class Ring(NamedTuple):
 class RigidRing(StatefulLaw):
     """A belt that swings between sidewall and road; linear, so a move along a cubic over time is exact, however long.
 
-    Three numbers place the belt, and a step record sampled at 10 kHz tells all of them: its frequency by the ripple on
-    the axle's acceleration, the ratio by the ripple's size and by how much more of the belt moves along as the axle
-    swings faster, the damping ratio by how the ripple fades. Mass and stiffness of the belt follow: they would trade
-    against one another.
+    Three parameters define the belt, and a step record sampled at 10 kHz identifies all of them: its frequency by the
+    ripple on the axle's acceleration, the ratio by the ripple's size and by how much more of the belt moves along as
+    the axle swings faster, the damping ratio by the ripple's decay. Mass and stiffness of the belt follow; as
+    parameters they would be strongly correlated.
 
     Attributes
     ----------
@@ -111,15 +111,15 @@ class RigidRing(StatefulLaw):
         )
 
     def check(self) -> None:
-        """Refuse k, belt_frequency, sidewall_ratio <= 0 and a belt_damping not in [0, 1) (known numbers).
+        """Refuse k, belt_frequency, sidewall_ratio <= 0 and a belt_damping not in [0, 1) (concrete numbers).
 
         Raises
         ------
         ValueError
             If any of the parameters, single or stacked, is so.
         """
-        told = self.k, self.belt_frequency, self.belt_damping, self.sidewall_ratio
-        k, frequency, damping, ratio = map(np.asarray, told)
+        fields = self.k, self.belt_frequency, self.belt_damping, self.sidewall_ratio
+        k, frequency, damping, ratio = map(np.asarray, fields)
         if not np.all((k > 0) & (frequency > 0) & (damping >= 0) & (damping < 1) & (ratio > 0)):
             raise ValueError(
                 "needs k, belt_frequency and sidewall_ratio > 0 and 0 <= belt_damping < 1; got "

@@ -1,4 +1,4 @@
-"""Straight lines from volts to engineering units, the step of the digitiser, and minus signs put back."""
+"""Straight lines from volts to engineering units, the step of the digitiser, and restored minus signs."""
 
 from typing import NamedTuple
 

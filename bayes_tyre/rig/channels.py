@@ -49,8 +49,8 @@ class Channels(Section):
         for key, column in self:
             place = column.strip() if isinstance(column, str) else column
             if (key != "time" or self.by_number) and taken.setdefault(place, key) != key:
-                said = {"other": taken[place]}
-                kind = PydanticCustomError("twice", "Should be another than that of channels.{other}", said)
+                context = {"other": taken[place]}
+                kind = PydanticCustomError("twice", "Should be another than that of channels.{other}", context)
                 where = InitErrorDetails(type=kind, loc=(key,), input=column)
                 raise ValidationError.from_exception_data("rig", [where])
         if "time" in self.model_fields_set and not self.by_number:

@@ -1,4 +1,4 @@
-"""What is wrong with a rig file, in one line: the key as the file spells it, and what to do."""
+"""One-line messages for errors in a rig file: the key as in the file, and the remedy."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -23,9 +23,9 @@ def first_fault(error: ValidationError, model: type[BaseModel], content: Mapping
     count = sum(not (other["type"] == "missing" and other["loc"] == meant) for other in others)
     more = f" (and {count} more)" if count else ""
     unknown = "mend its spelling or remove it" + (f" (did you mean {_spelt(meant)}?)" if near else "")
-    said = {"missing": ("is missing", "add it"), "extra_forbidden": ("is unknown", unknown)}
+    messages = {"missing": ("is missing", "add it"), "extra_forbidden": ("is unknown", unknown)}
     wrong = f"{first['msg'][0].lower()}{first['msg'][1:]}, not {repr(first['input'])[:40]}", "mend the value"
-    what, remedy = said.get(first["type"], wrong)
+    what, remedy = messages.get(first["type"], wrong)
     return f"key {_spelt(first['loc'])}: {what}{more}; {remedy}, {EXPLAINED}"
 
 

@@ -20,11 +20,6 @@ from bayes_tyre.rig.axle import Rig, needed
 type Values = Float[Array, "..."] | Float[np.ndarray, "..."] | np.float64
 
 
-def tyre_radius_mm(rim_diameter_inch: float, section_width_mm: float, aspect_ratio: float) -> float:
-    """Return the unloaded radius (mm) from a tyre's size, such as 22.5, 385, 0.65. Source: appendix B4."""
-    return rim_diameter_inch * 25.4 / 2 + aspect_ratio * section_width_mm
-
-
 def centre_height_mm(rig: Rig) -> float:
     """Return h (mm): the wheel centre above the roller axes when the tyre just touches. Source: Eq. 10.
 

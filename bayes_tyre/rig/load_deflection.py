@@ -24,7 +24,7 @@ class Deflection(NamedTuple):
 
 
 def deflection_of(rig: Rig, cylinder_kN: Readings, measured_mm: Readings) -> Deflection:
-    """Return what the tyre bears and how far it is pressed in.
+    """Return the load on the tyre and its deflection.
 
     Parameters
     ----------

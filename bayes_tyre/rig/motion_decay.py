@@ -1,8 +1,8 @@
 """Stiffness and damping from a free vibration: the classic estimate of a spring and a damper on a known mass.
 
-The logarithmic decrement of successive swings and their period (Den Hartog, Mechanical Vibrations). Of a tyre with
-friction it says what spring and damper would ring alike, others at each amplitude: small swings stay on the steep
-beginnings of the law's branches, and ring faster than large ones.
+The logarithmic decrement of successive swings and their period (Den Hartog, Mechanical Vibrations). For a tyre
+with friction it gives the equivalent spring and damper, which depend on the amplitude: small swings stay on the steep
+beginnings of the law's branches and are faster than large ones.
 """
 
 from typing import NamedTuple
@@ -23,7 +23,7 @@ ROUNDING = 1e-6
 
 
 class Decay(NamedTuple):
-    """What a free vibration says.
+    """The estimate from a free vibration.
 
     Attributes
     ----------
@@ -103,8 +103,8 @@ def ring_down(
         If too few swings stand out from the noise, or they do not decay.
     """
     about_rest = readings - readings[-len(readings) // 4 :].mean()
-    # Zeros behind the readings: a vibration of a few swings has a peak wider than the spacing of its spectrum. What
-    # has not two periods is none.
+    # Zero padding: a vibration of a few swings has a peak wider than the spacing of its spectrum. At least two periods
+    # are needed.
     spectrum, slowest = np.abs(np.fft.rfft(about_rest, 8 * len(readings))), 2 * 8
     period = 8 * len(readings) / (slowest + int(np.argmax(spectrum[slowest:])))
     smooth = np.asarray(savgol_filter(about_rest, max(5, 2 * int(_SMOOTHED * period / 2) + 1), 3))

@@ -10,7 +10,7 @@ from bayes_tyre.laws.base import ScalarLike, State, StatefulLaw
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 
-# How often a step's accelerations are worked out anew from the displacements that they lead to. Each time their error
+# Fixed-point iterations of a step's accelerations and displacements. Each time their error
 # shrinks by dt^2 / 12 times slope over mass, some thousandfold; what the second leaves is below the step's own error.
 SWEEPS = 2
 
@@ -25,7 +25,7 @@ class Point(NamedTuple):
     compression:
         Of the tyre at the wheel centre, mm: displacement and runout.
     state:
-        What the law remembers.
+        State of the law.
     a_before:
         Acceleration half a step before, mm/s^2, from which the next step's are first guessed.
     """
@@ -112,7 +112,7 @@ def _through(
     Parameters
     ----------
     rig, law, state:
-        Geometry, the tyre's law, and what it remembers at the start.
+        Geometry, the tyre's law, and its state at the start.
     compressions:
         At start, middle and end, mm.
     dt:

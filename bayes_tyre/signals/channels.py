@@ -16,13 +16,13 @@ Samples = Float[np.ndarray, " samples"]
 _JITTER = 0.1
 #: Fewer samples hold no step, nor does a shorter recording, nor samples further apart, s.
 LEAST_SAMPLES, SHORTEST_S, COARSEST_S = 100, 0.5, 2e-3
-# An accelerometer that reads its largest or smallest value so often in a row, and so long (s), has met its end: the
-# crest of a response is rounder than that even in steps of a converter.
+# An accelerometer that repeats its largest or smallest value this often, and for so long (s), is clipped: the peak of a
+# response is rounder than that even in converter steps.
 _CLIPPED, _CLIPPED_S = 8, 1e-3
 
 
 class Signals(NamedTuple):
-    """What the sensors said, shape (samples,) each.
+    """The readings of the sensors, shape (samples,) each.
 
     Attributes
     ----------

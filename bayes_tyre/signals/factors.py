@@ -1,4 +1,4 @@
-"""The words of a record: from its file's name by the source's pattern, or from a table of cases."""
+"""The factors of a record: from its file's name by the source's pattern, or from a table of cases."""
 
 import math
 import re
@@ -12,7 +12,7 @@ _NUMBER = r"(\d+(?:[.,]\d+)?)"
 _PATTERN = re.compile(rf"(?:dynamic)?\s*([sd])\s*\({_NUMBER}\)\s*{_NUMBER}\s*-\s*{_NUMBER}\s*\((\d+)\)", re.IGNORECASE)
 _CONFIGURATIONS = {"s": "single", "d": "dual"}
 _PREFIX = re.compile(r"^dynamic\s*", re.IGNORECASE)
-#: What a table of cases must say of each file; the direction follows from the step.
+#: Required columns of a table of cases; the direction follows from the step.
 CASES_NEED = ("file", "configuration", "speed_km_h", "initial_load_kN", "step_kN", "repeat")
 
 
@@ -24,7 +24,7 @@ class RecordFactors(NamedTuple):
     repeat: int
 
     def row(self) -> dict[str, object]:
-        """Return the words as columns of a record table."""
+        """Return the factors as columns of a record table."""
         return {"record": self.record, **self.case._asdict(), "repeat": self.repeat}
 
 
@@ -41,7 +41,7 @@ def record_name(file_name: str) -> str:
 
 
 def factors_from_name(file_name: str) -> RecordFactors:
-    """Return the words in a name such as ``DynamicS(0)30-20(1).lvm``: single, 0 km/h, 30 to 20 kN, repeat 1.
+    """Return the factors in a name such as ``DynamicS(0)30-20(1).lvm``: single, 0 km/h, 30 to 20 kN, repeat 1.
 
     D stands for dual; speed and loads may have decimals.
 
@@ -51,19 +51,19 @@ def factors_from_name(file_name: str) -> RecordFactors:
         If the name is not of this pattern, or both loads are the same.
     """
     name = record_name(file_name)
-    found = _PATTERN.fullmatch(name)
-    if found is None:
+    match = _PATTERN.fullmatch(name)
+    if match is None:
         raise BadInput(
             "its name does not say what was tested; name it as DynamicS(0)30-20(1).lvm, or give --cases with a row "
             "for the file"
         )
-    letter, repeat = found.group(1).lower(), int(found.group(5))
-    speed, before, after = (float(text.replace(",", ".")) for text in found.group(2, 3, 4))
+    letter, repeat = match.group(1).lower(), int(match.group(5))
+    speed, before, after = (float(text.replace(",", ".")) for text in match.group(2, 3, 4))
     return RecordFactors(name, _case(_CONFIGURATIONS[letter], speed, before, after - before), repeat)
 
 
 def factors_from_row(row: Mapping[str, object], file_name: str) -> RecordFactors:
-    """Return the words that a row of a table of cases gives a file.
+    """Return the factors of a file from its row of a table of cases.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def factors_from_row(row: Mapping[str, object], file_name: str) -> RecordFactors
     Raises
     ------
     BadInput
-        If a word is missing, is no number where it should be one, or contradicts another.
+        If a factor is missing, is not a number where one is needed, or contradicts another.
     """
     configuration = _text(row, "configuration")
     if not configuration:
@@ -87,10 +87,10 @@ def factors_from_row(row: Mapping[str, object], file_name: str) -> RecordFactors
     if repeat != round(repeat):
         raise BadInput(f"--cases, column repeat: {repeat:g} is not a whole number; mend the cell")
     case = _case(configuration, speed, before, round(step, 9))
-    said = _text(row, "direction")
-    if said and said != case.direction:
+    direction = _text(row, "direction")
+    if direction and direction != case.direction:
         raise BadInput(
-            f"--cases, column direction: {said!r} where step_kN {step:+g} is {case.direction}; use one of "
+            f"--cases, column direction: {direction!r} where step_kN {step:+g} is {case.direction}; use one of "
             f"{', '.join(DIRECTIONS)}, step_kN positive when loading"
         )
     return RecordFactors(_text(row, "record") or record_name(file_name), case, int(repeat))
@@ -98,7 +98,7 @@ def factors_from_row(row: Mapping[str, object], file_name: str) -> RecordFactors
 
 def _case(configuration: str, speed: float, before: float, step: float) -> Case:
     if step == 0:
-        raise BadInput(f"its words say a step from {before:g} to {before:g} kN, which is none; mend name or --cases")
+        raise BadInput(f"its factors say a step from {before:g} to {before:g} kN, which is none; mend name or --cases")
     return Case(configuration, "loading" if step > 0 else "unloading", speed, before, round(step, 9))
 
 

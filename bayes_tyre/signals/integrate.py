@@ -64,7 +64,7 @@ def anchored_path(signals: Signals, step: Step, first: int) -> Path:
     signals:
         Three channels; of a rolling tyre without runout.
     step:
-        As found; its quiet stretch gives means and noise.
+        As found; its rest before the step gives means and noise.
     first:
         Sample to begin with, before the motion starts.
     """

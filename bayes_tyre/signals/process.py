@@ -1,4 +1,4 @@
-"""From a file's raw signals and its words to a record, by a named method."""
+"""From a file's raw signals and its factors to a record, by a named method."""
 
 from collections.abc import Callable
 
@@ -15,8 +15,8 @@ from bayes_tyre.signals.steps import find_step, pre_step_samples
 from bayes_tyre.signals.thesis import thesis
 
 METHODS: dict[str, Callable[[Recording, Rig], Processed]] = {"thesis": thesis, "inertia": inertia}
-# A step may miss what its words say by so much of it: set points are not met exactly, another case is further off.
-_STEP_OFF = 0.4
+# Relative tolerance of a step's change: set points are not met exactly, and other cases differ by more.
+_STEP_TOLERANCE = 0.4
 
 
 def prepare(raw: RawSignals, rig: Rig, factors: RecordFactors) -> Recording:
@@ -25,7 +25,7 @@ def prepare(raw: RawSignals, rig: Rig, factors: RecordFactors) -> Recording:
     Raises
     ------
     BadInput
-        With the reason why it is of no use, and the figure behind it.
+        If the recording cannot be used; the message has the reason and the value.
     """
     as_read = find_channels(raw, rig)
     ramp = find_ramp(as_read.load_kN, as_read.dt_s)
@@ -36,10 +36,10 @@ def prepare(raw: RawSignals, rig: Rig, factors: RecordFactors) -> Recording:
         ramp, rms = find_ramp(signals.load_kN, signals.dt_s), runout.acceleration_rms_m_per_s2
         turning = runout.bodies
     step = find_step(signals, ramp)
-    said = factors.case.step_kN
-    if abs(step.change_kN - said) > _STEP_OFF * abs(said):
+    nominal = factors.case.step_kN
+    if abs(step.change_kN - nominal) > _STEP_TOLERANCE * abs(nominal):
         raise BadInput(
-            f"load changes by {step.change_kN:.3g} kN where the words say {said:+g} kN; mend the file's name or "
+            f"load changes by {step.change_kN:.3g} kN where the factors say {nominal:+g} kN; mend the file's name or "
             "--cases, or the sign of the load in [signs] of the rig file"
         )
     return Recording(factors, as_read, signals, step, rms, turning)
@@ -51,6 +51,6 @@ def process(raw: RawSignals, rig: Rig, factors: RecordFactors, method: str) -> P
     Raises
     ------
     BadInput
-        With the reason why they are of no use, and the figure behind it.
+        If they cannot be used; the message has the reason and the value.
     """
     return METHODS[method](prepare(raw, rig, factors), rig)

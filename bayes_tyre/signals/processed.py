@@ -1,4 +1,4 @@
-"""What a method makes of a recording: a record's columns, what is known of it as a whole, and a picture of the way."""
+"""The result of a processing method: a record's columns, its scalars, and the recording for figures."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ Samples = Float[np.ndarray, " samples"]
 
 
 class Recording(NamedTuple):
-    """A recording ready for a method: words, channels (as read, runout removed), step, runout's size and its bodies."""
+    """A recording ready for a method: factors, channels (as read, runout removed), step, runout's size, bodies."""
 
     factors: RecordFactors
     raw: Signals
@@ -29,14 +29,14 @@ class Processed(NamedTuple):
 
     Attributes
     ----------
-    words:
+    factors:
         Its name, case and repeat.
     time_s, displacement_mm, force_kN, displacement_sd_mm, force_sd_kN:
         Shape (points,); time is the file's. The standard deviations are those of the noise before the step.
     extras:
-        A number or word a record, by column name.
+        A number or text for the record, by column name.
     recording:
-        What it was made from, for pictures.
+        Its source, for figures.
     """
 
     factors: RecordFactors
@@ -49,7 +49,7 @@ class Processed(NamedTuple):
     recording: Recording
 
     def columns(self) -> dict[str, object]:
-        """Return the columns of a record table, words and extras repeated on every row."""
+        """Return the columns of a record table, factors and extras repeated on every row."""
         return {
             **self.factors.row(),
             "time_s": self.time_s,
@@ -62,7 +62,7 @@ class Processed(NamedTuple):
 
 
 def clarity(step: Step) -> dict[str, float | str]:
-    """Return the extras that tell of any record how clear its step is."""
+    """Return the signal-to-noise ratios of a step as extras."""
     return {
         "load_change_kN": step.change_kN,
         "load_clarity": step.load_clarity,

@@ -13,8 +13,8 @@ from bayes_tyre.signals.noise import block_means
 Samples = Float[np.ndarray, " samples"]
 #: Harmonics of each turning body.
 WHEEL_HARMONICS, ROLLER_HARMONICS = 5, 3
-# A loaded tyre rolls on less than its unloaded radius, and speed is not met exactly: a turn is sought so far about
-# its nominal frequency, on means over 4 ms. Fewer turns than this before the step cannot be told from a drift.
+# A loaded tyre rolls on less than its unloaded radius, and the speed is not exact: a turn is searched this far about
+# its nominal frequency, on means over 4 ms. Fewer turns than this before the step are indistinguishable from a drift.
 _SEARCH, _MEAN_S, _LEAST_TURNS = 0.06, 4e-3, 2.0
 
 
@@ -31,7 +31,7 @@ class Turning(NamedTuple):
 
 
 class Runout(NamedTuple):
-    """What was removed: the turning bodies as found, and the amplitude of their acceleration (root mean square)."""
+    """What was removed: the turning bodies, refined, and the amplitude of their acceleration (root mean square)."""
 
     bodies: tuple[Turning, ...]
     acceleration_rms_m_per_s2: float
@@ -43,7 +43,7 @@ def nominal_bodies(rig: Rig, speed_km_h: float) -> tuple[Turning, ...]:
     Raises
     ------
     BadInput
-        If the rig file does not say the tyre's radius: left in, runout would pass for motion of the step.
+        If the rig file has no tyre radius: without removal, runout would count as motion of the step.
     """
     mm_per_s = speed_km_h / 3.6e-3
     tyre = needed(rig.tyre, rig, "tyre")
@@ -53,53 +53,53 @@ def nominal_bodies(rig: Rig, speed_km_h: float) -> tuple[Turning, ...]:
     return tuple(bodies)
 
 
-def remove_runout(signals: Signals, quiet: int, bodies: tuple[Turning, ...]) -> tuple[Signals, Runout]:
+def remove_runout(signals: Signals, pre_step: int, bodies: tuple[Turning, ...]) -> tuple[Signals, Runout]:
     """Return the signals without what is periodic before the step.
 
     The frequencies are refined on the acceleration about their nominal values, one body after the other; then sines
-    and cosines of all harmonics are fitted to each channel's quiet stretch by least squares, with its mean and slope,
+    and cosines of all harmonics are fitted to each channel before the step by least squares, with its mean and slope,
     and taken away from the whole of it.
 
     Parameters
     ----------
     signals:
         Three channels.
-    quiet:
+    pre_step:
         Samples before the step.
     bodies:
         As `nominal_bodies` gives them.
     """
     time_s = signals.time_s - signals.time_s[0]
-    known = tuple(body for body in bodies if body.turn_Hz * time_s[quiet - 1] >= _LEAST_TURNS)
-    if not known:
+    bodies_fitted = tuple(body for body in bodies if body.turn_Hz * time_s[pre_step - 1] >= _LEAST_TURNS)
+    if not bodies_fitted:
         return signals, Runout((), 0.0)
     length = max(1, round(_MEAN_S / signals.dt_s))
-    means = block_means(signals.acceleration_m_per_s2[:quiet], length)
-    found = _refined(block_means(time_s[:quiet], length), means, known)
-    columns = _columns(time_s, found)
-    trend = np.stack([np.ones(quiet), time_s[:quiet] - time_s[:quiet].mean()])
-    design = np.concatenate([columns[:, :quiet], trend])
+    means = block_means(signals.acceleration_m_per_s2[:pre_step], length)
+    refined = _refined(block_means(time_s[:pre_step], length), means, bodies_fitted)
+    columns = _columns(time_s, refined)
+    trend = np.stack([np.ones(pre_step), time_s[:pre_step] - time_s[:pre_step].mean()])
+    design = np.concatenate([columns[:, :pre_step], trend])
     gram = design @ design.T
     clean = []
     for channel in signals[1:]:
-        weights = np.linalg.solve(gram, design @ channel[:quiet])[: len(columns)]
+        weights = np.linalg.solve(gram, design @ channel[:pre_step])[: len(columns)]
         clean.append(channel - weights @ columns)
     removed = signals.acceleration_m_per_s2 - clean[0]
-    return Signals(signals.time_s, *clean), Runout(found, float(np.sqrt(np.mean(removed**2))))
+    return Signals(signals.time_s, *clean), Runout(refined, float(np.sqrt(np.mean(removed**2))))
 
 
 def _refined(time_s: Samples, values: Samples, bodies: tuple[Turning, ...]) -> tuple[Turning, ...]:
-    found = list(bodies)
+    refined = list(bodies)
     for reach, sweeps in ((_SEARCH, 2), (_SEARCH / 20, 2)):
-        for i in list(range(len(found))) * sweeps:
-            centre = found[i].turn_Hz
+        for i in list(range(len(refined))) * sweeps:
+            centre = refined[i].turn_Hz
             # Steps that the highest harmonic's peak, as wide as 1 / duration, cannot fall between.
-            step = 0.2 / (time_s[-1] * found[i].harmonics) * (1.0 if reach == _SEARCH else 0.1)
+            step = 0.2 / (time_s[-1] * refined[i].harmonics) * (1.0 if reach == _SEARCH else 0.1)
             count = max(2, math.ceil(reach * centre / step))
             tried = centre + np.linspace(-1, 1, 2 * count + 1) * reach * centre
-            left = [_left_over(time_s, values, _with(found, i, turn)) for turn in tried]
-            found[i] = found[i]._replace(turn_Hz=_peak(tried, np.array(left)))
-    return tuple(found)
+            left = [_left_over(time_s, values, _with(refined, i, turn)) for turn in tried]
+            refined[i] = refined[i]._replace(turn_Hz=_peak(tried, np.array(left)))
+    return tuple(refined)
 
 
 def _with(bodies: list[Turning], i: int, turn_Hz: float) -> tuple[Turning, ...]:

@@ -1,4 +1,4 @@
-"""Where the step is and how clear: the load's ramp, the start of the motion, and when it has settled."""
+"""Detection of the load step: its ramp, the start of the motion, its end, and signal-to-noise ratios."""
 
 from typing import NamedTuple
 
@@ -11,39 +11,40 @@ from bayes_tyre.signals.noise import Level, block_means, moving_mean, robust_sd,
 from bayes_tyre.signals.ramp import Ramp, find_ramp
 
 Samples = Float[np.ndarray, " samples"]
-#: A step needs a change so many times the noise.
+#: Least ratio of a step's change to the noise.
 CLEAR = 5.0
 #: Rest that is needed before the step and after it, s.
 REST_S = 0.25
 #: The load's noise is that of means over this time, about half a response; the acceleration's spike is shorter.
 LOAD_MEAN_S, SPIKE_MEAN_S = 0.02, 0.005
-# The quiet stretch ends so long before the ramp, for a straight ramp starts later than a smooth one.
+# The samples at rest end this long before the ramp: a straight ramp starts later than a smooth one.
 _BEFORE_RAMP_S = 0.1
-# The motion starts where the acceleration leaves its noise for so long; it has settled where it stays in it so long.
+# Averaging time of the onset; how long the acceleration exceeds its noise at the onset, and stays within it at the end.
 _ONSET_MEAN_S, _ONSET_RUN_S, _SETTLED_RUN_S = 1e-3, 2e-3, 0.2
 _LONGEST_S = 2.0
 
 
 class Step(NamedTuple):
-    """A step of the load and the response to it; sample indices and how clear it is.
+    """A step of the load and the response to it: sample indices and signal-to-noise ratios.
 
     Attributes
     ----------
-    quiet:
-        Samples before it that are at rest: 0 to here.
+    pre_step:
+        Number of samples at rest before it.
     onset, start, settled:
-        Where the acceleration leaves its noise; its last change of sign before that; where it is back in its noise.
+        Where the acceleration exceeds its noise; its last change of sign before that; where it is within its noise
+        again.
     ramp:
         Of the load.
     load, acceleration:
-        Level and noise of the quiet stretch, kN and m/s^2 (upward).
+        Level and noise before the step, kN and m/s^2 (upward).
     spike_m_per_s2:
         Largest mean acceleration over 5 ms, from its level.
     load_clarity, acceleration_clarity:
         Change of load in standard deviations of its 20 ms means; spike in those of the acceleration's 5 ms means.
     """
 
-    quiet: int
+    pre_step: int
     onset: int
     start: int
     settled: int
@@ -66,7 +67,7 @@ class Step(NamedTuple):
 
 
 def pre_step_samples(ramp: Ramp, signals: Signals) -> int:
-    """Return how many samples before a ramp are at rest.
+    """Return the number of samples at rest before a ramp.
 
     Raises
     ------
@@ -94,21 +95,21 @@ def find_step(signals: Signals, ramp: Ramp | None = None) -> Step:
     signals:
         Three channels; of a rolling tyre, with the runout removed.
     ramp:
-        The load's ramp, if it is known already.
+        The load's ramp; None: detect it.
 
     Raises
     ------
     BadInput
-        If load or acceleration do not stand out of their noise, with the figures, or the rest is too short.
+        If load or acceleration do not exceed their noise (the message has the values), or the rest is too short.
     """
     ramp = ramp or find_ramp(signals.load_kN, signals.dt_s)
-    quiet, dt_s = pre_step_samples(ramp, signals), signals.dt_s
-    load = signal_level(signals.load_kN[:quiet], dt_s, LOAD_MEAN_S)
+    pre_step, dt_s = pre_step_samples(ramp, signals), signals.dt_s
+    load = signal_level(signals.load_kN[:pre_step], dt_s, LOAD_MEAN_S)
     change, load_clarity = ramp.after_kN - ramp.before_kN, _check_load(ramp, load)
-    level = signal_level(signals.acceleration_m_per_s2[:quiet], dt_s, LOAD_MEAN_S)
+    level = signal_level(signals.acceleration_m_per_s2[:pre_step], dt_s, LOAD_MEAN_S)
     moved = signals.acceleration_m_per_s2 - level.mean
-    spike, clarity = _spike(moved, quiet, ramp, dt_s)
-    onset = _onset(moved, quiet, ramp, -np.sign(change), dt_s) if clarity >= CLEAR else None
+    spike, clarity = _spike(moved, pre_step, ramp, dt_s)
+    onset = _onset(moved, pre_step, ramp, -np.sign(change), dt_s) if clarity >= CLEAR else None
     if onset is None:
         raise BadInput(
             f"acceleration spikes by {spike:.2g} m/s^2, {clarity:.2g} times the noise of its 5 ms means of "
@@ -116,53 +117,53 @@ def find_step(signals: Signals, ramp: Ramp | None = None) -> Step:
         )
     before = np.flatnonzero(np.diff(np.signbit(moved[:onset])))
     start = int(before[-1]) if len(before) else onset
-    settled = _settled(moved, quiet, onset, max(onset, int(ramp.end_s / dt_s)), dt_s)
-    return Step(quiet, onset, start, settled, ramp, load, level, spike, load_clarity, clarity)
+    settled = _settled(moved, pre_step, onset, max(onset, int(ramp.end_s / dt_s)), dt_s)
+    return Step(pre_step, onset, start, settled, ramp, load, level, spike, load_clarity, clarity)
 
 
 def _check_load(ramp: Ramp, load: Level) -> float:
-    """Return how many times its noise the load changes, if it is enough."""
+    """Return the ratio of the load's change to its noise; BadInput if it is too small."""
     change = ramp.after_kN - ramp.before_kN
-    times = _ratio(abs(change), load.block_sd)
-    if times < CLEAR:
+    ratio = _ratio(abs(change), load.block_sd)
+    if ratio < CLEAR:
         raise BadInput(
-            f"load changes by {change:.2g} kN, {times:.2g} times the noise of its 20 ms means of {load.block_sd:.2g} "
+            f"load changes by {change:.2g} kN, {ratio:.2g} times the noise of its 20 ms means of {load.block_sd:.2g} "
             f"kN; a step needs {CLEAR:g}"
         )
-    return times
+    return ratio
 
 
 def _ratio(value: float, noise: float) -> float:
     return value / max(noise, 1e-9)
 
 
-def _spike(moved: Samples, quiet: int, ramp: Ramp, dt_s: float) -> tuple[float, float]:
-    """Return the largest 5 ms mean about the ramp, m/s^2, and how many times the noise of such means it is."""
+def _spike(moved: Samples, pre_step: int, ramp: Ramp, dt_s: float) -> tuple[float, float]:
+    """Return the largest 5 ms mean about the ramp, m/s^2, and its ratio to the noise of such means."""
     length = max(1, round(SPIKE_MEAN_S / dt_s))
     means = moving_mean(moved, length)
-    spike = float(np.abs(means[quiet : int((ramp.end_s + _BEFORE_RAMP_S) / dt_s)]).max())
-    return spike, _ratio(spike, robust_sd(block_means(moved[:quiet], length)))
+    spike = float(np.abs(means[pre_step : int((ramp.end_s + _BEFORE_RAMP_S) / dt_s)]).max())
+    return spike, _ratio(spike, robust_sd(block_means(moved[:pre_step], length)))
 
 
-def _smooth(moved: Samples, quiet: int, dt_s: float) -> tuple[Samples, float]:
-    """Return means over 1 ms and the level that their noise does not reach, m/s^2."""
+def _smooth(moved: Samples, pre_step: int, dt_s: float) -> tuple[Samples, float]:
+    """Return means over 1 ms and a threshold above their noise, m/s^2."""
     means = moving_mean(moved, max(1, round(_ONSET_MEAN_S / dt_s)))
-    return means, CLEAR * max(robust_sd(means[:quiet]), 1e-9)
+    return means, CLEAR * max(robust_sd(means[:pre_step]), 1e-9)
 
 
-def _onset(moved: Samples, quiet: int, ramp: Ramp, sign: float, dt_s: float) -> int | None:
-    """Return where the acceleration leaves its noise to the side of the load's change; None where it does not."""
-    means, level = _smooth(moved, quiet, dt_s)
+def _onset(moved: Samples, pre_step: int, ramp: Ramp, sign: float, dt_s: float) -> int | None:
+    """Return where the acceleration exceeds its noise in the direction of the load's change; None if it does not."""
+    means, level = _smooth(moved, pre_step, dt_s)
     stop = int((ramp.end_s + _BEFORE_RAMP_S) / dt_s)
-    run = _first_run(sign * means[quiet:stop] > level, max(1, round(_ONSET_RUN_S / dt_s)))
-    return None if run is None else quiet + run
+    run = _first_run(sign * means[pre_step:stop] > level, max(1, round(_ONSET_RUN_S / dt_s)))
+    return None if run is None else pre_step + run
 
 
-def _settled(moved: Samples, quiet: int, onset: int, after: int, dt_s: float) -> int:
-    """Return where the motion has come to rest: back in its noise for two turns of the slowest ringing."""
-    means, level = _smooth(moved, quiet, dt_s)
+def _settled(moved: Samples, pre_step: int, onset: int, after: int, dt_s: float) -> int:
+    """Return where the motion has come to rest: within its noise for two periods of the slowest vibration."""
+    means, level = _smooth(moved, pre_step, dt_s)
     last = len(moved) - round(REST_S / 2 / dt_s)
-    # A rolling tyre's runout is not the same after the step: what is left of it is no ringing.
+    # A rolling tyre's runout changes with the step: its remainder does not count as vibration.
     level = max(level, 2 * robust_sd(means[(onset + len(means)) // 2 :]))
     run = _first_run(np.abs(means[after:last]) <= level, round(_SETTLED_RUN_S / dt_s))
     longest = min(last, onset + round(_LONGEST_S / dt_s))

@@ -82,7 +82,7 @@ class Truth:
     load_shape: str = "raised cosine"
 
     def row(self) -> dict[str, object]:
-        """Return its row of `truth.csv`: file, words, every number with its unit in the name; no tuples."""
+        """Return its row of `truth.csv`: file, factors, every number with its unit in the name; no tuples."""
         plan, values = self.plan, asdict(self)
         del values["plan"], values["runout"]
         turns = {"wheel_turn_Hz": self.runout.wheel_turn_Hz, "roller_turn_Hz": self.runout.roller_turn_Hz}

@@ -29,11 +29,6 @@ def test_constants_and_lever_arms(name, height, factor, force, displacement):
     assert geometry.tyre_load(rig, 0.0) == pytest.approx(rig.axle.axle_load_kN)
 
 
-def test_radii_from_tyre_sizes():
-    assert geometry.tyre_radius_mm(22.5, 385.0, 0.65) == pytest.approx(536.0)
-    assert geometry.tyre_radius_mm(22.5, 315.0, 0.8) == pytest.approx(537.75)
-
-
 @pytest.mark.parametrize("array", [np.asarray, jnp.asarray])
 def test_arrays_of_any_shape(array):
     rig = RIGS["single"]

@@ -69,5 +69,5 @@ def test_rolling_steps_stand_out_once_the_runout_is_removed(file):
 def test_a_load_that_goes_the_other_way_than_its_words_is_refused():
     record, factors = simulated("DynamicS(0)30-20(1).lvm")
     wrong = factors._replace(case=factors.case._replace(step_kN=10.0, direction="loading"))
-    with pytest.raises(BadInput, match=r"changes by -.* kN where the words say \+10 kN"):
+    with pytest.raises(BadInput, match=r"changes by -.* kN where the factors say \+10 kN"):
         prepare(record.raw, RIGS["single"], wrong)

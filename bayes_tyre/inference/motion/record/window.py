@@ -7,6 +7,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
+from bayes_tyre.inference.motion.record.block_noise import (
+    block_sd,
+    block_sd_of_differences,
+    level,
+    level_after,
+    means_of_blocks,
+)
 from bayes_tyre.inference.motion.record.parameters import prior_moments
 from bayes_tyre.inference.motion.record.pre_step_harmonics import fit_harmonics
 from bayes_tyre.inference.motion.record.runout import Rolling, ground_priors
@@ -147,17 +154,17 @@ def make_window(rig: Rig, samples: Recorded, block_s: float | None = None, law: 
     cut = channels[:, first : first + blocks * length]
     full = cut.shape[1] // length
     readings, weight = np.zeros((3, blocks)), np.zeros((3, blocks))
-    readings[:, :full] = _means(cut, length)
+    readings[:, :full] = means_of_blocks(cut, length)
     readings[:, full:] = readings[:, full - 1 : full]
-    sd = _block_sd_of_differences if rolls else _block_sd
+    sd = block_sd_of_differences if rolls else block_sd
     weight[:, :full] = 1 / np.array([sd(channel, length) for channel in pre_step])[:, None]
-    levels = [_level(channel, dt_s) for channel in pre_step]
+    levels = [level(channel, dt_s) for channel in pre_step]
     after = channels[2, first + blocks * length :]
     record_levels = {
         "acceleration_offset_m_per_s2": levels[0],
         "laser_at_rest_mm": levels[1],
         "load_before_kN": levels[2],
-        "load_after_kN": _after(after, readings[2, :full], levels[2], dt_s),
+        "load_after_kN": level_after(after, readings[2, :full], levels[2], dt_s),
         **_ramp(samples, first * dt_s),
     }
     rolling, prior = None, None
@@ -175,7 +182,7 @@ def _rolling(
 ) -> tuple[Rolling, dict[str, tuple[float, float]], Float[np.ndarray, "2 further"]]:
     """Return the harmonics of a rolling record, its levels, and the priors of the ground's parameters."""
     length = max(1, round(_HARMONICS_BLOCK_S / samples.dt_s))
-    means = _means(pre_step, length)
+    means = means_of_blocks(pre_step, length)
     # Samples stand at the middle of their share of a block (`block_weights`).
     time_s = (length * np.arange(means.shape[1]) + length / 2 - first) * samples.dt_s
     fit = fit_harmonics(time_s, means[0], means[1], samples.bodies)
@@ -223,53 +230,6 @@ def block_weights(length: int, substeps: int) -> Float[np.ndarray, " nodes"]:
     return weights / length
 
 
-def converter_step(readings: Samples) -> float:
-    """Return the smallest distance between two levels of a channel: its converter's step, or less without one."""
-    gaps = np.diff(np.unique(readings))
-    # Factors computed from rounded voltages differ in their last digits.
-    wide = gaps[gaps > 1e-6 * np.ptp(readings)]
-    return float(wide.min()) if len(wide) else 0.0
-
-
-def _block_sd(rest: Samples, length: int) -> float:
-    """Return the standard deviation of a block's mean: its noise, and what rounding adds that does not average out.
-
-    Rounding to steps q adds q^2 / 12 to the variance of a reading, in the scatter already where noise of sd s blurs
-    it; what is then still alike from reading to reading is q^2 / (2 pi^2) exp(-4 pi^2 s^2 / q^2), the first term of
-    its series (Widrow and Kollar 2008, Quantization Noise, chapter 6).
-    """
-    q = converter_step(rest)
-    scatter = float(np.std(_means(rest, length)))
-    least = q**2 / 12 / length
-    variance = max(scatter**2, least, 1e-18)
-    if q > 0:
-        noise = max(float(np.var(rest)) - q**2 / 12, 0.0)
-        variance += q**2 / (2 * np.pi**2) * np.exp(-4 * np.pi**2 * noise / q**2)
-    return float(np.sqrt(variance))
-
-
-def _block_sd_of_differences(rest: Samples, length: int) -> float:
-    """Return the standard deviation of a block's mean from that of third differences: motion drops out of them."""
-    # The third differences of white noise have 1 + 9 + 9 + 1 times its variance.
-    return float(max(np.std(np.diff(_means(rest, length), n=3)) / np.sqrt(20), 1e-9))
-
-
-def _level(rest: Samples, dt_s: float) -> tuple[float, float]:
-    """Return the mean of a rest and its standard error, from means over 20 ms: noise that is slow says less."""
-    length = max(1, round(0.02 / dt_s))
-    means = _means(rest, length)
-    white = float(np.std(rest)) / np.sqrt(len(rest))
-    slow = float(np.std(means)) / np.sqrt(max(len(means), 1))
-    return float(np.mean(rest)), max(white, slow, 1e-9)
-
-
-def _after(after: Values, window: Values, before: tuple[float, float], dt_s: float) -> tuple[float, float]:
-    """Return level and standard error of the load after the window; where nothing is left, of little weight."""
-    if len(after) * dt_s < 0.1:
-        return float(np.mean(window[-len(window) // 4 :])), max(100 * before[1], 1.0)
-    return _level(after, dt_s)
-
-
 def _ramp(samples: Recorded, first_s: float) -> dict[str, tuple[float, float]]:
     start, end = samples.ramp_s
     length = end - start
@@ -277,8 +237,3 @@ def _ramp(samples: Recorded, first_s: float) -> dict[str, tuple[float, float]]:
         "ramp_start_s": (start - first_s - _RAMP_LATE * length, np.nan),
         "log_rise": (float(np.log(_RAMP_SHORT * length)), np.nan),
     }
-
-
-def _means(values: Float[np.ndarray, "... samples"], length: int) -> Float[np.ndarray, "... blocks"]:
-    blocks = values.shape[-1] // length
-    return values[..., : blocks * length].reshape(*values.shape[:-1], blocks, length).mean(axis=-1)

@@ -92,7 +92,7 @@ def test_the_law_of_a_record_has_the_evidence(true):
     record, truth = recorded(true)
     wanted = (true, *CONTAINED_IN.get(true, ()), *RIVALS[true])
     found = {name: estimate_motion(RIG, record, MOTION_LAWS[name], sampler=None) for name in wanted}
-    evidence = {name: estimate.log_evidence for name, estimate in estimate.items()}
+    evidence = {name: estimate.log_evidence for name, estimate in found.items()}
     # A whole recording: what cannot imitate it is far behind; what contains it pays for its width, and is not ahead.
     assert all(evidence[true] > evidence[name] + 4 for name in RIVALS[true]), evidence
     assert all(evidence[true] > evidence[name] - 2 for name in CONTAINED_IN.get(true, ())), evidence
