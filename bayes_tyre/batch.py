@@ -1,4 +1,4 @@
-"""Records of unlike length side by side: padded into batches for kernels that take one shape."""
+"""Batches of records: records of different lengths padded to arrays of one shape."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ NARROWEST = 32
 
 @dataclass(frozen=True)
 class Batch:
-    """Records of unlike length side by side, padded behind their last point.
+    """Records of different lengths in one array, padded after their last point.
 
     Attributes
     ----------
@@ -36,13 +36,13 @@ class Batch:
         return self.present.sum(axis=1)
 
     def narrowed(self, width: int) -> "Batch":
-        """Return the first points of every record; those behind must all be padding, or not wanted."""
+        """Return the first `width` points of every record."""
         fields = (self.displacement_mm, self.force_kN, self.present)
         return Batch(self.records, *(np.ascontiguousarray(field[:, :width]) for field in fields))
 
 
 def batches(table: pd.DataFrame, cells: int = 131_072) -> Iterator[Batch]:
-    """Yield the records of a checked table in batches of like length, so that memory stays bounded.
+    """Yield the records of a checked table in batches of similar length, so that memory stays bounded.
 
     Parameters
     ----------
@@ -50,8 +50,8 @@ def batches(table: pd.DataFrame, cells: int = 131_072) -> Iterator[Batch]:
         A checked record table.
     cells:
         Most padded points in a batch (a longer record is a batch of its own). Lengths are padded to the
-        next power of two (at least 32): the number of shapes, and with it of compilations, grows only with
-        the logarithm of the longest record.
+        next power of two (at least 32): the number of shapes, and so of compilations, grows with the logarithm
+        of the longest record.
     """
     codes, names = pd.factorize(table["record"])
     order = _order(codes)
@@ -61,18 +61,18 @@ def batches(table: pd.DataFrame, cells: int = 131_072) -> Iterator[Batch]:
     force = table["force_kN"].to_numpy(dtype=float)
     widths = np.maximum(NARROWEST, 2 ** np.ceil(np.log2(lengths)).astype(int))
     for width in np.unique(widths):
-        alike = np.flatnonzero(widths == width)
+        members = np.flatnonzero(widths == width)
         size = max(1, cells // width)
         column = np.arange(width)
-        for chosen in (alike[start : start + size] for start in range(0, len(alike), size)):
-            present = column < lengths[chosen][:, None]
-            rows = first[chosen][:, None] + np.where(present, column, 0)
+        for block in (members[start : start + size] for start in range(0, len(members), size)):
+            present = column < lengths[block][:, None]
+            rows = first[block][:, None] + np.where(present, column, 0)
             rows = rows if order is None else order[rows]
-            yield Batch(tuple(map(str, names[chosen])), displacement[rows], force[rows], present)
+            yield Batch(tuple(map(str, names[block])), displacement[rows], force[rows], present)
 
 
 def _order(codes: Int[np.ndarray, " rows"]) -> Int[np.ndarray, " rows"] | None:
-    """Return the rows, record after record; None where they stand so already."""
+    """Return the row order that puts records one after another; None where they already are."""
     return None if (np.diff(codes) >= 0).all() else np.argsort(codes, kind="stable")
 
 

@@ -1,4 +1,4 @@
-"""The vocabulary: words of a record, columns of a record table, the case, and raw signals as a file holds them."""
+"""Names that all rooms share: factors and columns of a record table, the case, and the raw signals of a file."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,7 +10,7 @@ REQUIRED = ("record", "displacement_mm", "force_kN")
 CASE_FACTORS = ("configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN")
 FACTORS = (*CASE_FACTORS, "repeat")
 DIRECTIONS = ("loading", "unloading")
-#: Where the numbers of a table come from; a table that does not say is shown as `origin not stated`.
+#: Origins of a table's values; a table without one is shown as `origin not stated`.
 ORIGINS = ("measured", "published", "reconstructed", "simulated")
 ORIGIN_UNKNOWN = "origin not stated"
 TEXT_COLUMNS = ("record", "configuration", "direction", "origin")
@@ -18,7 +18,7 @@ NUMBER_COLUMNS = ("displacement_mm", "force_kN", "time_s", "speed_km_h", "initia
 
 
 class Case(NamedTuple):
-    """What was tested: everything that names a record but its repeat (km/h, kN; `step_kN` is signed)."""
+    """The test conditions of a record: all its factors but the repeat (km/h, kN; `step_kN` is signed)."""
 
     configuration: str
     direction: str
@@ -28,33 +28,33 @@ class Case(NamedTuple):
 
     @property
     def label(self) -> str:
-        """The source's way of writing a case, such as ``single (0)30-20``, as far as the words are known."""
-        known = {name: value for name, value in self._asdict().items() if value == value and value is not None}
-        parts = [self.configuration] if self.configuration else []
-        if "step_kN" not in known and self.direction:
-            parts.append(self.direction)
-        speed = f"({self.speed_km_h:g})" if "speed_km_h" in known else ""
-        if {"initial_load_kN", "step_kN"} <= known.keys():
+        """The case in the source's notation, such as ``single (0)30-20``, as far as its factors are given."""
+        given = {name: value for name, value in self._asdict().items() if value == value and value is not None}
+        names = [self.configuration] if self.configuration else []
+        if "step_kN" not in given and self.direction:
+            names.append(self.direction)
+        speed = f"({self.speed_km_h:g})" if "speed_km_h" in given else ""
+        if {"initial_load_kN", "step_kN"} <= given.keys():
             loads = f"{self.initial_load_kN:g}-{self.initial_load_kN + self.step_kN:g}"
         else:
-            loads = " ".join(f"{name} {known[name]:g}" for name in ("initial_load_kN", "step_kN") if name in known)
-        return " ".join([*parts, *([speed + loads] if speed + loads else [])]) or "all records"
+            loads = " ".join(f"{name} {given[name]:g}" for name in ("initial_load_kN", "step_kN") if name in given)
+        return " ".join([*names, *([speed + loads] if speed + loads else [])]) or "all records"
 
 
 @dataclass(frozen=True)
 class Channel:
-    """One channel of one segment, as the file has it.
+    """One channel of one segment, as in the file.
 
     Attributes
     ----------
     name, unit:
-        As written in the file; empty where it says nothing.
+        As written in the file; empty where there is none.
     time_s:
         Shape (samples,): X of each sample, as read or from X0 and Delta_X.
     values:
-        Shape (samples,); NaN where the cell is blank or says so.
+        Shape (samples,); NaN where the cell is blank or NaN.
     declared_samples:
-        What the header promises; None where it promises nothing.
+        Number of samples by the header; None where it gives none.
     """
 
     name: str
@@ -71,16 +71,16 @@ class Channel:
 
 @dataclass(frozen=True)
 class RawSignals:
-    """What one raw file holds, from whatever reader, or from the simulator.
+    """The signals of one raw file, from any reader or from the simulator.
 
     Attributes
     ----------
     segments:
-        Channels that were recorded together; a file of one recording has one.
+        Channels that were recorded together; a file of one recording has one segment.
     remarks:
-        What is odd about the file but could be read all the same: a sentence each.
+        Irregularities of the file that did not prevent reading: a sentence each.
     notes:
-        What the file says of itself in words, such as that it was simulated.
+        Comments in the file, such as that it was simulated.
     """
 
     segments: tuple[tuple[Channel, ...], ...]

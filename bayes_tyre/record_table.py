@@ -1,4 +1,4 @@
-"""The record table: checked on the way in, and what it says of each record."""
+"""The record table: checks of a table from outside, and the factors and further columns of each record."""
 
 import warnings
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ import pandera.pandas as pa
 from bayes_tyre.errors import BadInput
 from bayes_tyre.record import DIRECTIONS, FACTORS, NUMBER_COLUMNS, ORIGIN_UNKNOWN, ORIGINS, REQUIRED, TEXT_COLUMNS
 
-#: A median force above this is taken for newtons, a median travel below this for metres.
+#: A median force above this looks like newtons, a median travel below this like metres.
 NEWTON_LIKE_KN, METRE_LIKE_MM = 1000.0, 0.05
 
 
@@ -51,22 +51,22 @@ def _schema() -> pa.DataFrameSchema:
 
 
 def check_record_table(table: pd.DataFrame, name: str = "record table") -> pd.DataFrame:
-    """Return the record table with its columns typed, or say what is wrong with it.
+    """Return the record table with its columns typed, or raise with the first fault.
 
     Parameters
     ----------
     table:
-        Long form: `record`, `displacement_mm` (mm), `force_kN` (kN); optional `time_s` (s), the words
+        Long form: `record`, `displacement_mm` (mm), `force_kN` (kN); optional `time_s` (s), the factors
         (`configuration`, `direction`, `speed_km_h`, `initial_load_kN`, `step_kN`, `repeat`), `origin`,
-        and any further columns, which are kept. Rows of a record are in measured order.
+        and any further columns, which stay. Rows of a record are in measured order.
     name:
-        What to call the table in messages: its file.
+        Name of the table in messages: its file.
 
     Raises
     ------
     BadInput
-        For missing columns, no rows, cells that are not finite numbers, words that are empty or unknown,
-        words that contradict each other within a record, and time that runs backwards.
+        For missing columns, no rows, cells that are not finite numbers, factors that are empty or unknown,
+        factors that contradict each other within a record, and time that runs backwards.
     """
     check_columns(table, name, "record", REQUIRED)
     typed = _typed(table, name)
@@ -74,58 +74,58 @@ def check_record_table(table: pd.DataFrame, name: str = "record table") -> pd.Da
         _schema().validate(typed, lazy=True, inplace=True)
     except pa.errors.SchemaErrors as error:
         raise BadInput(_first_failure(error.failure_cases, name)) from None
-    _check_words(typed, name)
+    _check_factors(typed, name)
     _check_time(typed, name)
     return typed
 
 
-def check_columns(table: pd.DataFrame, name: str, of: str, required: Sequence[str]) -> None:
+def check_columns(table: pd.DataFrame, name: str, unit: str, required: Sequence[str]) -> None:
     """Refuse a long table that lacks a column, has one twice, or has no rows.
 
     Parameters
     ----------
     table, name:
-        The table, and what to call it in messages.
-    of:
-        What its rows belong to: `record`, `test`.
+        The table, and its name in messages.
+    unit:
+        What the rows belong to: `record`, `test`.
     required:
-        The columns it cannot do without.
+        The columns that it must have.
 
     Raises
     ------
     BadInput
-        With the columns that are missing and those that were found.
+        With the columns that are missing and those that are there.
     """
     missing = [column for column in required if column not in table.columns]
     if missing:
         raise BadInput(
             f"{name}: missing column {', '.join(missing)}; found {one_line(', '.join(map(str, table.columns)))}; "
-            f"a {of} table needs {', '.join(required)}"
+            f"a {unit} table needs {', '.join(required)}"
         )
     repeated = table.columns[table.columns.duplicated()]
     if len(repeated):
         raise BadInput(f"{name}: column {one_line(repeated[0])} stands twice; keep one")
     if table.empty:
-        raise BadInput(f"{name}: no rows below the header; give at least one {of}")
+        raise BadInput(f"{name}: no rows below the header; give at least one {unit}")
 
 
-def check_agreement(table: pd.DataFrame, name: str, of: str, factors: Sequence[str]) -> None:
-    """Refuse words that contradict each other within a `record` or a `test`, whichever the rows are `of`.
+def check_agreement(table: pd.DataFrame, name: str, unit: str, factors: Sequence[str]) -> None:
+    """Refuse factors that vary within a `unit`: a `record` or a `test`.
 
     Raises
     ------
     BadInput
-        With the first that contradicts itself, the word and two of its values.
+        With the first such record or test, the factor and two of its values.
     """
-    groups = table.groupby(of, sort=False)
-    for word in factors:
-        unlike = groups[word].nunique()
-        if unlike.gt(1).any():
-            label = str(unlike.idxmax())
-            one, other = map(one_line, table.loc[table[of] == label, word].unique()[:2])
+    groups = table.groupby(unit, sort=False)
+    for factor in factors:
+        levels = groups[factor].nunique()
+        if levels.gt(1).any():
+            label = str(levels.idxmax())
+            one, other = map(one_line, table.loc[table[unit] == label, factor].unique()[:2])
             raise BadInput(
-                f"{name}: {of} {one_line(label)!r}, column {word}: contradicts itself ({one} and {other}); "
-                f"give every {of} one value or a name of its own"
+                f"{name}: {unit} {one_line(label)!r}, column {factor}: contradicts itself ({one} and {other}); "
+                f"give every {unit} one value or a name of its own"
             )
 
 
@@ -133,7 +133,7 @@ def _typed(table: pd.DataFrame, name: str) -> pd.DataFrame:
     typed = table.reset_index(drop=True)  # copy on write: only columns that change take memory
     for column in TEXT_COLUMNS:
         if column in typed:
-            typed[column] = _text_of(typed[column])
+            typed[column] = _as_text(typed[column])
     for column in NUMBER_COLUMNS:
         if column not in typed:
             continue
@@ -150,7 +150,7 @@ def _typed(table: pd.DataFrame, name: str) -> pd.DataFrame:
     return typed
 
 
-def _text_of(column: pd.Series) -> pd.Series:
+def _as_text(column: pd.Series) -> pd.Series:
     """Return a column as text, empty where it is missing."""
     if isinstance(column.dtype, pd.StringDtype):
         return column.fillna("") if column.hasnans else column
@@ -158,7 +158,7 @@ def _text_of(column: pd.Series) -> pd.Series:
 
 
 def one_line(text: object) -> str:
-    """Return a text from a table as a message can hold it: on one line, not too long."""
+    """Return a text from a table for a message: on one line, at most 200 characters."""
     return " ".join(str(text).split())[:200]
 
 
@@ -176,8 +176,8 @@ def _first_failure(failures: pd.DataFrame, name: str) -> str:
     )
 
 
-def _check_words(table: pd.DataFrame, name: str) -> None:
-    present = [word for word in (*FACTORS, "origin") if word in table]
+def _check_factors(table: pd.DataFrame, name: str) -> None:
+    present = [name for name in (*FACTORS, "origin") if name in table]
     if not present:
         return
     check_agreement(table, name, "record", present)
@@ -203,28 +203,28 @@ def _check_time(table: pd.DataFrame, name: str) -> None:
 
 
 def origin_of(table: pd.DataFrame) -> str:
-    """Return where the numbers come from, such as ``"reconstructed"``; several are joined by a plus."""
+    """Return the origin of a table's values, such as ``"reconstructed"``; several are joined by a plus."""
     if "origin" not in table:
         return ORIGIN_UNKNOWN
     return " + ".join(sorted(table["origin"].unique()))
 
 
 def suspicious_units(table: pd.DataFrame) -> list[str]:
-    """Return what suggests that a checked table is in N or m: a sentence each, with the factor."""
-    found = []
+    """Return why a checked table looks like N or m: a sentence each, with the conversion factor."""
+    sentences = []
     force = float(table["force_kN"].abs().median())
     if force > NEWTON_LIKE_KN:
-        found.append(f"column force_kN: median |F| is {force:g}, which looks like N; divide by 1000")
+        sentences.append(f"column force_kN: median |F| is {force:g}, which looks like N; divide by 1000")
     displacement = table.groupby("record", sort=False)["displacement_mm"]
     travel = float((displacement.max() - displacement.min()).median())
     if 0 < travel < METRE_LIKE_MM:
-        found.append(f"column displacement_mm: median travel is {travel:g}, which looks like m; multiply by 1000")
-    return found
+        sentences.append(f"column displacement_mm: median travel is {travel:g}, which looks like m; multiply by 1000")
+    return sentences
 
 
 def record_factors(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row a record, in order of first appearance: `record`, and those words the table has."""
-    present = [word for word in FACTORS if word in table]
+    """Return one row a record, in order of first appearance: `record`, and the factors that the table has."""
+    present = [name for name in FACTORS if name in table]
     factors = table.drop_duplicates("record")[["record", *present]].reset_index(drop=True)
     if "repeat" in factors:
         factors["repeat"] = factors["repeat"].astype(int)
@@ -232,7 +232,7 @@ def record_factors(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def record_extras(table: pd.DataFrame) -> pd.DataFrame:
-    """Return what further columns say of each record, such as a pressure: one row a record, in order of appearance.
+    """Return further columns of each record, such as a pressure: one row a record, in order of appearance.
 
     Columns `record`, and each column that is no column of a record table. Numbers that vary within a record are
     averaged; text that varies is left out.
@@ -242,10 +242,10 @@ def record_extras(table: pd.DataFrame) -> pd.DataFrame:
     UserWarning
         For columns that are left out.
     """
-    known = {*TEXT_COLUMNS, *NUMBER_COLUMNS}
+    standard = {*TEXT_COLUMNS, *NUMBER_COLUMNS}
     extras, varying = table[["record"]].drop_duplicates().reset_index(drop=True), []
     by_record = table.groupby("record", sort=False)
-    for column in (column for column in table.columns if column not in known):
+    for column in (column for column in table.columns if column not in standard):
         if pd.api.types.is_numeric_dtype(table[column]) and not pd.api.types.is_bool_dtype(table[column]):
             extras[column] = by_record[column].mean().to_numpy()
         elif by_record[column].nunique(dropna=False).gt(1).any():
@@ -262,7 +262,7 @@ def record_extras(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def carry_extras(rows: pd.DataFrame, extras: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows with the extras of their `record` behind them; one whose name is taken is ``given_<name>``."""
+    """Return the rows with the further columns of their `record`; one whose name is taken becomes ``given_<name>``."""
     taken = {*rows.columns, "origin", "verdict"}
     names = {"record": "record"}
     for column in map(str, extras.columns.drop("record")):

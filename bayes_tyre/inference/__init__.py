@@ -1,1 +1,1 @@
-"""Least squares and posteriors of the laws' parameters."""
+"""Estimates of the parameters of force laws: least squares and posteriors."""

@@ -1,4 +1,4 @@
-"""Noise that is not independent from point to point: smoothed by a known window, or following itself."""
+"""Correlated noise: a moving average of known window, or autoregressive; whitening of residuals for both."""
 
 import equinox as eqx
 import jax
@@ -9,21 +9,20 @@ from scipy.linalg import solve_triangular
 
 from bayes_tyre.errors import BadInput
 
-#: Part of the variance that stays independent: what a converter adds after the smoothing, and what keeps the covariance
-#: of a long window, which is zero at whole frequencies, from being singular.
+#: Part of the variance that is independent, such as a converter's noise after the smoothing. It also keeps the
+#: covariance of a long window, whose spectrum has zeros, from being singular.
 INDEPENDENT_PART = 1e-6
-#: A covariance of more points than this would take gigabytes.
+#: Most points of a covariance: more would take gigabytes.
 MOST_POINTS = 5000
-#: Lag-1 autocorrelation of residuals above which what follows itself is no noise: signals that a window of dozens of
-#: samples went over leave 0.99, the source's 801 samples 0.998.
+#: Lag-1 autocorrelation of residuals above which signals look smoothed: a window of dozens of samples leaves 0.99, the
+#: source's 801 samples 0.998.
 SMOOTHED = 0.95
 
 
 class Whitening(eqx.Module):
-    """The inverse Cholesky factor of a noise's correlation: what it maps noise to is independent, of variance 1.
+    """The inverse Cholesky factor of a noise's correlation: it maps the noise to independent values of variance 1.
 
-    Points are numbered from a record's first, so that one factor serves records of any length up to its own: the
-    factor of the first n points is its leading block.
+    The factor of the first n points is its leading block, so that one factor serves records of any shorter length.
 
     Attributes
     ----------
@@ -34,7 +33,7 @@ class Whitening(eqx.Module):
     inverse: Float[Array, "points points"]
 
     def whiten(self, values: Float[Array, " points"], present: Bool[Array, " points"]) -> Float[Array, " points"]:
-        """Return the values mapped, zero on padding; padding follows the points, and is zero in `values`."""
+        """Return the whitened values, zero on padding; padding follows the points, and is zero in `values`."""
         return jnp.where(present, self.inverse @ values, 0.0)
 
     def log_volume(self, points: Array) -> Float[Array, " records"]:
@@ -43,29 +42,29 @@ class Whitening(eqx.Module):
 
 
 def smoothed_noise(points: int, window: int) -> Whitening:
-    """Return the whitening of independent noise that a moving average of `window` samples went over.
+    """Return the whitening of a moving average of `window` samples of independent noise.
 
-    The correlation of two points falls linearly with their distance, and ends at a window.
+    The correlation of two points falls linearly with their distance, to zero at a window.
 
     Parameters
     ----------
     points:
-        Of the longest record, equally spaced in time.
+        Number of points of the longest record, equally spaced in time.
     window:
         Samples averaged, at the rate of the points.
 
     Raises
     ------
     BadInput
-        For more points than such a covariance can be held for.
+        For more than `MOST_POINTS` points.
     """
     if points > MOST_POINTS:
         raise BadInput(
             f"noise smoothed over {window} samples: a record has {points} points, its covariance can be held for "
             f"{MOST_POINTS}; keep every n-th point of each record, and give the window in those"
         )
-    apart = np.abs(np.subtract.outer(np.arange(points), np.arange(points)))
-    correlation = np.maximum(0.0, 1.0 - apart / window)
+    lag = np.abs(np.subtract.outer(np.arange(points), np.arange(points)))
+    correlation = np.maximum(0.0, 1.0 - lag / window)
     correlation[np.diag_indices(points)] += INDEPENDENT_PART
     factor = np.linalg.cholesky(correlation)
     return Whitening(jnp.asarray(solve_triangular(factor, np.eye(points), lower=True)))
@@ -81,9 +80,9 @@ def lag_1(residual: Float[Array, " points"], present: Bool[Array, " points"]) ->
 def innovations(
     values: Float[Array, " points"], present: Bool[Array, " points"], rho: Float[Array, ""]
 ) -> Float[Array, " points"]:
-    """Return what is new in each point of noise with lag-1 autocorrelation rho, scaled to the noise's own variance."""
-    new = (values[1:] - rho * values[:-1]) / jnp.sqrt(1.0 - rho**2)
-    return jnp.where(present, jnp.concatenate([values[:1], new]), 0.0)
+    """Return the innovations of AR(1) noise with lag-1 autocorrelation rho, scaled to the variance of the noise."""
+    innovation = (values[1:] - rho * values[:-1]) / jnp.sqrt(1.0 - rho**2)
+    return jnp.where(present, jnp.concatenate([values[:1], innovation]), 0.0)
 
 
 def whiten(
@@ -92,7 +91,7 @@ def whiten(
     rho: Float[np.ndarray, " records"] | None = None,
     window: int = 1,
 ) -> Float[np.ndarray, "records points"]:
-    """Return residuals less the correlation that the noise has: independent where the model holds.
+    """Return whitened residuals: independent where the noise model holds.
 
     Parameters
     ----------
@@ -101,7 +100,7 @@ def whiten(
     rho:
         Lag-1 autocorrelation of each record's noise; None: 0.
     window:
-        Samples of the moving average that went over the noise; 1: none.
+        Window of the moving average of the noise, samples; 1: none.
     """
     if window > 1:
         factor = smoothed_noise(residual.shape[1], window)

@@ -1,4 +1,4 @@
-"""The measured records as least squares and the models take them, and the force of Equation 2 at their points."""
+"""The measured records as arrays for the models, and the force of Equation 2 at their points."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from bayes_tyre.laws.fancher import equation_2_offset
 
 
 class RecordData(NamedTuple):
-    """The measured records as the models take them: d_0 is the first displacement, u the distance from it.
+    """The measured records as arrays for the models: d_0 is the first displacement, u the distance from it.
 
     Attributes
     ----------
@@ -32,12 +32,12 @@ class RecordData(NamedTuple):
 
 
 def record_data(batch: Batch) -> RecordData:
-    """Return a batch of records as the models take it."""
+    """Return a batch of records as arrays for the models."""
     # In NumPy: JAX would compile each step by itself.
     d, F = batch.displacement_mm, batch.force_kN
     span = np.max(np.where(batch.present, np.abs(F - F[:, :1]), 0.0), axis=1)
-    numbers = d - d[:, :1], F, batch.present, d[:, 0], F[:, 0], np.where(span > 0, span, 1.0)
-    return RecordData(*map(jnp.asarray, numbers))
+    arrays = d - d[:, :1], F, batch.present, d[:, 0], F[:, 0], np.where(span > 0, span, 1.0)
+    return RecordData(*map(jnp.asarray, arrays))
 
 
 def force_curve(u: Float[Array, " points"], theta: Float[Array, "4"]) -> Float[Array, " points"]:

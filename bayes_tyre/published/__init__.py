@@ -1,1 +1,1 @@
-"""The source's printed numbers, every one recomputed, and the campaign reconstructed from them."""
+"""The published tables, recomputation of every printed value, and the campaign reconstructed from them."""

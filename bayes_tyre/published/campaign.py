@@ -1,4 +1,4 @@
-"""The reconstructed campaign: records that the source's raw data might have given, made to return its printed numbers.
+"""The reconstructed campaign: simulated records whose least-squares estimates average to the printed values.
 
 Nothing here was measured. The printed k and beta of 48 cases (Tables 9 and 11) are real; the repeats, the paths
 and the noise are assumed, as each constant below says, because the source does not publish its raw data.
@@ -14,26 +14,26 @@ from bayes_tyre.record import CASE_FACTORS, FACTORS, Case
 from bayes_tyre.rig.axle import Rig, load_rig
 from bayes_tyre.rig.geometry import flat_ground_start
 
-#: Relative scatter of k among repeats, standing and rolling: assumed, after the displacements of Table 8.
-STANDING_SCATTER, ROLLING_SCATTER = 0.04, 0.10
-#: beta scatters this many times as much as k: assumed.
-BETA_SCATTER_FACTOR = 2.0
-#: The source leaves out a repeat that is "significantly different" and gives no number; this multiple is ours.
+#: Relative standard deviation of k among repeats, stationary and rolling: assumed, after the displacements of Table 8.
+SD_STATIONARY, SD_ROLLING = 0.04, 0.10
+#: Relative standard deviation of beta among repeats over that of k: assumed.
+SD_BETA_OVER_K = 2.0
+#: The source leaves out a repeat that is "significantly different" and gives no number; this multiple is an assumption.
 RULE_MULTIPLE = 6.0
-#: Ordinary repeats are drawn within this many standard deviations: assumed, so that none is odd by mere chance.
+#: Ordinary repeats are drawn within this many standard deviations: assumed, so that none is discordant by chance.
 ORDINARY_WITHIN = 2.0
 REPEATS = 3
 DISCORDANT_CASES_PER_CONFIGURATION = 3
 DISCORDANT_K_SHIFT = (0.30, 0.45)
 DISCORDANT_BETA_SHIFT = (0.45, 0.60)
-#: Offset of the envelope at the start of a step, kN, and its relative scatter: assumed.
-OFFSET_KN, OFFSET_SCATTER = 0.4, 0.1
+#: Offset of the envelope at the start of a step, kN, and its relative standard deviation: assumed.
+OFFSET_KN, OFFSET_SD = 0.4, 0.1
 NOISE_KN = 0.03
 SAMPLE_S = 0.0002
 POINTS = (225, 256)
-#: The first part of a record that the source fits; the noise is made orthogonal on it and on the rest apart.
+#: Share of a record that the source fits; the noise is made orthogonal on it and on the rest separately.
 FIRST_PART = 0.7
-#: Decimals in the file: with four the printed digits are lost.
+#: Decimals in the file: with four the printed digits do not come back.
 DECIMALS = 9
 SEED = 2019
 
@@ -60,71 +60,71 @@ class _Truth(NamedTuple):
         return self.J + self.F_i - self.k * self.d_i
 
 
-def usual_scatter(speed_km_h: float) -> float:
-    """Return the relative scatter of k among repeats at a speed (km/h), assumed after Table 8."""
-    return STANDING_SCATTER if speed_km_h == 0 else ROLLING_SCATTER
+def repeat_sd(speed_km_h: float) -> float:
+    """Return the relative standard deviation of k among repeats at a speed (km/h), assumed after Table 8."""
+    return SD_STATIONARY if speed_km_h == 0 else SD_ROLLING
 
 
-def left_out(k_kN_per_mm: np.ndarray, scatter: float, multiple: float = RULE_MULTIPLE) -> np.ndarray:
+def left_out(k_kN_per_mm: np.ndarray, sd: float, multiple: float = RULE_MULTIPLE) -> np.ndarray:
     """Return which repeat of a case the source's rule leaves out of the mean, shape (repeats,), at most one True.
 
-    A repeat is left out when its k differs from the mean of the others by more than `multiple` times the usual
-    relative `scatter`; of several the most distant. The source states the rule without a number ("Data
+    A repeat is left out when its k differs from the mean of the others by more than `multiple` times the
+    relative standard deviation `sd`; of several the most distant. The source states the rule without a number ("Data
     processing", last paragraph but one): the multiple is an assumption of this project.
     """
     k = np.asarray(k_kN_per_mm, dtype=float)
     if len(k) < REPEATS:
         return np.zeros(len(k), dtype=bool)
     others = (k.sum() - k) / (len(k) - 1)
-    distance = np.abs(k / others - 1.0) / scatter
+    distance = np.abs(k / others - 1.0) / sd
     out = distance > multiple
     return out & (np.arange(len(k)) == np.argmax(distance))
 
 
 def case_means(fits: pd.DataFrame) -> pd.DataFrame:
-    """Return the mean k and beta of every case over the repeats that the rule keeps.
+    """Return the mean k and beta of every case over the repeats that the rule does not leave out.
 
     Parameters
     ----------
     fits:
-        A row a record with the words, `k_kN_per_mm` and `beta_mm`, such as `least_squares.csv`.
+        A row a record with the factors, `k_kN_per_mm` and `beta_mm`, such as `least_squares.csv`.
 
     Returns
     -------
     pandas.DataFrame
-        The case words, `k_kN_per_mm`, `beta_mm`, and `left_out`: the repeat left out, or missing.
+        The factors of the case, `k_kN_per_mm`, `beta_mm`, and `left_out`: the repeat left out, or missing.
     """
     rows = []
     for factors, repeats in fits.groupby([*CASE_FACTORS], sort=False):
         case = Case._make(factors)
-        out = left_out(repeats["k_kN_per_mm"].to_numpy(), usual_scatter(case.speed_km_h))
-        kept = repeats.loc[~out, ["k_kN_per_mm", "beta_mm"]].mean()
-        odd = repeats["repeat"].to_numpy()[out]
-        rows.append({**case._asdict(), **kept.to_dict(), "left_out": odd[0] if len(odd) else pd.NA})
+        out = left_out(repeats["k_kN_per_mm"].to_numpy(), repeat_sd(case.speed_km_h))
+        mean = repeats.loc[~out, ["k_kN_per_mm", "beta_mm"]].mean()
+        discordant = repeats["repeat"].to_numpy()[out]
+        rows.append({**case._asdict(), **mean.to_dict(), "left_out": discordant[0] if len(discordant) else pd.NA})
     return pd.DataFrame(rows).astype({"left_out": "Int64"})
 
 
 def reconstruct(seed: int = SEED) -> Reconstruction:
     """Return the reconstructed campaign: 48 published cases, three repeats each, and its truth.
 
-    The repeats that `left_out` keeps average exactly to the printed k and beta of their case; least squares
+    The repeats that are not `left_out` average exactly to the printed k and beta of their case; least squares
     from d_i, F_i = first point has its stationary point at each record's truth, over the first 70 % and over
-    all of the record alike.
+    all of the record.
     """
     rng = np.random.default_rng(seed)
     published = tables.case_means()
-    odd_ones = _choose_discordant(published, rng)
+    discordant = _choose_discordant(published, rng)
     records, truths = [], []
     for row, published_case in published.iterrows():
-        case = Case._make(published_case[word] for word in CASE_FACTORS)
-        multipliers = _repeat_factors(usual_scatter(case.speed_km_h), odd_ones.get(row), rng)
+        case = Case._make(published_case[name] for name in CASE_FACTORS)
+        multipliers = _repeat_factors(repeat_sd(case.speed_km_h), discordant.get(row), rng)
         for repeat in range(REPEATS):
             k, beta = multipliers[repeat] * (published_case["k_kN_per_mm"], published_case["beta_mm"])
             truth = _truth(case, k, beta, rng)
             factors = {**case._asdict(), "repeat": repeat + 1}
             name = record_name(case, repeat + 1)
             records.append(_record(truth, rng).assign(record=name, **factors, origin="reconstructed"))
-            truths.append(_truth_row(name, factors, truth, discordant=odd_ones.get(row) == repeat))
+            truths.append(_truth_row(name, factors, truth, discordant=discordant.get(row) == repeat))
     order = ["record", *FACTORS, "time_s", "displacement_mm", "force_kN", "origin"]
     return Reconstruction(pd.concat(records, ignore_index=True)[order], pd.DataFrame(truths))
 
@@ -137,31 +137,31 @@ def record_name(case: Case, repeat: int) -> str:
 
 def _choose_discordant(published: pd.DataFrame, rng: np.random.Generator) -> dict[object, int]:
     """Return which repeat is discordant, by row of the published table: some standing cases of each configuration."""
-    odd_ones: dict[object, int] = {}
+    discordant: dict[object, int] = {}
     for _, cases in published[published["speed_km_h"] == 0].groupby("configuration", sort=True):
         for row in sorted(rng.choice(cases.index, DISCORDANT_CASES_PER_CONFIGURATION, replace=False)):
-            odd_ones[row] = int(rng.integers(REPEATS))
-    return odd_ones
+            discordant[row] = int(rng.integers(REPEATS))
+    return discordant
 
 
-def _repeat_factors(scatter: float, odd_one: int | None, rng: np.random.Generator) -> np.ndarray:
-    """Return the factors on the case's k and beta, shape (repeats, 2); those of the kept repeats average to 1."""
-    kept = np.arange(REPEATS) != odd_one
-    deviation = _within(rng, ORDINARY_WITHIN, (REPEATS, 2)) * scatter * (1.0, BETA_SCATTER_FACTOR)
-    shrink = np.sqrt(kept.sum() / (kept.sum() - 1))  # centring takes a degree of freedom; the scatter stays as stated
-    deviation[kept] = (deviation[kept] - deviation[kept].mean(axis=0)) * shrink
-    if odd_one is not None:
+def _repeat_factors(sd: float, discordant: int | None, rng: np.random.Generator) -> np.ndarray:
+    """Return the factors on the case's k and beta, shape (repeats, 2); those of the others average to 1."""
+    ordinary = np.arange(REPEATS) != discordant
+    deviation = _within(rng, ORDINARY_WITHIN, (REPEATS, 2)) * sd * (1.0, SD_BETA_OVER_K)
+    shrink = np.sqrt(ordinary.sum() / (ordinary.sum() - 1))  # centring takes a degree of freedom
+    deviation[ordinary] = (deviation[ordinary] - deviation[ordinary].mean(axis=0)) * shrink
+    if discordant is not None:
         shift = rng.uniform(*np.transpose([DISCORDANT_K_SHIFT, DISCORDANT_BETA_SHIFT]))
-        deviation[odd_one] = shift * rng.choice((-1.0, 1.0), size=2)
+        deviation[discordant] = shift * rng.choice((-1.0, 1.0), size=2)
     return 1.0 + deviation
 
 
 def _within(rng: np.random.Generator, bound: float, shape: tuple[int, ...]) -> np.ndarray:
-    """Return standard normal numbers, those beyond the bound drawn again."""
-    numbers = rng.standard_normal(shape)
-    while (beyond := np.abs(numbers) > bound).any():
-        numbers[beyond] = rng.standard_normal(beyond.sum())
-    return numbers
+    """Return standard normal draws, truncated at the bound by drawing again."""
+    draws = rng.standard_normal(shape)
+    while (beyond := np.abs(draws) > bound).any():
+        draws[beyond] = rng.standard_normal(beyond.sum())
+    return draws
 
 
 def _truth(case: Case, k: float, beta: float, rng: np.random.Generator) -> _Truth:
@@ -169,7 +169,7 @@ def _truth(case: Case, k: float, beta: float, rng: np.random.Generator) -> _Trut
     stiffness = tables.tests_stiffness(case.configuration, case.direction, case.speed_km_h)
     d_i, F_i = flat_ground_start(rig, case.initial_load_kN, stiffness)
     _, F_end = flat_ground_start(rig, case.initial_load_kN + case.step_kN, stiffness)
-    J = np.sign(case.step_kN) * OFFSET_KN * (1.0 + OFFSET_SCATTER * rng.standard_normal())
+    J = np.sign(case.step_kN) * OFFSET_KN * (1.0 + OFFSET_SD * rng.standard_normal())
     d_i, F_i = round(float(d_i), DECIMALS), round(float(F_i), DECIMALS)
     return _Truth(k, J, beta, d_i, F_i, travel=(float(F_end) - F_i - J) / k)
 
@@ -197,13 +197,13 @@ def _tangents(truth: _Truth, u: np.ndarray) -> np.ndarray:
 
 
 def _orthogonal_noise(noise: np.ndarray, tangents: np.ndarray) -> np.ndarray:
-    """Return the noise without its component in the tangent space, on each part apart; none on the first point."""
+    """Return the noise without its component in the tangent space, separately on each part; none on the first point."""
     end = int(np.ceil(FIRST_PART * len(noise)))
     result = np.zeros_like(noise)
     for part in (slice(1, end), slice(end, None)):
         size = np.linalg.norm(tangents[part], axis=0)
         basis = tangents[part][:, size > 0] / size[size > 0]
-        for _ in range(2):  # a second pass removes what rounding left of the first
+        for _ in range(2):  # a second pass removes the rounding error of the first
             noise[part] -= basis @ np.linalg.lstsq(basis, noise[part], rcond=1e-13)[0]
         result[part] = noise[part]
     return result

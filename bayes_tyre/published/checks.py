@@ -1,6 +1,6 @@
-"""Every published number that can be recomputed, beside what comes out, and the errata that this found.
+"""Checks of every published value that can be recomputed, and the errata found.
 
-A number agrees if it lies within half a unit of the last printed digit, plus `ROUNDING` because some means are exact
+A value agrees if it lies within half a unit of the last printed digit, plus `ROUNDING` because some means are exact
 ties. Values far below one are therefore compared in the power of ten in which they are printed.
 """
 
@@ -26,7 +26,7 @@ def published_check(case_means: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     case_means:
-        The case words, `k_kN_per_mm` (kN/mm) and `beta_mm` (mm), a row a case, as fitted to reconstructed records.
+        The factors of the case, `k_kN_per_mm` (kN/mm) and `beta_mm` (mm), a row a case, of reconstructed records.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def published_check(case_means: pd.DataFrame) -> pd.DataFrame:
 def recomputed_rows() -> pd.DataFrame:
     """Return the checks of kind `recomputed`: means, geometry, section, calibration, spreads (columns: `COLUMNS`).
 
-    Sources: Tables 8 to 11, Eq. 8 and 9, appendices B1, B2, B3, B5. Where the number was not printed but stated by
+    Sources: Tables 8 to 11, Eq. 8 and 9, appendices B1, B2, B3, B5. Where the value was not printed but stated by
     this project, `source` says so.
     """
     means = _mean_rows(tables.case_means(), "recomputed")
@@ -51,19 +51,19 @@ def recomputed_rows() -> pd.DataFrame:
 
 
 def round_trip_rows(case_means: pd.DataFrame) -> pd.DataFrame:
-    """Return the checks of kind `round trip`: what comes back from what was reconstructed from printed numbers.
+    """Return the checks of kind `round trip`: estimates from records that were reconstructed from printed values.
 
     Parameters
     ----------
     case_means:
-        The case words, `k_kN_per_mm` (kN/mm) and `beta_mm` (mm), a row a case. A case that is missing is NaN and
-        does not agree, nor do the means that it belongs to.
+        The factors of the case, `k_kN_per_mm` (kN/mm) and `beta_mm` (mm), a row a case. A missing case is NaN and does
+        not agree, nor do the means that it belongs to.
 
     Returns
     -------
-    124 rows, columns as `COLUMNS`. From records: the 96 cells of Tables 9 and 11, their 8 means, the 10 model cells of
-    Table 10. From load-deflection tests, through rig geometry and line fit alone: the 10 tests cells of Table 10, with
-    which the source compares nothing by a number.
+    124 rows, columns as `COLUMNS`. From records: the 96 values of Tables 9 and 11, their 8 means, the 10 model values
+    of Table 10. From load-deflection tests, through rig geometry and line fit alone: the 10 test values of Table 10,
+    with which the source makes no numerical comparison.
 
     Raises
     ------
@@ -71,8 +71,8 @@ def round_trip_rows(case_means: pd.DataFrame) -> pd.DataFrame:
         If a column is missing, or a case stands twice.
     """
     returned = case_means[[*CASE_FACTORS, STIFFNESS, CHARACTERISTIC_DEFLECTION]]
-    cells = tables.case_means()[list(CASE_FACTORS)]
-    returned = cells.merge(returned, on=list(CASE_FACTORS), how="left", validate="one_to_one")
+    cases = tables.case_means()[list(CASE_FACTORS)]
+    returned = cases.merge(returned, on=list(CASE_FACTORS), how="left", validate="one_to_one")
     rows = []
     for printed, parameter in (
         (tables.stiffness(), STIFFNESS),
@@ -85,7 +85,7 @@ def round_trip_rows(case_means: pd.DataFrame) -> pd.DataFrame:
 
 
 def erratum_rows() -> pd.DataFrame:
-    """Return the checks of kind `erratum`: printed numbers that do not recompute (columns: `COLUMNS`).
+    """Return the checks of kind `erratum`: printed values that do not recompute (columns: `COLUMNS`).
 
     `published` is what is printed (NaN where the source prints no number), `recomputed` ours, and `agrees` says
     whether ours is the corrected value that `data/published/errata.csv` records, within that value's digits. Errata

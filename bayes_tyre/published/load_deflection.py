@@ -1,7 +1,7 @@
-"""Slow load-deflection tests reconstructed from what is printed of them: the plan of Table 6, the slopes of Table 10.
+"""Slow load-deflection tests reconstructed from the plan of Table 6 and the slopes of Table 10.
 
-Each branch is a straight line through the origin, for no other number of it is printed: no friction, no noise. The
-tests' own k comes back from it, and nothing else can.
+Each branch is a straight line through the origin, because only its slope is printed: no friction, no noise. Only k can
+be estimated from it.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ _BRANCH = ["configuration", "direction", "speed_km_h"]
 
 
 def reconstruct_tests() -> pd.DataFrame:
-    """Return a load-deflection table whose lines have the printed slopes, as the rig would have read it.
+    """Return a load-deflection table whose lines have the printed slopes, as read at the rig.
 
     Returns
     -------
@@ -41,7 +41,7 @@ def reconstruct_tests() -> pd.DataFrame:
 
 
 def returned_slopes() -> pd.DataFrame:
-    """Return the slope of each reconstructed branch as on flat ground: the words, `k_kN_per_mm` (kN/mm), 10 rows."""
+    """Return the slope of each reconstructed branch as on flat ground: the factors, `k_kN_per_mm` (kN/mm), 10 rows."""
     slopes = []
     for factors, branch in reconstruct_tests().groupby(_BRANCH, sort=False):
         load, mm = (branch[column].to_numpy(float) for column in ("load_kN", "displacement_mm"))

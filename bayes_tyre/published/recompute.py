@@ -1,4 +1,4 @@
-"""What comes out when the published numbers are computed again: from the tables, the rig files and the raw sample."""
+"""Recomputation of the published values from the tables, the rig files and the raw sample."""
 
 from collections.abc import Sequence
 
@@ -43,7 +43,7 @@ def numbers_outside_tables() -> dict[str, float]:
     }
     for sensor, line in calibration_lines().items():
         values[f"{sensor} line, slope"], values[f"{sensor} line, intercept"] = line
-    return values | _quantisation_steps() | _displacement_spreads()
+    return values | _quantisation_steps() | _displacement_deviations()
 
 
 def calibration_lines() -> dict[str, Line]:
@@ -64,11 +64,11 @@ def _quantisation_steps() -> dict[str, float]:
         f"quantisation step of the {sensor}": quantisation_step(sample[values].to_numpy())
         for sensor, (_, values) in SENSORS.items()
     }
-    # One converter digitises all three; the load's levels are neighbours, so that its step shows without counting.
+    # One converter digitises all three; levels of the load are adjacent, so that their difference is one step.
     return {"quantisation step": quantisation_step(sample["Raw Load Voltage"].to_numpy()) * 1e3, **steps}
 
 
-def _displacement_spreads() -> dict[str, float]:
+def _displacement_deviations() -> dict[str, float]:
     table = tables.repeat_displacement()
     groups = table.groupby(["speed_km_h", "configuration"])["displacement_mm"]
     spread = (100 * groups.std() / groups.mean()).groupby("speed_km_h").mean()
@@ -76,7 +76,7 @@ def _displacement_spreads() -> dict[str, float]:
 
 
 def _printed_second_moment_m4(configuration: str) -> float:
-    # Appendix B3 goes on from the printed values: the single axle's recomputes, the dual axle's is an erratum.
+    # Appendix B3 uses the printed values: the single axle's recomputes, the dual axle's is an erratum.
     if configuration == "single":
         return float(tables.printed_numbers()["single, second moment"].value) * 1e-5
     printed = tables.errata().set_index("item")["printed"].to_dict()
@@ -84,7 +84,7 @@ def _printed_second_moment_m4(configuration: str) -> float:
 
 
 def corrected_values() -> dict[str, float]:
-    """Return what comes out where the printed number does not, by `item` of `errata.csv`, in the unit it names."""
+    """Return recomputed values where the printed ones are wrong, by `item` of `errata.csv`, in the unit it names."""
     return {
         **_corrected_signs(),
         **_corrected_sections(),
@@ -95,7 +95,7 @@ def corrected_values() -> dict[str, float]:
 
 
 def _corrected_signs() -> dict[str, float]:
-    # Extrapolated from the rows that kept their signs, so that a mended row does not vouch for itself.
+    # Extrapolated from the rows that kept their signs, so that a corrected row does not support itself.
     printed, mended = tables.raw_sample(mended=False), tables.raw_sample()
     volts, values = SENSORS["acceleration"]
     lost = (printed[values] != mended[values]).to_numpy()
@@ -128,8 +128,8 @@ def _corrected_sections() -> dict[str, float]:
 
 
 def _corrected_comparisons() -> dict[str, float]:
-    cells = tables.stiffness().query("speed_km_h == 0")
-    ours = group_means(cells, GROUP, STIFFNESS).set_index(list(GROUP))[STIFFNESS]
+    cases = tables.stiffness().query("speed_km_h == 0")
+    ours = group_means(cases, GROUP, STIFFNESS).set_index(list(GROUP))[STIFFNESS]
     model = tables.model_and_tests().query("kind == 'model' and speed_km_h == 0")
     printed = model.set_index(list(GROUP))[STIFFNESS]
     values = {}

@@ -11,7 +11,7 @@ from bayes_tyre.rig.calibration import mend_signs
 
 STIFFNESS = "k_kN_per_mm"
 CHARACTERISTIC_DEFLECTION = "beta_mm"
-#: Unit of the column whose last digit it describes.
+#: Half a unit of the last printed digit, in the unit of its column.
 HALF_DIGIT = "half_digit"
 
 _MEANS = {STIFFNESS: "table_09_means", CHARACTERISTIC_DEFLECTION: "table_11_means"}
@@ -81,17 +81,17 @@ def _typed(name: str, value: str) -> pd.DataFrame:
 
 
 def stiffness() -> pd.DataFrame:
-    """Return Table 9, 48 rows: the case words, `k_kN_per_mm`, `half_digit` (kN/mm), `source`."""
+    """Return Table 9, 48 rows: the factors of the case, `k_kN_per_mm`, `half_digit` (kN/mm), `source`."""
     return _typed("table_09_stiffness", STIFFNESS)
 
 
 def characteristic_deflection() -> pd.DataFrame:
-    """Return Table 11, 48 rows: the case words, `beta_mm`, `half_digit` (mm), `source`."""
+    """Return Table 11, 48 rows: the factors of the case, `beta_mm`, `half_digit` (mm), `source`."""
     return _typed("table_11_characteristic_deflection", CHARACTERISTIC_DEFLECTION)
 
 
 def case_means() -> pd.DataFrame:
-    """Return Tables 9 and 11 side by side, 48 rows: the case words, `k_kN_per_mm`, `beta_mm`."""
+    """Return Tables 9 and 11 merged, 48 rows: the factors of the case, `k_kN_per_mm`, `beta_mm`."""
     k = stiffness()[[*CASE_FACTORS, STIFFNESS]]
     beta = characteristic_deflection()[[*CASE_FACTORS, CHARACTERISTIC_DEFLECTION]]
     return k.merge(beta, on=list(CASE_FACTORS), validate="one_to_one")
@@ -145,7 +145,7 @@ def printed_numbers() -> dict[str, Printed]:
 
 
 def errata() -> pd.DataFrame:
-    """Return what does not recompute, as text: `item`, `printed`, `recomputed` (the corrected value), `note`."""
+    """Return the errata of the source, as text: `item`, `printed`, `recomputed` (the corrected value), `note`."""
     return as_printed("errata")
 
 
@@ -155,7 +155,7 @@ def raw_sample(mended: bool = True) -> pd.DataFrame:
     Parameters
     ----------
     mended:
-        Whether to put back the minus signs that seven accelerations lost in print (False: as printed).
+        Whether to restore the minus signs that seven accelerations lost in print (False: as printed).
 
     Returns
     -------

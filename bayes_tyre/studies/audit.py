@@ -1,4 +1,4 @@
-"""The audit: records of known k, x and beta through `thesis`, `inertia` and `motion`; bias and coverage of each.
+"""The audit: bias and coverage of `thesis`, `inertia` and `motion` on simulated records of known k, x and beta.
 
 One stationary rig. The simulator's law is the one that `motion` fits, and its load shape is one that `motion` allows.
 """
@@ -22,12 +22,12 @@ from bayes_tyre.signals.thesis import thesis
 from bayes_tyre.simulate.simulator import simulate_record
 from bayes_tyre.studies.audit_grid import CONFIGURATION, FACTORS, PLANS, WINDOW, Plan, Tyre, truth_of
 from bayes_tyre.studies.audit_methods import (
-    GIVES,
+    ESTIMATED,
     UNITS,
-    Answer,
+    MethodEstimate,
     curve,
-    least_squares_answers,
-    motion_answer,
+    least_squares_estimates,
+    motion_estimate,
     true_value,
 )
 
@@ -41,7 +41,7 @@ ORIGIN = "simulated"
 
 
 class Audit(NamedTuple):
-    """What the study found.
+    """Result of the study.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Audit(NamedTuple):
         A row a method, grid point and parameter, columns `COLUMNS`: the truths and, of `thesis`, the window (empty for
         methods that smooth nothing); median returned and its bias, root mean square error (% of the truth), share of
         `intervals` that hold the truth; records of which a value was returned; those declined, by the method or because
-        they do not determine the parameter; and of those returned how many the method itself doubts.
+        they do not determine the parameter; and of those returned how many have a status other than ``ok``.
     records:
         A row a record, method, window and parameter: `value`, `lower`, `upper` of its 95 % interval, `status`.
     """
@@ -59,11 +59,11 @@ class Audit(NamedTuple):
 
 
 class _Branches(NamedTuple):
-    """What one simulated record becomes: curves of `thesis` by window and of `inertia`, and the motion's answer."""
+    """One simulated record, processed: curves of `thesis` by window and of `inertia`, and the estimate of `motion`."""
 
     thesis: dict[int, pd.DataFrame | str]
     inertia: pd.DataFrame | str
-    motion: Answer
+    motion: MethodEstimate
 
 
 def count_records(plan: Plan, replicates: int) -> int:
@@ -77,12 +77,12 @@ def study_audit(
     seed: int = 0,
     on_progress: Callable[[int], None] = lambda _: None,
 ) -> Audit:
-    """Return what each method returns over the points of a plan.
+    """Return the errors and coverage of each method over the points of a plan.
 
     Parameters
     ----------
     plan:
-        Factors of truths and windows.
+        Levels of truths and windows.
     replicates:
         Records a point.
     seed:
@@ -93,17 +93,17 @@ def study_audit(
     rig = load_rig(CONFIGURATION)
     tasks = [(tyre, replicate) for tyre in plan.tyres() for replicate in range(1, replicates + 1)]
     work = partial(_branches, plan=plan, rig=rig, seed=seed)
-    found = []
+    processed = []
     for branches in _in_threads(work, tasks):
-        found.append(branches)
+        processed.append(branches)
         on_progress(1)
-    records = tidy(_asked(tasks, found, rig), rig)
+    records = tidy(_estimates(tasks, processed, rig), rig)
     return Audit(summarise(records), records)
 
 
 def _in_threads(work: Callable[[tuple[Tyre, int]], _Branches], tasks: list[tuple[Tyre, int]]) -> Iterator[_Branches]:
-    """Yield the work on each task in order, a thread a core: what is long runs in XLA."""
-    yield work(tasks[0])  # it compiles, which two at a time would do twice
+    """Yield the work on each task in order, a thread a core: most of the time is spent in XLA."""
+    yield work(tasks[0])  # it compiles; two at a time would compile twice
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         yield from pool.map(work, tasks[1:])
 
@@ -116,10 +116,10 @@ def _branches(task: tuple[Tyre, int], plan: Plan, rig: Rig, seed: int) -> _Branc
     try:
         recording = prepare(simulate_record(truth, rig).raw, rig, factors)
     except BadInput as error:
-        return _Branches(dict.fromkeys(windows, str(error)), str(error), Answer({}, str(error)))
+        return _Branches(dict.fromkeys(windows, str(error)), str(error), MethodEstimate({}, str(error)))
     dt_s = recording.signals.dt_s
     smoothed = {n: _curve_or_reason(partial(thesis, window_s=n * dt_s), recording, rig) for n in windows}
-    return _Branches(smoothed, _curve_or_reason(inertia, recording, rig), motion_answer(recording, tyre, rig))
+    return _Branches(smoothed, _curve_or_reason(inertia, recording, rig), motion_estimate(recording, tyre, rig))
 
 
 def _curve_or_reason(
@@ -131,31 +131,31 @@ def _curve_or_reason(
         return str(error)
 
 
-#: Point, replicate, window (None where nothing is smoothed), method, and its answer.
-Told = tuple[Tyre, int, int | None, str, Answer]
+#: Point, replicate, window (None where nothing is smoothed), method, and its estimate.
+Estimated = tuple[Tyre, int, int | None, str, MethodEstimate]
 
 
-def _asked(tasks: list[tuple[Tyre, int]], found: list[_Branches], rig: Rig) -> list[Told]:
-    """Return every answer, least squares of all records of a method together."""
-    pairs = list(zip(tasks, found, strict=True))
+def _estimates(tasks: list[tuple[Tyre, int]], processed: list[_Branches], rig: Rig) -> list[Estimated]:
+    """Return every estimate, least squares of all records of a method together."""
+    pairs = list(zip(tasks, processed, strict=True))
     smoothed = [(*task, n, curve) for task, branches in pairs for n, curve in branches.thesis.items()]
     plain = [(*task, None, branches.inertia) for task, branches in pairs]
-    told: list[Told] = []
-    for method, of in (("thesis", smoothed), ("inertia", plain)):
-        answers = least_squares_answers([curve for *_, curve in of], [tyre for tyre, *_ in of], method, rig)
-        told += [(tyre, n, window, method, said) for (tyre, n, window, _), said in zip(of, answers, strict=True)]
-    return told + [(*task, None, "motion", branches.motion) for task, branches in pairs]
+    rows: list[Estimated] = []
+    for method, curves in (("thesis", smoothed), ("inertia", plain)):
+        estimates = least_squares_estimates([curve for *_, curve in curves], [tyre for tyre, *_ in curves], method, rig)
+        rows += [(tyre, n, window, method, one) for (tyre, n, window, _), one in zip(curves, estimates, strict=True)]
+    return rows + [(*task, None, "motion", branches.motion) for task, branches in pairs]
 
 
-def tidy(told: list[Told], rig: Rig) -> pd.DataFrame:
-    """Return `Audit.records`: a row a parameter of each answer, values empty where there is none."""
+def tidy(estimates: list[Estimated], rig: Rig) -> pd.DataFrame:
+    """Return `Audit.records`: a row a parameter of each estimate, values empty where there is none."""
     rows = [
         {**tyre._asdict(), WINDOW: window, "replicate": replicate, "method": method, "parameter": parameter}
         | {"unit": UNITS[parameter], "truth": true_value(parameter, tyre, rig)}
-        | dict(zip(("value", "lower", "upper"), said.values.get(parameter, (np.nan,) * 3), strict=True))
-        | {"status": said.status, "origin": ORIGIN}
-        for tyre, replicate, window, method, said in told
-        for parameter in GIVES[method]
+        | dict(zip(("value", "lower", "upper"), estimate.values.get(parameter, (np.nan,) * 3), strict=True))
+        | {"status": estimate.status, "origin": ORIGIN}
+        for tyre, replicate, window, method, estimate in estimates
+        for parameter in ESTIMATED[method]
     ]
     return pd.DataFrame(rows).astype({WINDOW: "Int64"})
 
@@ -163,24 +163,25 @@ def tidy(told: list[Told], rig: Rig) -> pd.DataFrame:
 def summarise(records: pd.DataFrame) -> pd.DataFrame:
     """Return `Audit.table` of `Audit.records`."""
     keys = [*FACTORS, "method", "parameter", "unit", "truth"]
-    rows = [
-        dict(zip(keys, key, strict=True)) | _figures(of) for key, of in records.groupby(keys, sort=False, dropna=False)
+    table = [
+        dict(zip(keys, key, strict=True)) | _statistics(group)
+        for key, group in records.groupby(keys, sort=False, dropna=False)
     ]
-    return pd.DataFrame(rows).astype({WINDOW: "Int64"}).assign(origin=ORIGIN)[list(COLUMNS)]
+    return pd.DataFrame(table).astype({WINDOW: "Int64"}).assign(origin=ORIGIN)[list(COLUMNS)]
 
 
-def _figures(of: pd.DataFrame) -> dict[str, float | int]:
-    has = of["value"].notna()
-    relative = of.loc[has, "value"] / of.loc[has, "truth"] - 1
-    between = of["lower"].notna() & of["upper"].notna() & has
-    covered = (of["lower"] <= of["truth"]) & (of["truth"] <= of["upper"])
+def _statistics(records: pd.DataFrame) -> dict[str, float | int]:
+    returned = records["value"].notna()
+    relative = records.loc[returned, "value"] / records.loc[returned, "truth"] - 1
+    between = records["lower"].notna() & records["upper"].notna() & returned
+    covered = (records["lower"] <= records["truth"]) & (records["truth"] <= records["upper"])
     return {
-        "median": float(of["value"].median()),
+        "median": float(records["value"].median()),
         "bias_percent": 100 * float(relative.median()),
-        "rmse_percent": 100 * float(np.sqrt(np.mean(relative**2))) if has.any() else np.nan,
+        "rmse_percent": 100 * float(np.sqrt(np.mean(relative**2))) if returned.any() else np.nan,
         "coverage_95": float(covered[between].mean()) if between.any() else np.nan,
         "intervals": int(between.sum()),
-        "returned": int(has.sum()),
-        "declined": int((~has).sum()),
-        "doubted": int((has & (of["status"] != "ok")).sum()),
+        "returned": int(returned.sum()),
+        "declined": int((~returned).sum()),
+        "doubted": int((returned & (records["status"] != "ok")).sum()),
     }

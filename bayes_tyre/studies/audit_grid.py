@@ -1,4 +1,4 @@
-"""What the audit simulates: a typical truth, one factor varied at a time, and a full grid where the story is."""
+"""The design of the audit: a typical truth, each factor varied alone, and two or three of them crossed."""
 
 import math
 from collections.abc import Mapping
@@ -14,14 +14,14 @@ from bayes_tyre.simulate.draw import draw_truth, stream
 from bayes_tyre.simulate.plan import RATE_HZ, Planned
 from bayes_tyre.simulate.truth import Truth
 
-#: The rig; it stands still, for rolling records differ by their runout and not by their processing.
+#: The rig, stationary: rolling records differ by their runout and not by their processing.
 CONFIGURATION, INITIAL_LOAD_KN = "single", 20.0
-# As the quick plan has it: 2 s of rest before the step and after it, which the source takes its means over.
+# As in the quick plan: 2 s of rest before the step and after it, which the source takes its means over.
 _DURATION_S, _STEP_BETWEEN_S = 4.5, (2.1, 2.3)
 
 
 class Tyre(NamedTuple):
-    """What is true of a record: the tyre's k, x and beta, the axle's damping, the load's rise time and step."""
+    """The truth of a record: the tyre's k, x and beta, the axle's damping, the load's rise time and step."""
 
     k_kN_per_mm: float = 1.8
     x_kN: float = 0.45
@@ -31,10 +31,10 @@ class Tyre(NamedTuple):
     step_kN: float = -10.0
 
 
-#: By what the simulator draws: beta 0.045 to 0.13 mm, x 0.3 to 0.6 kN, damping 2 to 4 % of critical, unloading in 36
-#: ms. Down by 10 kN from 20 is a case that the source could process at every speed.
+#: After the simulator's draws: beta 0.045 to 0.13 mm, x 0.3 to 0.6 kN, damping 2 to 4 % of critical, unloading in 36
+#: ms. The source processed the step from 20 to 10 kN at every speed.
 TYPICAL = Tyre()
-#: The factors, a column each; the last is no truth but a choice of the method `thesis`, in samples.
+#: The factors, a column each; the last is a setting of the method `thesis`, in samples.
 WINDOW = "window_samples"
 FACTORS = (*Tyre._fields, WINDOW)
 #: The source's moving average at its 10 kHz.
@@ -53,16 +53,16 @@ FACTOR_NAMES = {
 
 @dataclass(frozen=True)
 class Plan:
-    """Factors of the factors.
+    """Levels of the factors.
 
     Attributes
     ----------
     alone:
-        Factors of factors that are varied alone, the others typical.
+        Levels of each factor that is varied alone, the others typical.
     crossed:
-        Factors of factors that are varied with each other, the others typical.
+        Levels of the factors that are crossed with each other, the others typical.
     windows:
-        Of the moving mean of `thesis`, samples at 10 kHz, the source's among them; tried on every crossed record.
+        Windows of the moving mean of `thesis`, samples at 10 kHz, the source's among them; crossed records use all.
     """
 
     alone: Mapping[str, tuple[float, ...]]
@@ -74,20 +74,20 @@ class Plan:
         return list(dict.fromkeys([*self._crossed(), *self._alone()]))
 
     def windows_of(self, tyre: Tyre) -> tuple[int, ...]:
-        """Return the windows that are tried on a truth's records."""
+        """Return the windows that are used on a truth's records."""
         return self.windows if tyre in self._crossed() else (SOURCE_WINDOW,)
 
     def _crossed(self) -> list[Tyre]:
         every = product(*self.crossed.values())
-        return [TYPICAL._replace(**dict(zip(self.crossed, factors, strict=True))) for factors in every]
+        return [TYPICAL._replace(**dict(zip(self.crossed, levels, strict=True))) for levels in every]
 
     def _alone(self) -> list[Tyre]:
-        varied = [(name, level) for name, factors in self.alone.items() for level in factors]
+        varied = [(name, level) for name, levels in self.alone.items() for level in levels]
         return [TYPICAL, *(TYPICAL._replace(**{name: level}) for name, level in varied)]
 
 
 _STEPS_KN = (-10.0, -5.0, 5.0, 10.0)
-#: Every truth has x of 1.5 k beta at least, as the law needs and the simulator's own have.
+#: Every truth has x >= 1.5 k beta: the law needs x > k beta.
 PLANS = {
     "quick": Plan(
         {
@@ -116,8 +116,8 @@ PLANS = {
 def truth_of(tyre: Tyre, replicate: int, rig: Rig, seed: int) -> Truth:
     """Return the truth of a record; it depends on nothing but its point, its replicate, its rig and the seed.
 
-    The axle's mass, its loads, where its friction rests and when its step begins belong to the replicate: they are the
-    same at every point of one step, so that points differ by what they say. The noise is the record's own.
+    The axle's mass, loads, friction at rest and start of the step belong to the replicate: they are the same at every
+    point with one step, so that points differ by their factors alone. The noise is the record's own.
     """
     case = Case(CONFIGURATION, "loading" if tyre.step_kN > 0 else "unloading", 0.0, INITIAL_LOAD_KN, tyre.step_kN)
     planned = Planned(case, replicate, _DURATION_S, RATE_HZ, _STEP_BETWEEN_S)
@@ -126,7 +126,7 @@ def truth_of(tyre: Tyre, replicate: int, rig: Rig, seed: int) -> Truth:
     drawn = draw_truth(planned, rig, of_axle)
     k, x, beta = tyre.k_kN_per_mm, tyre.x_kN, tyre.beta_mm
     rests = drawn.rest_friction_kN / (drawn.x_kN - drawn.k_kN_per_mm * drawn.beta_mm)
-    # As the simulator has it: the middle line's slope at the wheel centre, 10 mm down.
+    # As in the simulator: the middle line's slope at the wheel centre, 10 mm down.
     at_wheel_centre = k * geometry.curvature_factor(rig) * float(geometry.sin_theta(rig, 10.0)) ** 2
     return replace(
         drawn,

@@ -1,4 +1,4 @@
-"""What `thesis`, `inertia` and `motion` return of one recording: values with 95 % intervals, or why there are none."""
+"""Estimates of one recording by `thesis`, `inertia` and `motion`: values with 95 % intervals, or why there are none."""
 
 import functools
 from collections.abc import Hashable, Mapping, Sequence
@@ -25,26 +25,26 @@ from bayes_tyre.rig.axle import Rig
 from bayes_tyre.signals.processed import Processed, Recording
 from bayes_tyre.studies.audit_grid import INITIAL_LOAD_KN, Tyre
 
-#: What each method is asked for. Of x, and so of the energy lost, Eq. 2 says nothing: its energy is what its k and
-#: beta give with the true x put in.
-GIVES = {
+#: The parameters that each method estimates. Eq. 2 has no x, and so no energy: the energy of `thesis` and `inertia` is
+#: that of their k and beta with the true x.
+ESTIMATED = {
     "thesis": ("k", "beta", "energy_with_true_x"),
     "inertia": ("k", "beta", "energy_with_true_x"),
     "motion": ("k", "beta", "x", "energy_per_cycle"),
 }
 UNITS = {"k": "kN/mm", "beta": "mm", "x": "kN", "energy_per_cycle": "J", "energy_with_true_x": "J"}
-#: How each method's record is fitted, as a user of `lsq` would; motion's fit is its own.
+#: Least-squares settings of each method's records, as for `lsq`; `motion` has its own fit.
 SETTINGS = {"thesis": FitSettings(region="thesis"), "inertia": FitSettings(bounds={"beta": (-np.inf, 1.0)})}
-#: Half the stroke of the cycle whose energy is stated, mm at the wheel centre: about a 10 kN step's.
+#: Half the stroke of the cycle of the energy, mm at the wheel centre: about a 10 kN step's.
 AMPLITUDE_MM = 2.0
 _COLUMNS = {"k": "k_kN_per_mm", "beta": "beta_mm"}
 _NORMAL_95 = float(stats.norm.ppf(0.975))
 
 
-class Answer(NamedTuple):
-    """What a method returns of a record: (value, lower, upper) by parameter, and ``ok`` or what speaks against it.
+class MethodEstimate(NamedTuple):
+    """A method's estimate of a record: (value, lower, upper) by parameter, and ``ok`` or why it is not reliable.
 
-    Nothing is returned where `values` is empty; lower and upper are NaN where the method gives no interval.
+    `values` is empty where the method returns nothing; lower and upper are NaN where the method gives no interval.
     """
 
     values: dict[str, tuple[float, float, float]]
@@ -56,17 +56,17 @@ def curve(processed: Processed) -> pd.DataFrame:
     return pd.DataFrame({"displacement_mm": processed.displacement_mm, "force_kN": processed.force_kN})
 
 
-def least_squares_answers(
+def least_squares_estimates(
     curves: Sequence[pd.DataFrame | str], truths: Sequence[Tyre], method: str, rig: Rig
-) -> list[Answer]:
-    """Return what least squares of Eq. 2 give of each curve, with intervals of its standard errors (Student's t).
+) -> list[MethodEstimate]:
+    """Return the least-squares estimates of Eq. 2 of each curve, with intervals by Student's t.
 
     Parameters
     ----------
     curves:
         Records of one method, mm and kN; or why there is none.
     truths:
-        Of each.
+        The truth of each.
     method:
         A name in `SETTINGS`.
     rig:
@@ -79,29 +79,29 @@ def least_squares_answers(
         rows = fit_records(table, SETTINGS[method]).to_dict("records")
         fits = {str(row["record"]): row for row in rows}
     return [
-        Answer({}, one) if isinstance(one, str) else _of_fit(fits[str(i)], truth, rig)
+        MethodEstimate({}, one) if isinstance(one, str) else _of_fit(fits[str(i)], truth, rig)
         for i, (one, truth) in enumerate(zip(curves, truths, strict=True))
     ]
 
 
-def _of_fit(fit: Mapping[Hashable, Any], truth: Tyre, rig: Rig) -> Answer:
+def _of_fit(fit: Mapping[Hashable, Any], truth: Tyre, rig: Rig) -> MethodEstimate:
     status, quantile = str(fit["status"]), float(stats.t.ppf(0.975, max(1, int(fit["points"]) - 3)))
-    found = {name: (float(fit[column]), float(fit[f"{column}_se"])) for name, column in _COLUMNS.items()}
-    # Without a standard error the record does not determine a parameter, and `status` says so: its number is no value.
+    fitted = {name: (float(fit[column]), float(fit[f"{column}_se"])) for name, column in _COLUMNS.items()}
+    # A value without a standard error is not determined by the record (see `status`), and is left out.
     values = {
         name: (value, value - quantile * se, value + quantile * se)
-        for name, (value, se) in found.items()
+        for name, (value, se) in fitted.items()
         if np.isfinite([value, se]).all()
     }
-    if len(values) < len(found):
-        return Answer(values, status)
+    if len(values) < len(fitted):
+        return MethodEstimate(values, status)
     k, beta = values["k"][0], values["beta"][0]
     energy = energy_J(rig, truth, k, truth.x_kN, beta) if k > 0 else np.nan
-    return Answer(values | {"energy_with_true_x": (energy, np.nan, np.nan)}, status)
+    return MethodEstimate(values | {"energy_with_true_x": (energy, np.nan, np.nan)}, status)
 
 
-def motion_answer(recording: Recording, truth: Tyre, rig: Rig) -> Answer:
-    """Return what the fit of the motion gives of a recording, intervals normal in the logarithms."""
+def motion_estimate(recording: Recording, truth: Tyre, rig: Rig) -> MethodEstimate:
+    """Return the estimate of a recording by the fit of its motion, intervals normal in the logarithms."""
     signals, step = recording.signals, recording.step
     recorded = Recorded(
         signals.dt_s,
@@ -114,27 +114,27 @@ def motion_answer(recording: Recording, truth: Tyre, rig: Rig) -> Answer:
     try:
         estimate = estimate_motion(rig, recorded)
     except BadInput as error:
-        return Answer({}, str(error))
+        return MethodEstimate({}, str(error))
     return motion_values(estimate.log_mean, estimate.log_covariance, estimate.status, truth, rig)
 
 
 def motion_values(
     log_mean: Float[np.ndarray, "5"], log_covariance: Float[np.ndarray, "5 5"], status: str, truth: Tyre, rig: Rig
-) -> Answer:
+) -> MethodEstimate:
     """Return k, beta, x and the energy of a cycle from the logarithms of `RECORD_PARAMETERS`."""
     if not (np.isfinite(log_mean).all() and np.isfinite(log_covariance).all()):
-        return Answer({}, status or "the motion's estimate is not finite")
-    at = [RECORD_PARAMETERS.index(name) for name in ("k", "x", "beta")]
-    log_energy, slope = _log_energy(rig, jnp.asarray(log_mean[at]), middle_mm(rig, truth))
-    sd = np.sqrt(np.diag(log_covariance)[at])
-    # The delta method: x > k beta in every one of the fit's laws, so the energy has a logarithm.
-    of_energy = float(np.sqrt(np.asarray(slope) @ log_covariance[np.ix_(at, at)] @ np.asarray(slope)))
-    means, sds = [*log_mean[at], float(log_energy)], [*sd, of_energy]
+        return MethodEstimate({}, status or "the motion's estimate is not finite")
+    index = [RECORD_PARAMETERS.index(name) for name in ("k", "x", "beta")]
+    log_energy, slope = _log_energy(rig, jnp.asarray(log_mean[index]), middle_mm(rig, truth))
+    sd = np.sqrt(np.diag(log_covariance)[index])
+    # The delta method: x > k beta in all laws of the fit, so that the energy is positive.
+    of_energy = float(np.sqrt(np.asarray(slope) @ log_covariance[np.ix_(index, index)] @ np.asarray(slope)))
+    means, sds = [*log_mean[index], float(log_energy)], [*sd, of_energy]
     values = {
         name: (float(np.exp(mean)), float(np.exp(mean - _NORMAL_95 * sd)), float(np.exp(mean + _NORMAL_95 * sd)))
         for name, mean, sd in zip(("k", "x", "beta", "energy_per_cycle"), means, sds, strict=True)
     }
-    return Answer({name: values[name] for name in GIVES["motion"]}, status or "ok")
+    return MethodEstimate({name: values[name] for name in ESTIMATED["motion"]}, status or "ok")
 
 
 def middle_mm(rig: Rig, truth: Tyre) -> float:
@@ -145,7 +145,7 @@ def middle_mm(rig: Rig, truth: Tyre) -> float:
 def energy_J(rig: Rig, truth: Tyre, k: float, x: float, beta: float) -> float:
     """Return the energy, J, of a cycle of `AMPLITUDE_MM` at the wheel centre by k (kN/mm), x (kN) and beta (mm).
 
-    Negative where x < k beta: such a tyre would make energy. The cycle's middle is the truth's, whatever k is.
+    Negative where x < k beta. The cycle's middle is the truth's, whatever k is.
     """
     return float(_energy(rig, jnp.log(jnp.array([k, x, beta])), middle_mm(rig, truth)))
 
@@ -153,7 +153,7 @@ def energy_J(rig: Rig, truth: Tyre, k: float, x: float, beta: float) -> float:
 @functools.partial(jax.jit, static_argnums=0)
 def _energy(rig: Rig, logs: Float[Array, "3"], middle: ScalarLike) -> Float[Array, ""]:
     k, x, beta = jnp.exp(logs)
-    # The mass has no part in the energy.
+    # The energy does not depend on the mass.
     return losses(rig, Fancher(k=k, C=0.0, x=x, beta=beta), 1.0, middle, AMPLITUDE_MM).energy_J
 
 

@@ -1,4 +1,4 @@
-"""Whether laws are told apart: records simulated with each law, fitted by all of them, ranked as `compare` ranks."""
+"""Ranking of force laws on simulated records of known law, each fitted with every law, by `compare`."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -30,30 +30,30 @@ from bayes_tyre.simulate.simulator import simulate_record
 from bayes_tyre.simulate.truth import Truth
 from bayes_tyre.studies.motion_study import ORIGIN, recorded
 
-#: Laws that contain another, exactly or as a limit: of its records they may be as good.
+#: Laws that contain another, exactly or as a limit: on its records they may rank equal.
 CONTAINS: dict[str, tuple[str, ...]] = {
     "fancher": ("bouc_wen",),
     "kelvin_voigt": ("fancher", "bouc_wen", "maxwell_slip", "rigid_ring"),
 }
-#: What the truth's draw does not have: a Bouc-Wen law well away from Fancher's n = 1, a truck tyre's belt.
-FURTHER = {"n": 2.0, "belt_frequency": 55.0, "belt_damping": 0.05, "sidewall_ratio": 4.0}
+#: Parameters that a simulated truth does not have: a Bouc-Wen n far from Fancher's 1, the belt of a truck tyre.
+EXTRA_PARAMETERS = {"n": 2.0, "belt_frequency": 55.0, "belt_damping": 0.05, "sidewall_ratio": 4.0}
 CONFIGURATION = "single"
-#: Draws of a law's hierarchy, and of the fits again where importance sampling fails: averages are taken over them.
+#: Sampler settings of the hierarchical fits and of the refits where importance sampling fails.
 SAMPLER = SamplerSettings(chains=2, warmup=300, draws=300)
 
 
 class Ranked(NamedTuple):
-    """What the study found: a row a true and a fitted law; and a row a true law, a fitted law and a record."""
+    """Result of the study: a row a true and a fitted law; and a row a true law, a fitted law and a record."""
 
     table: pd.DataFrame
     records: pd.DataFrame
 
 
 def planned(records: int) -> list[Planned]:
-    """Return plans of standing records: repeats of unloading from 30 kN and of loading from 20 kN, in turn."""
+    """Return plans of stationary records: repeats of unloading from 30 kN and of loading from 20 kN, in turn."""
     ends = (("unloading", 30.0), ("loading", 20.0))
-    mine = [plan for plan in quick_plan() if plan.case.configuration == CONFIGURATION]
-    cases = [[p for p in mine if (p.case.direction, p.case.initial_load_kN) == end] for end in ends]
+    plans = [plan for plan in quick_plan() if plan.case.configuration == CONFIGURATION]
+    cases = [[p for p in plans if (p.case.direction, p.case.initial_load_kN) == end] for end in ends]
     in_turn = [plan for repeat in zip(*cases, strict=True) for plan in repeat]
     if records > len(in_turn):
         raise BadInput(f"{records} records are asked for; there are {len(in_turn)}")
@@ -63,17 +63,17 @@ def planned(records: int) -> list[Planned]:
 def simulated(law: MotionLaw, plan: Planned, rig: Rig, seed: int) -> Recorded:
     """Return a record of a plan simulated with a law; load, axle and noise are the same with every law."""
     truth = draw_truth(plan, rig, seed)
-    made = _made(law, truth)
+    tyre = _law_of(law, truth)
     # A law without friction rests on its line.
     rest = truth.rest_friction_kN if law.has_friction else 0.0
-    truth = replace(truth, m_kg=float(axle_kg(rig, made, truth.m_kg)), rest_friction_kN=rest)
-    raw = simulate_record(truth, rig, made).raw
+    truth = replace(truth, m_kg=float(axle_kg(rig, tyre, truth.m_kg)), rest_friction_kN=rest)
+    raw = simulate_record(truth, rig, tyre).raw
     return recorded(prepare(raw, rig, RecordFactors(plan.record, plan.case, plan.repeat)))
 
 
-def _made(law: MotionLaw, truth: Truth) -> StatefulLaw:
+def _law_of(law: MotionLaw, truth: Truth) -> StatefulLaw:
     k, x, beta = truth.k_kN_per_mm, truth.x_kN, truth.beta_mm
-    values = {"k": k, "x": x, "settled": x - k * beta, "beta": beta, **FURTHER}
+    values = {"k": k, "x": x, "settled": x - k * beta, "beta": beta, **EXTRA_PARAMETERS}
     return law.law(**{name: values[name] for name in law.reported}, C=truth.C_kN)
 
 
@@ -106,16 +106,16 @@ def rank_laws(
     of_seed = int(stream(seed, "law ranking").integers(2**32))
     tables, estimates = [], []
     for true in true_laws:
-        given = [simulated(motion_law(true), plan, rig, of_seed) for plan in plans]
-        found: dict[str, LeaveOneOut] = {}
+        recordings = [simulated(motion_law(true), plan, rig, of_seed) for plan in plans]
+        by_law: dict[str, LeaveOneOut] = {}
         for name in laws:
-            # Most laws are not the records': NUTS on each would say the same in hours.
-            each = [estimate_motion(rig, record, motion_law(name), sampler=None) for record in given]
-            found[name] = _left_out(rig, plans, each, motion_law(name))
-            for plan, estimate, of in zip(plans, each, found[name].elpd.elpd_i.to_numpy(), strict=True):
-                estimates.append(_estimate_row(true, name, plan, estimate, float(of)))
+            # Without NUTS: it would take hours, and most laws are not the true one.
+            each = [estimate_motion(rig, record, motion_law(name), sampler=None) for record in recordings]
+            by_law[name] = _left_out(rig, plans, each, motion_law(name))
+            for plan, estimate, elpd in zip(plans, each, by_law[name].elpd.elpd_i.to_numpy(), strict=True):
+                estimates.append(_estimate_row(true, name, plan, estimate, float(elpd)))
             on_progress(1)
-        tables.append(_ranks(true, found, pd.DataFrame(estimates)))
+        tables.append(_ranks(true, by_law, pd.DataFrame(estimates)))
     return Ranked(pd.concat(tables, ignore_index=True), pd.DataFrame(estimates))
 
 
@@ -125,7 +125,7 @@ def _left_out(rig: Rig, plans: list[Planned], estimates: list[MotionEstimate], l
 
 
 def _motions(rig: Rig, plans: list[Planned], estimates: list[MotionEstimate], law: MotionLaw) -> Motions:
-    """Return the estimates as the hierarchy takes them."""
+    """Return the estimates as input of the hierarchical model."""
     rows = []
     for estimate in estimates:
         moments = estimate.log_mean, estimate.log_covariance
@@ -135,9 +135,10 @@ def _motions(rig: Rig, plans: list[Planned], estimates: list[MotionEstimate], la
         mean, covariance = hierarchy_moments(*moments, law)
         rows.append((*likelihood, mean, np.diag(covariance), constant, estimate.effective_draws))
     directions, target, mean, variance, constant, effective = map(np.array, zip(*rows, strict=True))
-    factor_table = pd.DataFrame([{"record": p.record, **p.case._asdict(), "repeat": p.repeat} for p in plans])
-    factor_table = factor_table[["record", *FACTORS]]
-    return Motions(factor_table, directions, target, mean, variance, law, Readings(constant, effective))
+    factors = pd.DataFrame([{"record": p.record, **p.case._asdict(), "repeat": p.repeat} for p in plans])
+    return Motions(
+        factors[["record", *FACTORS]], directions, target, mean, variance, law, Readings(constant, effective)
+    )
 
 
 def _estimate_row(true: str, fitted: str, plan: Planned, estimate: MotionEstimate, elpd: float) -> dict[str, Any]:
@@ -149,11 +150,11 @@ def _estimate_row(true: str, fitted: str, plan: Planned, estimate: MotionEstimat
     }
 
 
-def _ranks(true: str, found: dict[str, LeaveOneOut], estimates: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows of a true law: those of `compare`, and what may come first."""
-    table = compare(found, dict.fromkeys(found, "pass")).rename(columns={"model": "fitted_law"})
-    mine = estimates[(estimates["true_law"] == true) & (estimates["status"] != "ok")]
-    doubted = mine.groupby("fitted_law").size()
+def _ranks(true: str, by_law: dict[str, LeaveOneOut], estimates: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows of a true law: those of `compare`, and which laws may rank first."""
+    table = compare(by_law, dict.fromkeys(by_law, "pass")).rename(columns={"model": "fitted_law"})
+    not_ok = estimates[(estimates["true_law"] == true) & (estimates["status"] != "ok")]
+    doubted = not_ok.groupby("fitted_law").size()
     wanted = table["fitted_law"].isin((true, *CONTAINS.get(true, ())))
     within = table["elpd_difference"].abs() <= STANDARD_ERRORS * table["difference_se"].fillna(0.0)
     table.insert(0, "true_law", true)
@@ -167,20 +168,20 @@ def _ranks(true: str, found: dict[str, LeaveOneOut], estimates: pd.DataFrame) ->
     )
 
 
-def as_they_should(table: pd.DataFrame) -> pd.Series:
+def ranked_correctly(table: pd.DataFrame) -> pd.Series:
     """Return by true law whether it, or a law that contains it, ranks first within two standard errors."""
     good = table["is_or_contains"] & table["first_within_2_se"]
     return good.groupby(table["true_law"], sort=False).any()
 
 
 def in_words(table: pd.DataFrame) -> list[str]:
-    """Return a line a true law: its laws in their order, with their distance to the first in log density."""
-    right, lines = as_they_should(table), []
+    """Return a line a true law: the fitted laws by rank, with their difference from the first in log density."""
+    right, lines = ranked_correctly(table), []
     for true, rows in table.groupby("true_law", sort=False):
-        told = [
+        others = [
             f"{row.fitted_law} ({row.elpd_difference:.1f} ± {row.difference_se:.1f})"
             for row in rows.iloc[1:].itertuples(index=False)
         ]
         verdict = "" if right[true] else "; it should be first within two standard errors, or a law that contains it"
-        lines.append(f"records of {true}: {rows.iloc[0]['fitted_law']} first, then {', '.join(told)}{verdict}")
+        lines.append(f"records of {true}: {rows.iloc[0]['fitted_law']} first, then {', '.join(others)}{verdict}")
     return lines

@@ -1,4 +1,4 @@
-"""Records that the motion's model has not quite right: what each is, and how it is simulated."""
+"""Mismatches between the motion model and the truth, and how each is simulated."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,11 +11,11 @@ from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.simulate.truth import Truth
 
-#: Wheel and rollers turn so much faster than their radii say; mass above the rig file's; slope of a road whose
-#: amplitudes fall half as steeply as its spectrum in the fit; growth of the stiffness, 1/mm.
+#: Frequency of the turns of wheel and rollers over that from their radii; mass over the rig file's; slope of the road's
+#: spectrum, half that of the fit; growth of the stiffness, 1/mm.
 TURNS, MASS, ROAD_SLOPE, CURVATURE_PER_MM = 1.005, 1.05, 0.5, 0.02
 
-#: What the simulator makes: its truth and its law, None the truth's own.
+#: Input of the simulator: a truth and a law; None: the truth's own law.
 Simulated = tuple[Truth, StatefulLaw | None]
 
 
@@ -25,7 +25,7 @@ class CurvedFancher(StatefulLaw):
     Attributes
     ----------
     k, C, x, beta:
-        As of `Fancher`; k is the slope at d_m.
+        As in `Fancher`; k is the slope at d_m.
     q, d_m:
         Half the growth of the slope, kN/mm^2, and where the curve touches the line, mm.
     """
@@ -96,7 +96,7 @@ def _stages(truth: Truth, _: Rig) -> Simulated:
     return replace(truth, load_shape="two stages"), None
 
 
-#: By name: what is simulated in place of a truth.
+#: Changes of a truth, by name.
 MISMATCHES: dict[str, Callable[[Truth, Rig], Simulated]] = {
     "none": _as_fitted,
     "turns 0.5 % off": _turns,
@@ -106,5 +106,5 @@ MISMATCHES: dict[str, Callable[[Truth, Rig], Simulated]] = {
     "first-order lag": _lag,
     "load in two stages": _stages,
 }
-#: Those that only a rolling record has.
-OF_ROLLING = ("turns 0.5 % off", "road's slope 0.5")
+#: Mismatches of rolling records alone.
+ROLLING_ONLY = ("turns 0.5 % off", "road's slope 0.5")

@@ -1,4 +1,4 @@
-"""The motion tried on records of known truth: errors, coverage of its intervals, and what mismatch does to both."""
+"""Errors and coverage of the motion fit on simulated records, with and without a mismatch between model and truth."""
 
 import time
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from bayes_tyre.simulate.draw import draw_truth, stream
 from bayes_tyre.simulate.plan import Planned, thesis_plan
 from bayes_tyre.simulate.simulator import simulate_record
 from bayes_tyre.simulate.truth import Truth
-from bayes_tyre.studies.motion_mismatch import MISMATCHES, OF_ROLLING
+from bayes_tyre.studies.motion_mismatch import MISMATCHES, ROLLING_ONLY
 
 STATIONARY, ROLLING = "stationary", "rolling"
 KINDS = (STATIONARY, ROLLING)
@@ -29,18 +29,19 @@ UNITS = {"k": "kN/mm", "x": "kN", "beta": "mm", "m": "kg", "c": "kN s/mm"}
 CHANNELS = ("acceleration", "laser", "load")
 _TRUE = {"k": "k_kN_per_mm", "x": "x_kN", "beta": "beta_mm", "m": "m_kg", "c": "c_kN_s_per_mm"}
 _NORMAL_95 = float(stats.norm.ppf(0.975))
-# Length and step of a record, s: enough rest before the step to find turns and levels, enough after it to ring down.
+# Duration and start of the step of a record, s: enough rest before it to estimate turns and levels, enough after it for
+# the vibration to decay.
 _LENGTH = {STATIONARY: (4.5, (2.1, 2.3)), ROLLING: (6.0, (4.0, 5.3))}
 
 
 class MotionStudy(NamedTuple):
-    """What the study found.
+    """Result of the study.
 
     Attributes
     ----------
     table:
-        A row a mismatch, kind and parameter: root mean square error and bias (%), coverage, how many records were
-        doubted by their own status.
+        A row a mismatch, kind and parameter: root mean square error and bias (%), coverage, number of records
+        with a status other than ``ok`` (`doubted`).
     records:
         A row a record and parameter.
     """
@@ -49,7 +50,7 @@ class MotionStudy(NamedTuple):
     records: pd.DataFrame
 
 
-class Tried(NamedTuple):
+class StudyRecord(NamedTuple):
     """One record of the study: mismatch (a name in `MISMATCHES`), kind, its number, and its plan."""
 
     mismatch: str
@@ -58,30 +59,30 @@ class Tried(NamedTuple):
     plan: Planned
 
 
-def tried(stationary: int, rolling: int, seed: int, mismatched: int = 0) -> list[Tried]:
-    """Return the records of a study: cases in random order, axles, directions and speeds alike often.
+def study_records(stationary: int, rolling: int, seed: int, mismatched: int = 0) -> list[StudyRecord]:
+    """Return the records of a study: cases in random order, balanced over axles, directions and speeds.
 
     Parameters
     ----------
     stationary, rolling:
-        How many of each kind.
+        Number of records of each kind.
     seed:
         Of the order.
     mismatched:
-        How many of each kind further with each mismatch that it can have; the first cases of its kind.
+        Number of records of each kind with each mismatch that it can have; the first cases of its kind.
     """
     records = []
     for kind, count in ((STATIONARY, stationary), (ROLLING, rolling)):
         plans = _cases(kind, max(count, mismatched), seed)
-        records += [Tried("none", kind, i, plan) for i, plan in enumerate(plans[:count])]
+        records += [StudyRecord("none", kind, i, plan) for i, plan in enumerate(plans[:count])]
         for name in list(MISMATCHES)[1:]:
-            if kind == ROLLING or name not in OF_ROLLING:
-                records += [Tried(name, kind, i, plan) for i, plan in enumerate(plans[:mismatched])]
+            if kind == ROLLING or name not in ROLLING_ONLY:
+                records += [StudyRecord(name, kind, i, plan) for i, plan in enumerate(plans[:mismatched])]
     return records
 
 
 def _cases(kind: str, count: int, seed: int) -> list[Planned]:
-    """Return plans of a kind, in random order within groups of axle, direction and speed, and a group in turn."""
+    """Return plans of a kind, in random order within groups of axle, direction and speed, the groups in turn."""
     plans = [plan for plan in thesis_plan() if (plan.case.speed_km_h > 0) == (kind == ROLLING)]
     rng = stream(seed, "motion study", kind)
     groups: dict[tuple[object, ...], list[Planned]] = {}
@@ -94,16 +95,16 @@ def _cases(kind: str, count: int, seed: int) -> list[Planned]:
 
 
 def study_motion(
-    records: list[Tried], seed: int = 0, on_progress: Callable[[int], None] = lambda _: None
+    records: list[StudyRecord], seed: int = 0, on_progress: Callable[[int], None] = lambda _: None
 ) -> MotionStudy:
-    """Return how the motion does on records, one after the other.
+    """Return errors and coverage of the motion fit on records, one after the other.
 
     Parameters
     ----------
     records:
-        Such as `tried`.
+        As `study_records` returns.
     seed:
-        Of axles, tyres and noise; each record has its own of all of them.
+        Of axles, tyres and noise, which differ between records.
     on_progress:
         Called with 1 after each record.
     """
@@ -115,12 +116,12 @@ def study_motion(
     return MotionStudy(summarise(table), table)
 
 
-def _rows(record: Tried, seed: int) -> list[dict[str, object]]:
+def _rows(record: StudyRecord, seed: int) -> list[dict[str, object]]:
     plan, rig = record.plan, load_rig(record.plan.case.configuration)
     # The same axle, tyre and noise with each mismatch: differences are the mismatch's.
-    own = int(stream(seed, "motion study", record.kind, str(record.number)).integers(2**32))
-    truth, law = MISMATCHES[record.mismatch](draw_truth(plan, rig, own), rig)
-    factor_table = {"mismatch": record.mismatch, "kind": record.kind, "record": plan.record, **plan.case._asdict()}
+    record_seed = int(stream(seed, "motion study", record.kind, str(record.number)).integers(2**32))
+    truth, law = MISMATCHES[record.mismatch](draw_truth(plan, rig, record_seed), rig)
+    factors = {"mismatch": record.mismatch, "kind": record.kind, "record": plan.record, **plan.case._asdict()}
     raw = simulate_record(truth, rig, law).raw
     began = time.process_time()
     try:
@@ -128,22 +129,23 @@ def _rows(record: Tried, seed: int) -> list[dict[str, object]]:
         estimate = estimate_motion(rig, recorded(recording))
     except BadInput as error:
         return [
-            {**factor_table, "seed": own, **row, "status": str(error), "origin": ORIGIN} for row in _told(truth, None)
+            {**factors, "seed": record_seed, **row, "status": str(error), "origin": ORIGIN}
+            for row in _parameter_rows(truth, None)
         ]
-    said = {"method": estimate.method, "pareto_k": estimate.pareto_k, **_left(estimate)}
-    said |= {"cpu_seconds": time.process_time() - began, "status": estimate.status or "ok", "origin": ORIGIN}
-    return [{**factor_table, "seed": own, **row, **said} for row in _told(truth, estimate)]
+    fit = {"method": estimate.method, "pareto_k": estimate.pareto_k, **_residual_statistics(estimate)}
+    fit |= {"cpu_seconds": time.process_time() - began, "status": estimate.status or "ok", "origin": ORIGIN}
+    return [{**factors, "seed": record_seed, **row, **fit} for row in _parameter_rows(truth, estimate)]
 
 
 def recorded(recording: Recording) -> Recorded:
-    """Return a recording as the fit of a motion takes it, its channels as read."""
+    """Return a recording as input of the motion fit, with its channels as read."""
     read, step = recording.raw, recording.step
     channels = read.acceleration_m_per_s2, read.laser_mm, read.load_kN
     bodies = tuple((body.turn_Hz, body.harmonics) for body in recording.bodies)
     return Recorded(read.dt_s, *channels, step.pre_step, (step.ramp.start_s, step.ramp.end_s), bodies)
 
 
-def _told(truth: Truth, estimate: MotionEstimate | None) -> list[dict[str, object]]:
+def _parameter_rows(truth: Truth, estimate: MotionEstimate | None) -> list[dict[str, object]]:
     rows = []
     for i, name in enumerate(RECORD_PARAMETERS):
         true = float(getattr(truth, _TRUE[name]))
@@ -156,60 +158,62 @@ def _told(truth: Truth, estimate: MotionEstimate | None) -> list[dict[str, objec
     return rows
 
 
-def _left(estimate: MotionEstimate) -> dict[str, float]:
-    found = estimate.map_estimate
-    squares = {f"chi_squared_{name}": float(of) for name, of in zip(CHANNELS, found.chi_squared, strict=True)}
-    alike = {f"autocorrelation_{name}": float(of) for name, of in zip(CHANNELS, found.correlation, strict=True)}
-    return squares | alike
+def _residual_statistics(estimate: MotionEstimate) -> dict[str, float]:
+    peak = estimate.map_estimate
+    squares = {f"chi_squared_{name}": float(value) for name, value in zip(CHANNELS, peak.chi_squared, strict=True)}
+    correlations = {
+        f"autocorrelation_{name}": float(value) for name, value in zip(CHANNELS, peak.correlation, strict=True)
+    }
+    return squares | correlations
 
 
 def summarise(records: pd.DataFrame) -> pd.DataFrame:
     """Return `MotionStudy.table` of `MotionStudy.records`."""
     rows = []
     for (mismatch, kind), name in product(records[["mismatch", "kind"]].drop_duplicates().to_numpy(), UNITS):
-        of = records[(records["mismatch"] == mismatch) & (records["kind"] == kind) & (records["parameter"] == name)]
-        found = of[of["estimate"].notna()]
-        factor_table = {
+        group = records[(records["mismatch"] == mismatch) & (records["kind"] == kind) & (records["parameter"] == name)]
+        estimated = group[group["estimate"].notna()]
+        factors = {
             "mismatch": mismatch,
             "kind": kind,
             "parameter": name,
-            "records": len(of),
-            "declined": len(of) - len(found),
+            "records": len(group),
+            "declined": len(group) - len(estimated),
         }
-        rows.append({**factor_table, **_figures(found), "origin": ORIGIN})
+        rows.append({**factors, **_statistics(estimated), "origin": ORIGIN})
     return pd.DataFrame(rows)
 
 
-def _figures(of: pd.DataFrame) -> dict[str, float | int]:
-    error, n, inside = of["error_percent"].to_numpy(float), len(of), int(of["inside"].sum())
+def _statistics(rows: pd.DataFrame) -> dict[str, float | int]:
+    error, n, inside = rows["error_percent"].to_numpy(float), len(rows), int(rows["inside"].sum())
     if n == 0:
         return {}
     share = stats.binomtest(inside, n).proportion_ci(0.95, method="exact")
-    doubted = int((of["status"] != "ok").sum()) if "status" in of else 0
+    doubted = int((rows["status"] != "ok").sum()) if "status" in rows else 0
     return {
         "rms_error_percent": float(np.sqrt(np.mean(error**2))),
         "bias_percent": float(error.mean()),
         "bias_se_percent": float(error.std(ddof=1) / np.sqrt(n)) if n > 1 else np.nan,
-        "rms_sd_percent": float(100 * np.sqrt(np.mean((of["sd"] / of["estimate"]) ** 2))),
+        "rms_sd_percent": float(100 * np.sqrt(np.mean((rows["sd"] / rows["estimate"]) ** 2))),
         "coverage_95": inside / n,
         "coverage_95_lower": float(share.low),
         "coverage_95_upper": float(share.high),
         "doubted": doubted,
-        "pareto_k_largest": float(of["pareto_k"].max()),
-        "cpu_seconds_median": float(of["cpu_seconds"].median()),
+        "pareto_k_largest": float(rows["pareto_k"].max()),
+        "cpu_seconds_median": float(rows["cpu_seconds"].median()),
     }
 
 
 def in_words(table: pd.DataFrame) -> list[str]:
-    """Return a line a mismatch and kind: root mean square error and bias of each parameter, how many were doubted."""
+    """Return a line a mismatch and kind: error, bias and coverage of each parameter, number of doubted records."""
     lines = []
     for (mismatch, kind), rows in table.groupby(["mismatch", "kind"], sort=False):
-        shown = rows[["parameter", "rms_error_percent", "bias_percent", "coverage_95"]]
-        parts = [
+        columns = rows[["parameter", "rms_error_percent", "bias_percent", "coverage_95"]]
+        errors = [
             f"{name} {rms:.2g} % (bias {bias:+.2g}, coverage {share:.0%})"
-            for name, rms, bias, share in shown.itertuples(index=False)
+            for name, rms, bias, share in columns.itertuples(index=False)
         ]
         first = rows.iloc[0]
-        told = f"{kind}, mismatch {mismatch}, {first['records']} records, {first['doubted']} doubted"
-        lines.append(f"{told}: rms error {', '.join(parts)}")
+        heading = f"{kind}, mismatch {mismatch}, {first['records']} records, {first['doubted']} doubted"
+        lines.append(f"{heading}: rms error {', '.join(errors)}")
     return lines

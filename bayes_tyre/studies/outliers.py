@@ -1,7 +1,7 @@
-"""Discordant repeats: what the posterior makes of them, what the source's rule does, and what the plain mean does.
+"""Error and coverage under discordant repeats: the posterior, the source's rule and the plain mean.
 
-The repeats are not made by the model's own mixture alone: in every other campaign a discordant one is shifted by 20 to
-40 %, as a record is whose pressure or fixture was wrong.
+Half of the campaigns draw discordant repeats as the model does; in the others they are shifted by 20 to 40 %, like
+records with a wrong pressure or fixture.
 """
 
 from collections.abc import Callable
@@ -15,15 +15,15 @@ from scipy.stats import binomtest
 from bayes_tyre.studies.batched_nuts import DataSet, Sampling, SideBySide, observe
 from bayes_tyre.studies.calibration import AT_ONCE, judge_sampling
 from bayes_tyre.studies.design import START_MM, Design, outlier_design
-from bayes_tyre.studies.repeat_means import RULES, Told, mean_of_repeats
+from bayes_tyre.studies.repeat_means import RULES, CaseEstimates, mean_of_repeats
 from bayes_tyre.studies.truths import Truths, simulate_forces
 
 #: Shares of discordant repeats.
 SHARES = (0.0, 0.05, 0.15)
-#: How a discordant repeat differs: by factors exp(N(0, 6 x scatter)), or one way by 20 to 40 %. They take turns.
+#: How a discordant repeat differs: by factors exp(N(0, 6 sd)), or one way by 20 to 40 %. They alternate.
 KINDS = ("scattered", "shifted")
-#: Of ordinary repeats about their case, and of cases about their cell: standard deviations of the logarithm.
-SCATTER, BETWEEN_CASES = {"k": 0.04, "beta": 0.10}, {"k": 0.08, "beta": 0.30}
+#: Standard deviations of the logarithm: of ordinary repeats about their case, and of cases about their group mean.
+SD_REPEAT, SD_CASE = {"k": 0.04, "beta": 0.10}, {"k": 0.08, "beta": 0.30}
 TYPICAL = {"k": 1.7, "beta": 0.1}
 POSTERIOR = "posterior"
 _WIDER, _SHIFT = 6.0, (0.2, 0.4)
@@ -31,7 +31,7 @@ _J_KN, _NOISE_KN = 1.0, 0.02
 
 
 class Outliers(NamedTuple):
-    """What the study found.
+    """Result of the study.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ def study_outliers(
     Parameters
     ----------
     campaigns:
-        How many with each share of discordant repeats; the kinds take turns.
+        Number of campaigns with each share of discordant repeats; the kinds alternate.
     seed:
         Of campaigns and sampler.
     on_progress:
@@ -67,7 +67,7 @@ def study_outliers(
         Compiled already.
     """
     engine = engine or SideBySide(outlier_design(), Sampling(), nominal_start=False)
-    told, judged = [], []
+    estimates, judged = [], []
     for s, share in enumerate(SHARES):
         rng = np.random.default_rng((seed, s))
         for first in range(0, campaigns, AT_ONCE):
@@ -76,10 +76,10 @@ def study_outliers(
             sets = observe(engine.design, simulate_forces(engine.design, truths, rng), engine.priors)
             sampled = engine.sample(sets, int(rng.integers(2**31)), on_progress)
             judged.append(judge_sampling(sampled, first).assign(share=share, kind=kinds))
-            told.append(_estimates(engine.design, sets, sampled.draws, truths).assign(share=share))
-            told[-1]["campaign"] += first
-            told[-1]["kind"] = kinds[told[-1]["campaign"] - first]
-    return Outliers(compare(pd.concat(told, ignore_index=True)), pd.concat(judged, ignore_index=True))
+            estimates.append(_estimates(engine.design, sets, sampled.draws, truths).assign(share=share))
+            estimates[-1]["campaign"] += first
+            estimates[-1]["kind"] = kinds[estimates[-1]["campaign"] - first]
+    return Outliers(compare(pd.concat(estimates, ignore_index=True)), pd.concat(judged, ignore_index=True))
 
 
 def draw_campaigns(design: Design, share: float, kinds: np.ndarray, rng: np.random.Generator) -> Truths:
@@ -87,13 +87,13 @@ def draw_campaigns(design: Design, share: float, kinds: np.ndarray, rng: np.rand
     sets, (record, records) = len(kinds), (design.factors.of_record, len(design.factors.of_record))
     truths: Truths = {"discordant": rng.random((sets, records)) < share}
     for name, typical in TYPICAL.items():
-        case = typical * np.exp(BETWEEN_CASES[name] * rng.standard_normal((sets, len(design.factors.cases))))
-        ordinary = np.exp(SCATTER[name] * rng.standard_normal((sets, records)))
-        scattered = np.exp(_WIDER * SCATTER[name] * rng.standard_normal((sets, records)))
+        case = typical * np.exp(SD_CASE[name] * rng.standard_normal((sets, len(design.factors.cases))))
+        ordinary = np.exp(SD_REPEAT[name] * rng.standard_normal((sets, records)))
+        scattered = np.exp(_WIDER * SD_REPEAT[name] * rng.standard_normal((sets, records)))
         shifted = 1.0 + rng.choice([-1.0, 1.0], (sets, records)) * rng.uniform(*_SHIFT, (sets, records))
-        odd = np.where(kinds[:, None] == "scattered", scattered, shifted * ordinary)
+        discordant = np.where(kinds[:, None] == "scattered", scattered, shifted * ordinary)
         truths[f"{name}_case"] = case
-        truths[name] = case[:, record] * np.where(truths["discordant"], odd, ordinary)
+        truths[name] = case[:, record] * np.where(truths["discordant"], discordant, ordinary)
     way = np.sign(design.factor_table["step_kN"].to_numpy(dtype=float))
     truths["J"] = way * _J_KN * np.exp(0.1 * rng.standard_normal((sets, records)))
     truths["F_i"] = design.start_kN + 0.1 * rng.standard_normal((sets, records))
@@ -103,57 +103,63 @@ def draw_campaigns(design: Design, share: float, kinds: np.ndarray, rng: np.rand
 
 
 def _estimates(design: Design, sets: DataSet, draws: dict[str, np.ndarray], truths: Truths) -> pd.DataFrame:
-    """Return what each method tells of each case: a row a campaign, case, parameter and method."""
+    """Return each method's error and coverage: a row a campaign, case, parameter and method."""
     three = truths["discordant"].shape[0], len(design.factors.cases), 3
-    odd = truths["discordant"].reshape(three).any(axis=2)
-    parts = []
+    has_discordant = truths["discordant"].reshape(three).any(axis=2)
+    tables = []
     for name, column in (("k", 2), ("beta", 3)):
         repeats = np.exp(np.asarray(sets.picture.records.centre)[:, :, column]).reshape(three)
         by_method = {rule: mean_of_repeats(repeats, name, rule) for rule in RULES}
         by_method[POSTERIOR] = _posterior(draws[f"{name}_case"])
-        parts += [_rows(told, truths[f"{name}_case"], odd, name, method) for method, told in by_method.items()]
-    return pd.concat(parts, ignore_index=True)
+        tables += [
+            _rows(estimates, truths[f"{name}_case"], has_discordant, name, method)
+            for method, estimates in by_method.items()
+        ]
+    return pd.concat(tables, ignore_index=True)
 
 
-def _posterior(draws: Float[np.ndarray, "sets kept cases"]) -> Told:
+def _posterior(draws: Float[np.ndarray, "sets draws cases"]) -> CaseEstimates:
     # Between two draws, so that the interval holds exactly 95 % with 39, 79, 119, ... of them.
     lower, median, upper = np.quantile(draws, [0.025, 0.5, 0.975], axis=1, method="weibull")
-    return Told(median, lower, upper)
+    return CaseEstimates(median, lower, upper)
 
 
 def _rows(
-    told: Told,
+    estimates: CaseEstimates,
     true: Float[np.ndarray, "sets cases"],
-    odd: Bool[np.ndarray, "sets cases"],
+    has_discordant: Bool[np.ndarray, "sets cases"],
     parameter: str,
     method: str,
 ) -> pd.DataFrame:
-    covered = (told.lower <= true) & (true <= told.upper)
+    covered = (estimates.lower <= true) & (true <= estimates.upper)
     columns = {
         "campaign": np.repeat(np.arange(len(true)), true.shape[1]),
-        "has_discordant": odd.ravel(),
-        "error": (told.value / true - 1.0).ravel(),
+        "has_discordant": has_discordant.ravel(),
+        "error": (estimates.value / true - 1.0).ravel(),
         "covered": covered.ravel(),
-        "half_width": (0.5 * (told.upper - told.lower) / true).ravel(),
+        "half_width": (0.5 * (estimates.upper - estimates.lower) / true).ravel(),
     }
     return pd.DataFrame(columns).assign(parameter=parameter, method=method)
 
 
-def compare(told: pd.DataFrame) -> pd.DataFrame:
+def compare(estimates: pd.DataFrame) -> pd.DataFrame:
     """Return error and coverage by share, kind, cases, parameter and method.
 
-    Cases of one campaign share populations, so the standard error of `rmse` is from campaign to campaign; the interval
-    of `coverage` counts cases as independent.
+    Cases of one campaign share hyperparameters, so the standard error of `rmse` is from campaign to campaign; the
+    interval of `coverage` counts cases as independent.
     """
-    every = [told.assign(group="all cases"), told[told["has_discordant"]].assign(group="with a discordant repeat")]
+    every = [
+        estimates.assign(group="all cases"),
+        estimates[estimates["has_discordant"]].assign(group="with a discordant repeat"),
+    ]
     keys = ["share", "kind", "group", "parameter", "method"]
     rows = []
     for key, cases in pd.concat(every, ignore_index=True).groupby(keys, sort=False):
         squares = (cases["error"] ** 2).groupby(cases["campaign"]).agg(["sum", "size"])
         rmse = float(np.sqrt(squares["sum"].sum() / squares["size"].sum()))
         # Delta method on the mean of squares, a ratio of sums over campaigns.
-        spare = squares["sum"] - rmse**2 * squares["size"]
-        se = float(np.sqrt((spare**2).sum()) / squares["size"].sum() / (2.0 * rmse))
+        excess = squares["sum"] - rmse**2 * squares["size"]
+        se = float(np.sqrt((excess**2).sum()) / squares["size"].sum() / (2.0 * rmse))
         inside, size = int(cases["covered"].sum()), len(cases)
         around = binomtest(inside, size).proportion_ci(0.95, method="exact")
         row = dict(zip(keys, key, strict=True)) | {"cases": size, "rmse": rmse, "rmse_se": se}
@@ -163,18 +169,18 @@ def compare(told: pd.DataFrame) -> pd.DataFrame:
 
 
 def in_words(table: pd.DataFrame) -> list[str]:
-    """Return what the table says of all cases, a sentence a parameter and share, both kinds taken together."""
+    """Return a sentence a parameter and share on all cases, both kinds taken together."""
     lines = []
     everywhere = table[table["group"] == "all cases"]
     for key, rows in everywhere.groupby(["share", "parameter"], sort=False):
         share, parameter = float(str(key[0])), key[1]
-        said = []
-        for method, of in rows.groupby("method", sort=False):
-            rmse = np.sqrt(np.average(of["rmse"] ** 2, weights=of["cases"]))
-            coverage = np.average(of["coverage"], weights=of["cases"])
-            said.append(f"{method} {100 * rmse:.1f} % ({100 * coverage:.0f} %)")
+        errors = []
+        for method, group in rows.groupby("method", sort=False):
+            rmse = np.sqrt(np.average(group["rmse"] ** 2, weights=group["cases"]))
+            coverage = np.average(group["coverage"], weights=group["cases"])
+            errors.append(f"{method} {100 * rmse:.1f} % ({100 * coverage:.0f} %)")
         lines.append(
             f"{100 * share:.0f} % discordant, {parameter} of a case: relative error (coverage of 95 % intervals): "
-            + "; ".join(said)
+            + "; ".join(errors)
         )
     return lines

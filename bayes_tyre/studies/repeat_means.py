@@ -1,7 +1,7 @@
-"""What a laboratory makes of three repeats: their mean, or their mean without the one that looks wrong.
+"""Means of three repeats, of all or without a discordant one, by two versions of the source's rule.
 
-The source left out of a case's mean a repeat that was "significantly different from the other two", and gives no
-number. Two readings of it stand in `RULES`.
+The source left out of a case's mean a repeat that was "significantly different from the other two", without a number.
+`RULES` has two versions of it.
 """
 
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from scipy.stats import t
 
 
-class Told(NamedTuple):
+class CaseEstimates(NamedTuple):
     """An estimate of each case and its 95 % interval, shape (..., cases)."""
 
     value: Float[np.ndarray, "*shape"]
@@ -20,11 +20,11 @@ class Told(NamedTuple):
     upper: Float[np.ndarray, "*shape"]
 
 
-#: A repeat is left out if it lies farther from the mean of the other two than so many times their difference ...
+#: A repeat is left out if its distance from the mean of the other two exceeds this many times their difference ...
 TIMES_THEIR_DIFFERENCE = 3.0
-#: ... and than this share of that mean: k (kN/mm) and beta (mm); two repeats may agree closely by chance.
+#: ... and this share of that mean: k (kN/mm) and beta (mm); two repeats may agree closely by chance.
 LEAST_SHARE = {"k": 0.10, "beta": 0.25}
-#: The other reading has no regard to how well the other two agree, and a wider margin.
+#: The other version takes no account of the difference of the other two, and has a wider margin.
 PLAIN_SHARE = {"k": 0.20, "beta": 0.50}
 
 
@@ -49,8 +49,8 @@ RULES: dict[str, Callable[[np.ndarray, str], np.ndarray]] = {
 }
 
 
-def mean_of_repeats(repeats: Float[np.ndarray, "*cases 3"], parameter: str, rule: str) -> Told:
-    """Return the mean of the repeats that a rule keeps, with Student's interval from their own scatter.
+def mean_of_repeats(repeats: Float[np.ndarray, "*cases 3"], parameter: str, rule: str) -> CaseEstimates:
+    """Return the mean of the repeats that a rule keeps, with Student's t interval.
 
     At most one repeat of a case is left out: of several that a rule would leave out, the one farthest from the median.
 
@@ -59,13 +59,13 @@ def mean_of_repeats(repeats: Float[np.ndarray, "*cases 3"], parameter: str, rule
     repeats:
         Least-squares estimates of `k` (kN/mm) or `beta` (mm), three a case.
     parameter, rule:
-        Whose, and a name in `RULES`.
+        The parameter, and a name in `RULES`.
     """
     centre = np.median(repeats, axis=-1, keepdims=True)
     farthest = np.argmax(np.abs(repeats - centre), axis=-1)[..., None] == np.arange(3)
-    kept = ~(RULES[rule](repeats, parameter) & farthest)
-    count = kept.sum(axis=-1)
-    mean = np.where(kept, repeats, 0.0).sum(axis=-1) / count
-    variance = np.where(kept, (repeats - mean[..., None]) ** 2, 0.0).sum(axis=-1) / (count - 1)
+    mask = ~(RULES[rule](repeats, parameter) & farthest)
+    count = mask.sum(axis=-1)
+    mean = np.where(mask, repeats, 0.0).sum(axis=-1) / count
+    variance = np.where(mask, (repeats - mean[..., None]) ** 2, 0.0).sum(axis=-1) / (count - 1)
     half = t.ppf(0.975, count - 1) * np.sqrt(variance / count)
-    return Told(mean, mean - half, mean + half)
+    return CaseEstimates(mean, mean - half, mean + half)

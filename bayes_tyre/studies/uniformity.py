@@ -1,4 +1,4 @@
-"""Whether ranks are uniform, and intervals cover what they claim."""
+"""Tests of simulation-based calibration: uniform ranks, and coverage of intervals."""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -12,18 +12,18 @@ from scipy.stats import binom, binomtest
 INTERVALS = (0.5, 0.8, 0.95)
 #: Probability that all parameters of a calibrated posterior stay inside their bands together.
 TOGETHER = 0.95
-#: Sets of uniform ranks that the law of the largest deviation is found from.
+#: Sets of uniform ranks that give the null distribution of the deviation.
 NULL_SETS = 10_000
 _SEED = 20_190_101
 
 
 class Deviation(NamedTuple):
-    """How far the empirical distribution of ranks runs from the uniform one.
+    """Deviation of the empirical distribution of ranks from the uniform one.
 
     Attributes
     ----------
     statistic:
-        The least tail probability, over all points, of the share of ranks up to there; small is far from uniform.
+        The least tail probability, over all points, of the share of ranks up to the point; small: far from uniform.
     p_value:
         Probability of a statistic as small where ranks are uniform.
     """
@@ -33,34 +33,35 @@ class Deviation(NamedTuple):
 
 
 def ranks(
-    truths: Float[np.ndarray, " sets"], draws: Float[np.ndarray, "sets kept"], rng: np.random.Generator
+    truths: Float[np.ndarray, " sets"], draws: Float[np.ndarray, "sets draws"], rng: np.random.Generator
 ) -> Int[np.ndarray, " sets"]:
-    """Return how many draws of each data set lie below its truth: uniform from 0 to `kept` where all is right.
+    """Return how many draws of each data set lie below its truth: uniform from 0 to the number of draws where the
+    posterior is calibrated.
 
-    Where draws equal the truth, its place among them is drawn.
+    Where draws equal the truth, its place among them is random.
     """
     below, same = np.sum(draws < truths[:, None], axis=1), np.sum(draws == truths[:, None], axis=1)
     return below + rng.integers(0, same + 1)
 
 
 def pit(ranked: Int[np.ndarray, " sets"], kept: int, rng: np.random.Generator) -> Float[np.ndarray, " sets"]:
-    """Return ranks as numbers in (0, 1), each drawn evenly from its own share: uniform exactly where ranks are."""
+    """Return randomised ranks in (0, 1): uniform exactly where the ranks are."""
     return (ranked + rng.random(len(ranked))) / (kept + 1)
 
 
 def deviation(values: Float[np.ndarray, " sets"]) -> Deviation:
-    """Return how far values in (0, 1) are from uniform, over the whole of their distribution at once.
+    """Return how far values in (0, 1) are from uniform, over their whole distribution.
 
     Source: Sailynoja, Burkner & Vehtari (2022), "Graphical test for discrete uniformity and its applications in
     goodness-of-fit evaluation and multiple sample comparison", Statistics and Computing 32: their gamma.
     """
-    found = float(_gamma(values[None])[0])
+    statistic = float(_gamma(values[None])[0])
     null = _null(len(values))
-    return Deviation(found, (1 + np.searchsorted(null, found, side="right")) / (1 + len(null)))
+    return Deviation(statistic, (1 + np.searchsorted(null, statistic, side="right")) / (1 + len(null)))
 
 
 def band(sets: int, together: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return points in (0, 1), and the excess of the empirical distribution below and above which it deviates there.
+    """Return points in (0, 1), and the simultaneous band of the empirical distribution less the uniform one there.
 
     Parameters
     ----------
@@ -120,7 +121,7 @@ def _gamma(values: Float[np.ndarray, "many sets"]) -> Float[np.ndarray, " many"]
     at = np.arange(1, sets) / sets
     ordered = np.sort(values, axis=1)
     counts = np.stack([np.searchsorted(row, at, side="right") for row in ordered])
-    # By table: the law of a count depends on the point alone.
+    # Tabulated: the distribution of a count depends on the point alone.
     upto = binom.cdf(np.arange(-1, sets + 1)[:, None], sets, at)
     column = np.arange(sets - 1)
     tail = np.minimum(upto[counts + 1, column], 1.0 - upto[counts, column])

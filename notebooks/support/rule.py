@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import t
 
-from bayes_tyre.published.campaign import left_out, usual_scatter
+from bayes_tyre.published.campaign import left_out, repeat_sd
 from bayes_tyre.record import CASE_FACTORS
 
 PLAIN, RULE, POSTERIOR = "mean of all", "mean by the rule", "posterior"
@@ -45,7 +45,7 @@ def by_multiple(fits: pd.DataFrame, discordant: pd.Series, multiples: Sequence[f
 
 
 def _out(case: pd.DataFrame, multiple: float | int) -> pd.Series:
-    scatter = usual_scatter(float(case["speed_km_h"].iloc[0]))
+    scatter = repeat_sd(float(case["speed_km_h"].iloc[0]))
     return pd.Series(left_out(case["k_kN_per_mm"].to_numpy(), scatter, float(multiple)), index=case["record"])
 
 

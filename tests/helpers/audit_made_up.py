@@ -5,7 +5,7 @@ from collections.abc import Callable
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.studies.audit import Audit, summarise, tidy
 from bayes_tyre.studies.audit_grid import CONFIGURATION, Plan, Tyre
-from bayes_tyre.studies.audit_methods import GIVES, Answer, true_value
+from bayes_tyre.studies.audit_methods import ESTIMATED, MethodEstimate, true_value
 
 SMALL = Plan(
     {"k_kN_per_mm": (1.8, 2.2), "damping_ratio": (0.03, 0.1)},
@@ -35,19 +35,19 @@ def audited(rule: Rule, replicates: int = 2, half_width: float = 0.05, plan: Pla
         (tyre, n, window, method, _answer(rule, half_width, tyre, n, window, method))
         for tyre in plan.tyres()
         for n in range(1, replicates + 1)
-        for method in GIVES
+        for method in ESTIMATED
         for window in (plan.windows_of(tyre) if method == "thesis" else (None,))
     ]
     records = tidy(told, RIG)
     return Audit(summarise(records), records)
 
 
-def _answer(rule: Rule, half_width: float, tyre: Tyre, n: int, window: int | None, method: str) -> Answer:
+def _answer(rule: Rule, half_width: float, tyre: Tyre, n: int, window: int | None, method: str) -> MethodEstimate:
     values = {}
-    for parameter in GIVES[method]:
+    for parameter in ESTIMATED[method]:
         share = rule(method, parameter, tyre, window, n)
         if share is None:
-            return Answer({}, "declined")
+            return MethodEstimate({}, "declined")
         value = share * true_value(parameter, tyre, RIG)
         values[parameter] = (value, value * (1 - half_width), value * (1 + half_width))
-    return Answer(values, "ok")
+    return MethodEstimate(values, "ok")

@@ -2,10 +2,10 @@
 
 import pandas as pd
 
-from bayes_tyre.studies.motion_study import UNITS, MotionStudy, Tried, summarise
+from bayes_tyre.studies.motion_study import UNITS, MotionStudy, StudyRecord, summarise
 
 
-def motion_rows(records: list[Tried]) -> pd.DataFrame:
+def motion_rows(records: list[StudyRecord]) -> pd.DataFrame:
     """Return a row a record and parameter."""
     return pd.DataFrame(
         {"mismatch": record.mismatch, "kind": record.kind, "record": record.plan.record, "seed": 1}
@@ -16,7 +16,7 @@ def motion_rows(records: list[Tried]) -> pd.DataFrame:
     )
 
 
-def studied(records: list[Tried]) -> MotionStudy:
+def studied(records: list[StudyRecord]) -> MotionStudy:
     """Return what the study would."""
     table = motion_rows(records)
     return MotionStudy(summarise(table), table)

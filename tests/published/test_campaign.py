@@ -10,15 +10,15 @@ from bayes_tyre.formats.tables import read_table
 from bayes_tyre.inference.least_squares.table import REGIONS, FitSettings, fit_records
 from bayes_tyre.published import tables
 from bayes_tyre.published.campaign import (
-    BETA_SCATTER_FACTOR,
     FIRST_PART,
     NOISE_KN,
     ORDINARY_WITHIN,
+    SD_BETA_OVER_K,
     Reconstruction,
     case_means,
     left_out,
     reconstruct,
-    usual_scatter,
+    repeat_sd,
 )
 from bayes_tyre.published.checks import round_trip_rows
 from bayes_tyre.record import CASE_FACTORS, FACTORS
@@ -131,7 +131,7 @@ def test_kept_repeats_average_to_the_printed_values(truth):
         np.testing.assert_allclose(both[f"{parameter}_kept"], both[parameter], rtol=1e-12)
 
 
-@pytest.mark.parametrize(("parameter", "factor"), [("k_kN_per_mm", 1.0), ("beta_mm", BETA_SCATTER_FACTOR)])
+@pytest.mark.parametrize(("parameter", "factor"), [("k_kN_per_mm", 1.0), ("beta_mm", SD_BETA_OVER_K)])
 @pytest.mark.parametrize("standing", [True, False])
 def test_kept_repeats_scatter_as_stated(truth, parameter, factor, standing):
     kept = truth[~truth["discordant"] & ((truth["speed_km_h"] == 0) == standing)]
@@ -139,7 +139,7 @@ def test_kept_repeats_scatter_as_stated(truth, parameter, factor, standing):
     repeats = cases.transform("size")
     # Deviations from the mean of n repeats are stretched by n / (n - 1) in the square, and cut where they are rare.
     square = (kept[parameter] / cases.transform("mean") - 1) ** 2 * (repeats - 1) / repeats
-    stated = factor * usual_scatter(0.0 if standing else 25.0)
+    stated = factor * repeat_sd(0.0 if standing else 25.0)
     stated *= stats.truncnorm.std(-ORDINARY_WITHIN, ORDINARY_WITHIN)
     # By chance less than 1 time in 1000 (normal deviations; those that are cut scatter less).
     low, high = stats.chi2.interval(1 - 1e-3, len(kept) - len(cases))
@@ -256,7 +256,7 @@ def test_the_offset_is_four_tenths_of_a_kilonewton_in_the_direction_of_the_step(
     ],
 )
 def test_the_rule_leaves_out_at_most_the_most_distant_repeat(k, expected):
-    assert left_out(np.array(k), usual_scatter(0.0)).tolist() == expected
+    assert left_out(np.array(k), repeat_sd(0.0)).tolist() == expected
 
 
 def test_case_means_say_which_repeat_is_left_out(truth):

@@ -10,7 +10,7 @@ from bayes_tyre.simulate.simulator import simulate_record
 from bayes_tyre.studies.audit import COLUMNS, count_records
 from bayes_tyre.studies.audit_grid import FACTORS, PLANS, SOURCE_WINDOW, TYPICAL, Tyre, truth_of
 from bayes_tyre.studies.audit_methods import AMPLITUDE_MM, energy_J, motion_values
-from bayes_tyre.studies.audit_overview import follow, in_words, overview, sways
+from bayes_tyre.studies.audit_overview import beta_response, coverage_verdict, factor_effects, overview
 from bayes_tyre.studies.audit_sentences import conclusion, lines
 
 pytestmark = pytest.mark.usefixtures("fully_compiled")
@@ -82,18 +82,18 @@ def test_a_method_that_declines_everything_is_said_to():
 
 def test_a_method_that_is_blind_to_beta_is_told_from_one_that_finds_it():
     table = audited(blind).table
-    found = follow(table, "thesis")
+    found = beta_response(table, "thesis")
     assert found is not None
     assert found.returned == pytest.approx((0.02, 0.02 * 0.06 / 0.036))
     assert found.true == (0.04, 0.12)
     assert found.share == pytest.approx(0.0, abs=1e-12)
-    motion = follow(table, "motion")
+    motion = beta_response(table, "motion")
     assert motion is not None
     assert motion.rank_correlation == 1.0
     assert abs(found.rank_correlation) < 0.5
-    moved = sways(table, "thesis")
-    factors = {name: sway.factor for name, sway in moved.items()}
-    assert factors == pytest.approx({"beta_mm": 1.0, "rise_s": 0.06 / 0.036, "window_samples": 3.0})
+    effects = factor_effects(table, "thesis")
+    ratios = {name: effect.ratio for name, effect in effects.items()}
+    assert ratios == pytest.approx({"beta_mm": 1.0, "rise_s": 0.06 / 0.036, "window_samples": 3.0})
     said = "\n".join(conclusion(table, PUBLISHED))
     assert "0.02 to 0.0333 mm is returned where the truth is 0.04 to 0.12 mm" in said
     assert "it says little about the tyre" in said
@@ -120,7 +120,12 @@ def test_a_method_that_finds_beta_is_said_to_and_one_that_is_off_is_not():
 def test_the_words_of_a_coverage_follow_its_count():
     # Exact binomial 95 % intervals: 80 of 100 has 71 to 87 %, 95 of 100 89 to 98 %, 200 of 200 98.2 to 100 %.
     counts = ((80, 100), (95, 100), (200, 200), (0, 0))
-    assert [in_words(*count) for count in counts] == ["too narrow", "agrees with 95 %", "too wide", "no intervals"]
+    assert [coverage_verdict(*count) for count in counts] == [
+        "too narrow",
+        "agrees with 95 %",
+        "too wide",
+        "no intervals",
+    ]
 
 
 def test_the_energy_of_a_motion_is_that_of_its_parameters_and_its_interval_that_of_draws():

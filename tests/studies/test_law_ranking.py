@@ -7,7 +7,7 @@ from helpers.law_rankings import ranked
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.motion.laws import MOTION_LAWS
 from bayes_tyre.rig.axle import load_rig
-from bayes_tyre.studies.law_ranking import CONTAINS, as_they_should, in_words, planned, rank_laws, simulated
+from bayes_tyre.studies.law_ranking import CONTAINS, in_words, planned, rank_laws, ranked_correctly, simulated
 
 pytestmark = pytest.mark.usefixtures("fully_compiled")
 
@@ -19,7 +19,7 @@ def test_a_spring_ranks_before_a_law_with_friction_on_its_own_records():
     assert list(found.table["fitted_law"]) == ["kelvin_voigt", "fancher"]
     assert list(found.table["rank"]) == [1, 2]
     assert found.table["elpd_difference"].iloc[1] < -2 * found.table["difference_se"].iloc[1]
-    assert as_they_should(found.table).all()
+    assert ranked_correctly(found.table).all()
     assert len(found.records) == 4
     own = found.records[found.records["fitted_law"] == "kelvin_voigt"]
     assert list(own["status"]) == ["ok", "ok"]
@@ -51,8 +51,8 @@ def test_what_may_come_first_is_a_law_that_the_study_has():
 
 def test_another_law_first_is_told():
     right, wrong = ranked(["fancher", "rigid_ring"]).table, ranked(["fancher"], first="maxwell_slip").table
-    assert as_they_should(right).all()
-    assert not as_they_should(wrong).any()
+    assert ranked_correctly(right).all()
+    assert not ranked_correctly(wrong).any()
     assert in_words(right)[1].startswith("records of rigid_ring: rigid_ring first, then fancher (-10.0 ± 2.0)")
     assert "should be first" in in_words(wrong)[0]
     assert "should be first" not in "".join(in_words(right))

@@ -9,8 +9,8 @@ from helpers.motion_studies import motion_rows
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.draw import draw_truth
-from bayes_tyre.studies.motion_mismatch import MISMATCHES, OF_ROLLING, CurvedFancher
-from bayes_tyre.studies.motion_study import ROLLING, STATIONARY, summarise, tried
+from bayes_tyre.studies.motion_mismatch import MISMATCHES, ROLLING_ONLY, CurvedFancher
+from bayes_tyre.studies.motion_study import ROLLING, STATIONARY, study_records, summarise
 
 pytestmark = pytest.mark.usefixtures("fully_compiled")
 
@@ -19,32 +19,32 @@ TYRE = {"k": 1.6, "C": 0.1, "x": 0.4, "beta": 0.09}
 
 
 def test_speeds_directions_and_axles_come_equally_often():
-    records = tried(12, 12, seed=3)
+    records = study_records(12, 12, seed=3)
     rolling = [record.plan.case for record in records if record.kind == ROLLING]
     assert Counter((case.configuration, case.direction, case.speed_km_h) for case in rolling).most_common(1)[0][1] == 1
     assert {case.speed_km_h for case in rolling} == {15.0, 25.0, 35.0}
     still = Counter((r.plan.case.configuration, r.plan.case.direction) for r in records if r.kind == STATIONARY)
     assert set(still.values()) == {3}
-    assert records == tried(12, 12, seed=3)
-    assert records != tried(12, 12, seed=4)
+    assert records == study_records(12, 12, seed=3)
+    assert records != study_records(12, 12, seed=4)
 
 
 def test_mismatches_are_tried_on_the_kinds_that_can_have_them():
-    names = Counter((record.mismatch, record.kind) for record in tried(1, 0, seed=0, mismatched=2))
+    names = Counter((record.mismatch, record.kind) for record in study_records(1, 0, seed=0, mismatched=2))
     expected = {(name, ROLLING): 2 for name in MISMATCHES if name != "none"}
-    expected |= {(name, STATIONARY): 2 for name in MISMATCHES if name not in ("none", *OF_ROLLING)}
+    expected |= {(name, STATIONARY): 2 for name in MISMATCHES if name not in ("none", *ROLLING_ONLY)}
     assert names == expected | {("none", STATIONARY): 1}
 
 
 def test_every_mismatch_is_one():
-    truth = draw_truth(next(r.plan for r in tried(0, 12, 0) if r.plan.case.configuration == "single"), RIG, 5)
+    truth = draw_truth(next(r.plan for r in study_records(0, 12, 0) if r.plan.case.configuration == "single"), RIG, 5)
     for name, of in MISMATCHES.items():
         other, law = of(truth, RIG)
         assert ((other, law) == (truth, None)) == (name == "none"), name
 
 
 def test_figures_are_those_of_the_errors():
-    rows = motion_rows(tried(4, 0, seed=0))
+    rows = motion_rows(study_records(4, 0, seed=0))
     k = rows["parameter"] == "k"
     rows.loc[k, "error_percent"] = [1.0, -1.0, 2.0, 0.0]
     rows.loc[k, "inside"] = [True, True, False, True]
@@ -59,7 +59,7 @@ def test_figures_are_those_of_the_errors():
 
 
 def test_a_record_without_an_estimate_is_declined():
-    rows = motion_rows(tried(2, 0, seed=0))
+    rows = motion_rows(study_records(2, 0, seed=0))
     rows.loc[rows["record"] == rows["record"][0], "estimate"] = np.nan
     found = summarise(rows)
     assert (found["records"] == 2).all()

@@ -106,11 +106,11 @@ def motion(
     from bayes_tyre.runtime import prepare_jax
 
     prepare_jax()
-    from bayes_tyre.studies.motion_study import in_words, tried
+    from bayes_tyre.studies.motion_study import in_words, study_records
     from bayes_tyre.workflow.studies.study import write_motion_study
 
     options = {"stationary": stationary, "rolling": rolling, "mismatch": mismatch, "seed": seed}
-    records = tried(stationary, rolling, seed, mismatch)
+    records = study_records(stationary, rolling, seed, mismatch)
     with progress("fitting motions", len(records), quiet) as on_progress:
         found = write_motion_study(out, records, seed, options, on_progress)
     say(f"wrote {out / 'motion_study.csv'} (simulated, not measured)", quiet)
@@ -142,7 +142,7 @@ def laws(
 
     prepare_jax(DEVICES)
     from bayes_tyre.inference.motion.laws import MOTION_LAWS
-    from bayes_tyre.studies.law_ranking import as_they_should, in_words
+    from bayes_tyre.studies.law_ranking import in_words, ranked_correctly
     from bayes_tyre.workflow.studies.study import write_law_ranking
 
     names = list(dict.fromkeys(one.value for one in law)) if law else list(MOTION_LAWS)
@@ -152,7 +152,7 @@ def laws(
     say(f"wrote {out / 'law_ranking.csv'} (simulated, not measured)", quiet)
     for line in in_words(found.table):
         say(f"  {line}", quiet)
-    if not as_they_should(found.table).all():
+    if not ranked_correctly(found.table).all():
         raise typer.Exit(NOT_TRUSTED)
 
 

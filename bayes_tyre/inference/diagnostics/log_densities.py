@@ -1,8 +1,8 @@
-"""The log prior and log likelihood of every draw, which sampling itself does not keep: what power-scaling needs.
+"""Log prior and log likelihood of every draw, which sampling does not store: for power-scaling.
 
-The prior here is that of the top level alone: cells, scales and whatever else has a place of its own in `PRIORS`. What
-a level below has, such as a case about its words or a record about its case, is what the hierarchy learns, neither
-prior nor likelihood: Kallioinen et al. (2024), "Detecting and diagnosing prior and likelihood sensitivity with
+The prior here is that of the top level alone: group means, standard deviations and all others in `PRIORS`. The
+distributions of lower levels, such as of cases about their group or of records about their case, are part of the model,
+neither prior nor likelihood: Kallioinen et al. (2024), "Detecting and diagnosing prior and likelihood sensitivity with
 power-scaling", Statistics and Computing 34, section 2.3, scale hierarchical models so.
 """
 
@@ -32,10 +32,10 @@ SAMPLE = ("chain", "draw")
 def log_prior(
     posterior: xr.Dataset, sites: Sequence[str], data: RecordData | None = None, priors: Priors = PRIORS
 ) -> xr.Dataset:
-    """Return the log density of each top-level prior at each draw, a variable a site; dims chain, draw (and cell).
+    """Return the log density of each top-level prior at each draw, a variable a site; dims chain, draw (and group).
 
     A prior spread on a logarithm has its density per unit of that: raised to a power it keeps its median and changes
-    its width. A factor on displacement has no part in it: it is told, not sampled.
+    its width. A factor on displacement is not part of it, because it is fixed.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def log_prior(
         if site not in measured:
             continue
         values = measured[site].to_numpy()
-        with np.errstate(divide="ignore", invalid="ignore"):  # a draw that is no number is told by the verdict
+        with np.errstate(divide="ignore", invalid="ignore"):  # the verdict reports draws that are not finite
             density = priors[site].scipy().logpdf(values) + (np.log(values) if priors[site].of_logarithm else 0.0)
         found[site] = measured[site].copy(data=density)
     if data is not None:
@@ -67,7 +67,7 @@ def log_prior(
 def log_likelihood_of_records(posterior: xr.Dataset, likelihood: Likelihood) -> xr.Dataset:
     """Return the log density of each record's forces at each draw: `force`, dims chain, draw, record.
 
-    ArviZ's `loo` on it leaves a record out and keeps the record's own parameters, which predicts nothing:
+    ArviZ's `loo` on it leaves a record out and keeps the record's own parameters, which is not a prediction:
     `bayes_tyre.inference.diagnostics.leave_one_out` integrates them out.
     """
     measured = as_measured(posterior)
@@ -119,7 +119,7 @@ def log_likelihood_of_print(posterior: xr.Dataset, printed: Mapping[str, np.ndar
 
 
 def without_labels(found: Mapping[str, xr.DataArray]) -> xr.Dataset:
-    """Return the densities without units, and without the words along their cases and records."""
+    """Return the densities without units, and without the factors along their cases and records."""
     named = xr.Dataset(dict(found))
     bare = named.drop_vars([name for name in named.coords if name not in named.dims])
     for name in bare.data_vars:

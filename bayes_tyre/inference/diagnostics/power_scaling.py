@@ -1,4 +1,4 @@
-"""What the data said of each quantity, and what its prior did: contraction, and sensitivity to both."""
+"""Identifiability of each quantity: contraction of its prior, and power-scaling sensitivity to prior and likelihood."""
 
 import warnings
 from collections.abc import Mapping
@@ -32,7 +32,7 @@ from bayes_tyre.record import CASE_FACTORS
 #: The group of a posterior's tree that holds all this, and what stands along its dimension `measure`.
 GROUP = "identifiability"
 MEASURES = ("contraction", "prior_sensitivity", "likelihood_sensitivity")
-#: Contraction below which the data hardly spoke: the posterior is over 0.7 times as wide as its prior.
+#: Contraction below which a quantity is weakly identified: the posterior is over 0.7 times as wide as its prior.
 CONTRACTION_LEAST = 0.5
 #: Sensitivity from which on ArviZ calls a prior informative.
 SENSITIVE = 0.05
@@ -63,11 +63,12 @@ def on_prior_scale(name: str, values: xr.DataArray, priors: Priors = PRIORS) -> 
 def contraction(posterior: xr.Dataset, prior: xr.Dataset, priors: Priors = PRIORS) -> xr.Dataset:
     """Return 1 - (variance of the posterior / of the prior) of each element, on the scale the prior is given on.
 
-    0 where the data said nothing, 1 where they said all; below 0 where the posterior is wider than its prior. What is
-    in one of the two alone is left out. Source: Betancourt (2018), "Towards a principled Bayesian workflow".
+    0 where the data add no information, 1 where they determine it; below 0 where the posterior is wider than its
+    prior. What is in one of the two alone is left out. Source: Betancourt (2018), "Towards a principled Bayesian
+    workflow".
     """
     found = {}
-    with np.errstate(divide="ignore", invalid="ignore"):  # draws that are no numbers are told by the verdict
+    with np.errstate(divide="ignore", invalid="ignore"):  # the verdict reports draws that are not finite
         for name in (str(name) for name in posterior.data_vars if name in prior):
             of_posterior, of_prior = (
                 on_prior_scale(name, each[name], priors).var(_SAMPLE) for each in (posterior, prior)
@@ -84,8 +85,8 @@ def sensitivity(quantities: xr.Dataset, log_prior: xr.Dataset, log_likelihood: x
     there is nothing to weigh, and nothing is returned; quantities that are none are left out.
 
     In a hierarchy only the top-level priors are scaled, those that `log_prior` holds. The likelihood of many records
-    has much in it that bears on no case: its floor is then above most sensitivities, which say nothing. Whether the
-    data spoke is for `contraction` to say.
+    has much in it that bears on no case: its floor is then above most sensitivities, which are then not significant.
+    `contraction` says whether the data identify a quantity.
     """
     finite = {name: draws for name, draws in quantities.data_vars.items() if np.isfinite(draws.to_numpy()).all()}
     densities = [density.to_numpy() for group in (log_prior, log_likelihood) for density in group.data_vars.values()]
@@ -140,7 +141,7 @@ def identify_records(tree: xr.DataTree, table: pd.DataFrame, model: ModelSetting
     Parameters
     ----------
     tree, table, model:
-        The posterior, the checked table it was fitted to, and what else the model was told.
+        The posterior, the checked table it was fitted to, and the model's other settings.
     """
     batch, factor_table, factors = batch_and_factors(table, model)
     data = record_data(batch)

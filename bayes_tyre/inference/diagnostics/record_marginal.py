@@ -1,9 +1,9 @@
-"""The density of a whole record under its populations: its own parameters integrated out by importance sampling.
+"""The marginal density of a whole record given the hyperparameters, by importance sampling of its own parameters.
 
-Leaving a record out with its own k and beta still in the model says nothing, for they follow the record wherever it
-goes. What a model predicts of a record that it has not seen is the integral over all that the populations allow: by
-importance sampling about the Gaussian posterior that the record's picture and each draw's populations make together,
-the same quasi-random points for every draw.
+Leave-one-out with a record's own k and beta in the model is not informative, because they adapt to the record. The
+predictive density of an unseen record is the integral over its parameters: by importance sampling about the Gaussian
+posterior of the record's Laplace approximation and each draw's hyperparameters, with the same quasi-random points for
+every draw.
 """
 
 from typing import NamedTuple
@@ -120,7 +120,7 @@ def _log_standard(z: Float[Array, "*points dimensions"]) -> Float[Array, "*point
 
 
 def _information(estimates: RecordEstimates) -> Float[Array, "records 4 4"]:
-    """Return the information on (F_i, J, log k, log beta) that the picture of each record holds, put together again."""
+    """Return the information on (F_i, J, log k, log beta) of each record's Laplace approximation."""
     inverse = jnp.linalg.inv(estimates.factor)
     level = jnp.einsum("rji,rjk->rik", inverse, inverse)
     both = -level @ estimates.slope
@@ -137,12 +137,12 @@ def record_density(
     z: Float[Array, "points dimensions"],
     widening: float = DISCORDANT_WIDENING,
 ) -> RecordDensity:
-    """Return the density of each record's forces given each draw of the populations alone.
+    """Return the density of each record's forces given each draw of the hyperparameters alone.
 
     Parameters
     ----------
     likelihood, data, estimates:
-        Of the records, and their Gaussian picture.
+        Of the records, and their Laplace approximation.
     of:
         The draws.
     z:
@@ -183,7 +183,7 @@ def _theta(
     information: Float[Array, "records 4 4"],
     of: Hyperparameters,
 ) -> tuple[Float[Array, "points records 4"], Float[Array, " records"]]:
-    """Return (F_i, J, log k, log beta) about each record's posterior given the populations; the map's log volume."""
+    """Return (F_i, J, log k, log beta) about each record's posterior given hyperparameters; the map's log volume."""
     widen = 0.0 if of.student_nu is None else jnp.log(_STUDENT_WIDENING)
     log_J = jnp.broadcast_to(jnp.log(of.sd_J), data.span.shape)
     log_scale = jnp.stack([jnp.log(data.span), log_J, *(of.log_scatter + widen).T], axis=1)

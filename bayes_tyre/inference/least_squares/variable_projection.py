@@ -67,7 +67,7 @@ def profile_of(own: OwnProblem) -> Profile:
 
 
 def ends(profile: Profile) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Return the least and largest beta of the search: the record's limits, none too small to change a force."""
+    """Return the least and the largest beta to search: the record's limits, and none too small to change a force."""
     low, high = profile.own.beta_ends
     nearest = jnp.min(jnp.where(profile.distance > 0, profile.distance, jnp.inf))
     return jnp.clip(_LEAST_BETA * nearest, low, high), high

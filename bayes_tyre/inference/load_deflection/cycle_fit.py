@@ -1,9 +1,9 @@
-"""Fancher's law through the readings of a slow cycle of load, all cycles of a batch in one jit and one vmap.
+"""Least squares of Fancher's law on the readings of a slow cycle of load, vectorised over cycles.
 
-From reading to reading the displacement moves one way, so that the small-step limit is exact over each step. With x the
-friction and s the direction, force less k d + C settles on s (x - k beta), and is (x - k beta) w(d; beta) on the way,
-where w is the same law with k = C = 0 and x = 1: k, C and x - k beta are linear, and x > k beta is the bound
-x - k beta >= 0. Readings far further apart than beta hold no trace of it: w is +-1, and x itself stays unknown.
+Between readings the displacement is monotone, so that the small-step limit is exact over each step. With x the
+friction and s the direction, force less k d + C settles on s (x - k beta), and before that is (x - k beta) w(d; beta),
+where w is the same law with k = C = 0 and x = 1. So k, C and x - k beta are linear, and x > k beta is the bound
+x - k beta >= 0. Readings much further apart than beta do not depend on it: w is +-1, and x is not identified.
 """
 
 from collections.abc import Callable
@@ -19,11 +19,10 @@ from bayes_tyre.inference.least_squares.bounded_levenberg_marquardt import BoxLe
 from bayes_tyre.laws.fancher import Fancher, dissipated_energy_per_cycle
 
 MAX_STEPS, TOLERANCE = 256, 1e-11
-#: What exact readings leave counts as noise of this part of their change of force; so far do equal displacements lie
-#: apart, in travels, once compiled.
+#: Least noise of a reading over the change of force; also the rounding of equal displacements, over the travel.
 ROUNDING = 1e-12
 RIDGE = 1e-14
-#: beta counts as determined from so many readings within 2 beta of a turn on.
+#: Fewest readings within 2 beta of a reversal that determine beta.
 FEWEST_LAGGING = 2
 
 Theta = Float[Array, "4"]
@@ -36,20 +35,20 @@ class Cycle(NamedTuple):
     Attributes
     ----------
     d, F:
-        Displacement, mm, and force, kN, in measured order, shape (readings,); rows that only fill up repeat the last.
+        Displacement, mm, and force, kN, in measured order, shape (readings,); padding repeats the last.
     used:
-        Which are readings.
+        Shape (readings,); False on padding.
     start:
-        1 if the first reading was reached by loading, -1 by unloading, from further away than beta: the force has
-        settled there.
+        1 if the first reading was reached by loading, -1 by unloading, from further away than beta, so that its force
+        is settled.
     betas:
-        The betas to try, mm, rising, shape (betas,); all alike where beta is known.
+        Grid of betas, mm, ascending, shape (betas,); all equal where beta is known.
     rise:
-        What the residual sum of squares may rise by within a 95 % interval of one parameter, over the variance of a
-        reading: the point of F(1, spare).
+        Rise of the residual sum of squares within a 95 % interval of one parameter, over the variance of a reading:
+        the quantile of F(1, degrees of freedom).
     refuted:
-        The same for an interval of 99.9 %: by how much a beta too small to leave a trace must fit worse, before another
-        counts as determined. A wrong one takes x along.
+        The same for an interval of 99.9 %: beta counts as determined where the least beta fits worse by this, because
+        an error of beta is also one of x.
     """
 
     d: Float[Array, "*tests readings"]
@@ -62,28 +61,28 @@ class Cycle(NamedTuple):
 
 
 class CycleEstimate(NamedTuple):
-    """What a cycle says of the law; a leading axis batches it.
+    """The least-squares estimate of a cycle; a leading axis batches it.
 
     Attributes
     ----------
     value, standard_error:
-        Shape (4,): k (kN/mm), C (kN), x - k beta (kN), beta (mm). The error is NaN where there is none: of
-        beta where it is known, or bounded to one side only (the others are then those at the least beta tried, or
-        given the best), and of x - k beta where that is 0, its bound.
+        Shape (4,): k (kN/mm), C (kN), x - k beta (kN), beta (mm). The error is NaN for a beta that is known
+        or bounded to one side only (the others are then conditional on the least beta of the grid, or on the best), and
+        for x - k beta at its bound 0.
     x, x_se:
         Friction, kN; the error is NaN where beta is not determined.
     energy, energy_se:
         Dissipated a cycle over the stroke of the readings, J.
     x_range, beta_range:
-        Shape (2,): the least and the greatest that the profile over beta leaves within 95 %, kN and mm, x with the
-        error of x - k beta besides; the greatest beta is infinite where the greatest tried still is within.
+        Shape (2,): the least and greatest values within 95 % by the profile over beta, kN and mm; x with the error of
+        x - k beta added; the greatest beta is infinite where the greatest of the grid is within.
     rss:
         Residual sum of squares, kN^2.
     open_below, open_above:
-        Whether the least beta tried fits no worse within 99.9 %, the greatest within 95 %; below also where fewer than
-        two readings lie within 2 beta of a turn.
+        Whether the least beta of the grid is within 99.9 %, the greatest within 95 %; below also where fewer than two
+        readings lie within 2 beta of a reversal.
     converged:
-        False where the solver ran out of steps or met numbers that are not finite.
+        False where the solver ran out of steps or met values that are not finite.
     """
 
     value: Float[Array, "*tests 4"]
@@ -100,7 +99,7 @@ class CycleEstimate(NamedTuple):
     converged: Bool[Array, "*tests"]
 
 
-class _Own(NamedTuple):
+class _Scaled(NamedTuple):
     """A cycle about its centre, in units of its travel and its change of force."""
 
     cycle: Cycle
@@ -110,32 +109,32 @@ class _Own(NamedTuple):
     level: Float[Array, ""]
 
     def residual(self, unknown: Float[Array, "4"]) -> Float[Array, " readings"]:
-        """Return law less readings at k, C, x - k beta and log beta, in own units."""
+        """Return law less readings at k, C, x - k beta and log beta, in scaled units."""
         k, C, settled, log_beta = unknown
         law = k * self.cycle.d + C + settled * _shape(self.cycle, jnp.exp(log_beta))
         return jnp.where(self.cycle.used, law - self.cycle.F, 0.0)
 
     def given(self, unknown: Float[Array, "4"]) -> Float[Array, "4"]:
-        """Return k (kN/mm), C (kN), x - k beta (kN) and the logarithm of beta (mm) from those in own units."""
+        """Return k (kN/mm), C (kN), x - k beta (kN) and the logarithm of beta (mm) from scaled units."""
         shift = jnp.stack([jnp.zeros(()), self.level, jnp.zeros(()), jnp.log(self.travel)])
         return self.to_given @ unknown + shift
 
 
 def _shape(cycle: Cycle, beta: Float[Array, ""]) -> Float[Array, " readings"]:
-    """Return w: where between the settled curves, -1 and 1, the force is at each reading."""
+    """Return w: the force at each reading between the settled curves, -1 and 1."""
     return Fancher(k=0.0, C=0.0, x=1.0, beta=beta).force(cycle.d, cycle.start)
 
 
 def _lagging(cycle: Cycle, beta: Float[Array, ""]) -> Float[Array, ""]:
-    """Return how many readings lie within 2 beta of a turn, where the force is still on its way."""
+    """Return how many readings lie within 2 beta of a reversal, where the force has not settled."""
     move = jnp.diff(cycle.d)
     lag = jnp.abs(_shape(cycle, beta)[1:] - jnp.sign(move))
-    # Readings at one displacement are none on the way; compiled, their difference need not be 0 to the last bit.
+    # Readings at an equal displacement do not count; compiled, their difference may be rounding instead of 0.
     moves = cycle.used[1:] & (jnp.abs(move) > ROUNDING)
     return jnp.sum(moves & (lag > 2 * jnp.exp(-2.0)), dtype=float)
 
 
-def _in_own_units(cycle: Cycle) -> _Own:
+def _in_own_units(cycle: Cycle) -> _Scaled:
     def ends(values: Float[Array, " readings"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         low = jnp.min(jnp.where(cycle.used, values, jnp.inf))
         return low, jnp.max(jnp.where(cycle.used, values, -jnp.inf))
@@ -153,16 +152,16 @@ def _in_own_units(cycle: Cycle) -> _Own:
         ]
     )
     own = cycle._replace(d=(cycle.d - origin) / travel, F=(cycle.F - level) / span, betas=cycle.betas / travel)
-    return _Own(own, travel, span, to_given, level)
+    return _Scaled(own, travel, span, to_given, level)
 
 
-def _given_beta(own: _Own, beta: Float[Array, ""]) -> tuple[Float[Array, "4"], Float[Array, ""]]:
+def _given_beta(own: _Scaled, beta: Float[Array, ""]) -> tuple[Float[Array, "4"], Float[Array, ""]]:
     """Return the best k, C and x - k beta >= 0 at a beta, with its logarithm, and their residual sum of squares."""
     cycle = own.cycle
     columns = jnp.stack([cycle.d, jnp.ones_like(cycle.d), _shape(cycle, beta)], axis=1) * cycle.used[:, None]
     F = jnp.where(cycle.used, cycle.F, 0.0)
-    # Thousands of small systems: normal equations are far faster than a decomposition of each, and as the columns are
-    # of size 1 and unlike, as good. The ridge, far below rounding of the readings, is for paths that never turn.
+    # Normal equations are far faster for thousands of small systems, and accurate, because the columns are of order 1
+    # and independent. The ridge, far below rounding of the readings, is for paths without a reversal.
     products, projections = columns.T @ columns, columns.T @ F
     products += RIDGE * jnp.sum(cycle.used) * jnp.eye(3)
     free = jnp.linalg.solve(products, projections)
@@ -171,8 +170,8 @@ def _given_beta(own: _Own, beta: Float[Array, ""]) -> tuple[Float[Array, "4"], F
     return jnp.append(best, jnp.log(beta)), jnp.sum((columns @ best - F) ** 2)
 
 
-def _polished(own: _Own, start: Float[Array, "4"]) -> tuple[Float[Array, "4"], Bool[Array, ""]]:
-    """Return the optimum near the best of the betas tried, and whether it is one."""
+def _optimum(own: _Scaled, start: Float[Array, "4"]) -> tuple[Float[Array, "4"], Bool[Array, ""]]:
+    """Return the optimum near the best beta of the grid, and whether the solver converged."""
     ends = jnp.log(own.cycle.betas[jnp.array([0, -1])])
     low = jnp.array([-jnp.inf, -jnp.inf, 0.0, 0.0]).at[3].set(ends[0])
     high = jnp.array([jnp.inf, jnp.inf, jnp.inf, 0.0]).at[3].set(ends[1])
@@ -188,20 +187,20 @@ def _polished(own: _Own, start: Float[Array, "4"]) -> tuple[Float[Array, "4"], B
 
 def _estimate(cycle: Cycle) -> CycleEstimate:
     own = _in_own_units(cycle)
-    tried, sums = jax.vmap(lambda beta: _given_beta(own, beta))(own.cycle.betas)
-    best, converged = _polished(own, tried[jnp.argmin(sums)])
+    on_grid, sums = jax.vmap(lambda beta: _given_beta(own, beta))(own.cycle.betas)
+    best, converged = _optimum(own, on_grid[jnp.argmin(sums)])
     rss = jnp.sum(own.residual(best) ** 2)
     known = cycle.betas[0] == cycle.betas[-1]
     spare = jnp.sum(cycle.used) - jnp.where(known, 3, 4)
     variance = jnp.maximum(rss / jnp.maximum(spare, 1), ROUNDING**2)
     excess = (sums - jnp.minimum(rss, jnp.min(sums))) / variance
     within = excess < cycle.rise
-    # One reading beside a turn fits some beta whatever its noise: below the spacing there is only an upper bound.
-    unread = ~known & ((_lagging(own.cycle, jnp.exp(best[3])) < FEWEST_LAGGING) | (excess[0] < cycle.refuted))
-    within |= unread & (own.cycle.betas <= jnp.max(jnp.where(within, own.cycle.betas, jnp.exp(best[3]))))
+    # One reading near a reversal fits some beta whatever its noise: below the spacing there is only an upper bound.
+    unidentified = ~known & ((_lagging(own.cycle, jnp.exp(best[3])) < FEWEST_LAGGING) | (excess[0] < cycle.refuted))
+    within |= unidentified & (own.cycle.betas <= jnp.max(jnp.where(within, own.cycle.betas, jnp.exp(best[3]))))
     open_below, open_above = within[0] & ~known, within[-1] & ~known
-    # Where no reading tells beta from none, rounding and noise would choose: the least is taken.
-    at = jnp.where(open_below, tried[0], best)
+    # Where no reading identifies beta, rounding and noise would choose it: the least is taken.
+    at = jnp.where(open_below, on_grid[0], best)
     determined = ~open_below & ~open_above & ~known
     fitted = jnp.stack([jnp.array(True), jnp.array(True), at[2] > 0, determined])
     jacobian = jax.jacfwd(own.residual)(at) * fitted
@@ -216,15 +215,15 @@ def _estimate(cycle: Cycle) -> CycleEstimate:
 
     x, x_se = with_error(_friction)
     energy, energy_se = with_error(lambda theta: _energy(theta, own.travel / 2))
-    frictions = jax.vmap(lambda unknown: _friction(own.given(unknown)))(tried)
+    frictions = jax.vmap(lambda unknown: _friction(own.given(unknown)))(on_grid)
     errors = jnp.where(fitted, jnp.sqrt(jnp.diag(covariance)), jnp.nan)
     beta = jnp.exp(theta[3])
     least, greatest = _ends(own, best, rss, cycle.rise * variance, sums)
     least = jnp.where(open_below, own.cycle.betas[0], least)
     at_ends = [_friction(own.given(_given_beta(own, end)[0])) for end in (least, greatest)]
-    between = jnp.append(within & ~known, True), jnp.append(frictions, x)
-    room = jnp.sqrt(cycle.rise) * jnp.nan_to_num(errors[2])
-    low, high = jnp.min(jnp.where(*between, jnp.inf)), jnp.max(jnp.where(*between, -jnp.inf))
+    candidates = jnp.append(within & ~known, True), jnp.append(frictions, x)
+    margin = jnp.sqrt(cycle.rise) * jnp.nan_to_num(errors[2])
+    low, high = jnp.min(jnp.where(*candidates, jnp.inf)), jnp.max(jnp.where(*candidates, -jnp.inf))
     return CycleEstimate(
         value=theta.at[3].set(beta),
         standard_error=errors.at[3].multiply(beta),
@@ -233,7 +232,7 @@ def _estimate(cycle: Cycle) -> CycleEstimate:
         energy=energy,
         energy_se=jnp.where(fitted[2], energy_se, jnp.nan),
         x_range=jnp.stack(
-            [jnp.maximum(jnp.minimum(low, at_ends[0]) - room, 0.0), jnp.maximum(high, at_ends[1]) + room]
+            [jnp.maximum(jnp.minimum(low, at_ends[0]) - margin, 0.0), jnp.maximum(high, at_ends[1]) + margin]
         ),
         beta_range=own.travel * jnp.stack([least, jnp.where(open_above, jnp.inf, greatest)]),
         rss=jnp.sum(own.residual(at) ** 2) * own.span**2,
@@ -244,11 +243,11 @@ def _estimate(cycle: Cycle) -> CycleEstimate:
 
 
 def _ends(
-    own: _Own, best: Float[Array, "4"], rss: Float[Array, ""], rise: Float[Array, ""], sums: Float[Array, " betas"]
+    own: _Scaled, best: Float[Array, "4"], rss: Float[Array, ""], rise: Float[Array, ""], sums: Float[Array, " betas"]
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Return the betas, in own units, at which the profile has risen so far; the ends of those tried where it has not.
+    """Return the betas, in own units, at which the profile has risen by `rise`; the ends of the grid where it has not.
 
-    Between two betas tried the root of the rise is taken for straight over log beta, as it is about an optimum.
+    Between grid points the root of the rise is interpolated linearly over log beta, as near an optimum.
     """
     log_betas = jnp.append(jnp.log(own.cycle.betas), best[3])
     order = jnp.argsort(log_betas)
@@ -282,7 +281,7 @@ def estimate_cycles(cycles: Cycle) -> CycleEstimate:
     """Return the least-squares estimate of each cycle of a batch: a leading axis on every field.
 
     Source: the small-step limit of Eq. 1 on linear envelopes. k, C and x - k beta >= 0 are solved for at each beta
-    tried; from the best, Levenberg-Marquardt in the box (optimistix) takes all four on. Errors from the Jacobian there
+    of the grid; from the best, bounded Levenberg-Marquardt fits all four. Errors from the Jacobian there
     and RSS / (readings - 4), or - 3 where beta is known.
     """
     return jax.vmap(_estimate)(cycles)

@@ -1,4 +1,4 @@
-"""From slow tests to a row a test: two straight lines, the law through both branches, and their worth in words."""
+"""Slow load-deflection tests: a row a test with two straight lines, Fancher's law, energies and a status."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -17,19 +17,21 @@ LINES = ("loading", "unloading")
 #: Where a test's readings are: the columns of displacement (mm) and force (kN).
 FLAT_GROUND = ("flat_ground_mm", "flat_ground_kN")
 WHEEL_CENTRE = ("wheel_centre_mm", "wheel_centre_kN")
-#: Betas tried: from so small a part of the spacing of the readings that they hold no trace of it, up to the stroke.
+#: Grid of betas: their number, and the least over the spacing of the readings (no reading depends on it); the largest
+#: is the stroke.
 _BETAS, _LEAST = 300, 1e-3
-_WIDTH, _SIDE_BY_SIDE = 32, 4
-#: A test is fitted with the law from so many readings on: its four parameters and one to spare.
+#: Readings are padded to a multiple of the width; tests are fitted in blocks of this size.
+_WIDTH, _BLOCK = 32, 4
+#: Fewest readings of a test for the law: one more than its parameters.
 _FEWEST = 5
-#: A curvature is said where noise on straight envelopes would show as much in one test of a thousand.
-_BENT = 1e-3
+#: Significance level of a curvature of the envelopes.
+_CURVATURE_LEVEL = 1e-3
 _LAW = ("k_kN_per_mm", "C_kN", "x_less_k_beta_kN", "beta_mm")
 
 
 class Line(NamedTuple):
     """A straight line through readings: slope (kN/mm) and force at zero displacement (kN), with standard errors (NaN
-    for two readings), the root mean square of what it leaves (kN), and how many readings it has."""
+    for two readings), root mean square of the residuals (kN), and number of readings."""
 
     k: float = np.nan
     k_se: float = np.nan
@@ -40,7 +42,7 @@ class Line(NamedTuple):
 
 
 def straight_line(d: Float[np.ndarray, " n"], F: Float[np.ndarray, " n"]) -> Line:
-    """Return the least-squares line of force, kN, over displacement, mm; NaN where fewer than two are unlike.
+    """Return the least-squares line of force, kN, over displacement, mm; NaN without two different displacements.
 
     Standard errors from RSS / (readings - 2). Source: section 2.5, as for its averaged load-deflection tests.
     """
@@ -66,18 +68,18 @@ def fit_tests(table: pd.DataFrame, beta_mm: float | None = None) -> pd.DataFrame
         A row a reading, in measured order: `test`, `direction`, `on_loading_line`, `on_unloading_line`, and
         displacement (mm) and force (kN) as on flat ground and at the wheel centre (`FLAT_GROUND`, `WHEEL_CENTRE`).
     beta_mm:
-        beta where it is known from elsewhere, mm.
+        beta, mm, where it is known; None: it is fitted.
 
     Returns
     -------
     pandas.DataFrame
         `test`; of the two lines `k_loading_kN_per_mm`, `C_loading_kN`, `rmse_loading_kN`, `readings_loading`, and
         likewise unloading; of the law `k_kN_per_mm`, `C_kN`, `x_less_k_beta_kN` (half the distance between the settled
-        branches), `x_kN`, `beta_mm`, each with its standard error (`_se`), and what the profile over beta leaves within
-        95 % (`x_low_kN`, `x_high_kN`, `beta_high_mm`), `rmse_kN`: all as on flat ground. At the wheel centre
+        branches), `x_kN`, `beta_mm`, each with its standard error (`_se`), and the limits within 95 % by the profile
+        over beta (`x_low_kN`, `x_high_kN`, `beta_high_mm`), `rmse_kN`: all as on flat ground. At the wheel centre
         `energy_per_cycle_J` by the law over `stroke_mm`, and `loop_area_J` of the polygon of the readings; the same as
         on flat ground, which is no work done, `flat_ground_energy_per_cycle_J` and `flat_ground_loop_area_J`. `status`
-        is ``ok`` or what the test is not worth. Empty where not determined.
+        is ``ok`` or why the estimates are not reliable. Empty where not determined.
     """
     tests = [test for _, test in table.groupby("test", sort=False)]
     flat, centre = (_law(tests, place, beta_mm) for place in (FLAT_GROUND, WHEEL_CENTRE))
@@ -91,14 +93,14 @@ def fit_tests(table: pd.DataFrame, beta_mm: float | None = None) -> pd.DataFrame
 
 
 def law_loop(row: Mapping[str, Any], low_mm: float, high_mm: float, points: int = 400) -> Float[np.ndarray, "n 2"]:
-    """Return the law's closed loop between two displacements, mm, once it repeats itself: mm and kN, shape (n, 2).
+    """Return the law's closed loop between two displacements, mm, in the steady state: mm and kN, shape (n, 2).
 
-    Where beta is not determined, that of beta far below the spacing of the readings.
+    Where beta is not determined, with a beta far below the spacing of the readings.
     """
     k, C = float(row["k_kN_per_mm"]), float(row["C_kN"])
     beta = float(row["beta_mm"]) if row["beta_mm"] == row["beta_mm"] else 1e-6 * (high_mm - low_mm)
     law = Fancher(k=k, C=C, x=float(row["x_less_k_beta_kN"]) + k * beta, beta=beta)
-    # Dense where the force turns: away from each reversal as a power.
+    # Dense near the reversals, where the force changes fast.
     away = (high_mm - low_mm) * np.linspace(0.0, 1.0, points // 2) ** 3
     up, down = low_mm + away, high_mm - away
     path = np.concatenate([up, down])
@@ -107,8 +109,8 @@ def law_loop(row: Mapping[str, Any], low_mm: float, high_mm: float, points: int 
 
 
 def _line(test: pd.DataFrame, name: str) -> Line:
-    mine = test[test[f"on_{name}_line"]]
-    d, F = (mine[column].to_numpy(float) for column in FLAT_GROUND)
+    rows = test[test[f"on_{name}_line"]]
+    d, F = (rows[column].to_numpy(float) for column in FLAT_GROUND)
     return straight_line(d, F)
 
 
@@ -121,7 +123,7 @@ def _line_columns(lines: Mapping[str, Line]) -> dict[str, float]:
     return columns
 
 
-def _hopeless(test: pd.DataFrame) -> str:
+def _unfittable(test: pd.DataFrame) -> str:
     """Return why the law cannot be fitted to a test; empty where it can."""
     there = set(test["direction"])
     if len(there) == 1:
@@ -135,24 +137,24 @@ def _hopeless(test: pd.DataFrame) -> str:
 
 def _law(tests: list[pd.DataFrame], place: tuple[str, str], beta_mm: float | None) -> dict[int, CycleEstimate]:
     """Return the estimate of the law for each test that has one."""
-    of_use = [i for i, test in enumerate(tests) if not _hopeless(test)]
-    if not of_use:
+    fittable = [i for i, test in enumerate(tests) if not _unfittable(test)]
+    if not fittable:
         return {}
-    # In blocks of one size, readings filled up likewise: another shape is another compilation.
-    widest = -(-max(len(tests[i]) for i in of_use) // _WIDTH) * _WIDTH
-    found: dict[int, CycleEstimate] = {}
-    for first in range(0, len(of_use), _SIDE_BY_SIDE):
-        block = of_use[first : first + _SIDE_BY_SIDE]
-        filled = [*block, *([block[-1]] * (_SIDE_BY_SIDE - len(block)))]
-        cycles = [_cycle(tests[i], place, widest, beta_mm) for i in filled]
+    # In blocks of one size with readings padded, because each shape is compiled.
+    widest = -(-max(len(tests[i]) for i in fittable) // _WIDTH) * _WIDTH
+    estimates: dict[int, CycleEstimate] = {}
+    for first in range(0, len(fittable), _BLOCK):
+        block = fittable[first : first + _BLOCK]
+        padded = [*block, *([block[-1]] * (_BLOCK - len(block)))]
+        cycles = [_cycle(tests[i], place, widest, beta_mm) for i in padded]
         batch = Cycle(*(jnp.asarray(np.stack(field)) for field in zip(*cycles, strict=True)))
-        estimates = jax.device_get(estimate_cycles(batch))
-        found |= {i: CycleEstimate(*(field[j] for field in estimates)) for j, i in enumerate(block)}
-    return found
+        fitted = jax.device_get(estimate_cycles(batch))
+        estimates |= {i: CycleEstimate(*(field[j] for field in fitted)) for j, i in enumerate(block)}
+    return estimates
 
 
 def _cycle(test: pd.DataFrame, place: tuple[str, str], width: int, beta_mm: float | None) -> tuple[np.ndarray, ...]:
-    """Return the fields of a `Cycle`, filled up to a width."""
+    """Return the fields of a `Cycle`, padded to a width."""
     d, F = (test[column].to_numpy(float) for column in place)
     n = len(d)
     moves = np.abs(np.diff(d))
@@ -161,8 +163,8 @@ def _cycle(test: pd.DataFrame, place: tuple[str, str], width: int, beta_mm: floa
     start = 1.0 if test["direction"].iloc[0] == "loading" else -1.0
     spare = n - (4 if beta_mm is None else 3)
     rise, refuted = (np.asarray(point) for point in stats.f.ppf((0.95, 0.999), 1, spare))
-    filled = [np.pad(values, (0, width - n), mode="edge") for values in (d, F)]
-    return (*filled, np.arange(width) < n, np.asarray(start), betas, rise, refuted)
+    padded = [np.pad(values, (0, width - n), mode="edge") for values in (d, F)]
+    return (*padded, np.arange(width) < n, np.asarray(start), betas, rise, refuted)
 
 
 def _law_columns(estimate: CycleEstimate | None, readings: int) -> dict[str, float]:
@@ -171,8 +173,7 @@ def _law_columns(estimate: CycleEstimate | None, readings: int) -> dict[str, flo
         return dict.fromkeys([*names, "x_low_kN", "x_high_kN", "beta_high_mm", "rmse_kN"], np.nan)
     values, errors = np.append(estimate.value, estimate.x), np.append(estimate.standard_error, estimate.x_se)
     columns = dict(zip(names, np.stack([values, errors], axis=1).ravel().tolist(), strict=True))
-    known = bool(np.isfinite(columns["x_kN_se"]))
-    if not known:  # an end of what was tried is no estimate
+    if not np.isfinite(columns["x_kN_se"]):  # the value is an end of the grid of betas
         columns |= {"x_kN": np.nan, "beta_mm": np.nan}
     high = float(estimate.beta_range[1])
     bounded = np.isfinite(high)
@@ -196,20 +197,20 @@ def _energy_columns(test: pd.DataFrame, flat: CycleEstimate | None, centre: Cycl
 def _status(
     test: pd.DataFrame, lines: Mapping[str, Line], estimate: CycleEstimate | None, beta_mm: float | None
 ) -> str:
-    said = [_hopeless(test)]
+    reasons = [_unfittable(test)]
     for name in LINES:
         if test["direction"].eq(name).any() and np.isnan(lines[name].k):
-            said.append(f"fewer than 2 {name} readings at unlike displacements: no line")
+            reasons.append(f"fewer than 2 {name} readings at different displacements: no line")
     if any(line.k <= 0 for line in lines.values()):
-        said.append("force falls as displacement grows: check the signs")
+        reasons.append("force falls as displacement grows: check the signs")
     if estimate is not None:
-        said += ["did not converge: check the readings"] if not estimate.converged else []
-        said += _of_the_law(test, estimate, beta_mm)
-        said += [_bend(test, estimate)]
-    return "; ".join(reason for reason in said if reason) or "ok"
+        reasons += ["did not converge: check the readings"] if not estimate.converged else []
+        reasons += _law_reasons(test, estimate, beta_mm)
+        reasons += [_curvature(test, estimate)]
+    return "; ".join(reason for reason in reasons if reason) or "ok"
 
 
-def _of_the_law(test: pd.DataFrame, estimate: CycleEstimate, beta_mm: float | None) -> list[str]:
+def _law_reasons(test: pd.DataFrame, estimate: CycleEstimate, beta_mm: float | None) -> list[str]:
     if not estimate.value[2] > 0:
         return ["no friction seen: unloading readings do not lie below loading ones, x - k beta is at its bound 0"]
     if beta_mm is not None:
@@ -227,8 +228,8 @@ def _of_the_law(test: pd.DataFrame, estimate: CycleEstimate, beta_mm: float | No
     return []
 
 
-def _bend(test: pd.DataFrame, estimate: CycleEstimate) -> str:
-    """Return that the envelopes are no straight lines, where a parabola is worth more than noise would make it."""
+def _curvature(test: pd.DataFrame, estimate: CycleEstimate) -> str:
+    """Return that the envelopes are curved, where a quadratic term is significant; empty where it is not."""
     d, F = (test[column].to_numpy(float) for column in FLAT_GROUND)
     if len(d) <= _FEWEST:
         return ""
@@ -243,10 +244,10 @@ def _bend(test: pd.DataFrame, estimate: CycleEstimate) -> str:
     covariance = np.linalg.pinv(columns.T @ columns)
     rounding = 1e-12 * np.ptp(F)
     t = values[3] / np.sqrt(covariance[3, 3] * max(float(residual @ residual) / spare, rounding**2))
-    if abs(t) < stats.t.ppf(1 - _BENT / 2, spare) or abs(values[3]) < 1e-9 * np.ptp(F):
+    if abs(t) < stats.t.ppf(1 - _CURVATURE_LEVEL / 2, spare) or abs(values[3]) < 1e-9 * np.ptp(F):
         return ""
-    bend = 2 * values[3] / np.ptp(d)
+    growth = 2 * values[3] / np.ptp(d)
     return (
-        f"the envelopes bend: k grows by {bend:.2g} kN/mm from one end of the stroke to the other (t = {t:.1f}); "
+        f"the envelopes bend: k grows by {growth:.2g} kN/mm from one end of the stroke to the other (t = {t:.1f}); "
         "k, x and the energy are those of straight ones"
     )

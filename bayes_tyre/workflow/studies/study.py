@@ -13,7 +13,7 @@ from bayes_tyre.report.figures.study import RankCurves, calibration_plot, outlie
 from bayes_tyre.results.provenance import RUN_JSON, begin_run, write_run
 from bayes_tyre.studies.calibration import Calibration, calibrate
 from bayes_tyre.studies.law_ranking import Ranked, rank_laws
-from bayes_tyre.studies.motion_study import MotionStudy, Tried, study_motion
+from bayes_tyre.studies.motion_study import MotionStudy, StudyRecord, study_motion
 from bayes_tyre.studies.outliers import Outliers, study_outliers
 from bayes_tyre.studies.truths import study_priors
 from bayes_tyre.studies.uniformity import TOGETHER, band, pit
@@ -54,7 +54,7 @@ def write_outliers(
 
 
 def write_motion_study(
-    out: Path, records: list[Tried], seed: int, options: Mapping[str, object], on_progress: Callable[[int], None]
+    out: Path, records: list[StudyRecord], seed: int, options: Mapping[str, object], on_progress: Callable[[int], None]
 ) -> MotionStudy:
     """Write `motion_study.csv` and `motion_records.csv` into `out`."""
     prepare_folder(out)

@@ -20,7 +20,7 @@ from bayes_tyre.rig.motion import rest_displacement
 from bayes_tyre.simulate.draw import draw_truth
 from bayes_tyre.simulate.plan import quick_plan
 from bayes_tyre.simulate.truth import Truth
-from bayes_tyre.studies.law_ranking import FURTHER, simulated
+from bayes_tyre.studies.law_ranking import EXTRA_PARAMETERS, simulated
 from bayes_tyre.workflow.raw import motion_estimates
 
 NAMES = parameter_names(FANCHER)
@@ -98,7 +98,7 @@ def test_the_law_of_a_record_has_the_evidence(true):
     assert all(evidence[true] > evidence[name] - 2 for name in CONTAINED_IN.get(true, ())), evidence
     own, law = found[true], MOTION_LAWS[true]
     assert own.status == ""
-    values = {"k": truth.k_kN_per_mm, "m": truth.m_kg, "c": truth.c_kN_s_per_mm, **FURTHER}
+    values = {"k": truth.k_kN_per_mm, "m": truth.m_kg, "c": truth.c_kN_s_per_mm, **EXTRA_PARAMETERS}
     shared = [i for i, name in enumerate(law.reported_parameters) if name in values]
     true_logs = np.log([values[law.reported_parameters[i]] for i in shared])
     off = (own.log_mean[shared] - true_logs) / np.sqrt(np.diag(own.log_covariance)[shared])
