@@ -1,4 +1,4 @@
-"""Where the data that ship with the package lie: inside the wheel, or beside the package in a checkout."""
+"""Paths of the data that ship with the package: inside the wheel, or beside the package in a checkout."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The one exception that says the user's input is at fault; the command line turns it into exit code 3."""
+"""The exception for faults in the user's input; the command line turns it into exit code 3."""
 
 
 class BadInput(Exception):

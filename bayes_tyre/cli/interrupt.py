@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from bayes_tyre.cli.messages import fault
-from bayes_tyre.formats.files import take_back_for_good
+from bayes_tyre.formats.files import remove_unfinished
 
 #: Exit code of an interrupted command, as shells report it.
 INTERRUPTED = 130
@@ -45,7 +45,7 @@ def ending_at_interrupt(advice: str = "run the command again") -> Iterator[None]
 def _end_at_interrupt(receiver: socket.socket, advice: str) -> None:
     while signals := receiver.recv(1):
         if signals[0] == signal.SIGINT:
-            take_back_for_good()
+            remove_unfinished()
             if sys.stderr.isatty():
                 sys.stderr.write("\r\x1b[2K\x1b[?25h")  # clear the progress bar's line and show the cursor
             fault(f"interrupted; nothing half-written is left, {advice}")

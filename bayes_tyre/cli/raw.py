@@ -1,4 +1,4 @@
-"""Options of the commands that make something of each raw file."""
+"""Options of the commands that process raw files."""
 
 from pathlib import Path
 from typing import Annotated
@@ -31,6 +31,6 @@ Cluster = Annotated[
 
 
 def check_machines(workers: int | None, cluster: str | None) -> None:
-    """Refuse a number of processes beside a cluster, which has its own."""
+    """Refuse --workers beside --cluster, which has workers of its own."""
     if cluster is not None and workers is not None:
         raise typer.BadParameter("goes with no --workers: the cluster has its own", param_hint="--cluster")

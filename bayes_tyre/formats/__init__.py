@@ -1,1 +1,1 @@
-"""Bytes to tables and back: nothing here knows what the numbers mean."""
+"""Readers and writers of files: bytes to raw signals or tables and back, without their meaning."""

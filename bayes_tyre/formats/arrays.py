@@ -1,4 +1,4 @@
-"""Named arrays on disk: NumPy's `.npz`, written whole, read without pickle and with one kind of error."""
+"""Named arrays on disk as NumPy's `.npz`: written whole, read without pickle, with one kind of error."""
 
 import zipfile
 import zlib

@@ -1,4 +1,4 @@
-"""Named columns of numbers, from a CSV or Parquet file or a sheet, as raw signals: one of them is X."""
+"""Raw signals from named columns of numbers in a CSV or Parquet file or a sheet; one column is X."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.lvm.channels import Roles, Said, build_channels, named_twice
+from bayes_tyre.formats.lvm.channels import ChannelHeader, Roles, build_channels, named_twice
 from bayes_tyre.formats.lvm.reader import COMMENT, read_lvm
 from bayes_tyre.formats.lvm.source import shown
 from bayes_tyre.formats.tables import read_table
@@ -28,7 +28,7 @@ def signals_of(
     turned into seconds. Units of channels stand in brackets at the end of their names, unless `units` gives them, one
     a column, empty where there is none.
     """
-    names, values, said = [name for name, _ in columns], [column for _, column in columns], list(remarks)
+    names, values, texts = [name for name, _ in columns], [column for _, column in columns], list(remarks)
     given = units or [""] * len(columns)
     x = next((i for i, name in enumerate(names) if is_time(name)), None)
     if x is None and len(columns) > 1 and grows(values[0]):
@@ -38,11 +38,11 @@ def signals_of(
         factor = next((f for f in map(seconds_per_unit, (names[x], f"time ({given[x]})")) if f != 1), 1.0)
         if factor != 1:
             values[x] = values[x] * factor
-            said.append(f"X {shown(names[x])} turned into seconds")
+            texts.append(f"X {shown(names[x])} turned into seconds")
     roles = Roles(channels, (x,) * len(channels))
-    of_channels = [Said(given[i] or unit_in(names[i]), None, np.nan, np.nan) for i in channels]
-    segment, odd = build_channels(names, roles, values, of_channels, "")
-    return RawSignals((segment,), (*said, *odd, *named_twice(segment)))
+    of_channels = [ChannelHeader(given[i] or unit_in(names[i]), None, np.nan, np.nan) for i in channels]
+    segment, more = build_channels(names, roles, values, of_channels, "")
+    return RawSignals((segment,), (*texts, *more, *named_twice(segment)))
 
 
 def named_by_number(columns: Mapping[str, int], names: Mapping[int, str]) -> list[tuple[int, str]]:
@@ -51,7 +51,7 @@ def named_by_number(columns: Mapping[str, int], names: Mapping[int, str]) -> lis
     That is what the mapping calls it; X keeps its name in the file, if it is one of X, for the unit in it.
     """
     wanted = [(at - 1, name, names.get(at - 1, "")) for name, at in columns.items()]
-    return [(i, own if is_time(name) and is_time(own) else name) for i, name, own in wanted]
+    return [(i, in_file if is_time(name) and is_time(in_file) else name) for i, name, in_file in wanted]
 
 
 def numbered(raw: RawSignals, columns: Mapping[str, int] | None, path: Path) -> RawSignals:
@@ -80,8 +80,8 @@ def numbered(raw: RawSignals, columns: Mapping[str, int] | None, path: Path) -> 
 def read_columns(path: Path, columns: Mapping[str, int] | None = None) -> RawSignals:
     """Return the raw signals in a `.csv` or `.parquet` file: a column a channel, X among them, names above.
 
-    A `.csv` file that is a LabVIEW file, or has no line of names, is read as such. A column of text is left out and
-    said; blank and NaN cells are missing.
+    A `.csv` file that is a LabVIEW file, or has no line of names, is read as such. A column of text is left out with
+    a remark; blank and NaN cells are missing.
 
     Parameters
     ----------

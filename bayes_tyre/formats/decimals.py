@@ -1,4 +1,7 @@
-"""Decimal signs: a point between commas; between semicolons or tabs a point or a comma, one of them in a whole file."""
+"""Decimal signs: with commas between cells a point; with semicolons or tabs a point or a comma, one for a whole file.
+
+`pandas` takes one sign and no hint of a wrong one; here the sign is detected, and a mixture is an error.
+"""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -19,7 +22,7 @@ _GROUPS = rf"{_SIGN}\d{{1,3}}(?:[{_BETWEEN}]\d{{3}})+(?:[.,]\d*)?{_POWER}"
 
 
 class _Cell(NamedTuple):
-    """Where a cell stands, rows counted from 0, and what it holds."""
+    """Position of a cell, rows counted from 0, and its text."""
 
     row: int
     column: str
@@ -62,13 +65,13 @@ def _by_either_sign(parse: Callable[[str], pd.DataFrame], path: Path) -> pd.Data
     commas = _first_decimals(by_point, _COMMA)
     if not commas:
         return by_point
-    # A column that nothing here reckons with, such as a version, may be written as it likes: it stays text.
-    known_points, known_commas = ([c for c in cells if c.column in NUMBER_COLUMNS] for cells in (points, commas))
-    if known_commas and not known_points:
+    # A column that is not used, such as a version, may hold either sign: it stays text.
+    our_points, our_commas = ([c for c in cells if c.column in NUMBER_COLUMNS] for cells in (points, commas))
+    if our_commas and not our_points:
         return _with_points(by_comma)
-    if known_points and not known_commas:
+    if our_points and not our_commas:
         return by_point
-    earlier, later = sorted([min(known_points or points), min(known_commas or commas)])
+    earlier, later = sorted([min(our_points or points), min(our_commas or commas)])
     other = f"row {earlier.row + 1}, column {earlier.column} {earlier.text[:40].strip()!r}"
     raise BadInput(f"{path}: {_where(by_comma, later)}, but {other}: points and commas; write all decimals in one way")
 

@@ -1,4 +1,7 @@
-"""How a CSV file is written: its encoding, what separates its cells, and the names in its header."""
+"""Dialect of a CSV file: its encoding, the separator of its cells, and the names in its header.
+
+`csv.Sniffer` guesses the separator from letters too; here it is the most frequent one in the header.
+"""
 
 import codecs
 import csv

@@ -1,4 +1,4 @@
-"""Excel workbooks (`.xlsx`) as raw signals: values as they were saved, no formula computed, archives checked first."""
+"""Raw signals from Excel workbooks (`.xlsx`): saved values, no formula computed, archives checked first."""
 
 import warnings
 import zipfile
@@ -47,7 +47,7 @@ def read_excel(path: Path, columns: Mapping[str, int] | None = None) -> RawSigna
     _check_archive(path)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of styles and extensions that are not read here
+            warnings.simplefilter("ignore")  # on styles and extensions, which are not read
             book = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
             try:
                 return _read_book(book, path, columns)
@@ -81,7 +81,7 @@ def _check_archive(path: Path) -> None:
 def _read_book(book: openpyxl.Workbook, path: Path, columns: Mapping[str, int] | None) -> RawSignals:
     others = []
     for sheet in book.worksheets:
-        sheet.reset_dimensions()  # what a file says of its size is not to be trusted
+        sheet.reset_dimensions()  # the declared size may be wrong
         rows = _checked(sheet.iter_rows(values_only=True), path)
         first = next((item for item in rows if any(cell is not None for cell in item[1])), None)
         if first is not None:
@@ -92,7 +92,7 @@ def _read_book(book: openpyxl.Workbook, path: Path, columns: Mapping[str, int] |
 
 
 def _checked(rows: Iterator[Row], path: Path) -> Iterator[tuple[int, Row]]:
-    """Yield the rows with their numbers, counted from 1; refuse a sheet that goes on and on."""
+    """Yield the rows with their numbers, counted from 1; refuse a sheet that is too large."""
     cells = 0
     for number, row in enumerate(rows, start=1):
         cells += len(row)

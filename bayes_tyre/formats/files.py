@@ -1,4 +1,4 @@
-"""Files and folders to write: whole or not at all, and refused before the work where they cannot be."""
+"""Writing files whole or not at all, and checking folders before the work."""
 
 import errno
 import os
@@ -11,10 +11,10 @@ from pathlib import Path
 
 from bayes_tyre.errors import BadInput
 
-# Files being written now, and the right to begin or end one. A signal reaches a process, not a function: this is the
-# one place that all files pass.
-_begun: set[Path] = set()
-_turn = threading.Lock()
+# Files being written now, and the lock for starting or finishing one. Module state, because a signal reaches the
+# process and not a function.
+_unfinished: set[Path] = set()
+_lock = threading.Lock()
 # How `tempfile` names what `whole_file` asks it for.
 _BESIDE = re.compile(r"\.(?P<name>.+)\.[a-z0-9_]{8}(?:\.[^.]*)?")
 
@@ -26,20 +26,20 @@ def whole_file(path: Path) -> Iterator[Path]:
     Raises
     ------
     OSError
-        With the name of the file that was to be written, whatever the writer said.
+        With the name of the file that was to be written.
     """
     made = [folder for folder in path.parents if not folder.exists()]
     beside = None
     try:
-        with _turn:
+        with _lock:
             path.parent.mkdir(parents=True, exist_ok=True)
             handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=path.suffix)
             beside = Path(name)
-            _begun.add(beside)
+            _unfinished.add(beside)
         os.close(handle)
         yield beside
         beside.chmod(0o666 & ~_umask())
-        with _turn:
+        with _lock:
             beside.replace(path)
     except BaseException as error:
         with suppress(OSError):
@@ -52,13 +52,13 @@ def whole_file(path: Path) -> Iterator[Path]:
         raise
     finally:
         if beside is not None:
-            _begun.discard(beside)
+            _unfinished.discard(beside)
 
 
-def take_back_for_good() -> None:
-    """Remove every file that is being written, and let no other begin or end: the process ends now."""
-    _turn.acquire(timeout=2.0)  # s; a disk that hangs must not hold the process
-    for beside in tuple(_begun):
+def remove_unfinished() -> None:
+    """Remove every file that is being written, and block all others, because the process ends now."""
+    _lock.acquire(timeout=2.0)  # s; a disk that hangs must not hold the process
+    for beside in tuple(_unfinished):
         with suppress(OSError):
             beside.unlink(missing_ok=True)
 
@@ -76,7 +76,7 @@ def remove_leftovers(paths: Iterable[Path]) -> None:
 
 
 def _named(error: OSError, path: Path) -> OSError:
-    if error.errno is None:  # a library's own words, where it gives no number
+    if error.errno is None:  # the library gave text only
         return OSError(errno.EIO, " ".join(str(error).split())[:200], str(path))
     return OSError(error.errno, os.strerror(error.errno), str(path))
 
@@ -105,7 +105,7 @@ def check_folder(out: Path, option: str = "--out") -> None:
     if any(path.exists() and not path.is_dir() for path in (out, *out.parents)):
         raise BadInput(f"{option} {out}: is a file, or lies below one; name a folder")
     there = next(path for path in (out.absolute(), *out.absolute().parents) if path.exists())
-    try:  # permissions do not tell of read-only disks and of places like /proc
+    try:  # permissions do not show read-only disks or places like /proc
         Path(tempfile.mkdtemp(dir=there, prefix=".bayes-tyre.")).rmdir()
     except OSError as error:
         raise BadInput(

@@ -1,4 +1,4 @@
-"""Text that a spreadsheet would run as a formula: made harmless in what is written, given back where it is read."""
+"""Text that a spreadsheet would run as a formula: escaped in written CSV files, restored where they are read."""
 
 import re
 from collections.abc import Callable

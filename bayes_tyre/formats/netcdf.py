@@ -39,6 +39,6 @@ def read_tree(path: Path) -> xr.DataTree:
     try:
         with xr.open_datatree(path, engine=ENGINE) as tree:
             return tree.load()
-    except Exception as error:  # HDF5 raises a handful of kinds; to the user each is an unreadable file
+    except Exception as error:  # HDF5 raises several kinds of error
         reason = " ".join(str(error).split())[:200]
         raise BadInput(f"{path}: cannot be read as netCDF: {reason}; run fit again") from error

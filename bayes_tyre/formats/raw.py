@@ -1,4 +1,4 @@
-"""Raw recordings of every kind: which reader for which suffix, and which files of a folder are recordings."""
+"""Reader of each suffix of raw recordings, and the recordings in a folder."""
 
 import os
 from collections.abc import Callable, Iterable, Mapping
@@ -28,7 +28,7 @@ _RECORDINGS = (".lvm", ".tdms")
 
 
 def read_raw(path: Path, columns: Mapping[str, int] | None = None) -> RawSignals:
-    """Return what a raw file holds.
+    """Return the raw signals in a file.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def read_raw(path: Path, columns: Mapping[str, int] | None = None) -> RawSignals
 
 
 def raw_files(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
-    """Return the recordings that files and folders name, and remarks on what was passed over.
+    """Return the recordings that files and folders name, and remarks on files that were skipped.
 
     Of a folder, all `.lvm` and `.tdms` files below it, sorted; where there are none, all files with another known
     suffix but `.txt`. A file that is named itself is taken whatever it is.

@@ -1,4 +1,4 @@
-"""Where names, units and numbers stand in the rows of a sheet, and its columns as raw signals."""
+"""Raw signals from the rows of a sheet: rows of names, units and numbers."""
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
@@ -32,7 +32,7 @@ def read_sheet(rows: NumberedRows, where: str, columns: Mapping[str, int] | None
 
     Numbers begin in the first row that holds nothing else in columns of numbers, which are those whose last cell is
     one; or below a row that begins with `X_Value`. The row of text above holds the names; of two, the lower the units.
-    Columns of text are left out and said.
+    Columns of text are left out with a remark.
 
     Raises
     ------
@@ -43,20 +43,20 @@ def read_sheet(rows: NumberedRows, where: str, columns: Mapping[str, int] | None
     if start is None:
         wanted = "" if columns is None else f" in all of columns {', '.join(map(str, columns.values()))}"
         raise BadInput(f"{where}: holds no row of numbers{wanted}; give a column a channel")
-    above, said = _names(rows[:start]), list(remarks)
+    above, texts = _names(rows[:start]), list(remarks)
     if columns is None and above.units_row:
-        said.append(f"row {above.units_row} is taken for the units of the names above it")
+        texts.append(f"row {above.units_row} is taken for the units of the names above it")
     found: list[tuple[str, np.ndarray]] = []
     units: list[str] = []
     wanted_columns = _all_columns(rows[start:], above) if columns is None else named_by_number(columns, above.names)
     for i, name in wanted_columns:
         cells = [(number, row[i] if i < len(row) else None) for number, row in rows[start:]]
         if columns is None and not is_time(name) and _is_text(cell for _, cell in cells):
-            said.append(f"column {shown(name)} is text: left out")
+            texts.append(f"column {shown(name)} is text: left out")
             continue
         found.append((name, np.array([_reading(cell, where, number, i, name) for number, cell in cells], dtype=float)))
         units.append(above.units.get(i) or unit_in(above.names.get(i, "")))
-    return signals_of(found, said, units)
+    return signals_of(found, texts, units)
 
 
 def _start(rows: NumberedRows, columns: Mapping[str, int] | None) -> int | None:

@@ -90,7 +90,7 @@ def read_table(path: Path) -> pd.DataFrame:
         raise
     except PermissionError:
         raise BadInput(f"{path}: may not be read; ask for the permission to read it") from None
-    except Exception as error:  # parsers raise a dozen kinds; to the user each is an unreadable file
+    except Exception as error:  # parsers raise many kinds of error
         reason = " ".join(str(error).split())[:200]
         remedy = "mend it, or save it again" + (" as UTF-8" if reader is _read_csv else "")
         raise BadInput(f"{path}: cannot be read as {path.suffix[1:]}: {reason}; {remedy}") from error

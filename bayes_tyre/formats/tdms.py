@@ -1,4 +1,4 @@
-"""LabVIEW's binary files (`.tdms`) as raw signals, through npTDMS: a group is a segment."""
+"""Raw signals from LabVIEW's binary files (`.tdms`), read by npTDMS: a group is a segment."""
 
 import logging
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from nptdms import TdmsChannel, TdmsFile, TdmsGroup
 from nptdms.log import log_manager
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.lvm.channels import said_once
+from bayes_tyre.formats.lvm.channels import grouped_remarks
 from bayes_tyre.formats.lvm.source import reason, shown
 from bayes_tyre.formats.x_column import is_time, seconds_per_unit
 from bayes_tyre.record import Channel, RawSignals
@@ -35,7 +35,7 @@ def read_tdms(path: Path) -> RawSignals:
         raise BadInput(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; check the path")
     try:
         # By an open file: with a path npTDMS would believe an index beside it, and leave a damaged file open.
-        with path.open("rb") as opened, _told() as told, TdmsFile.open(opened) as file:
+        with path.open("rb") as opened, _logged_warnings() as logged, TdmsFile.open(opened) as file:
             groups = file.groups()
             promised = sum(len(channel) for group in groups for channel in group.channels())
             if promised > path.stat().st_size:
@@ -43,39 +43,39 @@ def read_tdms(path: Path) -> RawSignals:
             read = [_segment(group) for group in groups]
     except BadInput:
         raise
-    except Exception as error:  # the library raises whatever its parser runs into; to the user all are one
+    except Exception as error:  # the library raises many kinds of error
         raise BadInput(
             f"{path}: cannot be read as TDMS: {reason(error)}; it may be damaged, or not finished"
         ) from error
     segments = tuple(channels for channels, _ in read if channels)
     if not segments:
         raise BadInput(f"{path}: holds no channel of numbers; give a recording")
-    return RawSignals(segments, (*dict.fromkeys(told), *(text for _, remarks in read for text in remarks)))
+    return RawSignals(segments, (*dict.fromkeys(logged), *(text for _, remarks in read for text in remarks)))
 
 
 @contextmanager
-def _told() -> Iterator[list[str]]:
-    """Give the list of warnings that npTDMS logs within the block, instead of having them printed."""
-    told: list[str] = []
+def _logged_warnings() -> Iterator[list[str]]:
+    """Yield the list of warnings that npTDMS logs within the block, instead of printing them."""
+    logged: list[str] = []
 
     def take(record: logging.LogRecord) -> bool:
-        told.append(reason(record.getMessage()))
+        logged.append(reason(record.getMessage()))
         return False
 
     log_manager.console_handler.addFilter(take)
     try:
-        yield told
+        yield logged
     finally:
         log_manager.console_handler.removeFilter(take)
 
 
 def _segment(group: TdmsGroup) -> tuple[tuple[Channel, ...], list[str]]:
     numbers: list[tuple[TdmsChannel, np.ndarray]] = []
-    odd: list[tuple[str, str]] = []
+    remarks: list[tuple[str, str]] = []
     for channel in group.channels():
         values = _values(channel)
         if values is None:
-            odd.append((channel.name, _NO_NUMBERS))
+            remarks.append((channel.name, _NO_NUMBERS))
         else:
             numbers.append((channel, values))
     x = next((i for i, (channel, _) in enumerate(numbers) if is_time(channel.name)), None)
@@ -83,13 +83,13 @@ def _segment(group: TdmsGroup) -> tuple[tuple[Channel, ...], list[str]]:
     channels = []
     for i, (channel, values) in enumerate(numbers):
         if i != x and np.issubdtype(values.dtype, np.datetime64):
-            odd.append((channel.name, _NO_NUMBERS))
+            remarks.append((channel.name, _NO_NUMBERS))
         elif i != x:
             time_s, remark = _times(channel, len(values), times)
-            odd.append((channel.name, remark))
+            remarks.append((channel.name, remark))
             unit = next((str(channel.properties[key]) for key in _UNITS if key in channel.properties), "")
             channels.append(Channel(channel.name, unit, time_s, values.astype(float), None))
-    return tuple(channels), [f"group {shown(group.name)}: {text}" for text in said_once(odd)]
+    return tuple(channels), [f"group {shown(group.name)}: {text}" for text in grouped_remarks(remarks)]
 
 
 def _values(channel: TdmsChannel) -> np.ndarray | None:

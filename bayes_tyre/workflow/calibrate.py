@@ -1,4 +1,4 @@
-"""A raw file that holds volts beside engineering units in, calibration lines out."""
+"""Calibration lines from a raw file that holds volts beside engineering units."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,15 +12,16 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, write_text
 from bayes_tyre.formats.raw import read_raw
 from bayes_tyre.record import Channel
+from bayes_tyre.report.wording import shown
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.rig.calibration import Line, fit_line, quantisation_step, residual_rms, with_best_signs
 from bayes_tyre.rig.sensors import Sensor, columns_of, sensors_of
 from bayes_tyre.workflow.raw.inspect import path_text
 
 Readings = Float[np.ndarray, " rows"]
-#: Steps of the digitiser that a line may leave (root mean square): of two rounded readings it leaves less than one.
+#: Residual of a good line, in steps of the digitiser (root mean square); rounding of both readings leaves less than 1.
 _FEW_STEPS = 3.0
-#: A line through mended signs fits far better if it leaves at most this share.
+#: Signs seem lost where restoring them lowers the residual to this share.
 _FAR_BETTER = 0.2
 
 
@@ -34,13 +35,13 @@ class Fitted(NamedTuple):
     line:
         unit / V and unit.
     residual_rms:
-        What the line leaves, in the unit.
+        Root mean square of the residuals, in the unit.
     volts_step, unit_step:
-        Step of the digitiser, V and the unit; NaN where all readings are alike.
+        Step of the digitiser, V and the unit; NaN where all readings are equal.
     rows, mended:
-        Rows with both readings, and how many of them got a minus sign back.
+        Rows with both readings, and the number of restored minus signs among them.
     mended_rms:
-        What a line leaves with the best signs.
+        Root mean square of the residuals with the best signs.
     """
 
     sensor: Sensor
@@ -52,40 +53,40 @@ class Fitted(NamedTuple):
     mended: int
     mended_rms: float
 
-    def doubt(self) -> str:
-        """Return what speaks against the line; empty where nothing does."""
-        # The coarser of the two: readings and volts may be printed with unlike digits.
+    def warning(self) -> str:
+        """Return why the line may be wrong; empty where its residual is as small as rounding allows."""
+        # The coarser of the two steps: readings and volts may be printed with different numbers of digits.
         step = np.nanmax([self.unit_step, abs(self.line.slope) * self.volts_step, 0.0])
         if not self.residual_rms > _FEW_STEPS * step:
             return ""
         unit = self.sensor.unit
         steps = f", {self.residual_rms / step:.2g} steps of its converter" if step else ""
-        said = f"the line of the {self.sensor.quantity} leaves {self.residual_rms:.2g} {unit}{steps}"
+        text = f"the line of the {self.sensor.quantity} leaves {self.residual_rms:.2g} {unit}{steps}"
         if self.mended_rms <= _FAR_BETTER * self.residual_rms:
-            return f"{said}; minus signs seem lost, with --mend-signs it leaves {self.mended_rms:.2g} {unit}"
-        return f"{said}; look whether {self.sensor.channel!r} belongs to {self.sensor.voltage!r}"
+            return f"{text}; minus signs seem lost, with --mend-signs it leaves {self.mended_rms:.2g} {unit}"
+        return f"{text}; look whether {self.sensor.channel!r} belongs to {self.sensor.voltage!r}"
 
 
 def calibrate(raw: Path, rig: str | None, mend_signs: bool, out: Path | None) -> tuple[list[Fitted], list[str]]:
-    """Return the lines of the sensors that a file allows, and remarks; write `[calibration]` to `out`.
+    """Return the lines of all sensors that can be calibrated, and notes; write `[calibration]` to `out`.
 
-    Remarks say what is odd about the file, why a sensor has no line, and what speaks against one.
+    Notes say how the file differs from its header, why a sensor has no line, and which lines may be wrong.
 
     Parameters
     ----------
     raw:
         A recording with a channel in volts and one in engineering units for each sensor.
     rig:
-        Name or TOML file whose `[channels]` say which is which; None for their defaults.
+        Name or TOML file whose `[channels]` name the channels; None for their defaults.
     mend_signs:
-        Whether minus signs that were lost in print may be put back, where that brings a sensor's readings to a line.
+        Whether to restore minus signs lost in print, where that puts a sensor's readings on a line.
     out:
         A `.toml` file, or None.
 
     Raises
     ------
     BadInput
-        If the file, the rig or `out` is of no use, or no sensor has a line; nothing is written then.
+        If the file, the rig or `out` cannot be used, or no sensor has a line; nothing is written then.
     """
     if out is not None:
         if out.is_dir() or out.suffix.lower() != ".toml":
@@ -96,29 +97,29 @@ def calibrate(raw: Path, rig: str | None, mend_signs: bool, out: Path | None) ->
     sensors = sensors_of(machine)
     recording = read_raw(raw, columns_of(machine))
     lines: list[Fitted] = []
-    remarks = [f"{path_text(raw)}: {remark}" for remark in recording.remarks]
+    notes = [f"{path_text(raw)}: {text}" for text in recording.remarks]
     for sensor in sensors:
         try:
             lines.append(_fit(recording.segments, sensor, mend_signs))
         except BadInput as error:
-            remarks.append(f"{path_text(raw)}: no line of the {sensor.quantity}: {error}")
+            notes.append(f"{path_text(raw)}: no line of the {sensor.quantity}: {error}")
     if not lines:
-        raise BadInput(f"{remarks[-len(sensors)]} (and no other sensor has a line)")
-    remarks += [f"{path_text(raw)}: {doubt}" for fitted in lines if (doubt := fitted.doubt())]
+        raise BadInput(f"{notes[-len(sensors)]} (and no other sensor has a line)")
+    notes += [f"{path_text(raw)}: {warning}" for fitted in lines if (warning := fitted.warning())]
     if out is not None:
         write_text(_section(raw, lines), out)
-    return lines, remarks
+    return lines, notes
 
 
 def _fit(segments: Sequence[Sequence[Channel]], sensor: Sensor, mend: bool) -> Fitted:
     volts, values = _pair(segments, sensor)
-    there = np.isfinite(volts) & np.isfinite(values)
-    if there.sum() < 2:
+    both = np.isfinite(volts) & np.isfinite(values)
+    if both.sum() < 2:
         raise BadInput(
-            f"{there.sum()} of {len(there)} rows have a reading of both {sensor.voltage!r} and {sensor.channel!r}; "
+            f"{both.sum()} of {len(both)} rows have a reading of both {sensor.voltage!r} and {sensor.channel!r}; "
             "record it again"
         )
-    volts, values = volts[there], values[there]
+    volts, values = volts[both], values[both]
     try:
         signed = with_best_signs(volts, values) if mend else values
         line = fit_line(volts, signed)
@@ -141,13 +142,13 @@ def _pair(segments: Sequence[Sequence[Channel]], sensor: Sensor) -> tuple[Readin
             if len(channels) > 1:
                 raise BadInput(f"channel {name!r} stands {len(channels)} times; give each channel a name of its own")
         if volts and values:
-            # Readers leave out what is blank at a channel's end: the rows that both have are paired.
+            # Readers drop blank rows at a channel's end: only rows that both channels have are paired.
             rows = min(len(volts[0].values), len(values[0].values))
             if not np.array_equal(volts[0].time_s[:rows], values[0].time_s[:rows], equal_nan=True):
-                raise BadInput(f"{names[0]!r} and {names[1]!r} have times of their own; record them together")
+                raise BadInput(f"{names[0]!r} and {names[1]!r} have different times; record them together")
             return volts[0].values[:rows], values[0].values[:rows]
-    there = {channel.name.strip() for segment in segments for channel in segment}
-    absent = " and ".join(repr(name) for name in names if name.strip() not in there)
+    present = {channel.name.strip() for segment in segments for channel in segment}
+    absent = " and ".join(repr(name) for name in names if name.strip() not in present)
     what = f"no channel {absent}" if absent else f"{names[0]!r} and {names[1]!r} in no one segment"
     raise BadInput(f"has {what}; mend [channels] of the rig file, or name another file")
 
@@ -157,5 +158,5 @@ def _section(raw: Path, lines: Sequence[Fitted]) -> str:
     keys: dict[str, float] = {}
     for fitted in lines:
         keys |= dict(zip(fitted.sensor.calibration_keys(), fitted.line, strict=True))
-    said = "".join(c if c.isprintable() else "?" for c in path_text(raw))
-    return f"# Least-squares lines from {said}: a section of a rig file.\n{tomli_w.dumps({'calibration': keys})}"
+    source = shown(path_text(raw), None)
+    return f"# Least-squares lines from {source}: a section of a rig file.\n{tomli_w.dumps({'calibration': keys})}"

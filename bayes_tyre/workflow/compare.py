@@ -1,4 +1,4 @@
-"""Folders of fits to the same records, or of motions from the same raw files, in; `comparison.csv` out."""
+"""Comparison of models fitted to the same records or raw files, from their result folders: `comparison.csv`."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -23,13 +23,13 @@ from bayes_tyre.workflow.predict import Result, read_posterior, read_result
 from bayes_tyre.workflow.result_names import names
 
 NAME, BY_RECORD = "comparison.csv", "comparison_records.csv"
-#: A refit need not be good enough for a verdict: its draws are averaged over.
+#: A refit gets fewer draws than a fit: only averages over them are needed.
 REFIT = SamplerSettings(warmup=400, draws=250)
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A comparison written: its table, what it means in words, and its files."""
+    """A comparison that was written: its table, its conclusion in a sentence, and its files."""
 
     table: pd.DataFrame
     sentence: str
@@ -41,7 +41,7 @@ def compare_folders(
     out: Path,
     *,
     refit: bool = True,
-    tell: Callable[[str], None] = lambda _: None,
+    on_note: Callable[[str], None] = lambda _: None,
     on_progress: Callable[[int], None] = lambda _: None,
 ) -> Comparison:
     """Compare the models of folders that `fit` or `motion` wrote by leave-one-record-out, and write the tables.
@@ -52,8 +52,8 @@ def compare_folders(
         Of the fits, or of the motions; and where the tables go.
     refit:
         Whether to fit again where importance sampling fails.
-    tell:
-        Told what the user should know, a line each.
+    on_note:
+        Called with what the user should know, a line each.
     on_progress:
         Called with 1 after each folder.
 
@@ -69,20 +69,22 @@ def compare_folders(
     motions = [is_of_motions(tree["posterior"].to_dataset()) for _, tree, _ in posteriors]
     if any(motions) and not all(motions):
         other = next(str(folder) for folder, moves in zip(folders, motions, strict=True) if not moves)
-        raise BadInput(f"{other}: is of forces against displacement, others are of motions; compare like with like")
-    called = dict(zip(names(folders), folders, strict=True))
-    verdicts = {name: verdict for name, (_, _, verdict) in zip(called, posteriors, strict=True)}
+        raise BadInput(
+            f"{other}: is of forces against displacement, others are of motions; compare results of one kind"
+        )
+    by_name = dict(zip(names(folders), folders, strict=True))
+    verdicts = {name: verdict for name, (_, _, verdict) in zip(by_name, posteriors, strict=True)}
     if all(motions):
-        trees = {name: tree for name, (_, tree, _) in zip(called, posteriors, strict=True)}
-        found = _motions_left_out(called, trees, refit=refit, tell=tell, on_progress=on_progress)
+        trees = {name: tree for name, (_, tree, _) in zip(by_name, posteriors, strict=True)}
+        left_out = _motions_left_out(by_name, trees, refit=refit, on_note=on_note, on_progress=on_progress)
     else:
-        found = _fits_left_out(called, refit=refit, tell=tell, on_progress=on_progress)
-    compared = compare(found, verdicts)
+        left_out = _fits_left_out(by_name, refit=refit, on_note=on_note, on_progress=on_progress)
+    compared = compare(left_out, verdicts)
     prepare_folder(out)
     paths = (out / NAME, out / BY_RECORD)
     with whole_file(paths[0]) as first, whole_file(paths[1]) as second:
         write_table(compared, first)
-        write_table(by_record(found), second)
+        write_table(by_record(left_out), second)
     return Comparison(compared, sentence(compared), paths)
 
 
@@ -91,7 +93,7 @@ def _motions_left_out(
     trees: Mapping[str, xr.DataTree],
     *,
     refit: bool,
-    tell: Callable[[str], None],
+    on_note: Callable[[str], None],
     on_progress: Callable[[int], None],
 ) -> dict[str, LeaveOneOut]:
     """Return what each law predicts of the records left out.
@@ -108,49 +110,49 @@ def _motions_left_out(
         same = set(run["inputs"].values()) == set(like["inputs"].values())
         if not same and len(records[name]) == len(records[other]):
             raise BadInput(f"{other} and {name} are not of the same raw files; run motion on one set by each law")
-        if apart := sorted(set(map(str, records[name])) ^ set(map(str, records[other]))):
+        if alone := sorted(set(map(str, records[name])) ^ set(map(str, records[other]))):
             raise BadInput(
-                f"{other} and {name} do not both have {apart[0]}, so they are not of the same raw files, or one has no "
+                f"{other} and {name} do not both have {alone[0]}, so they are not of the same raw files, or one has no "
                 "estimate of it (rejected.csv says why); run motion by each law on files that all can be fitted to"
             )
         if run["options"].get("rig") != like["options"].get("rig"):
-            raise BadInput(f"{other} and {name} were not told the same --rig; laws are compared on one")
-    found: dict[str, LeaveOneOut] = {}
+            raise BadInput(f"{other} and {name} have different --rig; compare laws on one rig")
+    left_out: dict[str, LeaveOneOut] = {}
     for name, tree in trees.items():
 
         def say_refit(record: str, name: str = name) -> None:
-            tell(f"{name}: fitted again without {record}, which weighs too much for importance sampling")
+            on_note(f"{name}: fitted again without {record}: it has too much influence for importance sampling")
 
         settings = replace(REFIT, seed=int(runs[name]["seed"])) if refit else None
-        found[name] = leave_one_motion_out(tree, settings, say_refit)
+        left_out[name] = leave_one_motion_out(tree, settings, say_refit)
         on_progress(1)
-    return found
+    return left_out
 
 
 def _fits_left_out(
     folders: Mapping[str, Path],
     *,
     refit: bool,
-    tell: Callable[[str], None],
+    on_note: Callable[[str], None],
     on_progress: Callable[[int], None],
 ) -> dict[str, LeaveOneOut]:
     """Return what each model of `fit` predicts of the records left out."""
-    found: dict[str, LeaveOneOut] = {}
-    read = [(name, *_read(folder, tell)) for name, folder in folders.items()]
+    left_out: dict[str, LeaveOneOut] = {}
+    read = [(name, *_read(folder, on_note)) for name, folder in folders.items()]
     _check_same(read)
     for name, plan, result, table in read:
 
         def say_refit(record: str, name: str = name) -> None:
-            tell(f"{name}: fitted again without {record}, which weighs too much for importance sampling")
+            on_note(f"{name}: fitted again without {record}: it has too much influence for importance sampling")
 
         settings = replace(REFIT, seed=plan.sampler.seed) if refit else None
-        found[name] = leave_one_record_out(result.tree, table, plan.model, settings, say_refit)
+        left_out[name] = leave_one_record_out(result.tree, table, plan.model, settings, say_refit)
         on_progress(1)
-    return found
+    return left_out
 
 
-def _read(folder: Path, tell: Callable[[str], None]) -> tuple[Plan, Result, pd.DataFrame]:
-    result, plan = read_result(folder), planned_in(folder / RUN_JSON, tell)
+def _read(folder: Path, on_note: Callable[[str], None]) -> tuple[Plan, Result, pd.DataFrame]:
+    result, plan = read_result(folder), planned_in(folder / RUN_JSON, on_note)
     return plan, result, check_record_table(read_table(plan.records))
 
 

@@ -1,4 +1,4 @@
-"""A record table in, `least_squares.csv` out."""
+"""Least-squares fits of a record table: `least_squares.csv`."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A table of slow tests in; their lines, law and energies, a figure, and a stiffness shared with steps out."""
+"""Fits of slow load-deflection tests: lines, law, energies, a figure, and the stiffness pooled with step records."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,12 +33,12 @@ NO_RIG = "none"
 
 @dataclass(frozen=True)
 class Written:
-    """What was fitted and written: a row a test, a row a case (its tests averaged), k shared with steps where asked."""
+    """Tables written: a row a test, a row a case (its tests averaged), and k pooled with steps if asked for."""
 
     tests: pd.DataFrame
     cases: pd.DataFrame
     shared: pd.DataFrame | None
-    remarks: list[str]
+    notes: list[str]
     paths: list[Path]
 
 
@@ -57,34 +57,34 @@ def fit_load_deflection(
     table:
         As `read_load_deflection` returns it.
     rig:
-        Name or TOML file; ``none`` where the readings are the tyre's already, on flat ground; None for the rig that
+        Name or TOML file; ``none`` where the readings are of the tyre itself, on flat ground; None for the rig that
         the configuration names.
     beta_mm:
-        beta where it is known from elsewhere, mm.
+        beta known from other records, mm.
     steps:
         A `least_squares.csv` of the same tyres.
 
     Raises
     ------
     BadInput
-        If rig, steps or `out` are of no use; nothing is written then.
+        If rig, steps or `out` cannot be used; nothing is written then.
     """
-    placed = with_deflection(table, _rigs(table, rig))
+    readings = with_deflection(table, _rigs(table, rig))
     estimates = _read_steps(steps) if steps is not None else None
     prepare_folder(out)
-    means, remarks = averaged(placed)
-    tests, cases = _tests(placed, beta_mm), _cases(means, beta_mm)
+    means, notes = averaged(readings)
+    tests, cases = _tests(readings, beta_mm), _cases(means, beta_mm)
     shared = shared_stiffness(tests, estimates) if estimates is not None else None
     for name in (CASES, SHARED):
         (out / name).unlink(missing_ok=True)  # an older run's
     paths = [write_table(tests, out / TESTS)]
     paths += [write_table(cases, out / CASES)] if len(cases) else []
     paths += [write_table(shared, out / SHARED)] if shared is not None else []
-    place = "as given" if rig == NO_RIG else "as on flat ground"
+    basis = "as given" if rig == NO_RIG else "as on flat ground"
     setting = Setting(origin_of(table), configurations=tuple(_configurations(table)))
-    figure = load_deflection_loops(_panels(placed, tests, cases), setting, place)
+    figure = load_deflection_loops(_panels(readings, tests, cases), setting, basis)
     paths.append(save(figure, out / FIGURE))
-    return Written(tests, cases, shared, remarks, paths)
+    return Written(tests, cases, shared, notes, paths)
 
 
 def _configurations(table: pd.DataFrame) -> list[str]:
@@ -113,46 +113,46 @@ def _read_steps(path: Path) -> pd.DataFrame:
     return steps
 
 
-def _tests(placed: pd.DataFrame, beta_mm: float | None) -> pd.DataFrame:
-    """Return the rows of `load_deflection.csv`: name, words, fits, further columns, origin."""
-    first = placed.drop_duplicates("test").reset_index(drop=True)
-    factors = pd.DataFrame({"test": first["test"], **{word: first.get(word, "") for word in FACTORS_OF_TEST}})
+def _tests(readings: pd.DataFrame, beta_mm: float | None) -> pd.DataFrame:
+    """Return the rows of `load_deflection.csv`: name, factors, fits, further columns, origin."""
+    first = readings.drop_duplicates("test").reset_index(drop=True)
+    factors = pd.DataFrame({"test": first["test"], **{name: first.get(name, "") for name in FACTORS_OF_TEST}})
     if "repeat" in first:
         factors["repeat"] = factors["repeat"].astype(int)
-    rows = factors.merge(fit_tests(placed, beta_mm), on="test", validate="1:1").rename(columns={"test": "record"})
+    rows = factors.merge(fit_tests(readings, beta_mm), on="test", validate="1:1").rename(columns={"test": "record"})
     ours = [*ON_LINE.values(), "load_kN", "flat_ground_mm", "flat_ground_kN", "wheel_centre_mm", "wheel_centre_kN"]
-    as_records = placed.drop(columns=ours).rename(columns={"record": "given_record", "test": "record"})
+    as_records = readings.drop(columns=ours).rename(columns={"record": "given_record", "test": "record"})
     rows = carry_extras(rows, record_extras(as_records)).rename(columns={"record": "test"})
-    return rows.assign(origin=first["origin"] if "origin" in first else origin_of(placed))
+    return rows.assign(origin=first["origin"] if "origin" in first else origin_of(readings))
 
 
 def _cases(means: pd.DataFrame, beta_mm: float | None) -> pd.DataFrame:
-    """Return the rows of `load_deflection_cases.csv`: name, words, how many tests, fits, origin."""
+    """Return the rows of `load_deflection_cases.csv`: name, factors, number of tests, fits, origin."""
     if means.empty:
         return means
-    factors = [word for word in (*CASE_OF_TEST, "repeats", "origin") if word in means]
+    factors = [name for name in (*CASE_OF_TEST, "repeats", "origin") if name in means]
     first = means.drop_duplicates("test")[["test", *factors]]
     rows = first.merge(fit_tests(means, beta_mm), on="test", validate="1:1")
     origin = rows.pop("origin") if "origin" in rows else origin_of(means)
     return rows.assign(origin=origin)
 
 
-def _panels(placed: pd.DataFrame, tests: pd.DataFrame, cases: pd.DataFrame) -> Sequence[LoopPanel]:
-    """Return what is drawn: every case that was averaged, and every test of the others."""
-    factors = [word for word in CASE_OF_TEST if word in placed]
+def _panels(readings: pd.DataFrame, tests: pd.DataFrame, cases: pd.DataFrame) -> Sequence[LoopPanel]:
+    """Return the panels of the figure: every averaged case, and every test of the others."""
+    factors = [name for name in CASE_OF_TEST if name in readings]
     panels, drawn = [], set()
     for _, fit in cases.iterrows():
-        mine = placed[(placed[factors] == fit[factors]).all(axis=1)]
-        drawn |= set(mine["test"])
-        panels.append(_panel(mine, fit))
+        of_case = readings[(readings[factors] == fit[factors]).all(axis=1)]
+        drawn |= set(of_case["test"])
+        panels.append(_panel(of_case, fit))
     for _, fit in tests[~tests["test"].isin(drawn)].iterrows():
-        panels.append(_panel(placed[placed["test"] == fit["test"]], fit))
+        panels.append(_panel(readings[readings["test"] == fit["test"]], fit))
     return panels
 
 
 def _panel(readings: pd.DataFrame, fit: pd.Series) -> LoopPanel:
     d = readings["flat_ground_mm"]
-    there = pd.notna(fit["k_kN_per_mm"]) and d.max() > d.min()
+    drawable = pd.notna(fit["k_kN_per_mm"]) and d.max() > d.min()
     row: dict[str, Any] = {str(column): value for column, value in fit.items()}
-    loop = law_loop(row, float(d.min()), float(d.max())) if there else None
+    loop = law_loop(row, float(d.min()), float(d.max())) if drawable else None
     return LoopPanel(str(fit["test"]), str(fit.get("configuration", "")), readings, row, loop)

@@ -1,4 +1,4 @@
-"""A result's folder in; `prediction.csv` and `prediction.toml` out."""
+"""Prediction from a result's folder: `prediction.csv` and `prediction.toml`."""
 
 import json
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ from bayes_tyre.results.case_selection import Wish
 from bayes_tyre.results.prediction import Prediction, predict, predictable_cases
 
 NAME = "prediction.csv"
-#: Said at the top of the TOML; the labels in it come from files, and are never put into a comment.
+#: Comment at the top of the TOML. Labels come from files and are never put into a comment.
 ABOUT = """\
 # Parameters of a tyre for a vehicle model, a table [[case]] for each case and direction: kN, mm, kN/mm, km/h.
 # step_kN is signed: loading is positive. lower and upper hold the probability `interval`, equal-tailed.
@@ -30,7 +30,7 @@ VERDICTS = ("pass", "fail")
 
 
 class Result(NamedTuple):
-    """A fit on disk: where its posterior lies, the posterior, the cases in it, and the verdict on it."""
+    """A fit on disk: the path of its posterior, the posterior, its cases, and the verdict on it."""
 
     path: Path
     tree: xr.DataTree
@@ -47,12 +47,12 @@ def read_result(folder: Path) -> Result:
         If the folder holds no finished result, one that cannot be read, or one without records.
     """
     path, tree, verdict = read_posterior(folder)
-    with _named(path):
+    with _errors_name(path):
         return Result(path, tree, predictable_cases(tree), verdict)
 
 
 def read_posterior(folder: Path) -> tuple[Path, xr.DataTree, str]:
-    """Return where a posterior lies, the posterior, and the verdict on it, from a folder that any command wrote.
+    """Return the path of a posterior, the posterior, and the verdict on it, from a folder that any command wrote.
 
     Raises
     ------
@@ -61,20 +61,20 @@ def read_posterior(folder: Path) -> tuple[Path, xr.DataTree, str]:
     """
     if not (folder / "run.json").is_file():
         raise BadInput(f"{folder}: holds no run.json, so no finished result; name a folder that fit wrote")
-    judged = folder / "diagnostics.json"
+    diagnostics = folder / "diagnostics.json"
     try:
-        verdict = json.loads(judged.read_text(encoding="utf-8"))["verdict"]
+        verdict = json.loads(diagnostics.read_text(encoding="utf-8"))["verdict"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         verdict = None
     if verdict not in VERDICTS:
-        raise BadInput(f"{judged}: does not say a verdict; run fit again")
+        raise BadInput(f"{diagnostics}: holds no verdict; run fit again")
     path = folder / "posterior.nc"
     return path, read_tree(path), verdict
 
 
 @contextmanager
-def _named(path: Path) -> Iterator[None]:
-    """Put the file's name in front of what is wrong with what it holds."""
+def _errors_name(path: Path) -> Iterator[None]:
+    """Put the file's path before the message of `BadInput`."""
     try:
         yield
     except BadInput as error:
@@ -87,7 +87,7 @@ def target(folder: Path, out: Path | None) -> Path:
     Raises
     ------
     BadInput
-        If it lies where nothing can be written, or has the name of another kind of file.
+        If it cannot be written there, or has the suffix of another kind of file.
     """
     out = out or folder
     path = out if out.suffix.lower() == ".csv" and not out.is_dir() else out / NAME
@@ -113,13 +113,13 @@ def write_prediction(
 
     Arguments are those of `bayes_tyre.results.prediction.predict`.
     """
-    with _named(result.path):
+    with _errors_name(result.path):
         prediction = predict(
             result.tree, wish, displacement_mm, verdict=result.verdict, of=of, interval=interval, seed=seed
         )
-    said = {"equation": EQUATION, "of": of, "interval": interval, "origin": result.tree.attrs["origin"]}
-    made = {"verdict": result.verdict, "version": f"bayes-tyre {version('bayes-tyre')}"}
-    text = ABOUT + tomli_w.dumps({**said, **made, "case": list(prediction.parameters)})
+    head = {"equation": EQUATION, "of": of, "interval": interval, "origin": result.tree.attrs["origin"]}
+    head |= {"verdict": result.verdict, "version": f"bayes-tyre {version('bayes-tyre')}"}
+    text = ABOUT + tomli_w.dumps({**head, "case": list(prediction.parameters)})
     beside = out.with_suffix(".toml")
     with whole_file(out) as curves, whole_file(beside) as parameters:
         write_table(prediction.curves, curves)

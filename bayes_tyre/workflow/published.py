@@ -1,4 +1,4 @@
-"""The published tables: recomputed, and turned into reconstructed records."""
+"""The published tables, recomputed, and the records reconstructed from them."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ def write_campaign(out: Path, seed: int | None = None) -> tuple[Path, Path]:
     Raises
     ------
     BadInput
-        If `out` is named like no record table.
+        If the suffix of `out` is not that of a record table.
     """
     if out.suffix.lower() not in READERS:
         raise BadInput(f"--out {out}: {out.suffix or 'no suffix'} is not a table format; use {' or '.join(READERS)}")

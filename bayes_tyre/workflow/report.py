@@ -1,4 +1,4 @@
-"""Folders of results in; one `report.html` out."""
+"""The HTML report of result folders: `report.html`."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -26,12 +26,12 @@ from bayes_tyre.workflow.fit import planned_in
 from bayes_tyre.workflow.result_names import names
 
 NAME, SUFFIXES = "report.html", (".html", ".htm")
-#: Said of figures that the fit drew, where they cannot be drawn anew.
-KEPT = "Figures of records are as the fit drew them, for its input was not found, or is another by now."
+#: Note on figures that the fit drew and that cannot be drawn again.
+KEPT = "Figures of records are as the fit drew them: its input was not found, or has changed."
 
 
 class Written(NamedTuple):
-    """A report written: its path, and the names of results that are not to be trusted."""
+    """A report that was written: its path, and the names of results that are not to be trusted."""
 
     path: Path
     failed: list[str]
@@ -43,7 +43,7 @@ def target(folder: Path, out: Path | None) -> Path:
     Raises
     ------
     BadInput
-        If it lies where nothing can be written, or has the name of another kind of file.
+        If it cannot be written there, or has the suffix of another kind of file.
     """
     out = out or folder
     path = out if out.suffix.lower() in SUFFIXES and not out.is_dir() else out / NAME
@@ -58,23 +58,23 @@ def target(folder: Path, out: Path | None) -> Path:
 def write_report(
     folders: Sequence[Path],
     out: Path | None,
-    tell: Callable[[str], None] = lambda _: None,
+    on_note: Callable[[str], None] = lambda _: None,
     on_progress: Callable[[int], None] = lambda _: None,
     *,
     kept_figures: bool = False,
 ) -> Written:
-    """Write the report of results, side by side where there are several.
+    """Write the report of one result, or of several with a comparison.
 
     Parameters
     ----------
     folders, out:
         What `fit` or `motion` wrote; and where the page goes (`target`).
-    tell:
-        Told what the user should know, a line each.
+    on_note:
+        Called with what the user should know, a line each.
     on_progress:
         Called with 1 after each folder.
     kept_figures:
-        Show the figures as they lie in the folders instead of drawing them anew.
+        Show the figures as they lie in the folders instead of drawing them again.
 
     Raises
     ------
@@ -86,10 +86,10 @@ def write_report(
     parts, sides = [], []
     for folder, result in zip(folders, results, strict=True):
         tree = read_tree(folder / "posterior.nc")
-        if kept_figures or not has_cases(tree):  # a posterior of another model has no such figures
+        if kept_figures or not has_cases(tree):  # only posteriors with cases have such figures
             parts.append(Part(result, list(kept_pictures(folder / "figures", set()))))
         else:
-            parts.append(_drawn(folder, result, tree, tell))
+            parts.append(_drawn(folder, result, tree, on_note))
         inputs = frozenset(result.run["inputs"].values())
         sides.append(Side(result.name, tree if has_cases(tree) else None, inputs, result.run["origin"]))
         on_progress(1)
@@ -98,14 +98,14 @@ def write_report(
     return Written(path, [result.name for result in results if result.verdict == "fail"])
 
 
-def _drawn(folder: Path, result: Reported, tree: xr.DataTree, tell: Callable[[str], None]) -> Part:
+def _drawn(folder: Path, result: Reported, tree: xr.DataTree, on_note: Callable[[str], None]) -> Part:
     of_motions = is_of_motions(tree["posterior"].to_dataset())
-    table = None if of_motions else _records(folder, result, tell)
-    # As when the fit drew them: only records made from the printed tables, and these, are held against print.
+    table = None if of_motions else _records(folder, result, on_note)
+    # As in the fit: only records made from the printed tables, and these tables, are compared with printed values.
     printed = tables.case_means() if result.run["origin"] in ("reconstructed", "published") else None
-    drawn = Result(tree, result.verdict, table, printed, result.interval, _motions(folder))
+    result_drawn = Result(tree, result.verdict, table, printed, result.interval, _motions(folder))
     missing = table is None and not result.repeats.empty and not of_motions
-    return Part(result, list(pictures(drawn, folder / "figures")), KEPT if missing else "")
+    return Part(result, list(pictures(result_drawn, folder / "figures")), KEPT if missing else "")
 
 
 def _motions(folder: Path) -> pd.DataFrame | None:
@@ -114,14 +114,14 @@ def _motions(folder: Path) -> pd.DataFrame | None:
     return check_readings(read_table(path), str(path)) if path.is_file() else None
 
 
-def _records(folder: Path, result: Reported, tell: Callable[[str], None]) -> pd.DataFrame | None:
-    """Return the records that were fitted; None for a posterior without records, or where they are gone."""
+def _records(folder: Path, result: Reported, on_note: Callable[[str], None]) -> pd.DataFrame | None:
+    """Return the records that were fitted; None for a posterior without records, or where the file is missing."""
     if result.repeats.empty:
         return None
     try:
         plan = planned_in(folder / RUN_JSON, lambda _: None)
         table = used_points(check_record_table(read_table(plan.records), str(plan.records)), plan.model.region)
     except BadInput as error:
-        tell(f"figures of records are as the fit drew them: {error}")
+        on_note(f"figures of records are as the fit drew them: {error}")
         return None
     return table

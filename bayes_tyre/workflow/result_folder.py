@@ -1,4 +1,4 @@
-"""A result's folder: every file that a fit writes, each whole or not at all, `run.json` last."""
+"""Writing a result's folder: every file whole or not at all, `run.json` last."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -37,7 +37,7 @@ def write_fit(
     Parameters
     ----------
     tree, diagnostics, run:
-        The posterior, its verdict, and how it came about.
+        The posterior, its verdict, and how it was computed.
     table:
         The records it was fitted to, for the figures of records.
     printed:
@@ -47,10 +47,10 @@ def write_fit(
     beside:
         Further tables, by the names of their files.
     motions:
-        Readings and fitted motion of a few records, for their pictures (`bayes_tyre.results.motion_traces`).
+        Readings and fitted motion of a few records, for their figures (`bayes_tyre.results.motion_traces`).
     """
     prepare_folder(out)
-    (out / RUN_JSON).unlink(missing_ok=True)  # an older run's: it must not vouch for half of a newer one
+    (out / RUN_JSON).unlink(missing_ok=True)  # of an older run: it marks a folder as finished
     verdict = diagnostics.verdict
     write_tree(tree, out / "posterior.nc")
     extras = record_extras(table) if table is not None else None
@@ -69,7 +69,7 @@ def write_fit(
 
 
 def _write_figures(result: Result, folder: Path) -> None:
-    """Write the figures of a result; those that it has not, but an earlier one of the folder had, go."""
+    """Write the figures of a result; remove those of an earlier result that this one does not have."""
     drawn = {name: save(figure, folder / f"{name}.png") for name, figure in catalogue.draw(result)}
     for name in HEADINGS.keys() - drawn.keys():
         (folder / f"{name}.png").unlink(missing_ok=True)

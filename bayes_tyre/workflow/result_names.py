@@ -1,4 +1,4 @@
-"""What to call results that stand side by side: the ends of their folders' paths."""
+"""Names of results that are compared: the ends of their folders' paths."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,7 +7,7 @@ from bayes_tyre.errors import BadInput
 
 
 def names(folders: Sequence[Path]) -> list[str]:
-    """Return what to call results: the ends of their paths, as short as tells them apart.
+    """Return names of results: the shortest ends of their paths that are distinct.
 
     Raises
     ------
@@ -20,4 +20,4 @@ def names(folders: Sequence[Path]) -> list[str]:
         raise BadInput(f"{twice}: is named twice; name each folder once")
     most = max(len(path.parts) for path in whole)
     ends = (["/".join(path.parts[-length:]) for path in whole] for length in range(1, most + 1))
-    return next(found for found in ends if len(set(found)) == len(found))
+    return next(labels for labels in ends if len(set(labels)) == len(labels))

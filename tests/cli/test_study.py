@@ -14,7 +14,7 @@ from helpers.motion_studies import motion_rows
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.studies import motion_study
 from bayes_tyre.studies.calibration import Calibration
-from bayes_tyre.studies.motion_study import STATIONARY, MotionStudy, Tried, summarise, tried
+from bayes_tyre.studies.motion_study import STATIONARY, MotionStudy, StudyRecord, study_records, summarise
 from bayes_tyre.studies.outliers import KINDS, POSTERIOR, SHARES, Outliers, compare
 from bayes_tyre.studies.repeat_means import RULES
 from bayes_tyre.studies.uniformity import uniformity_table
@@ -104,14 +104,14 @@ def test_motions_are_written_and_said_in_words(tmp_path, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.usefixtures("fully_compiled")
 def test_a_small_study_of_motions_from_simulation_to_tables(tmp_path, monkeypatch):
-    def standing_on_one_rig(*of: int) -> list[Tried]:
+    def standing_on_one_rig(*of: int) -> list[StudyRecord]:
         """Return two records as they are and one with each mismatch that a standing record can have."""
-        records = [record for record in tried(*of) if record.kind == STATIONARY]
+        records = [record for record in study_records(*of) if record.kind == STATIONARY]
         rig = records[0].plan.case.configuration
         return [record for record in records if record.plan.case.configuration == rig]
 
     # Each rig is compiled for anew, and a rolling record takes minutes.
-    monkeypatch.setattr(motion_study, "tried", standing_on_one_rig)
+    monkeypatch.setattr(motion_study, "study_records", standing_on_one_rig)
     done = here("study", "motion", "--out", tmp_path, "--stationary", 4, "--rolling", 0, "--mismatch", 1, "--seed", 8)
     assert done.exit_code == 0, done.stderr
     records = pd.read_csv(tmp_path / "motion_records.csv")

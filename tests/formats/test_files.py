@@ -112,7 +112,7 @@ def test_what_is_being_written_is_taken_back_when_the_process_ends_and_nothing_b
     script = """
 import threading, sys
 from pathlib import Path
-from bayes_tyre.formats.files import take_back_for_good, whole_file, write_text
+from bayes_tyre.formats.files import remove_unfinished, whole_file, write_text
 folder = Path(sys.argv[1])
 write_text("old", folder / "one")
 def late():
@@ -122,7 +122,7 @@ def late():
         print("it began", flush=True)
 with whole_file(folder / "one") as beside:
     beside.write_text("half")
-    take_back_for_good()
+    remove_unfinished()
     thread = threading.Thread(target=late, daemon=True)
     thread.start()
     thread.join(0.2)

@@ -1,4 +1,4 @@
-"""Work for processes of their own, one of which dies; light to import, for each of them does."""
+"""Work for worker processes, one of which dies; quick to import, because each process imports it."""
 
 import os
 import time
@@ -16,7 +16,7 @@ ALIVE: Counter[str] = Counter()
 
 
 class Task(NamedTuple):
-    """A file whose content says what becomes of it; `deaths` is a folder where each death leaves a mark."""
+    """A file whose content selects its outcome; each death leaves a file in the folder `deaths`."""
 
     file: Path
     deaths: Path | None = None
@@ -27,7 +27,7 @@ class Task(NamedTuple):
 
 
 class Counted(pd.DataFrame):
-    """A table that tells of its life in the process that it is in."""
+    """A table that counts its instances in this process."""
 
     def __setstate__(self, state):
         pd.DataFrame.__setstate__(self, state)  # pyright: ignore[reportAttributeAccessIssue]
@@ -54,7 +54,7 @@ def work(task: int) -> str:
 
 
 def make(task: Task) -> Done | Fault:
-    """Give a table of what a file says: `deadly` kills, `once` kills the first time, `bad` is a fault."""
+    """Return a table of a file's text: `deadly` kills, `once` kills the first time, `bad` is a fault."""
     text = task.file.read_text()
     if text == "deadly" or (text == "once" and task.deaths is not None and not any(task.deaths.iterdir())):
         if task.deaths is not None:

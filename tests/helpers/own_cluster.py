@@ -1,4 +1,4 @@
-"""A dask cluster in a process of its own, which can be killed: ``python own_cluster.py FILE LOCK``.
+"""A Dask cluster in a separate process, which can be killed: ``python own_cluster.py FILE LOCK``.
 
 Its first line is the address. Work on a file of that name waits as long as there is a file LOCK.
 """

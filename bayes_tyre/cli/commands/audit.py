@@ -1,4 +1,4 @@
-"""`audit`: what each method returns for known truths."""
+"""`audit`: bias and error of each method for known true parameters."""
 
 from enum import StrEnum
 from typing import Annotated
@@ -21,7 +21,9 @@ def audit(
         AuditPlan,
         typer.Option(help="quick: some minutes. full: twice as many truths, and more windows."),
     ] = AuditPlan.QUICK,
-    replicates: Annotated[int, typer.Option(min=1, help="Records a truth, each with noise of its own.")] = 3,
+    replicates: Annotated[
+        int, typer.Option(min=1, help="Records a true parameter set, each with independent noise.")
+    ] = 3,
     seed: Seed = 0,
     quiet: Quiet = False,
 ) -> None:

@@ -1,4 +1,4 @@
-"""`compare`: models of the same records side by side, by what they predict of a record left out."""
+"""`compare`: models of the same records, ranked by leave-one-record-out prediction."""
 
 from pathlib import Path
 from typing import Annotated
@@ -23,14 +23,13 @@ def compare(
     seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
-    """Compare models by leave-one-record-out: which of them predicts a whole record, not seen, from the others.
+    """Compare models by leave-one-record-out: which of them best predicts a whole record from the others.
 
     Of fits it ranks models of one record table, of motions the force laws (motion --law) that the same raw files were
-    fitted with. A record's own parameters (k kN/mm, beta mm, J and sigma kN; of a motion all that is unknown in it) are
-    integrated out. Writes comparison.csv (a row a
-    model, the best first: elpd, its standard error, the difference to the best) and comparison_records.csv (a row a
-    record), and says in a sentence what they mean. Ends with code 4 where a posterior, or an estimate, is not to be
-    trusted.
+    fitted with. A record's own parameters (k kN/mm, beta mm, J and sigma kN; of a motion all its unknowns) are
+    integrated out. Writes comparison.csv (a row a model, the best first: elpd, its standard error, the difference to
+    the best) and comparison_records.csv (a row a record), and prints the conclusion in a sentence. Ends with code
+    4 where a posterior, or an estimate, is not to be trusted.
 
     Example: bayes-tyre compare results/fit results/fit_student results/fit_normal
     """
@@ -41,7 +40,7 @@ def compare(
     from bayes_tyre.workflow.compare import compare_folders
 
     with progress("compare", len(folders), quiet) as advance:
-        done = compare_folders(folders, out or folders[0], refit=refit, tell=warn, on_progress=advance)
+        done = compare_folders(folders, out or folders[0], refit=refit, on_note=warn, on_progress=advance)
     if not quiet:
         for row in done.table.itertuples():
             typer.echo(

@@ -26,7 +26,7 @@ def load_deflection(
         ),
     ] = None,
     beta: Annotated[
-        float | None, typer.Option(help="beta (mm) where step records say it: slow readings lie too far apart for it.")
+        float | None, typer.Option(help="beta (mm) from step records: slow readings lie too far apart for it.")
     ] = None,
     steps: Annotated[
         Path | None,
@@ -44,7 +44,7 @@ def load_deflection(
     beta are as on flat ground, energies at the wheel centre (columns that begin with flat_ground are no work done).
 
     Writes load_deflection.csv, a row a test; load_deflection_cases.csv, where repeats could be averaged, as the source
-    does, a row a case; shared_stiffness.csv with --steps; figures/. status says what a test does not determine: beta
+    does, a row a case; shared_stiffness.csv with --steps; figures/. status names what a test does not determine: beta
     and x, but for readings closer together than beta.
 
     Example: bayes-tyre load-deflection slow_tests.csv --out results/slow --steps results/lsq/least_squares.csv
@@ -63,17 +63,17 @@ def load_deflection(
     for warning in suspicious_units(readings):
         warn(f"{table}: {warning}")
     written = fit_load_deflection(readings, out, rig=rig, beta_mm=beta, steps=steps)
-    for remark in written.remarks:
-        warn(f"{table}: {remark}")
+    for text in written.notes:
+        warn(f"{table}: {text}")
     for path in written.paths:
         say(f"wrote {path} (data: {origin_of(readings)})", quiet)
     if written.shared is not None:
-        _say_shared(len(written.shared), int((written.shared["status"] != "ok").sum()), quiet)
-    odd = int((written.tests["status"] != "ok").sum())
-    say(f"{len(written.tests)} tests, {odd} not ok", quiet)
+        _print_pooled(len(written.shared), int((written.shared["status"] != "ok").sum()), quiet)
+    failed = int((written.tests["status"] != "ok").sum())
+    say(f"{len(written.tests)} tests, {failed} not ok", quiet)
 
 
-def _say_shared(cases: int, apart: int, quiet: bool) -> None:
+def _print_pooled(cases: int, in_tension: int, quiet: bool) -> None:
     if not cases:
         warn("--steps: no configuration and speed has both a slow test and a step record with a standard error")
-    say(f"{cases} stiffnesses shared with step records, {apart} in tension", quiet)
+    say(f"{cases} stiffnesses shared with step records, {in_tension} in tension", quiet)

@@ -1,4 +1,4 @@
-"""`lsq`: Equation 2 fitted to each record by itself."""
+"""`lsq`: Equation 2 fitted to each record separately."""
 
 import math
 from typing import Annotated
@@ -46,7 +46,7 @@ def lsq(
 ) -> None:
     """Fit Equation 2 to each record by least squares: k (kN/mm), C (kN), beta (mm), with standard errors.
 
-    Writes least_squares.csv, a row a record; status says what a record does not determine.
+    Writes least_squares.csv, a row a record; status names what a record does not determine.
 
     Example: bayes-tyre lsq data/campaign/records.csv --out results/lsq --region thesis
     """
@@ -68,6 +68,6 @@ def lsq(
         warn(f"{records}: {warning}")
     with progress("least squares", table["record"].nunique(), quiet) as on_progress:
         fits = fit_least_squares(table, settings, out, on_progress)
-    odd = int((fits["status"] != "ok").sum())
+    failed = int((fits["status"] != "ok").sum())
     say(f"wrote {out / 'least_squares.csv'} (data: {origin_of(table)})", quiet)
-    say(f"{len(fits)} records, {odd} not ok", quiet)
+    say(f"{len(fits)} records, {failed} not ok", quiet)

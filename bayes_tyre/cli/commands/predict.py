@@ -30,9 +30,9 @@ def predict(
     case: Annotated[
         list[str] | None,
         typer.Option(
-            help="Label of a case, 'single (0)30-20', or words, configuration=single,speed_km_h=0; may be repeated. "
-            "Words select every case that has them all (of one word given twice, either value). The opposite "
-            "direction comes too, unless the word direction keeps it out."
+            help="Label of a case, 'single (0)30-20', or factors, configuration=single,speed_km_h=0; may be repeated. "
+            "Factors select every case that has them all (of a factor given twice, either value). The opposite "
+            "direction is included, unless the factor direction is given."
         ),
     ] = None,
     displacement: Annotated[
@@ -44,7 +44,7 @@ def predict(
         ),
     ] = None,
     of: Annotated[
-        Of, typer.Option(help="The mean curve of the case; or one more repeat, scatter and noise included.")
+        Of, typer.Option(help="The mean curve of the case; or one more repeat, its deviation and noise included.")
     ] = Of.case,
     interval: Interval = 0.95,
     out: Annotated[Path | None, typer.Option(help="Folder, or a .csv file; default: DIR.")] = None,
@@ -67,12 +67,14 @@ def predict(
     prediction, paths = write_prediction(
         result, wish, path, displacement_mm=grid, of=of.value, interval=interval, seed=seed
     )
-    for remark in prediction.remarks:
-        say(remark, quiet)
+    for text in prediction.remarks:
+        say(text, quiet)
     for written in paths:
         say(f"wrote {written} (data: {result.tree.attrs['origin']}, verdict {result.verdict})", quiet)
     if result.verdict != "pass":
-        warn(f"the posterior is not to be trusted, nor what follows from it; {folder / 'diagnostics.json'} says why")
+        warn(
+            f"the posterior is not to be trusted, nor is the prediction; {folder / 'diagnostics.json'} gives the reason"
+        )
         raise typer.Exit(NOT_TRUSTED)
 
 

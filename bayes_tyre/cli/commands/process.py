@@ -1,4 +1,4 @@
-"""`process`: raw files to records."""
+"""`process`: records from raw files."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -29,7 +29,7 @@ def process(
     rig: RigName = None,
     cases: CasesTable = None,
     figures: Annotated[
-        Path | None, typer.Option(help="Folder for a picture a record: raw channels, step found, resulting path.")
+        Path | None, typer.Option(help="Folder for a figure a record: raw channels, detected step, resulting path.")
     ] = None,
     workers: Workers = None,
     cluster: Cluster = None,
@@ -42,9 +42,9 @@ def process(
 ) -> None:
     """Turn raw files into records: displacement and force on flat ground (mm, kN), from the step to the first reversal.
 
-    Writes the record table (record, words, time_s, displacement_mm, force_kN, their standard deviations, mass_kg, how
-    clear the step is) and rejected.csv: file, reason. With no usable file only the latter, and exit 3. What is done is
-    kept, file by file, in a folder beside the table (.records.csv.parts), from which --resume goes on.
+    Writes the record table (record, factors, time_s, displacement_mm, force_kN, their standard deviations, mass_kg, how
+    clear the step is) and rejected.csv: file, reason. With no usable file only the latter, and exit 3. Finished files
+    are cached in a folder beside the table (.records.csv.parts), from which --resume continues.
 
     Example: bayes-tyre process data/raw --method inertia --out results/records.csv --figures results/pictures
     """
@@ -53,11 +53,11 @@ def process(
     from bayes_tyre.workflow.raw.process import REJECTED, Machines, Settings, process_files
 
     check_machines(workers, cluster)
-    files, passed_over = raw_files(raw)
+    files, skipped = raw_files(raw)
     settings = Settings(rig, cases, method.value, figures)
     with progress("process", len(files), quiet) as advance:
         records, rejected = process_files(files, settings, Machines(workers, cluster, resume), out, advance)
-    for remark in passed_over:
-        warn(remark)
+    for text in skipped:
+        warn(text)
     say(f"wrote {out} and {out.parent / REJECTED} (method {method.value})", quiet)
     say(f"{records} records, {rejected} rejected", quiet)

@@ -1,4 +1,4 @@
-"""`report`: one page to hand on, from results on disk."""
+"""`report`: one HTML page from results on disk."""
 
 from pathlib import Path
 from typing import Annotated
@@ -17,16 +17,18 @@ def report(
     ] = None,
     kept_figures: Annotated[
         bool,
-        typer.Option("--kept-figures", help="Show the PNG figures that lie in DIR instead of drawing anew: quicker."),
+        typer.Option(
+            "--kept-figures", help="Show the PNG figures that lie in DIR instead of drawing them again: quicker."
+        ),
     ] = False,
     seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
-    """Write report.html: the verdict, which tyre is stiffer (k, kN/mm) and how sure that is, tables and figures.
+    """Write report.html: the verdict, which tyre is stiffer (k, kN/mm) and how certain that is, tables and figures.
 
-    One file that opens from disk and asks nothing of a network. Several DIRs stand side by side, each against the
-    first: single against dual, or this year's campaign against last year's. Of motion's results it says friction x (kN)
-    and the energy lost (J) too. Ends with code 4 where a verdict is fail.
+    One file that opens from disk without a network. Several DIRs are compared, each with the first: single against
+    dual, or this year's campaign against last year's. Results of motion include friction x (kN) and the energy lost
+    (J). Ends with code 4 where a verdict is fail.
 
     Example: bayes-tyre report results/fit --out report.html
     """
@@ -37,7 +39,7 @@ def report(
     from bayes_tyre.workflow.report import write_report
 
     with progress("report", len(folders), quiet) as advance:
-        written = write_report(folders, out, lambda said: note(said, quiet), advance, kept_figures=kept_figures)
+        written = write_report(folders, out, lambda text: note(text, quiet), advance, kept_figures=kept_figures)
     say(f"wrote {written.path}", quiet)
     for name in written.failed:
         warn(f"{name}: the posterior is not to be trusted; its report says why")

@@ -1,4 +1,4 @@
-"""`show`: the short table of results on disk."""
+"""`show`: a short table of results on disk."""
 
 from contextlib import nullcontext, redirect_stdout
 from io import StringIO
@@ -22,7 +22,9 @@ def show(
         typer.Option(help="truth.csv of simulate: print k and beta of each record beside it, and the errors in %."),
     ] = None,
     seed: NoSeed = 0,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing: only see whether all is there.")] = False,
+    quiet: Annotated[
+        bool, typer.Option("--quiet", help="Print nothing; only check that the results can be read.")
+    ] = False,
 ) -> None:
     """Print k (kN/mm) and beta (mm) by configuration and direction, with intervals, from results on disk.
 

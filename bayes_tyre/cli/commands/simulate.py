@@ -1,4 +1,4 @@
-"""`simulate`: raw files of known truth."""
+"""`simulate`: raw files with known true parameters."""
 
 from enum import StrEnum
 from typing import Annotated
@@ -32,7 +32,7 @@ def simulate(
 ) -> None:
     """Simulate step-load tests: raw files (V, m/s^2, mm, kN) of an axle moving on tyres of known k (kN/mm), x, beta.
 
-    Writes a file a record, named and laid out as the source's, and truth.csv (a row a file, every true parameter).
+    Writes a file a record, in the names and layout of the source, and truth.csv (a row a file, every true parameter).
     The same plan, rate, rig and seed give the same files.
 
     Example: bayes-tyre simulate --out data/simulated --plan quick

@@ -1,4 +1,4 @@
-"""`study`: what shows that the posterior is right."""
+"""`study`: validation of the posterior on simulated data."""
 
 from typing import Annotated
 
@@ -8,12 +8,12 @@ from bayes_tyre.cli.commands.motion import Law
 from bayes_tyre.cli.messages import fault
 from bayes_tyre.cli.shell import NOT_TRUSTED, Out, Quiet, Seed, guarded, progress, say
 
-#: Host devices that data sets are shared out among.
+#: Host devices among which data sets are divided.
 DEVICES = 2
 
 study = typer.Typer(
     name="study",
-    help="Show that the posterior is right, on simulated data of known k (kN/mm) and beta (mm).",
+    help="Validate the posterior on simulated data of known k (kN/mm) and beta (mm).",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -39,12 +39,12 @@ def calibration(
 
     options = {"datasets": datasets, "seed": seed}
     with progress("calibrating", datasets, quiet) as on_progress:
-        found = write_calibration(out, datasets, seed, options, on_progress)
-    failed = found.datasets["sampling"] != "ok"
+        result = write_calibration(out, datasets, seed, options, on_progress)
+    failed = result.datasets["sampling"] != "ok"
     say(f"wrote {out / 'calibration.csv'} (simulated, not measured)", quiet)
-    say(f"  sampling failed in {failed.sum()} of {datasets} data sets; they count all the same", quiet)
-    wrong = found.table.loc[~found.table["calibrated"], "parameter"]
-    say(f"  calibrated: {len(found.table) - len(wrong)} of {len(found.table)} parameters", quiet)
+    say(f"  sampling failed in {failed.sum()} of {datasets} data sets; they are included", quiet)
+    wrong = result.table.loc[~result.table["calibrated"], "parameter"]
+    say(f"  calibrated: {len(result.table) - len(wrong)} of {len(result.table)} parameters", quiet)
     for name in wrong:
         fault(f"{name}: ranks of truths are not uniform; see {out / 'figures' / 'calibration.png'}")
     if len(wrong):
@@ -53,11 +53,13 @@ def calibration(
 
 def outliers(
     out: Out,
-    campaigns: Annotated[int, typer.Option(min=4, help="Simulated campaigns with each share of odd repeats.")] = 200,
+    campaigns: Annotated[
+        int, typer.Option(min=4, help="Simulated campaigns with each share of discordant repeats.")
+    ] = 200,
     seed: Seed = 0,
     quiet: Quiet = False,
 ) -> None:
-    """Compare the posterior with the source's rule for repeats that differ, and with the plain mean (k kN/mm, beta mm).
+    """Compare the posterior with the source's rule for discordant repeats, and with the plain mean (k kN/mm, beta mm).
 
     Writes outliers.csv (relative error, coverage of 95 % intervals), datasets.csv and figures/.
 
@@ -71,11 +73,11 @@ def outliers(
 
     options = {"campaigns": campaigns, "seed": seed}
     with progress("fitting campaigns", len(SHARES) * campaigns, quiet) as on_progress:
-        found = write_outliers(out, campaigns, seed, options, on_progress)
-    failed = found.datasets["sampling"] != "ok"
+        result = write_outliers(out, campaigns, seed, options, on_progress)
+    failed = result.datasets["sampling"] != "ok"
     say(f"wrote {out / 'outliers.csv'} (simulated, not measured)", quiet)
-    say(f"  sampling failed in {failed.sum()} of {len(failed)} campaigns; they count all the same", quiet)
-    for line in in_words(found.table):
+    say(f"  sampling failed in {failed.sum()} of {len(failed)} campaigns; they are included", quiet)
+    for line in in_words(result.table):
         say(f"  {line}", quiet)
 
 
@@ -97,7 +99,7 @@ def motion(
     """Fit motions of known k (kN/mm), x (kN), beta (mm), m (kg), c (kN s/mm): error, bias, coverage, mismatch.
 
     Writes motion_records.csv (a row a record and parameter: truth, estimate, standard deviation, 95 % interval, Pareto
-    k, seconds, status) and motion_study.csv (errors in %, coverage with its interval, how many records were doubted).
+    k, seconds, status) and motion_study.csv (errors in %, coverage with its interval, number of failed records).
 
     Example: bayes-tyre study motion --out results/motion_study --rolling 24 --mismatch 2
     """
@@ -112,9 +114,9 @@ def motion(
     options = {"stationary": stationary, "rolling": rolling, "mismatch": mismatch, "seed": seed}
     records = study_records(stationary, rolling, seed, mismatch)
     with progress("fitting motions", len(records), quiet) as on_progress:
-        found = write_motion_study(out, records, seed, options, on_progress)
+        result = write_motion_study(out, records, seed, options, on_progress)
     say(f"wrote {out / 'motion_study.csv'} (simulated, not measured)", quiet)
-    for line in in_words(found.table):
+    for line in in_words(result.table):
         say(f"  {line}", quiet)
 
 
@@ -148,11 +150,11 @@ def laws(
     names = list(dict.fromkeys(one.value for one in law)) if law else list(MOTION_LAWS)
     options = {"laws": names, "records": records, "seed": seed}
     with progress("ranking laws", len(names) * len(MOTION_LAWS), quiet) as on_progress:
-        found = write_law_ranking(out, names, records, seed, options, on_progress)
+        result = write_law_ranking(out, names, records, seed, options, on_progress)
     say(f"wrote {out / 'law_ranking.csv'} (simulated, not measured)", quiet)
-    for line in in_words(found.table):
+    for line in in_words(result.table):
         say(f"  {line}", quiet)
-    if not ranked_correctly(found.table).all():
+    if not ranked_correctly(result.table).all():
         raise typer.Exit(NOT_TRUSTED)
 
 

@@ -1,4 +1,4 @@
-"""Columns of numbers and what a header says of them, put together as channels with a time for every sample."""
+"""Channels with a time for every sample, from columns of numbers and a header."""
 
 import math
 from collections import Counter
@@ -14,7 +14,7 @@ _LONGEST_NUMBER = 60
 
 
 class Roles(NamedTuple):
-    """What each column of a table is.
+    """The role of each column of a table.
 
     Attributes
     ----------
@@ -31,8 +31,8 @@ class Roles(NamedTuple):
     shift: int = 0
 
 
-class Said(NamedTuple):
-    """What a header says of one channel; NaN or None where it says nothing."""
+class ChannelHeader(NamedTuple):
+    """A header's entries for one channel; NaN or None where there is no entry."""
 
     unit: str
     samples: int | None
@@ -46,7 +46,7 @@ def is_x(name: str) -> bool:
 
 
 def find_roles(names: Sequence[str], last: int, x_columns: str) -> Roles:
-    """Return what the first `last` columns are, from their names and the header's `X_Columns`."""
+    """Return the roles of the first `last` columns, from their names and the header's `X_Columns`."""
     at = [i for i in range(last) if is_x(names[i])]
     if len(at) > 1:
         channels = tuple(i for i in range(last) if i not in set(at))
@@ -57,8 +57,8 @@ def find_roles(names: Sequence[str], last: int, x_columns: str) -> Roles:
     return Roles(tuple(range(1, last)), (None if none else 0,) * max(last - 1, 0))
 
 
-def what_is_said(header: dict[str, list[str]], roles: Roles) -> list[Said]:
-    """Return what the header says of each channel."""
+def channel_headers(header: dict[str, list[str]], roles: Roles) -> list[ChannelHeader]:
+    """Return the header's entries for each channel."""
 
     def cells(tag: str) -> list[str]:
         written = header.get(tag, [])
@@ -70,7 +70,7 @@ def what_is_said(header: dict[str, list[str]], roles: Roles) -> list[Said]:
 
     tags = ("Y_Unit_Label", "Samples", "X0", "Delta_X")
     return [
-        Said(unit, _count(samples), _number(x0), _step(delta))
+        ChannelHeader(unit, _count(samples), _number(x0), _step(delta))
         for unit, samples, x0, delta in zip(*map(cells, tags), strict=True)
     ]
 
@@ -93,31 +93,31 @@ def _step(text: str) -> float:
 
 
 def build_channels(
-    names: Sequence[str], roles: Roles, columns: Sequence[np.ndarray], said: Sequence[Said], valid_for: str
+    names: Sequence[str], roles: Roles, columns: Sequence[np.ndarray], headers: Sequence[ChannelHeader], valid_for: str
 ) -> tuple[tuple[Channel, ...], list[str]]:
-    """Return the channels of one table, and what is odd about them.
+    """Return the channels of one table, and remarks on them.
 
     Parameters
     ----------
     names, columns:
         Of all columns; shape (rows,) each, NaN where a cell is blank.
-    roles, said:
-        What the columns are, and what the header says of each channel.
+    roles, headers:
+        The roles of the columns, and the header's entries for each channel.
     valid_for:
-        The channel for which alone one X column holds; empty for the first.
+        The only channel for which a single X column is valid; empty for the first.
     """
-    written = max((one.samples for one in said if one.samples is not None), default=None)
+    written = max((one.samples for one in headers if one.samples is not None), default=None)
     labels = [names[i] for i in roles.channels]
     own = len(set(roles.x)) > 1
-    reference = said[labels.index(valid_for)] if valid_for in labels else (said[0] if said else None)
-    channels, odd = [], []
-    for name, i, x, one in zip(labels, roles.channels, roles.x, said, strict=True):
+    reference = headers[labels.index(valid_for)] if valid_for in labels else (headers[0] if headers else None)
+    channels, remarks = [], []
+    for name, i, x, one in zip(labels, roles.channels, roles.x, headers, strict=True):
         times = None if x is None or np.isnan(columns[x]).all() else columns[x]
         rows = _rows_of(columns[i], times if own else None, one.samples, written)
         time_s, remark = _times(rows, times, one, one if own or reference is None else reference, written)
-        odd.append((name, remark))
+        remarks.append((name, remark))
         channels.append(Channel(name, one.unit, time_s, columns[i][rows], one.samples))
-    return tuple(channels), [*said_once(odd), *_backwards(columns, roles)]
+    return tuple(channels), [*grouped_remarks(remarks), *_backwards(columns, roles)]
 
 
 type _Rows = slice | np.ndarray
@@ -126,9 +126,9 @@ type _Rows = slice | np.ndarray
 def _rows_of(values: np.ndarray, own_x: np.ndarray | None, declared: int | None, written: int | None) -> _Rows:
     """Return the rows of a table that are a channel's samples.
 
-    Rows of `written` samples each were written at a time. A channel with fewer fills the first of them each time.
+    Rows were written in blocks of `written` samples. A channel with fewer samples fills the first rows of each block.
     """
-    if own_x is not None:  # a row blank in both is a longer channel's: it ends this one's write, or stands between two
+    if own_x is not None:  # a row blank in both belongs to a longer channel
         return np.flatnonzero(~(np.isnan(values) & np.isnan(own_x)))
     if declared is None or written is None:
         return slice(0, _last(~np.isnan(values)))
@@ -146,40 +146,40 @@ def _last(readings: np.ndarray) -> int:
 
 
 def _times(
-    rows: _Rows, x: np.ndarray | None, said: Said, reference: Said, written: int | None
+    rows: _Rows, x: np.ndarray | None, header: ChannelHeader, reference: ChannelHeader, written: int | None
 ) -> tuple[np.ndarray, str]:
-    """Return X of a channel's samples, and what is odd about it."""
+    """Return X of a channel's samples, and a remark on it, which may be empty."""
     if x is None:
-        if math.isnan(said.delta):
+        if math.isnan(header.delta):
             return _index(rows).astype(float), "no X and no Delta_X: its time counts samples, not seconds"
-        return _counted(rows, said), ""
-    late = said.x0 - reference.x0
-    late = 0.0 if math.isnan(late) else late
-    rates = (said.delta, reference.delta)
+        return _counted(rows, header), ""
+    delay = header.x0 - reference.x0
+    delay = 0.0 if math.isnan(delay) else delay
+    rates = (header.delta, reference.delta)
     if not any(map(math.isnan, rates)) and not math.isclose(*rates, rel_tol=1e-6):
         if written and len(x) > written:
             index = _index(rows)
-            return x[index - index % written] + late + (index % written) * said.delta, ""
-        return _counted(rows, said), ""
-    times = x[rows] + late if late else x[rows]
+            return x[index - index % written] + delay + (index % written) * header.delta, ""
+        return _counted(rows, header), ""
+    times = x[rows] + delay if delay else x[rows]
     blank = np.isnan(times)
     if not blank.any():
         return times, ""
-    if math.isnan(said.delta):
+    if math.isnan(header.delta):
         return times, f"X is blank in {int(blank.sum())} rows, and there is no Delta_X"
-    return np.where(blank, _counted(rows, said), times), f"X is blank in {int(blank.sum())} rows: taken from Delta_X"
+    return np.where(blank, _counted(rows, header), times), f"X is blank in {int(blank.sum())} rows: taken from Delta_X"
 
 
 def _index(rows: _Rows) -> np.ndarray:
     return np.arange(rows.stop) if isinstance(rows, slice) else rows
 
 
-def _counted(rows: _Rows, said: Said) -> np.ndarray:
-    return (0.0 if math.isnan(said.x0) else said.x0) + _index(rows) * said.delta
+def _counted(rows: _Rows, header: ChannelHeader) -> np.ndarray:
+    return (0.0 if math.isnan(header.x0) else header.x0) + _index(rows) * header.delta
 
 
 def _backwards(columns: Sequence[np.ndarray], roles: Roles) -> list[str]:
-    """Say where X goes back: something else was written to the same table, or the clock was set."""
+    """Return remarks on where X decreases: another table follows in the same rows, or the clock was set."""
     remarks = []
     for x in sorted({x for x in roles.x if x is not None}):
         back = np.flatnonzero(np.diff(columns[x]) < 0)
@@ -189,17 +189,17 @@ def _backwards(columns: Sequence[np.ndarray], roles: Roles) -> list[str]:
     return remarks
 
 
-def said_once(odd: Sequence[tuple[str, str]]) -> list[str]:
-    """Say once what is the same for several channels; pairs of a name and what is odd, if anything."""
+def grouped_remarks(remarks: Sequence[tuple[str, str]]) -> list[str]:
+    """Return each remark once, with the channels that share it, from pairs of a name and a remark or an empty text."""
     by_text: dict[str, list[str]] = {}
-    for name, text in odd:
+    for name, text in remarks:
         if text:
             by_text.setdefault(text, []).append(name)
     return [f"{_listed(names)}: {text}" for text, names in by_text.items()]
 
 
 def named_twice(channels: Sequence[Channel]) -> list[str]:
-    """Say which names several channels have."""
+    """Return a remark on names that several channels have."""
     twice = sorted(name for name, count in Counter(one.name for one in channels).items() if count > 1)
     return [f"several channels have the name {', '.join(map(shown, twice[:3]))}"] if twice else []
 

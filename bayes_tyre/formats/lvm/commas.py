@@ -1,4 +1,4 @@
-"""Decimal commas between cells that commas separate: which comma is which nobody can tell, so they are refused."""
+"""Refusal of decimal commas between cells that are separated by commas: such rows are ambiguous."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -19,7 +19,7 @@ def check_declared(source: Source, separator: str, decimal: str) -> None:
 
 
 def spill_over(cells: Sequence[bytes], text_from: int) -> bool:
-    """Return whether a row's cells are such as decimal commas leave: whole numbers, running on into the comment."""
+    """Return whether a row's cells look split at decimal commas: whole numbers, in the comment too."""
     comment = [cell for cell in cells[text_from:] if cell.strip()]
     numbers = [cell for cell in cells[:text_from] if cell.strip()]
     return bool(comment) and all(map(_NUMBER.fullmatch, [*numbers, *comment]))

@@ -1,4 +1,4 @@
-"""Where things stand in an `.lvm` file: its header blocks, the names of its columns, the bytes of its tables.
+"""Layout of an `.lvm` file: its header blocks, the names of its columns, the bytes of its tables.
 
 A file is a file header, then segments, each a header, a line of names and rows; headers end with a marked line. The
 printed sample and some recorders leave out the asterisks, the first line, or one of the headers.
@@ -29,12 +29,12 @@ _LONGEST_TAG_LINE = 200
 #: Lines; notes may be long.
 _LONGEST_HEADER = 10_000
 _NOT_BLANK = re.compile(rb"[^\t,; \r\n]")
-#: Bytes in which headers are looked for plainly.
+#: Bytes that are searched for the whole word.
 _NEAR = 1 << 16
 
 
 class Section(NamedTuple):
-    """One table and what is said of it.
+    """One table and its header.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Section(NamedTuple):
     separator:
         Of names and rows.
     valid_for:
-        The channel whose X values the notes guarantee; empty where they say nothing.
+        The channel whose X values the notes guarantee; empty where they name none.
     """
 
     header: dict[str, list[str]]
@@ -96,7 +96,7 @@ def header_ends(data: bytes) -> list[tuple[int, int]]:
 def _find(data: bytes, word: bytes, start: int) -> int:
     """Return what `data.find` does, for a word with an underscore: no row of numbers holds one.
 
-    To look for one byte is ten times as fast as to look for the word.
+    Searching for one byte is ten times as fast as searching for the word.
     """
     near = data.find(word, start, start + _NEAR)
     if near >= 0:

@@ -1,8 +1,10 @@
-"""LabVIEW measurement text files (`.lvm`), in every dialect that was met, and text files of numbers without a header.
+"""Reader of LabVIEW measurement text files (`.lvm`), and of text files of numbers without a header.
 
-Strict about structure: a cell that is no number, a row with cells too many, a header without rows is an error that
-names the line. Generous about dialect: separators, decimal signs, X columns, repeated headers, rows without one.
-Source of the format: NI, "Specification for the LabVIEW Measurement File (.lvm)", and files that do not keep to it.
+The reader on PyPI, `lvm_read`, is not used: it unpickles a cache file that lies beside the data, and writes one there.
+
+Strict about structure: a cell that is no number, a row with too many cells and a header without rows are errors that
+name the line. Tolerant of dialects: separators, decimal signs, X columns, repeated headers, rows without a header.
+Source of the format: NI, "Specification for the LabVIEW Measurement File (.lvm)", and files that deviate from it.
 """
 
 from pathlib import Path
@@ -13,11 +15,11 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.lvm.channels import (
     Roles,
     build_channels,
+    channel_headers,
     find_roles,
+    grouped_remarks,
     is_x,
     named_twice,
-    said_once,
-    what_is_said,
 )
 from bayes_tyre.formats.lvm.commas import check_declared, check_rows
 from bayes_tyre.formats.lvm.header import (
@@ -37,7 +39,7 @@ from bayes_tyre.record import Channel, RawSignals
 
 COMMENT = "comment"
 _UTF8_MARK = b"\xef\xbb\xbf"
-#: A file of more is another kind of file, or one to cut in pieces.
+#: A file with more is of another kind, or has to be cut in pieces.
 _MOST_SEGMENTS = 10_000
 _SIGNS = ".,"
 _FIRST_ROWS = 50
@@ -49,7 +51,7 @@ def read_lvm(path: Path) -> RawSignals:
 
     X comes from the X column (s); in files without one, or with other rates than its own, from X0 and Delta_X.
     Channels of a table without names are `column 2` and so on. `remarks` says what differs from the header, where X
-    goes back, and whether a half-written last row was left out.
+    decreases, and whether a half-written last row was left out.
 
     Raises
     ------
@@ -69,8 +71,8 @@ def read_lvm(path: Path) -> RawSignals:
     sections = find_sections(source, ends)
     segments, remarks = [], []
     for i, section in enumerate(sections, start=1):
-        channels, odd = _read(source, section, is_last=i == len(sections))
-        remarks += [f"segment {i}: {text}" if len(sections) > 1 else text for text in odd]
+        channels, found = _read(source, section, is_last=i == len(sections))
+        remarks += [f"segment {i}: {text}" if len(sections) > 1 else text for text in found]
         segments += [channels] if channels else []
     if not segments:
         raise BadInput(f"{path}: a header and no rows below it; the recording may have been cut short")
@@ -92,7 +94,7 @@ def _load(path: Path) -> Source:
 
 
 def _read(source: Source, section: Section, is_last: bool) -> tuple[tuple[Channel, ...], list[str]]:
-    """Return the channels of one table, none if it has no rows, and what is odd about it."""
+    """Return the channels of one table, none if it has no rows, and remarks on it."""
     remarks: list[str] = []
     stop, names = section.stop, section.names
     if is_last:
@@ -115,11 +117,11 @@ def _read(source: Source, section: Section, is_last: bool) -> tuple[tuple[Channe
         Rows(source, section.start, stop, section.separator, len(names), [*range(last)], names, text_from, signs)
     )
     numbers = _without_blank_end(numbers)
-    said = _declared_sign(section)
-    if said in set(_SIGNS) and said != numbers.decimal:
-        remarks.append(f"the header says decimals have a {said!r}, the rows have a {numbers.decimal!r}")
-    channels, odd = _channels(source, section, names[:last], numbers)
-    return channels, remarks + odd
+    declared = _declared_sign(section)
+    if declared in set(_SIGNS) and declared != numbers.decimal:
+        remarks.append(f"the header says decimals have a {declared!r}, the rows have a {numbers.decimal!r}")
+    channels, more = _channels(source, section, names[:last], numbers)
+    return channels, remarks + more
 
 
 def _numbered(source: Source, start: int, stop: int, separator: str) -> list[str]:
@@ -147,11 +149,11 @@ def _signs(source: Source, section: Section, stop: int) -> str:
     """Return the decimal signs to try: what the header says first, else what the first rows have."""
     if section.separator == ",":
         return "."
-    said = _declared_sign(section)
-    if said not in set(_SIGNS):
+    sign = _declared_sign(section)
+    if sign not in set(_SIGNS):
         start = source.data[section.start : min(stop, section.start + 1000)]
-        said = "," if b"," in start and b"." not in start else "."
-    return said + _SIGNS.replace(said, "")
+        sign = "," if b"," in start and b"." not in start else "."
+    return sign + _SIGNS.replace(sign, "")
 
 
 def _without_blank_end(numbers: Numbers) -> Numbers:
@@ -176,8 +178,8 @@ def _channels(
         if np.isnan(columns[-1]).all() and len(columns) > 1:
             raise source.fault(section.start, "rows lack the blank X cell that the header promises; mend the file")
         remarks.append("the header says there is no X, yet its column holds numbers: time is from X0 and Delta_X")
-    channels, odd = build_channels(names, roles, columns, what_is_said(header, roles), section.valid_for)
-    return channels, [*remarks, *odd, *_against_header(header, channels)]
+    channels, more = build_channels(names, roles, columns, channel_headers(header, roles), section.valid_for)
+    return channels, [*remarks, *more, *_against_header(header, channels)]
 
 
 def _plain_roles(names: list[str], columns: list[np.ndarray]) -> Roles:
@@ -191,15 +193,17 @@ def _plain_roles(names: list[str], columns: list[np.ndarray]) -> Roles:
 
 
 def _against_header(header: dict[str, list[str]], channels: tuple[Channel, ...]) -> list[str]:
-    """Say where the header promises something else than was found."""
+    """Return remarks on where the table differs from its header."""
     promised = (header.get("Channels") or [""])[0]
     remarks = []
     if promised.isdigit() and promised != str(len(channels)):
         remarks.append(f"the header promises {promised} channels, the table has {len(channels)}")
     differ = [(one, one.declared_samples) for one in channels if one.declared_samples not in (None, len(one.values))]
-    remarks += said_once([(one.name, f"{len(one.values)} samples, the header promises {said}") for one, said in differ])
+    remarks += grouped_remarks(
+        [(one.name, f"{len(one.values)} samples, the header promises {count}") for one, count in differ]
+    )
     other = sorted({cell for cell in header.get("X_Dimension", []) if cell.lower() not in ("", "time")})
     remarks += [f"X is {', '.join(map(shown, other[:3]))}, not time"] if other else []
     infinite = [(one.name, int(np.isinf(one.values).sum())) for one in channels]
-    remarks += said_once([(name, f"infinite readings: {count}" if count else "") for name, count in infinite])
+    remarks += grouped_remarks([(name, f"infinite readings: {count}" if count else "") for name, count in infinite])
     return remarks + named_twice(channels)

@@ -1,4 +1,4 @@
-"""The bytes of a text file that is read, and faults in it told by line."""
+"""The bytes of a text file, and errors that name a line of it."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -40,11 +40,11 @@ def as_text(data: bytes) -> str:
 
 
 def shown(text: str) -> str:
-    """Return text for a message: printable, in quotes, not too long."""
+    """Return text for a message: printable, in quotes, at most about 60 characters."""
     return repr(text if len(text) <= 60 else text[:57] + "...")
 
 
 def reason(error: object) -> str:
-    """Return what a library says of a fault, for a message: in one printable line, not too long."""
+    """Return a library's error text for a message: one printable line, at most 200 characters."""
     line = " ".join(str(error).split())[:200] or type(error).__name__
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in line)

@@ -1,4 +1,4 @@
-"""Rows of text to columns of numbers: fast where all rows are alike, made alike first where they are not."""
+"""Columns of numbers from rows of text: parsed directly where all rows have one width, padded first where not."""
 
 import itertools
 import os
@@ -79,17 +79,17 @@ def read_numbers(rows: Rows) -> Numbers:
         If a row has more cells than the table has columns, or a cell that should be a number is none.
     """
     try:
-        return _read_alike(rows) or _read_uneven(rows)
+        return _read_uniform(rows) or _read_uneven(rows)
     finally:
-        pa.default_memory_pool().release_unused()  # or Arrow keeps several files' worth for the next
+        pa.default_memory_pool().release_unused()  # or Arrow holds the memory of several files
 
 
-def _read_alike(rows: Rows) -> Numbers | None:
-    """Return what `read_numbers` does, if all rows but the first are alike; None if a row or a cell is odd."""
+def _read_uniform(rows: Rows) -> Numbers | None:
+    """Return what `read_numbers` does, if all rows but the first have one width; None if one does not fit."""
     width = _common_width(rows) if rows.separator != " " else None
     if width is None:
         return None
-    data, start = _first_row_alike(rows, width)
+    data, start = _uniform_first_row(rows, width)
     stop = rows.stop if data is rows.source.data else len(data)
     try:
         numbers = _parse(pa.py_buffer(data).slice(start, stop - start), width, rows, rows.decimals[0], _BLOCK)
@@ -107,7 +107,7 @@ def _common_width(rows: Rows) -> int | None:
     return width if line.strip() and width <= rows.columns + 1 and width > max(rows.wanted, default=0) else None
 
 
-def _first_row_alike(rows: Rows, width: int) -> tuple[bytes, int]:
+def _uniform_first_row(rows: Rows, width: int) -> tuple[bytes, int]:
     """Return bytes and where in them the rows begin; the first row alone may carry a comment, which is cut."""
     line, at = rows.source.line(rows.start)
     cells = line.split(rows.separator.encode(), rows.columns + 1)
@@ -173,7 +173,7 @@ def _byte(rows: Rows) -> str:
 def _read_uneven(rows: Rows) -> Numbers:
     """Return what `read_numbers` does, of rows that differ in their cells; slower."""
     text = rows.source.data[rows.start : rows.stop].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    even, width, longest, lines = _made_even(text, rows)
+    even, width, longest, lines = _padded(text, rows)
     del text
     if not len(lines):
         return Numbers([np.empty(0)] * len(rows.wanted), rows.decimals[0])
@@ -185,10 +185,10 @@ def _read_uneven(rows: Rows) -> Numbers:
             return Numbers(_parse(buffer, width, rows, decimal, max(_BLOCK, longest + 2)), decimal)
         except pa.ArrowInvalid:
             continue
-    return _read_odd(even, width, lines, rows)
+    return _read_cell_by_cell(even, width, lines, rows)
 
 
-def _made_even(text: bytes, rows: Rows) -> tuple[np.ndarray, int, int, np.ndarray]:
+def _padded(text: bytes, rows: Rows) -> tuple[np.ndarray, int, int, np.ndarray]:
     """Return rows with equally many cells, as bytes; how many, the longest row's bytes, and the line each stands in."""
     if rows.separator == " ":
         text = b"\n".join(b"\t".join(line.split()) for line in text.split(b"\n"))
@@ -204,7 +204,7 @@ def _made_even(text: bytes, rows: Rows) -> tuple[np.ndarray, int, int, np.ndarra
     first_line = rows.source.data.count(b"\n", 0, rows.start) + 1
     long = np.flatnonzero(cells > rows.columns)
     if len(long):
-        return _made_even(_shortened(text, long, mark, first_line, rows), rows)
+        return _padded(_shortened(text, long, mark, first_line, rows), rows)
     there = stops > starts
     width = int(cells[there].max(initial=1))
     short = np.where(there, width - cells, 0)
@@ -235,7 +235,7 @@ def _shortened(text: bytes, long: np.ndarray, mark: bytes, first_line: int, rows
     return b"\n".join(lines)
 
 
-def _read_odd(even: np.ndarray, width: int, lines: np.ndarray, rows: Rows) -> Numbers:
+def _read_cell_by_cell(even: np.ndarray, width: int, lines: np.ndarray, rows: Rows) -> Numbers:
     """Return what `read_numbers` does, cell by cell: blanks of spaces, old spellings of NaN; or name what is wrong."""
     names = [str(i) for i in range(width)]
     wanted = [i for i in rows.wanted if i < width]

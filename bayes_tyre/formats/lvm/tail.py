@@ -1,4 +1,4 @@
-"""The last row of a file that was cut short while it was written."""
+"""Detection of a last row that was cut short while it was written."""
 
 import re
 

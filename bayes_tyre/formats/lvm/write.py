@@ -1,4 +1,4 @@
-"""Raw signals written as LabVIEW writes them, in the layout of the source's appendix B1."""
+"""Writer of `.lvm` files in LabVIEW's format, in the layout of the source's appendix B1."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,7 +20,7 @@ _SCALE = 10**DECIMALS
 #: Above it a number times the scale is no int64; such columns are written number by number.
 _LARGEST = 9e12
 _FIXED = {"Writer_Version": "2", "Reader_Version": "2", "Separator": "Tab", "Decimal_Separator": "."}
-#: LabVIEW's own beginning of time: a file says when it was recorded, or nothing that could be taken for it.
+#: Date and time are LabVIEW's epoch unless given: nothing that could be taken for a time of recording.
 _HEADER = {"Time_Pref": "Relative", "Operator": "bayes-tyre", "Date": "1904/01/01", "Time": "00:00:00"}
 _END = "***End_of_Header***"
 
@@ -98,11 +98,11 @@ def _step(channel: Channel, longest: Channel, base: float) -> float:
 def _header_lines(
     segment: Sequence[Channel], longest: Channel, steps: Sequence[float], notes: str, tags: Mapping[str, str]
 ) -> Iterator[str]:
-    said = [_line(notes)] if notes.strip() else []
+    texts = [_line(notes)] if notes.strip() else []
     if any(len(channel.values) != len(longest.values) for channel in segment):
-        said.append(f"X values guaranteed valid only for {_line(longest.name)}")
+        texts.append(f"X values guaranteed valid only for {_line(longest.name)}")
     cells = {
-        **({"Notes": ["; ".join(said), *[""] * (len(segment) - 1)]} if said else {}),
+        **({"Notes": ["; ".join(texts), *[""] * (len(segment) - 1)]} if texts else {}),
         "Channels": [str(len(segment)), *[""] * (len(segment) - 1)],
         "Samples": [str(len(channel.values)) for channel in segment],
         "Date": [_line(tags["Date"])] * len(segment),

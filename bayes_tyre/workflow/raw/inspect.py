@@ -1,4 +1,4 @@
-"""Raw files in, a row a channel and segment out: what they hold, and what is odd about them."""
+"""Inspection of raw files: a row a channel and segment, and notes on the files."""
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -17,25 +17,25 @@ COLUMNS = ("file", "segment", "channel", "unit", "samples", "dt_s", "first", "la
 
 
 class Inspected(NamedTuple):
-    """What raw files hold.
+    """The channels of raw files.
 
     Attributes
     ----------
     table:
         A row a channel and segment of the files that can be read.
-    remarks:
-        What is odd about these, each with its file.
+    notes:
+        How these differ from what is usual, such as missing samples, each with its file.
     faults:
         Why the others cannot be read, a line each.
     """
 
     table: pd.DataFrame
-    remarks: list[str]
+    notes: list[str]
     faults: list[str]
 
 
 def inspect_raw(files: Sequence[Path], out: Path | None, on_progress: Callable[[int], None]) -> Inspected:
-    """Return what raw files hold; write the table to `out`, if given, where all can be read.
+    """Return the channels of raw files; write the table to `out`, if given, where all files can be read.
 
     Parameters
     ----------
@@ -48,21 +48,21 @@ def inspect_raw(files: Sequence[Path], out: Path | None, on_progress: Callable[[
 
     Returns
     -------
-    The table, remarks and faults. In the table `samples` counts a channel's rows, `missing` those without a reading;
+    The table, notes and faults. In the table `samples` counts a channel's rows, `missing` those without a reading;
     `first`, `last`, `min`, `max` are readings in the unit of the file, `dt_s` the median step of X (s); NaN where there
     are none.
 
     Raises
     ------
     BadInput
-        If `out` is of no use.
+        If `out` cannot be used.
     """
     if out is not None:
         if out.is_dir() or out.suffix.lower() not in (".csv", ".parquet"):
             raise BadInput(f"--out {out}: is no .csv or .parquet file; name one")
         check_folder(out.parent)
     rows: list[tuple[object, ...]] = []
-    remarks: list[str] = []
+    notes: list[str] = []
     faults: list[str] = []
     for file in files:
         name = path_text(file)
@@ -72,31 +72,31 @@ def inspect_raw(files: Sequence[Path], out: Path | None, on_progress: Callable[[
             faults.append(str(error))
         else:
             rows += ((name, *row) for row in _rows_of(raw))
-            remarks += [f"{name}: {remark}" for remark in raw.remarks]
+            notes += [f"{name}: {text}" for text in raw.remarks]
         on_progress(1)
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     if out is not None and not faults:
         write_table(table, out)
-    return Inspected(table, remarks, faults)
+    return Inspected(table, notes, faults)
 
 
 def path_text(path: Path) -> str:
-    """Return a path as text; bytes in it that are no text become escapes."""
+    """Return a path as text; bytes that are not text become escapes."""
     return str(path).encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def _rows_of(raw: RawSignals) -> Iterator[tuple[object, ...]]:
     for i, segment in enumerate(raw.segments, start=1):
         for channel in segment:
-            # Differences of printed times end in noise of their own.
+            # Differences of printed times have rounding noise in their last digits.
             step = float(f"{channel.dt_s:.12g}")
             yield i, channel.name, channel.unit, len(channel.values), step, *_readings(channel)
 
 
 def _readings(channel: Channel) -> tuple[float, float, float, float, int]:
-    """Return the first, last, least and greatest reading, and how many samples are none."""
-    there = ~np.isnan(channel.values)
-    readings = channel.values[there]
+    """Return the first, last, least and greatest reading, and the number of missing samples."""
+    present = ~np.isnan(channel.values)
+    readings = channel.values[present]
     missing = len(channel.values) - len(readings)
     if not len(readings):
         return (np.nan, np.nan, np.nan, np.nan, missing)

@@ -1,4 +1,4 @@
-"""A raw file in; its motion's estimate out as one row, kept as a part, and its picture."""
+"""Estimate of the motion in one raw file: a row of `estimates.csv`, cached as a part, and its picture."""
 
 import functools
 from pathlib import Path
@@ -40,16 +40,16 @@ _COLUMN = {
     **{"belt_frequency": "belt_frequency_Hz", "belt_damping": "belt_damping", "sidewall_ratio": "sidewall_ratio"},
     **{"m": "m_kg", "c": "c_kN_s_per_mm"},
 }
-#: Beside the spring and damper that the motion is fitted with: those of its free vibration after the load's step.
+#: Spring and damper from the free vibration after the load's step, beside those fitted to the whole motion.
 _BY_DECAY = ("decay_k_kN_per_mm", "decay_c_kN_s_per_mm")
 OK = "ok"
 #: Before the name of the law in the method that a task names.
 BY_LAW = "motion on "
-# What a part holds beside: of the hierarchy's logarithms, flat.
+# Further columns of a part: the likelihood of the hierarchy's log parameters, flattened.
 _ROWS, _TARGET, _MEAN, _VARIANCE = "likelihood_rows", "likelihood_target", "log_mean", "log_variance"
 _CONSTANT, _EFFECTIVE = "log_constant", "effective_draws"
-#: And for the pictures of a few: how badly the motion fits, 1 where the check begins to object; the table of readings,
-#: flat; and what stands beside it.
+#: For the figures of a few motions: misfit, as a share of the limit of its check; the table of readings, flattened;
+#: and the columns shown with it.
 MISFIT, READINGS, TOLD = "misfit", "readings", ("record", "configuration", "status", "origin")
 
 
@@ -64,7 +64,7 @@ def columns(law: MotionLaw) -> list[str]:
     `displacement_mm` is the middle of the step at the wheel centre, which a cycle goes about; `log_evidence` the log
     density of the readings under the law, by which laws may be compared record by record. A spring and a damper have
     two more, at the wheel centre: their classic estimate from the free vibration (`rig.motion_decay`), empty where the
-    tyre rolls or hardly swings.
+    tyre rolls or hardly vibrates.
     """
     values = [column for name in parameter_columns(law) for column in (name, f"{name}_se")]
     values += _BY_DECAY if law is KELVIN_VOIGT else ()
@@ -83,8 +83,8 @@ def _done(task: Task) -> Done:
     raw = read_raw(task.file, columns_of(rig))
     law = motion_law(task.method.removeprefix(BY_LAW))
     estimate = _estimate(rig, prepare(raw, rig, factors), law)
-    # With a law that is not the tyre's a solver need not come to rest, and laws are compared on the same records: what
-    # it found is kept, and its status says so.
+    # With a wrong law the solver need not converge, and laws are compared on the same records: the estimate is kept,
+    # and its status says so.
     if law is FANCHER and not bool(estimate.map_estimate.converged):
         raise BadInput("the fit of its motion did not converge; look at its channels with process --figures")
     unknowns = _unknowns(rig, estimate)
@@ -105,14 +105,14 @@ def _done(task: Task) -> Done:
 def _fitted(
     rig: Rig, standard: Float[Array, " unknowns"], window: Window
 ) -> tuple[Float[Array, "3 blocks"], Float[Array, "3 blocks"]]:
-    """Return what a record's sensors would read of its fitted motion, and the residuals that were judged."""
+    """Return the sensor readings that the fitted motion predicts, and the residuals that were checked."""
     unknowns = in_units(rig, standard, window.prior, window.rolling, window.law)
     expected = predicted(rig, unknowns, window, 0.0 if window.road is None else window.road.mean_mm)
     return expected, residuals(rig, standard, window)[: expected.size].reshape(expected.shape)
 
 
 def _estimate(rig: Rig, recording: Recording, law: MotionLaw) -> MotionEstimate:
-    """Return the estimate of a recording, of a tyre that stands or rolls."""
+    """Return the estimate of a recording, of a standing or rolling tyre."""
     read, step = recording.raw, recording.step
     bodies = tuple((body.turn_Hz, body.harmonics) for body in recording.bodies)
     ramp_s = step.ramp.start_s, step.ramp.end_s

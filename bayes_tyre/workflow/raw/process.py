@@ -1,4 +1,4 @@
-"""Raw files in, a record table and the rejected files out; a file that fails is a row and stops no other."""
+"""Processing of raw files to a record table; a file that fails becomes a row of `rejected.csv`."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -30,7 +30,7 @@ def process_files(
     files:
         As `bayes_tyre.formats.raw.raw_files` finds them.
     settings:
-        Rig, cases, method, pictures.
+        Rig, cases, method, figures.
     machines:
         Processes or cluster; whether to do only what is missing since the last run with this `out`.
     out:
@@ -42,7 +42,7 @@ def process_files(
     Raises
     ------
     BadInput
-        If the rig, the cases, the cluster or `out` are of no use, before the work; if no file is, after
+        If the rig, the cases, the cluster or `out` cannot be used, before the work; if no file can, after
         `rejected.csv` was written.
     """
     if out.is_dir() or out.suffix.lower() not in (".csv", ".parquet"):
@@ -53,7 +53,7 @@ def process_files(
     tasks, cache = plan_tasks(files, settings), TaskCache(out)
     outcomes = run_batch(process_file, tasks, cache, machines, on_progress)
     rows = rejected(files, outcomes)
-    records = [end for end in outcomes if isinstance(end, Path)]
+    records = [outcome for outcome in outcomes if isinstance(outcome, Path)]
     remove_leftovers([out, out.parent / REJECTED])
     write_table(rows, out.parent / REJECTED)
     if not records:

@@ -1,4 +1,4 @@
-"""What each raw file needs to become a record: words, a name of its own, rig, method, picture; all found beforehand."""
+"""The task of each raw file: its factors, unique record name, rig, method and picture, found before the work."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -14,14 +14,14 @@ from bayes_tyre.workflow.raw.inspect import path_text
 
 
 class Task(NamedTuple):
-    """What one file needs: a `bayes_tyre.workflow.execution.outcome.FileTask`.
+    """The task of one raw file: a `bayes_tyre.workflow.execution.outcome.FileTask`.
 
     Attributes
     ----------
     file:
         The raw file, absolute.
-    words:
-        Its words, or why it cannot be used.
+    factors:
+        Its factors, or why it cannot be used.
     rig:
         The rig; None where the file cannot be used.
     method:
@@ -40,14 +40,14 @@ class Task(NamedTuple):
     picture: Path | None
 
     def decides(self) -> dict[str, object]:
-        """Return all that decides the record but the file's content."""
+        """Return what determines the record beside the file's content."""
         factors = self.factors if isinstance(self.factors, str) else self.factors.row()
         rig = None if self.rig is None else self.rig.model_dump(mode="json")
         return {"factors": factors, "rig": rig, "method": self.method, "simulated": self.simulated}
 
 
 class Settings(NamedTuple):
-    """How to process: rig (name or TOML file), table of cases, method, folder of pictures."""
+    """How to process: rig (name or TOML file), table of cases, method, folder of figures."""
 
     rig: str | None = None
     cases: Path | None = None
@@ -56,29 +56,29 @@ class Settings(NamedTuple):
 
 
 def plan_tasks(files: Sequence[Path], settings: Settings) -> list[Task]:
-    """Return what each file needs, its words found and its record's name its own.
+    """Return a task a file, with its factors and a unique record name.
 
     Raises
     ------
     BadInput
-        If the rig or the cases are of no use.
+        If the rig or the cases cannot be used.
     """
     given = load_rig(settings.rig) if settings.rig is not None else None
-    own = {name: load_rig(name) for name in EMBEDDED_RIGS}
+    embedded = {name: load_rig(name) for name in EMBEDDED_RIGS}
     cases = _read_cases(settings.cases) if settings.cases is not None else {}
     truths = {folder: _simulated_in(folder) for folder in {file.parent for file in files}}
-    named = [_words(file, cases) for file in files]
+    named = [_factors(file, cases) for file in files]
     counts = Counter(factors.record for factors in named if isinstance(factors, RecordFactors))
     tasks, taken = [], set()
     for file, factors in zip(files, named, strict=True):
         if isinstance(factors, RecordFactors) and counts[factors.record] > 1:
-            factors = factors._replace(record=_own_name(file, factors.record, taken))
+            factors = factors._replace(record=_unique_name(file, factors.record, taken))
         record = factors.record if isinstance(factors, RecordFactors) else ""
         taken.add(record)
-        rig = given or (own.get(factors.case.configuration) if isinstance(factors, RecordFactors) else None)
+        rig = given or (embedded.get(factors.case.configuration) if isinstance(factors, RecordFactors) else None)
         if isinstance(factors, RecordFactors) and rig is None:
             has = ", ".join(EMBEDDED_RIGS)
-            factors = f"configuration {factors.case.configuration!r} has no rig of its own ({has} have); give --rig"
+            factors = f"configuration {factors.case.configuration!r} has no embedded rig ({has} have); give --rig"
         picture = settings.figures / f"{_file_name(record)}.png" if settings.figures and record else None
         simulated = path_text(Path(file.name)) in truths[file.parent]
         drawn = picture.absolute() if picture is not None else None
@@ -86,7 +86,7 @@ def plan_tasks(files: Sequence[Path], settings: Settings) -> list[Task]:
     return tasks
 
 
-def _words(file: Path, cases: dict[str, dict[str, object]]) -> RecordFactors | str:
+def _factors(file: Path, cases: dict[str, dict[str, object]]) -> RecordFactors | str:
     name = path_text(Path(file.name))
     row = cases.get(path_text(file), cases.get(name))
     try:
@@ -103,12 +103,12 @@ def _read_cases(path: Path) -> dict[str, dict[str, object]]:
         raise BadInput(f"--cases {path}: missing column {', '.join(missing)}; it needs {', '.join(CASES_NEED)}")
     files = table["file"].astype(str).str.strip()
     if files.duplicated().any():
-        raise BadInput(f"--cases {path}, column file: {files[files.duplicated()].iloc[0]!r} stands twice; keep one row")
+        raise BadInput(f"--cases {path}, column file: {files[files.duplicated()].iloc[0]!r} occurs twice; keep one row")
     rows = [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
     return dict(zip(files, rows, strict=True))
 
 
-def _own_name(file: Path, record: str, taken: set[str]) -> str:
+def _unique_name(file: Path, record: str, taken: set[str]) -> str:
     """Return a record's name with as many of its file's folders before it as make it unique."""
     name = record
     for folder in reversed(file.absolute().parent.parts):

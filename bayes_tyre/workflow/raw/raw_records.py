@@ -1,4 +1,4 @@
-"""What commands share that make something of each raw file: the attempt, its origin, and the list of those rejected."""
+"""What commands on raw files share: guarded work on one file, the origin of a record, and the rejected files."""
 
 import traceback
 from collections.abc import Callable, Sequence
@@ -15,26 +15,26 @@ from bayes_tyre.workflow.raw.inspect import path_text
 from bayes_tyre.workflow.raw.process_tasks import Task
 
 REJECTED = "rejected.csv"
-#: What the simulator's files say of themselves.
+#: In the notes of files that the simulator wrote.
 _SIMULATED = "simulated by bayes-tyre"
 
 
 def attempted(make: Callable[[Task], Done], task: Task) -> Done | Fault:
-    """Return what is made of a file, or why nothing is; a fault of ours must not lose the work on other files."""
+    """Return the result for a file, or why it has none; an error in this package must not end the batch."""
     try:
         return make(task)
     except BadInput as error:
         reason = path_text(Path(str(error).removeprefix(f"{task.file}: ")))
-        # Another attempt may find the disk, or the memory, that this one did not.
+        # Errors of the disk or the memory may not occur again.
         return Fault(reason, lasting=not isinstance(error.__context__, OSError | MemoryError))
     except Exception as error:
         where = traceback.extract_tb(error.__traceback__)[-1]
-        said = f"{type(error).__name__} in {Path(where.filename).name}, line {where.lineno}: {error}"
-        return Fault(f"bayes-tyre itself failed on it; please report: {said}", lasting=False)
+        text = f"{type(error).__name__} in {Path(where.filename).name}, line {where.lineno}: {error}"
+        return Fault(f"bayes-tyre itself failed on it; please report: {text}", lasting=False)
 
 
 def usable(task: Task) -> tuple[RecordFactors, Rig]:
-    """Return the words and the rig of a file.
+    """Return the factors and the rig of a file.
 
     Raises
     ------
@@ -47,14 +47,18 @@ def usable(task: Task) -> tuple[RecordFactors, Rig]:
 
 
 def origin_of_raw(raw: RawSignals, task: Task) -> str:
-    """Return ``simulated`` where the file says so of itself, or the truths beside it name it; else ``measured``."""
-    said = any(_SIMULATED in text for text in raw.notes)
-    return "simulated" if said or task.simulated else "measured"
+    """Return ``simulated`` where the file's notes say so or the truth table beside it names it; else ``measured``."""
+    noted = any(_SIMULATED in text for text in raw.notes)
+    return "simulated" if noted or task.simulated else "measured"
 
 
 def rejected(files: Sequence[Path], outcomes: Sequence[Path | Fault]) -> pd.DataFrame:
-    """Return `rejected.csv`: file and reason of those of which nothing could be made."""
-    rows = [(path_text(file), end.reason) for file, end in zip(files, outcomes, strict=True) if isinstance(end, Fault)]
+    """Return `rejected.csv`: file and reason of those without a result."""
+    rows = [
+        (path_text(file), outcome.reason)
+        for file, outcome in zip(files, outcomes, strict=True)
+        if isinstance(outcome, Fault)
+    ]
     return pd.DataFrame(rows, columns=["file", "reason"], dtype=object)
 
 

@@ -1,4 +1,4 @@
-"""A plan in, a folder of raw files of known truth out."""
+"""Simulated raw files with known true parameters, from a plan."""
 
 import shutil
 from collections.abc import Callable, Mapping, Sequence
@@ -17,7 +17,7 @@ from bayes_tyre.simulate.plan import Planned
 from bayes_tyre.simulate.simulator import simulate_record
 
 NOTES = "simulated by bayes-tyre, not measured: the true parameters are in truth.csv"
-# One row of a file, as measured on files written; its text hardly varies in length.
+# Mean length of a row in files that were written.
 _BYTES_A_ROW = 68
 
 
@@ -31,8 +31,8 @@ def write_simulated(
 ) -> Path:
     """Write a raw file a record, each whole, and at last `truth.csv`; return its path.
 
-    One record at a time is in memory. A record depends on nothing but itself, its rig and the seed: not on the others,
-    nor on their order. `rigs` holds a rig a configuration; `on_progress` is called with 1 after each record.
+    One record at a time is in memory. A record depends only on its plan, its rig and the seed, not on other records.
+    `rigs` holds a rig a configuration; `on_progress` is called with 1 after each record.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def write_simulated(
     """
     _check(plan, out)
     prepare_folder(out)
-    (out / TRUTH).unlink(missing_ok=True)  # it is the last to be written: where it stands, all it speaks of is there
+    (out / TRUTH).unlink(missing_ok=True)  # written last: where it exists, every file it names exists
     rows = []
     for record in plan:
         rig = rigs[record.case.configuration]
@@ -49,7 +49,7 @@ def write_simulated(
         write_lvm(simulated.raw, out / record.file, notes=NOTES)
         rows.append(simulated.row)
         on_progress(1)
-    # Standing tyres have no harmonics: the columns, and their order, are those of a row that has.
+    # Standing tyres have no harmonics: columns and their order are taken from the longest row.
     return write_table(pd.DataFrame(rows, columns=max(map(list, rows), key=len)), out / TRUTH)
 
 
@@ -59,9 +59,9 @@ def _check(plan: Sequence[Planned], out: Path) -> None:
     others = sorted(path.name for path in out.glob("*.lvm") if path.name not in names)
     if others:
         raise BadInput(f"--out {out}: holds {others[0]}, which is not of this plan; name a folder of its own")
-    there = next(path for path in (out.absolute(), *out.absolute().parents) if path.exists())
-    held = sum(path.stat().st_size for path in out.glob("*.lvm"))
-    free = shutil.disk_usage(there).free + held
+    existing = next(path for path in (out.absolute(), *out.absolute().parents) if path.exists())
+    replaced = sum(path.stat().st_size for path in out.glob("*.lvm"))
+    free = shutil.disk_usage(existing).free + replaced
     if free < size_of(plan):
         raise BadInput(
             f"--out {out}: the plan takes {size_of(plan) / 1e9:.1f} GB and {free / 1e9:.1f} GB are free; "

@@ -1,4 +1,4 @@
-"""The audit: computed, drawn, put into words and written."""
+"""The audit: computation, figures, conclusion and files."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -51,14 +51,14 @@ def write_audit(
     prepare_folder(out)
     run = begin_run("bayes-tyre audit", options, seed, [], ORIGIN)
     (out / RUN_JSON).unlink(missing_ok=True)
-    found = study_audit(PLANS[plan], replicates, seed, on_progress)
-    shown = overview(found.table)
-    said = conclusion(found.table, characteristic_deflection()["beta_mm"].tolist())
-    write_table(found.records, out / "audit_records.csv")
-    write_table(found.table, out / "audit.csv")
-    write_text("\n\n".join(said) + "\n", out / "conclusion.txt")
+    result = study_audit(PLANS[plan], replicates, seed, on_progress)
+    shown = overview(result.table)
+    paragraphs = conclusion(result.table, characteristic_deflection()["beta_mm"].tolist())
+    write_table(result.records, out / "audit_records.csv")
+    write_table(result.table, out / "audit.csv")
+    write_text("\n\n".join(paragraphs) + "\n", out / "conclusion.txt")
     typical = {**TYPICAL._asdict(), WINDOW: SOURCE_WINDOW}
-    for name, figure in audit_figures.draw(found.table, shown, FACTOR_NAMES, typical):
+    for name, figure in audit_figures.draw(result.table, shown, FACTOR_NAMES, typical):
         save(figure, out / "figures" / f"{name}.png")
     write_run(run, out)
-    return Written(shown, said)
+    return Written(shown, paragraphs)

@@ -1,4 +1,4 @@
-"""The studies: computed, drawn and written."""
+"""The studies: computation, figures and files."""
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -28,14 +28,14 @@ def write_calibration(
     prepare_folder(out)
     run = begin_run("bayes-tyre study calibration", options, seed, [], ORIGIN)
     (out / RUN_JSON).unlink(missing_ok=True)
-    found = calibrate(datasets, seed, on_progress)
+    result = calibrate(datasets, seed, on_progress)
     write_table(_priors(), out / "priors.csv")
-    write_table(found.datasets, out / "datasets.csv")
-    write_table(found.ranks, out / "ranks.csv")
-    write_table(found.table, out / "calibration.csv")
-    save(calibration_plot(_curves(found)), out / "figures" / "calibration.png")
+    write_table(result.datasets, out / "datasets.csv")
+    write_table(result.ranks, out / "ranks.csv")
+    write_table(result.table, out / "calibration.csv")
+    save(calibration_plot(_curves(result)), out / "figures" / "calibration.png")
     write_run(run, out)
-    return found
+    return result
 
 
 def write_outliers(
@@ -45,12 +45,12 @@ def write_outliers(
     prepare_folder(out)
     run = begin_run("bayes-tyre study outliers", options, seed, [], ORIGIN)
     (out / RUN_JSON).unlink(missing_ok=True)
-    found = study_outliers(campaigns, seed, on_progress)
-    write_table(found.datasets, out / "datasets.csv")
-    write_table(found.table, out / "outliers.csv")
-    save(outlier_plot(found.table), out / "figures" / "outliers.png")
+    result = study_outliers(campaigns, seed, on_progress)
+    write_table(result.datasets, out / "datasets.csv")
+    write_table(result.table, out / "outliers.csv")
+    save(outlier_plot(result.table), out / "figures" / "outliers.png")
     write_run(run, out)
-    return found
+    return result
 
 
 def write_motion_study(
@@ -60,11 +60,11 @@ def write_motion_study(
     prepare_folder(out)
     run = begin_run("bayes-tyre study motion", options, seed, [], ORIGIN)
     (out / RUN_JSON).unlink(missing_ok=True)
-    found = study_motion(records, seed, on_progress)
-    write_table(found.records, out / "motion_records.csv")
-    write_table(found.table, out / "motion_study.csv")
+    result = study_motion(records, seed, on_progress)
+    write_table(result.records, out / "motion_records.csv")
+    write_table(result.table, out / "motion_study.csv")
     write_run(run, out)
-    return found
+    return result
 
 
 def write_law_ranking(
@@ -79,23 +79,23 @@ def write_law_ranking(
     prepare_folder(out)
     run = begin_run("bayes-tyre study laws", options, seed, [], ORIGIN)
     (out / RUN_JSON).unlink(missing_ok=True)
-    found = rank_laws(true_laws, records=records, seed=seed, on_progress=on_progress)
-    write_table(found.records, out / "law_ranking_records.csv")
-    write_table(found.table, out / "law_ranking.csv")
+    result = rank_laws(true_laws, records=records, seed=seed, on_progress=on_progress)
+    write_table(result.records, out / "law_ranking_records.csv")
+    write_table(result.table, out / "law_ranking.csv")
     write_run(run, out)
-    return found
+    return result
 
 
-def _curves(found: Calibration) -> RankCurves:
+def _curves(result: Calibration) -> RankCurves:
     """Return the ranks of each parameter against uniform ones, with a band that holds for all parameters together."""
-    names, datasets = [str(name) for name in found.ranks.columns[1:]], len(found.ranks)
+    names, datasets = [str(name) for name in result.ranks.columns[1:]], len(result.ranks)
     at, lower, upper = band(datasets, 1.0 - (1.0 - TOGETHER) / len(names))
     rng, excess = np.random.default_rng(0), {}
     for name in names:
-        values = np.sort(pit(found.ranks[name].to_numpy(), found.kept, rng))
+        values = np.sort(pit(result.ranks[name].to_numpy(), result.kept, rng))
         excess[name] = np.searchsorted(values, at, side="right") / datasets - at
-    right = dict(zip(found.table["parameter"], found.table["calibrated"], strict=True))
-    return RankCurves(at, lower, upper, excess, right, datasets, found.kept, TOGETHER)
+    right = dict(zip(result.table["parameter"], result.table["calibrated"], strict=True))
+    return RankCurves(at, lower, upper, excess, right, datasets, result.kept, TOGETHER)
 
 
 def _priors() -> pd.DataFrame:
