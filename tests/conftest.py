@@ -35,3 +35,13 @@ def fully_compiled() -> Iterator[None]:
     jax.config.update("jax_disable_most_optimizations", False)
     yield
     jax.config.update("jax_disable_most_optimizations", True)
+
+
+@pytest.fixture(scope="module")
+def without_figures() -> Iterator[None]:
+    """Have a module's results written without figures, which take seconds each: for tests that look at none."""
+    from bayes_tyre.report.figures import catalogue
+
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(catalogue, "draw", lambda _: iter(()))
+        yield

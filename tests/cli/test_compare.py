@@ -12,7 +12,7 @@ from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, fit_hi
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record_table import check_record_table
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("without_figures")]
 
 PLAN = Plan(configurations=("single", "dual"), speeds=(0.0,), points=40)
 ODD = "single (0)20-30(2)"
@@ -28,15 +28,17 @@ def folder(tmp_path_factory):
     table.loc[rows, "force_kN"] = start + 1.6 * (table.loc[rows, "force_kN"] - start)
     table.to_csv(folder / "records.csv", index=False)
     for repeats in ("mixture", "normal"):
-        options = ["--repeats", repeats, "--warmup", 400, "--draws", 300, "--quiet"]
+        options = ["--repeats", repeats, "--chains", 2, "--warmup", 400, "--draws", 300, "--quiet"]
         done = here("fit", folder / "records.csv", "--out", folder / repeats, *options)
-        assert done.exit_code in (0, 4), done.stderr
+        # Enough draws to compare; too few for an R-hat of 1.01 of every one of some 200 quantities.
+        assert done.exit_code == 4, done.stderr
     return folder
 
 
 def test_the_mixture_predicts_better_where_a_repeat_is_discordant(folder, tmp_path):
     done = here("compare", folder / "normal", folder / "mixture", "--no-refit", "--out", tmp_path)
-    assert done.exit_code in (0, 4), done.stderr
+    assert done.exit_code == 4, done.stderr
+    assert "is not to be trusted" in done.stderr
     table = pd.read_csv(tmp_path / "comparison.csv")
     assert table["model"].tolist() == ["mixture", "normal"]
     assert table["elpd_difference"].iloc[1] < -4.0

@@ -82,8 +82,8 @@ def test_quick_road_that_is_larger_at_times_is_made_white(end_Hz):
     # As a tyre is that turns now and then: for a tenth of the time it answers with four times the force.
     answers = answers_of(np.where(np.arange(BLOCKS) % 100 < 10, 4.0, 1.0))
     left = road_and_noise(answers, end_Hz, 6)
-    readings = jnp.asarray(left), jnp.asarray(answers), jnp.asarray(FREQUENCY)
-    white, shares = map(np.asarray, road_noise_spectrum(BLOCK_S, *readings, DENSITY))
+    given = jnp.asarray(left), jnp.asarray(answers), jnp.asarray(FREQUENCY)
+    white, shares = map(np.asarray, road_noise_spectrum(BLOCK_S, *given, DENSITY))
     covariance = white * np.eye(BLOCKS) + (answers * DENSITY * np.tile(shares, 2)) @ answers.T
     made_white = np.linalg.solve(np.linalg.cholesky(covariance), left)
     # Of 1500 white values the lag-1 autocorrelation has a standard deviation of 0.026: four of them.
