@@ -1,4 +1,4 @@
-"""Prior and posterior of each scale side by side, and how much of the prior's width the data have taken away."""
+"""Prior and posterior density of each hyperparameter, and how much the data narrowed the prior (contraction)."""
 
 from typing import NamedTuple
 
@@ -14,20 +14,21 @@ from bayes_tyre.results.hyperparameters import Hyperparameter
 POINTS = 200
 
 
-class Scale(NamedTuple):
-    """One scale.
+class PriorPosterior(NamedTuple):
+    """Prior and posterior density of one hyperparameter.
 
     Attributes
     ----------
     name, unit:
         As `summary.csv` has them.
     log:
-        Whether its prior is spread on the logarithm: densities are then per unit of logarithm.
+        Whether the prior is a distribution of the logarithm: densities are then per unit of logarithm.
     at, prior, posterior:
         Shape (points,): values, and both densities there, each over its highest point.
     contraction:
-        1 - (posterior / prior interquartile range) squared, of the logarithm where `log`: 0 where the data said
-        nothing, 1 where they said all. It is 1 - the ratio of variances for normal shapes, and steadier for others.
+        1 - (posterior / prior interquartile range) squared, of the logarithm where `log`: 0 where the
+        data leave the prior as it is, 1 where they determine the value. For normal densities it equals 1 - the ratio of
+        variances; for others it is more robust.
     """
 
     name: str
@@ -39,30 +40,32 @@ class Scale(NamedTuple):
     contraction: float
 
 
-def scales(found: list[Hyperparameter]) -> list[Scale]:
+def prior_posteriors(parameters: list[Hyperparameter]) -> list[PriorPosterior]:
     """Return every scalar of the posterior that has a prior in `PRIORS`."""
-    of_all = [
-        hyperparameter for hyperparameter in found if hyperparameter.configuration is None and hyperparameter.varies
+    candidates = [
+        hyperparameter
+        for hyperparameter in parameters
+        if hyperparameter.configuration is None and hyperparameter.varies
     ]
-    return [_scale(hyperparameter) for hyperparameter in of_all if hyperparameter.name in PRIORS]
+    return [_prior_posterior(hyperparameter) for hyperparameter in candidates if hyperparameter.name in PRIORS]
 
 
-def _scale(hyperparameter: Hyperparameter) -> Scale:
-    law, log = prior_distribution(hyperparameter.name), is_of_logarithm(hyperparameter.name)
-    of_prior = law.ppf([0.005, 0.25, 0.75, 0.995])
-    low, *quartiles, high = np.log(of_prior) if log else of_prior
+def _prior_posterior(hyperparameter: Hyperparameter) -> PriorPosterior:
+    distribution, log = prior_distribution(hyperparameter.name), is_of_logarithm(hyperparameter.name)
+    prior_quantiles = distribution.ppf([0.005, 0.25, 0.75, 0.995])
+    low, *quartiles, high = np.log(prior_quantiles) if log else prior_quantiles
     draws = np.log(hyperparameter.draws.ravel()) if log else hyperparameter.draws.ravel()
     least, most = float(draws.min()), float(draws.max())
-    ends_at_zero = not log and law.support()[0] == 0
+    ends_at_zero = not log and distribution.support()[0] == 0
     # A half-normal prior is highest at zero, and a posterior may be: the density is mirrored there, not cut off.
     edge = {"custom_lims": (0.0, most), "bound_correction": True} if ends_at_zero else {}
     x, height, _ = az.kde(draws, **edge)
     whole = np.linspace(min(0.0 if ends_at_zero else low, least), max(high, most), POINTS)
     at = np.sort(np.concatenate([whole, np.linspace(least, most, POINTS)]))
     values = np.exp(at) if log else at
-    prior = law.pdf(values) * (values if log else 1.0)
+    prior = distribution.pdf(values) * (values if log else 1.0)
     quarter, three_quarters = np.quantile(draws, [0.25, 0.75])
-    return Scale(
+    return PriorPosterior(
         hyperparameter.name,
         hyperparameter.unit,
         log,
