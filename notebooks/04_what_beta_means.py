@@ -28,6 +28,7 @@
 import textwrap
 
 import pandas as pd
+from support.audit_figures import one_record
 
 from bayes_tyre.published.tables import characteristic_deflection
 from bayes_tyre.report.figures import audit as audit_figures
@@ -60,7 +61,7 @@ motion, end = simulated.motion, simulated.motion.displacement_mm.argmin()
 d, force = motion.displacement_mm[recording.step.start : end], motion.tyre_force_kN[recording.step.start : end]
 flat = geometry.flat_ground_displacement(rig, d), geometry.flat_ground_force(rig, force, d)
 tyre = pd.DataFrame(dict(zip(("displacement_mm", "force_kN"), flat, strict=True)))
-NotebookFigure(audit_figures.one_record(tyre, paths))
+NotebookFigure(one_record(tyre, paths))
 
 # %% [markdown]
 # ## Which truths are tried?

@@ -23,16 +23,14 @@
 from pathlib import Path
 
 import pandas as pd
-from support import motion_truth
+from support import motion_figures, motion_truth
 
 from bayes_tyre.formats.raw import read_raw
 from bayes_tyre.inference.motion.record.estimate import estimate_motion
 from bayes_tyre.inference.motion.record.window import Recorded
 from bayes_tyre.laws.fancher import dissipated_energy_per_cycle, loop_energy
-from bayes_tyre.report.figures import motion as motion_figures
 from bayes_tyre.report.figures import process as process_figures
 from bayes_tyre.report.figures.notebook_display import NotebookFigure
-from bayes_tyre.results import hysteresis_loops
 from bayes_tyre.rig import axle, geometry, sensors
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.signals import factors, inertia, process
@@ -49,7 +47,7 @@ from bayes_tyre.workflow.raw.simulate import write_simulated
 # %%
 prepare_jax()
 tyre, amplitude = {"k": 1.8, "x": 0.45, "beta": 0.08}, 2.0
-loop = hysteresis_loops.true_loop(**tyre, amplitude_mm=amplitude).rename(columns={"median_kN": "friction_kN"})
+loop = motion_truth.true_loop(**tyre, amplitude_mm=amplitude).rename(columns={"median_kN": "friction_kN"})
 loop["force_kN"] = tyre["k"] * loop["displacement_mm"] + loop["friction_kN"]
 NotebookFigure(motion_figures.loop_figure(loop, amplitude))
 

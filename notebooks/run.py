@@ -74,6 +74,8 @@ def execute(notebook: NotebookNode, limit: float = LIMIT) -> list[str]:
             extra_arguments=["--log-level=ERROR"],
             resources={"metadata": {"path": folder}},
         )
+        # The kernel's folder is empty: `support` is imported from here.
+        clean["PYTHONPATH"] = os.pathsep.join(filter(None, [str(HERE.resolve()), os.environ.get("PYTHONPATH")]))
         client.execute(env=os.environ | clean)
     notebook.metadata = nbformat.from_dict(METADATA)  # the kernel has added its own
     said = []
@@ -127,9 +129,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Run notebooks from clean and keep their outputs.")
     parser.add_argument("sources", nargs="*", type=Path, help="NN_name.py; default: all beside this file")
     parser.add_argument("--limit", type=float, default=LIMIT, help="seconds that one cell may take")
-    told = parser.parse_args()
-    sources = told.sources or sorted(HERE.glob("[0-9][0-9]_*.py"))
-    done = [run(source, told.limit) for source in sources]
+    arguments = parser.parse_args()
+    sources = arguments.sources or sorted(HERE.glob("[0-9][0-9]_*.py"))
+    done = [run(source, arguments.limit) for source in sources]
     return 0 if all(done) else 1
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from bayes_tyre.report.wording import shown
+from bayes_tyre.report.wording import one_line
 
 #: Characters of a line on the terminal.
 LONGEST_LINE = 10_000
@@ -32,7 +32,7 @@ def note(text: object, quiet: bool) -> None:
 
 def fault(text: object) -> None:
     """Print on stderr, one line, what ended a command or why its result is not to be trusted."""
-    typer.echo(f"bayes-tyre: {shown(text, LONGEST_LINE)}", err=True)
+    typer.echo(f"bayes-tyre: {one_line(text, LONGEST_LINE)}", err=True)
 
 
 def warn(text: object) -> None:

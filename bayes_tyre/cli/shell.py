@@ -17,7 +17,7 @@ from bayes_tyre.cli.messages import LONGEST_LINE, fault, one_line_each, say
 from bayes_tyre.cli.messages import note as note  # commands import these two from here
 from bayes_tyre.cli.messages import warn as warn
 from bayes_tyre.errors import BadInput
-from bayes_tyre.report.wording import shown
+from bayes_tyre.report.wording import one_line
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -133,4 +133,4 @@ def report_verdict(diagnostics: "Diagnostics", out: Path, quiet: bool) -> None:
     for reason in diagnostics.reasons:
         warn(reason)
     for text in diagnostics.limitations:
-        say(f"note: {shown(text, LONGEST_LINE)}", quiet)
+        say(f"note: {one_line(text, LONGEST_LINE)}", quiet)

@@ -1,4 +1,4 @@
-"""The loop that a tyre goes through when it is moved up and down, from a posterior of motions or from a known truth."""
+"""The hysteresis loop of a tyre in a cycle of displacement, from a posterior of motions."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -44,13 +44,8 @@ def friction_loops(tree: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
         friction = settled_friction(k[some], x[some], beta[some], amplitude)
         lower, median, upper = np.quantile(friction, tails, axis=0)
         factor_table = {word: str(of[word].item()) for word in ("configuration", "direction")}
-        blocks.append(_table(amplitude, median).assign(**factor_table, lower_kN=lower, upper_kN=upper))
+        blocks.append(loop_table(amplitude, median).assign(**factor_table, lower_kN=lower, upper_kN=upper))
     return pd.concat(blocks, ignore_index=True)
-
-
-def true_loop(k: float, x: float, beta: float, amplitude_mm: float) -> pd.DataFrame:
-    """Return the same loop of known k (kN/mm), x (kN) and beta (mm): `branch`, `displacement_mm`, `median_kN`."""
-    return _table(amplitude_mm, settled_friction(np.array([k]), np.array([x]), np.array([beta]), amplitude_mm)[0])
 
 
 def settled_friction(
@@ -74,7 +69,8 @@ def _displacement(amplitude_mm: float) -> Float[np.ndarray, " points"]:
     return -amplitude_mm * np.cos(np.linspace(0.0, np.pi, _POINTS))
 
 
-def _table(amplitude_mm: float, friction: Float[np.ndarray, " points"]) -> pd.DataFrame:
+def loop_table(amplitude_mm: float, friction: Float[np.ndarray, " points"]) -> pd.DataFrame:
+    """Return one loop as `branch`, `displacement_mm` and `median_kN`, from the result of `settled_friction`."""
     d = _displacement(amplitude_mm)
     branch = np.repeat(["growing", "falling"], _POINTS)
     return pd.DataFrame({"branch": branch, "displacement_mm": np.concatenate([d, -d]), "median_kN": friction})

@@ -1,4 +1,4 @@
-"""Prior and posterior of each scale side by side, and how much of the prior's width the data have taken away."""
+"""Prior and posterior density of each hyperparameter, and how much the data narrowed the prior (contraction)."""
 
 from typing import NamedTuple
 
@@ -14,20 +14,21 @@ from bayes_tyre.results.hyperparameters import Hyperparameter
 POINTS = 200
 
 
-class Scale(NamedTuple):
-    """One scale.
+class PriorPosterior(NamedTuple):
+    """Prior and posterior density of one hyperparameter.
 
     Attributes
     ----------
     name, unit:
         As `summary.csv` has them.
     log:
-        Whether its prior is spread on the logarithm: densities are then per unit of logarithm.
+        Whether the prior is a distribution of the logarithm: densities are then per unit of logarithm.
     at, prior, posterior:
         Shape (points,): values, and both densities there, each over its highest point.
     contraction:
-        1 - (posterior / prior interquartile range) squared, of the logarithm where `log`: 0 where the data said
-        nothing, 1 where they said all. It is 1 - the ratio of variances for normal shapes, and steadier for others.
+        1 - (posterior / prior interquartile range) squared, of the logarithm where `log`: 0 where the
+        data leave the prior as it is, 1 where they determine the value. For normal densities it equals 1 - the ratio of
+        variances; for others it is more robust.
     """
 
     name: str
@@ -39,18 +40,20 @@ class Scale(NamedTuple):
     contraction: float
 
 
-def scales(found: list[Hyperparameter], priors: Priors = PRIORS) -> list[Scale]:
+def prior_posteriors(parameters: list[Hyperparameter], priors: Priors = PRIORS) -> list[PriorPosterior]:
     """Return every scalar of the posterior that has a prior, with the prior that it was fitted with."""
-    of_all = [
-        hyperparameter for hyperparameter in found if hyperparameter.configuration is None and hyperparameter.varies
+    candidates = [
+        hyperparameter
+        for hyperparameter in parameters
+        if hyperparameter.configuration is None and hyperparameter.varies
     ]
-    return [_scale(one, priors[one.name]) for one in of_all if one.name in priors]
+    return [_prior_posterior(one, priors[one.name]) for one in candidates if one.name in priors]
 
 
-def _scale(hyperparameter: Hyperparameter, of: Prior) -> Scale:
+def _prior_posterior(hyperparameter: Hyperparameter, of: Prior) -> PriorPosterior:
     distribution, log = of.scipy(), of.of_logarithm
-    of_prior = distribution.ppf([0.005, 0.25, 0.75, 0.995])
-    low, *quartiles, high = np.log(of_prior) if log else of_prior
+    prior_quantiles = distribution.ppf([0.005, 0.25, 0.75, 0.995])
+    low, *quartiles, high = np.log(prior_quantiles) if log else prior_quantiles
     draws = np.log(hyperparameter.draws.ravel()) if log else hyperparameter.draws.ravel()
     least, most = float(draws.min()), float(draws.max())
     ends_at_zero = not log and distribution.support()[0] == 0
@@ -62,7 +65,7 @@ def _scale(hyperparameter: Hyperparameter, of: Prior) -> Scale:
     values = np.exp(at) if log else at
     prior = distribution.pdf(values) * (values if log else 1.0)
     quarter, three_quarters = np.quantile(draws, [0.25, 0.75])
-    return Scale(
+    return PriorPosterior(
         hyperparameter.name,
         hyperparameter.unit,
         log,

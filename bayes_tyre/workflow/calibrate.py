@@ -12,7 +12,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, write_text
 from bayes_tyre.formats.raw import read_raw
 from bayes_tyre.record import Channel
-from bayes_tyre.report.wording import shown
+from bayes_tyre.report.wording import one_line
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.rig.calibration import Line, fit_line, quantisation_step, residual_rms, with_best_signs
 from bayes_tyre.rig.sensors import Sensor, columns_of, sensors_of
@@ -158,5 +158,5 @@ def _section(raw: Path, lines: Sequence[Fitted]) -> str:
     keys: dict[str, float] = {}
     for fitted in lines:
         keys |= dict(zip(fitted.sensor.calibration_keys(), fitted.line, strict=True))
-    source = shown(path_text(raw), None)
+    source = one_line(path_text(raw), None)
     return f"# Least-squares lines from {source}: a section of a rig file.\n{tomli_w.dumps({'calibration': keys})}"

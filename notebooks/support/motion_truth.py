@@ -5,6 +5,7 @@ import pandas as pd
 from jaxtyping import Float
 
 from bayes_tyre.inference.motion.record.energy import losses_of_logs
+from bayes_tyre.results.hysteresis_loops import loop_table, settled_friction
 from bayes_tyre.rig.axle import Rig
 
 #: Name and unit, in the order of the logarithms, and of the losses.
@@ -47,6 +48,11 @@ def beside_truth(
     names, units = zip(*PARAMETERS, *LOSSES, strict=True)
     table = {"quantity": names, "unit": units, "truth": [*truth, *map(float, true_losses)]}
     return pd.DataFrame({**table, "median": median, "lower": lower, "upper": upper})
+
+
+def true_loop(k: float, x: float, beta: float, amplitude_mm: float) -> pd.DataFrame:
+    """Return the settled loop of known k (kN/mm), x (kN) and beta (mm): `branch`, `displacement_mm`, `median_kN`."""
+    return loop_table(amplitude_mm, settled_friction(np.array([k]), np.array([x]), np.array([beta]), amplitude_mm)[0])
 
 
 def _quantiles(

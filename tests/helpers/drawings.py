@@ -31,7 +31,7 @@ from bayes_tyre.report.figures.colours import Setting
 from bayes_tyre.report.figures.layout import STYLE
 from bayes_tyre.results.hyperparameters import Hyperparameter
 from bayes_tyre.results.prior_curves import PriorPanel
-from bayes_tyre.results.prior_posterior import Scale
+from bayes_tyre.results.prior_posterior import PriorPosterior
 from bayes_tyre.results.ranks import Ranks
 
 FACTORS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN"]
@@ -141,10 +141,10 @@ def ranks(count=6, chains=4) -> list[Ranks]:
     return [Ranks(f"k_group[{i}]", at, excess, 0.05 * np.sqrt(at * (1 - at))) for i in range(count)]
 
 
-def scales(contractions=(0.9, 0.1, 0.5, 0.0, 1.0)) -> list[Scale]:
+def prior_posteriors(contractions=(0.9, 0.1, 0.5, 0.0, 1.0)) -> list[PriorPosterior]:
     at = np.linspace(0.01, 1.0, 100)
     prior, posterior = np.exp(-(at**2)), np.exp(-(((at - 0.2) / 0.05) ** 2))
-    return [Scale(f"scale_{i}", "kN", i % 2 == 0, at, prior, posterior, c) for i, c in enumerate(contractions)]
+    return [PriorPosterior(f"scale_{i}", "kN", i % 2 == 0, at, prior, posterior, c) for i, c in enumerate(contractions)]
 
 
 _FIGURES = {
@@ -174,7 +174,7 @@ def made(name: str, configurations: tuple[str, ...]) -> list[Any]:
         "prior_predictive_curves": lambda: [panels(configurations)],
         "pair_plot": lambda: [hyperparameters(configurations), np.zeros((4, 200), dtype=bool)],
         "rank_plot": lambda: [ranks()],
-        "prior_and_posterior_of_scales": lambda: [scales()],
+        "prior_and_posterior_of_scales": lambda: [prior_posteriors()],
     }[name]()
 
 

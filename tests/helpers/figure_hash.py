@@ -1,7 +1,7 @@
 """A figure's perceptual hash: how much ink lies in each cell of a grid, which fonts' edges hardly move.
 
-`PYTHONPATH=tests python -m helpers.figure_hash` draws the figures and writes `figure_hashes.json`: after a change
-that is meant, and a look at them.
+`PYTHONPATH=tests:notebooks python -m helpers.figure_hash` draws the figures and writes `figure_hashes.json`: run it
+after an intended change, when you have looked at the figures.
 """
 
 import json
@@ -16,12 +16,14 @@ from helpers.hand_made_posteriors import motion_cases
 from jaxtyping import Float
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from support.motion_figures import loop_figure
+from support.motion_truth import true_loop
 
 from bayes_tyre.report.figures import audit as audit_figures
 from bayes_tyre.report.figures import motion as motion_figures
 from bayes_tyre.report.figures.colours import Setting
 from bayes_tyre.report.figures.layout import STYLE
-from bayes_tyre.results.hysteresis_loops import friction_loops, true_loop
+from bayes_tyre.results.hysteresis_loops import friction_loops
 
 STORED = Path(__file__).parents[1] / "report" / "figures" / "figure_hashes.json"
 #: Cells a side; share of ink that is the darkest level, thin lines being what counts; levels.
@@ -64,7 +66,7 @@ def loops() -> Figure:
 
 def loop() -> Figure:
     path = true_loop(1.8, 0.45, 0.08, 2.0).rename(columns={"median_kN": "friction_kN"})
-    return motion_figures.loop_figure(path.assign(force_kN=1.8 * path["displacement_mm"] + path["friction_kN"]), 2.0)
+    return loop_figure(path.assign(force_kN=1.8 * path["displacement_mm"] + path["friction_kN"]), 2.0)
 
 
 def audit() -> Figure:

@@ -6,13 +6,13 @@ import pytest
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.prior_predictive import prior_draws
 from bayes_tyre.results.hyperparameters import Hyperparameter
-from bayes_tyre.results.prior_posterior import Scale, scales
+from bayes_tyre.results.prior_posterior import PriorPosterior, prior_posteriors
 
 SCALARS = [name for name in PRIORS if not name.endswith("_group")]
 
 
-def scale_of(name: str, draws: np.ndarray) -> Scale:
-    (found,) = scales([Hyperparameter(name, "kN", None, draws.reshape(4, -1))])
+def scale_of(name: str, draws: np.ndarray) -> PriorPosterior:
+    (found,) = prior_posteriors([Hyperparameter(name, "kN", None, draws.reshape(4, -1))])
     return found
 
 
@@ -66,4 +66,4 @@ def test_only_scalars_with_a_prior_that_vary_are_scales():
         Hyperparameter("sd_J", "kN", None, draws),
         Hyperparameter("sigma_typical", "kN", None, np.full((4, 100), 0.03)),
     ]
-    assert [one.name for one in scales(given)] == ["sd_J"]
+    assert [one.name for one in prior_posteriors(given)] == ["sd_J"]

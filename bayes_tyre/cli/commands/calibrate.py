@@ -8,7 +8,7 @@ import typer
 
 from bayes_tyre.cli.messages import LONGEST_LINE
 from bayes_tyre.cli.shell import NoSeed, Quiet, say, warn
-from bayes_tyre.report.wording import shown
+from bayes_tyre.report.wording import one_line
 
 if TYPE_CHECKING:
     from bayes_tyre.workflow.calibrate import Fitted
@@ -74,7 +74,7 @@ def _print(lines: Sequence["Fitted"]) -> None:
             f"{fitted.volts_step:.4g}",
             f"{fitted.unit_step:.4g} {unit}",
             str(fitted.rows),
-            shown(f"{sensor.voltage} -> {sensor.channel}", LONGEST_LINE),
+            one_line(f"{sensor.voltage} -> {sensor.channel}", LONGEST_LINE),
         ]
         table.add_row(*map(Text, cells))
     console = Console()

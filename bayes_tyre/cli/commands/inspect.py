@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayes_tyre.cli.shell import NoSeed, Quiet, progress, say, warn
-from bayes_tyre.report.wording import shown
+from bayes_tyre.report.wording import one_line
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -77,4 +77,4 @@ def _cell(value: object) -> str:
     """Return a cell as text that is safe on a terminal; NaN is blank."""
     if isinstance(value, float):
         return "" if value != value else f"{value:.6g}"
-    return shown(value, None)
+    return one_line(value, None)

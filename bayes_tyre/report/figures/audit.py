@@ -14,7 +14,7 @@ from scipy.stats import binomtest
 from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.colours import INK, PALE, Look, Setting, looks_of_none
 from bayes_tyre.report.figures.layout import STYLE, WIDTH
-from bayes_tyre.report.wording import called
+from bayes_tyre.report.wording import text_name
 
 #: Simulated, whatever is shown.
 _SETTING = Setting("simulated")
@@ -50,31 +50,6 @@ def draw(
 
 
 @matplotlib.style.context(STYLE)
-def one_record(truth: pd.DataFrame, paths: Mapping[str, pd.DataFrame]) -> Figure:
-    """Return force over displacement of one simulated record: the truth, and what methods make of it.
-
-    Parameters
-    ----------
-    truth:
-        `displacement_mm`, `force_kN` on flat ground, in time's order from the step's start to the first reversal.
-    paths:
-        The same by method, each from its own first point; a displacement may be counted from anywhere.
-    """
-    appearance = _looks(paths)
-    figure = layout.page(WIDTH, 4.0)
-    ax = figure.subplots()
-    styles = {"truth": {"color": INK, "linewidth": 2.5, "alpha": 0.5}}
-    styles |= {name: {"color": appearance[name].colour, "linestyle": appearance[name].line} for name in paths}
-    for name, path in {"truth": truth, **paths}.items():
-        u = path["displacement_mm"] - path["displacement_mm"].iloc[0]
-        ax.plot(u, path["force_kN"], **{"linewidth": 1.2, **styles[name]})
-    ax.set_xlabel("displacement from the step's start, flat ground (mm)")
-    ax.set_ylabel("force, flat ground (kN)")
-    layout.legend(figure, [(Line2D([], [], **style), name) for name, style in styles.items()])
-    return layout.finish(figure, _SETTING, "One simulated record of a stationary axle; truth: what its tyre did.")
-
-
-@matplotlib.style.context(STYLE)
 def beta_returned(table: pd.DataFrame, source_window: int) -> Figure:
     """Return the median beta returned against the true one, a panel a method, both logarithmic, with the identity.
 
@@ -89,7 +64,7 @@ def beta_returned(table: pd.DataFrame, source_window: int) -> Figure:
     methods, top = list(dict.fromkeys(table["method"])), _top(rows)
     figure = layout.page(WIDTH, 3.4)
     axes = figure.subplots(1, len(methods), sharex=True, sharey=True, squeeze=False)[0]
-    appearance = _looks(methods)
+    appearance = method_looks(methods)
     for ax, method in zip(axes, methods, strict=True):
         of, look = rows[rows["method"] == method], appearance[method]
         window = of["window_samples"].to_numpy(float, na_value=np.nan)  # a method without one has none
@@ -123,7 +98,7 @@ def beta_returned(table: pd.DataFrame, source_window: int) -> Figure:
 def k_bias(table: pd.DataFrame, factors: Mapping[str, tuple[str, str]], typical: Mapping[str, float]) -> Figure:
     """Return the bias of k by method against each factor, the others typical; arguments as of `draw`."""
     rows = table[table["parameter"] == "k"].dropna(subset=["bias_percent"])
-    appearance = _looks(table["method"])
+    appearance = method_looks(table["method"])
     figure = layout.page(WIDTH, 4.8)
     axes = figure.subplots(2, math.ceil(len(factors) / 2), sharey=True, squeeze=False)
     for ax in axes.ravel()[len(factors) :]:
@@ -168,7 +143,7 @@ def _draw_against(ax: Axes, rows: pd.DataFrame, factor: str, look: Look) -> None
 def coverage(shown: pd.DataFrame) -> Figure:
     """Return the share of 95 % intervals that hold the truth, by parameter and method, with its own 95 % interval."""
     rows = shown[shown["intervals"] > 0].reset_index(drop=True)
-    appearance = _looks(shown["method"])
+    appearance = method_looks(shown["method"])
     figure = layout.page(WIDTH, 1.4 + 0.25 * max(4, len(rows)))
     ax = figure.subplots()
     for i, (_, row) in enumerate(rows.iterrows()):
@@ -180,7 +155,7 @@ def coverage(shown: pd.DataFrame) -> Figure:
     ax.axvline(95.0, **_IDENTITY)
     ax.set_yticks(
         range(len(rows)),
-        [f"{_SAID.get(p, called(p))}, {m}" for p, m in zip(rows["parameter"], rows["method"], strict=True)],
+        [f"{_SAID.get(p, text_name(p))}, {m}" for p, m in zip(rows["parameter"], rows["method"], strict=True)],
     )
     ax.set_ylim(max(1, len(rows)) - 0.5, -0.5)
     ax.set_xlim(-3, 103)
@@ -227,7 +202,8 @@ def beta_window(table: pd.DataFrame, factors: Mapping[str, tuple[str, str]], typ
     return layout.finish(figure, _SETTING, note)
 
 
-def _looks(methods: Iterable[str]) -> dict[str, Look]:
+def method_looks(methods: Iterable[str]) -> dict[str, Look]:
+    """Return the look of each method, the same in every figure."""
     appearance = looks_of_none([*_METHODS, *methods])
     return {method: appearance[method] for method in dict.fromkeys(methods)}
 

@@ -28,7 +28,7 @@ from bayes_tyre.results.contrasts import contrasts
 from bayes_tyre.results.hyperparameters import Hyperparameter, divergences, hyperparameters, paired
 from bayes_tyre.results.hysteresis_loops import LAW, friction_loops
 from bayes_tyre.results.prior_curves import prior_panels
-from bayes_tyre.results.prior_posterior import scales
+from bayes_tyre.results.prior_posterior import prior_posteriors
 from bayes_tyre.results.ranks import ranks
 
 ENERGY, CONTRASTS = "energy_per_cycle", "contrasts"
@@ -171,8 +171,9 @@ def _contrasts(result: Result) -> Figure:
     return contrasts_by_case(result.contrasts, result.setting, about)
 
 
-def _scales(result: Result) -> Figure:
-    return prior_and_posterior_of_scales(scales(result.hyperparameters, priors_of(result.tree)), result.setting)
+def _prior_posteriors(result: Result) -> Figure:
+    of_all = prior_posteriors(result.hyperparameters, priors_of(result.tree))
+    return prior_and_posterior_of_scales(of_all, result.setting)
 
 
 def _ranks(result: Result) -> Figure:
@@ -209,7 +210,7 @@ ALWAYS: Mapping[str, Callable[[Result], Figure]] = {
     "posteriors_by_direction": _posteriors,
     "forest_of_cases": _forest,
     CONTRASTS: _contrasts,
-    "prior_and_posterior_of_scales": _scales,
+    "prior_and_posterior_of_scales": _prior_posteriors,
     "rank_plot": _ranks,
     "pair_plot": _pairs,
 }

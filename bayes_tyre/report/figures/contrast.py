@@ -14,7 +14,7 @@ from bayes_tyre.report.figures import case_axis, layout
 from bayes_tyre.report.figures.colours import INK, Setting
 from bayes_tyre.report.figures.labels import interval_name, plain
 from bayes_tyre.report.figures.layout import STYLE
-from bayes_tyre.report.wording import PARAMETERS, called, panels
+from bayes_tyre.report.wording import PARAMETERS, panels, text_name
 from bayes_tyre.results.columns import numbers, texts
 
 #: Height of a line, inches; the room of the shortest list, lines.
@@ -95,7 +95,7 @@ def _panel(ax: Axes, rows: pd.DataFrame, parameter: str) -> None:
         layout.log_axis(ax, low / 1.05, high * (high / low) ** _ROOM)
     else:
         ax.set_xlim(low - 0.05 * (high - low or 1.0), high + _ROOM * (high - low or 1.0))
-    ax.set_xlabel(f"ratio of {called(parameter)} (no unit{', log scale' if log else ''})")
+    ax.set_xlabel(f"ratio of {text_name(parameter)} (no unit{', log scale' if log else ''})")
 
 
 def _probability(p: float) -> str:

@@ -1,4 +1,4 @@
-"""Densities: of k and beta by direction, and of each scale beside its prior; only their shape is estimated here."""
+"""Densities: of k and beta by direction, and of each hyperparameter with its prior; drawn by kernel estimates."""
 
 import math
 
@@ -17,11 +17,11 @@ from bayes_tyre.report.figures.labels import configuration_label, decimals, inte
 from bayes_tyre.report.figures.layout import STYLE, WIDTH
 from bayes_tyre.report.wording import PARAMETERS, WIDE, panels
 from bayes_tyre.results.columns import numbers, texts
-from bayes_tyre.results.prior_posterior import Scale
+from bayes_tyre.results.prior_posterior import PriorPosterior
 
 #: Panels side by side, the height of a row of them (inches), the most panels.
 ACROSS, ROW, MOST_SCALES = 4, 1.35, 60
-#: Contraction below which a scale's posterior is mostly its prior.
+#: Contraction below which a posterior is mostly its prior.
 LITTLE = 0.2
 #: So many parameters have a row of full height each; of more, ticks are as few, for some have long numbers.
 _TALL, _FEW = 2, 6
@@ -105,23 +105,23 @@ def _density(ax: Axes, values: np.ndarray, look: Look, log: bool, interval: floa
 
 
 @matplotlib.style.context(STYLE)
-def prior_and_posterior_of_scales(scales: list[Scale], setting: Setting) -> Figure:
-    """Return the prior density of each scale beside its posterior, with its contraction in the title.
+def prior_and_posterior_of_scales(hyperparameters: list[PriorPosterior], setting: Setting) -> Figure:
+    """Return the prior and posterior density of each hyperparameter, a panel each, with the contraction in the title.
 
     Parameters
     ----------
-    scales:
-        As `bayes_tyre.results.prior_posterior.scales` gives them.
+    hyperparameters:
+        As `bayes_tyre.results.prior_posterior.prior_posteriors` gives them.
     setting:
         What all figures of the result share.
     """
-    shown = scales[:MOST_SCALES]
+    shown = hyperparameters[:MOST_SCALES]
     across = max(1, min(ACROSS, len(shown)))
     down = max(1, math.ceil(len(shown) / across))
     figure = layout.page(WIDTH, 0.9 + ROW * down)
     axes = figure.subplots(down, across, squeeze=False).ravel()
-    for ax, scale in zip(axes, shown, strict=False):
-        _scale_panel(ax, scale)
+    for ax, hyperparameter in zip(axes, shown, strict=False):
+        _hyperparameter_panel(ax, hyperparameter)
     for ax in axes[len(shown) :]:
         ax.set_visible(False)
     for ax in axes[: len(shown) : across]:
@@ -129,25 +129,27 @@ def prior_and_posterior_of_scales(scales: list[Scale], setting: Setting) -> Figu
     layout.legend(figure, [(Patch(**_PRIOR), "prior"), (Line2D([], [], color=INK), "posterior")])
     note = (
         "Contraction: 1 - (interquartile range of posterior / prior) squared, of the logarithm on logarithmic axes; "
-        f"0: the data said nothing, 1: they said all. Bold: below {LITTLE:g}, the prior decides."
+        f"0: posterior as wide as the prior, 1: determined by the data. Bold: below {LITTLE:g}, the prior decides."
     )
-    left_out = "" if len(scales) == len(shown) else f" The first {len(shown)} of {len(scales)} scales."
+    left_out = "" if len(hyperparameters) == len(shown) else f" The first {len(shown)} of {len(hyperparameters)}."
     return layout.finish(figure, setting, note + left_out)
 
 
-def _scale_panel(ax: Axes, scale: Scale) -> None:
-    ax.fill_between(scale.at, scale.prior, **_PRIOR)
-    ax.plot(scale.at, scale.posterior, color=INK, linewidth=1.2)
-    little = scale.contraction < LITTLE
+def _hyperparameter_panel(ax: Axes, hyperparameter: PriorPosterior) -> None:
+    ax.fill_between(hyperparameter.at, hyperparameter.prior, **_PRIOR)
+    ax.plot(hyperparameter.at, hyperparameter.posterior, color=INK, linewidth=1.2)
+    little = hyperparameter.contraction < LITTLE
     ax.set_title(
-        f"{plain(scale.name, 32)}\ncontraction {decimals(scale.contraction)}",
+        f"{plain(hyperparameter.name, 32)}\ncontraction {decimals(hyperparameter.contraction)}",
         fontsize=7,
         fontweight="bold" if little else "normal",
     )
-    if scale.log:
-        layout.log_axis(ax, scale.at[0], scale.at[-1], crowd=1.6)
+    if hyperparameter.log:
+        layout.log_axis(ax, hyperparameter.at[0], hyperparameter.at[-1], crowd=1.6)
     else:
-        ax.set_xlim(scale.at[0], scale.at[-1])
-    ax.set_xlabel(f"({unit_name(scale.unit)}{', log scale' if scale.log else ''})", fontsize=7, labelpad=1)
+        ax.set_xlim(hyperparameter.at[0], hyperparameter.at[-1])
+    ax.set_xlabel(
+        f"({unit_name(hyperparameter.unit)}{', log scale' if hyperparameter.log else ''})", fontsize=7, labelpad=1
+    )
     ax.set(ylim=(0, 1.08), yticks=[])
     ax.tick_params(labelsize=6.5, length=2, pad=1.5)

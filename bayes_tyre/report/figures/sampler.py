@@ -1,4 +1,4 @@
-"""How the sampler went through the parameters of populations: their ranks by chain, and pairs of them."""
+"""Diagnostics of the sampler on the hyperparameters: ranks by chain, and a pair plot."""
 
 import math
 from typing import NamedTuple
@@ -46,7 +46,7 @@ class _Paired(NamedTuple):
 
 @matplotlib.style.context(STYLE)
 def rank_plot(ranks: list[Ranks], setting: Setting) -> Figure:
-    """Return how the ranks of each population parameter are shared out among the chains.
+    """Return the rank distribution of each hyperparameter by chain, as differences from the uniform one.
 
     Parameters
     ----------
@@ -55,6 +55,7 @@ def rank_plot(ranks: list[Ranks], setting: Setting) -> Figure:
     setting:
         What all figures of the result share.
     """
+    # Not ArviZ's rank plot: that one has no band for all chains together, and no fixed size for a page.
     shown = ranks[:MOST_RANKED]
     across = max(1, min(ACROSS, len(shown)))
     down = max(1, math.ceil(len(shown) / across))
@@ -88,7 +89,7 @@ def rank_plot(ranks: list[Ranks], setting: Setting) -> Figure:
 
 @matplotlib.style.context(STYLE)
 def pair_plot(shown: list[Hyperparameter], divergent: Bool[np.ndarray, "chains draws"], setting: Setting) -> Figure:
-    """Return each population parameter against each other with their correlation, and its density on the diagonal.
+    """Return the pair plot of the hyperparameters with correlations, and densities on the diagonal.
 
     Parameters
     ----------
@@ -99,6 +100,7 @@ def pair_plot(shown: list[Hyperparameter], divergent: Bool[np.ndarray, "chains d
     setting:
         What all figures of the result share.
     """
+    # Not ArviZ's pair plot: that one has neither correlations nor a colour by configuration.
     size = max(1, len(shown))
     figure = layout.page(WIDTH, 1.0 + (WIDTH - 0.5) * max(size, 3) / max(size, 4))
     grid = figure.add_gridspec(size, size)
@@ -165,7 +167,7 @@ def _paired(one: Hyperparameter, look: Look) -> _Paired:
 def _name(one: Hyperparameter, log: bool) -> str:
     """Return a parameter's name and unit on short lines: ``k_group``, ``dual``, ``loading``, ``(kN/mm)``."""
     name, _, label = one.name.removesuffix("]").partition("[")
-    names = name.replace("_repeat", "\n_repeat").replace("_case", "\n_case").replace("_scatter", "\n_scatter")
+    names = name.replace("_repeat", "\n_repeat").replace("_case", "\n_case")
     first, _, last = label.rpartition(" ")
     factors = [first, last] if last in DIRECTIONS else [label]
     lines = ["log10 of" if log else "", names, *(plain(word, 12) for word in factors), f"({unit_name(one.unit)})"]

@@ -6,9 +6,9 @@ from bayes_tyre.record import ORIGIN_UNKNOWN
 from bayes_tyre.report.html.formatting import interval_words, label, probability, ratio_text
 from bayes_tyre.report.html.headline import STIFFNESS, prior_clause
 from bayes_tyre.report.html.load import Reported
-from bayes_tyre.report.html.losses import losses_cautions
+from bayes_tyre.report.html.losses import losses_caveats
 from bayes_tyre.report.html.ratios import SAME_LOAD, SAME_SPAN, Ratio, between_configurations, between_directions
-from bayes_tyre.report.wording import called
+from bayes_tyre.report.wording import text_name
 
 #: Each kind of data, for a reader who sees nothing but the page; anything that is no measurement is marked.
 ORIGINS = {
@@ -36,7 +36,7 @@ def origin_sentence(origin: str) -> str:
     return ORIGINS.get(origin, label(origin))
 
 
-def cautions(result: Reported) -> list[str]:
+def caveats(result: Reported) -> list[str]:
     """Return what a reader of the result should not believe."""
     return [
         *_of_verdict(result),
@@ -45,7 +45,7 @@ def cautions(result: Reported) -> list[str]:
         *_of_directions(result),
         *_of_priors(result),
         *_of_repeats(result),
-        *(losses_cautions(result) if result.of_motions else ()),
+        *(losses_caveats(result) if result.of_motions else ()),
     ]
 
 
@@ -59,7 +59,7 @@ def _of_configurations(result: Reported) -> Iterator[str]:
         for ratio in between_configurations(result, str(parameter)):
             if not ratio.clear:
                 pair = f"{label(ratio.above)} and {label(ratio.below)}"
-                yield f"A difference in {label(called(parameter))} between {pair}: {_holds_1(ratio)}."
+                yield f"A difference in {label(text_name(parameter))} between {pair}: {_holds_1(ratio)}."
 
 
 def _holds_1(ratio: Ratio) -> str:

@@ -2,7 +2,7 @@
 
 import math
 
-from bayes_tyre.report.wording import shown
+from bayes_tyre.report.wording import one_line
 
 #: Significant digits in a table; the most letters of a label.
 DIGITS, LONGEST = 4, 80
@@ -54,5 +54,5 @@ def probable(p: float) -> str:
 
 
 def label(text: object, most: int = LONGEST) -> str:
-    """Return a label from a file on one line, what would steer a reader replaced, not too long."""
-    return shown(text, most)
+    """Return a label from a file as one line of at most `most` characters (`wording.one_line`)."""
+    return one_line(text, most)

@@ -61,7 +61,7 @@ def _amplitude(result: Reported) -> str:
     return f"{stated} amplitude at the wheel centre"
 
 
-def losses_cautions(result: Reported) -> list[str]:
+def losses_caveats(result: Reported) -> list[str]:
     """Return what not to believe of the losses."""
     by_friction = any(not result.means(parameter).empty for parameter in FRICTION)
     what = (

@@ -12,14 +12,14 @@ from markupsafe import Markup
 
 from bayes_tyre.report.html import tables
 from bayes_tyre.report.html.between_results import Across
-from bayes_tyre.report.html.caveats import cautions, origin_sentence
+from bayes_tyre.report.html.caveats import caveats, origin_sentence
 from bayes_tyre.report.html.figures import EmbeddedFigure
 from bayes_tyre.report.html.formatting import interval_words, label, probable, rounded
 from bayes_tyre.report.html.glossary import glossary
 from bayes_tyre.report.html.headline import STIFFNESS, answer, comparison_of
 from bayes_tyre.report.html.load import Reported
 from bayes_tyre.report.html.tables import Cell, Column, Table
-from bayes_tyre.report.wording import called
+from bayes_tyre.report.wording import text_name
 
 TEMPLATES = Path(__file__).parents[1] / "templates"
 VERDICTS = {
@@ -113,13 +113,13 @@ def _shown(part: Part) -> dict[str, Any]:
         "limitations": [label(each, _LONG) for each in result.said("limitations")],
         "origins": [(each, origin_sentence(each)) for each in result.origins],
         "answer": answer(result),
-        "cautions": cautions(result),
+        "caveats": caveats(result),
         "note": part.note,
     }
 
 
 def _across_shown(across: Sequence[Across]) -> dict[str, Any]:
-    found = [(called(parameter), ratio) for each in across for parameter, of in each.ratios.items() for ratio in of]
+    found = [(text_name(parameter), ratio) for each in across for parameter, of in each.ratios.items() for ratio in of]
     columns = [Column("", name, "", number=False) for name in ("parameter", "above", "below")]
     columns += [Column("", name, "", number=True) for name in ("ratio", "P(ratio > 1)")]
     rows = [

@@ -10,7 +10,7 @@ from bayes_tyre.record import CASE_FACTORS, FACTORS
 from bayes_tyre.report.html.formatting import given, label, probable, rounded
 from bayes_tyre.report.html.load import MEAN, Reported
 from bayes_tyre.report.html.losses import losses_tables
-from bayes_tyre.report.wording import called
+from bayes_tyre.report.wording import text_name
 
 #: What words are called above a column, and their unit; whether they are numbers.
 HEADINGS = {
@@ -113,13 +113,13 @@ def repeats_table(results: Sequence[Reported]) -> Table:
 
 
 def _values(parameter: str, rows: pd.DataFrame) -> list[_Measure]:
-    return [_Measure(parameter, called(parameter), rows["unit"].iloc[0], _with_interval)]
+    return [_Measure(parameter, text_name(parameter), rows["unit"].iloc[0], _with_interval)]
 
 
 def _ratios(parameter: str, _: pd.DataFrame) -> list[_Measure]:
     return [
-        _Measure(parameter, f"ratio of {called(parameter)}", "", _with_interval),
-        _Measure(parameter, f"P(> 1), {called(parameter)}", "", _only("p_greater_than_1")),
+        _Measure(parameter, f"ratio of {text_name(parameter)}", "", _with_interval),
+        _Measure(parameter, f"P(> 1), {text_name(parameter)}", "", _only("p_greater_than_1")),
     ]
 
 

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables import read_table
-from bayes_tyre.report.wording import shown
+from bayes_tyre.report.wording import one_line
 from bayes_tyre.results.recovery import (
     WHAT_IT_COMPARES,
     WHAT_MOTIONS_COMPARE,
@@ -72,13 +72,13 @@ def recover(folder: Path, truth: pd.DataFrame) -> Recovery:
 def _title(folder: Path) -> str:
     """Return where a result lies, what made it, and its verdict with the reasons against it."""
     if not (folder / REPEATS).is_file():
-        return f"{shown(folder, None)} (least squares)"
+        return f"{one_line(folder, None)} (least squares)"
     try:
         said = json.loads((folder / "diagnostics.json").read_text(encoding="utf-8"))
         verdict = "; ".join([f"verdict: {said['verdict']}", *map(str, said["reasons"])])
     except (OSError, ValueError, KeyError, TypeError):
         verdict = "no verdict: diagnostics.json is missing or not what fit writes"
-    return f"{shown(folder, None)} (posterior medians; {shown(verdict, 500)})"
+    return f"{one_line(folder, None)} (posterior medians; {one_line(verdict, 500)})"
 
 
 def _table(recovery: Recovery) -> Table:
@@ -92,12 +92,12 @@ def _table(recovery: Recovery) -> Table:
     if odd:
         table.add_column("status")
     for row in recovery.records.to_dict("records"):
-        cells = [shown(row["record"])]
+        cells = [one_line(row["record"])]
         for name in recovery.parameters:
             cells += [_number(row[f"{name}_true"]), _number(row[name]), _percent(row[f"{name}_error"])]
             cells += [{1.0: "yes", 0.0: "no"}.get(row[f"{name}_covered"], "")] * with_interval[name]
         status = "lost" if pd.isna(row["status"]) else row["status"]
-        table.add_row(*map(Text, [*cells, *([shown(status)] if odd else [])]))
+        table.add_row(*map(Text, [*cells, *([one_line(status)] if odd else [])]))
     return table
 
 

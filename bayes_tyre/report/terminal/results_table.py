@@ -14,7 +14,7 @@ from rich.text import Text
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables import read_table
-from bayes_tyre.report.wording import shown
+from bayes_tyre.report.wording import one_line
 
 #: What each kind of data means for a reader who sees nothing but the table.
 WHAT_IT_IS = {
@@ -64,7 +64,7 @@ def print_overview(folders: list[Path], console: Console | None = None) -> None:
     console = console or Console()
     for folder, rows in tables:
         level, verdict = float(rows["interval"].iloc[0]), rows["verdict"].iloc[0]
-        about = shown(f"{rows['data'].iloc[0]}; verdict: {verdict}", 200)
+        about = one_line(f"{rows['data'].iloc[0]}; verdict: {verdict}", 200)
         console.print()
         console.print(Text(f"{about}\nmean over the cases, median and {100 * level:g} % interval"))
         beside = _beside(rows)
@@ -73,8 +73,8 @@ def print_overview(folders: list[Path], console: Console | None = None) -> None:
         else:
             console.print(Text(f"\n{_below(rows)}\n"), soft_wrap=True)
         for limitation in limitations(folder):
-            console.print(Text(f"note: {shown(limitation, LONGEST_LIMITATION)}"), soft_wrap=True)
-        console.print(Text(f"files: {shown(folder, None)}"), soft_wrap=True)
+            console.print(Text(f"note: {one_line(limitation, LONGEST_LIMITATION)}"), soft_wrap=True)
+        console.print(Text(f"files: {one_line(folder, None)}"), soft_wrap=True)
 
 
 def limitations(folder: Path) -> list[str]:
@@ -91,7 +91,7 @@ def _beside(rows: pd.DataFrame) -> Table:
     configurations = sorted(rows["configuration"].astype(str).unique(), reverse=True)
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
     for name in ("", *configurations):
-        table.add_column(Text(shown(name)))
+        table.add_column(Text(one_line(name)))
     for name, of in _blocks(rows):
         by_label = of.set_index(of["configuration"].astype(str))
         cells = [_figures(by_label.loc[label]) if label in by_label.index else "" for label in configurations]
@@ -104,10 +104,10 @@ def _below(rows: pd.DataFrame) -> str:
     lines = []
     for name, of in _blocks(rows):
         of = of.set_index(of["configuration"].astype(str)).sort_index(ascending=False)
-        widest = max(cell_len(shown(label)) for label in of.index)
+        widest = max(cell_len(one_line(label)) for label in of.index)
         lines.append(f"  {name}")
         for label, row in of.iterrows():
-            lines.append(f"    {shown(label)}{' ' * (widest - cell_len(shown(label)))}   {_figures(row)}")
+            lines.append(f"    {one_line(label)}{' ' * (widest - cell_len(one_line(label)))}   {_figures(row)}")
     return "\n".join(lines)
 
 
@@ -116,7 +116,7 @@ def _blocks(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
     for parameter in PARAMETERS:
         block = rows[rows["parameter"] == parameter]
         for direction, of in block.groupby(block["direction"].astype(str)):
-            yield shown(f"{parameter.removesuffix('_mean')}, {of['unit'].iloc[0]} {direction}"), of
+            yield one_line(f"{parameter.removesuffix('_mean')}, {of['unit'].iloc[0]} {direction}"), of
 
 
 def _figures(row: pd.Series) -> str:

@@ -3,7 +3,7 @@
 import matplotlib.pyplot
 import numpy as np
 import pytest
-from helpers.drawings import FACTORS, MEASURED, cells, said, scales
+from helpers.drawings import FACTORS, MEASURED, cells, prior_posteriors, said
 from matplotlib.collections import PolyCollection
 
 from bayes_tyre.report.figures import colours
@@ -40,7 +40,7 @@ def test_posteriors_of_one_configuration_without_words():
 
 
 def test_each_scale_has_a_panel_with_both_densities_and_its_contraction():
-    shown = scales()
+    shown = prior_posteriors()
     figure = prior_and_posterior_of_scales(shown, MEASURED)
     axes = [ax for ax in figure.get_axes() if ax.get_visible()]
     assert len(axes) == len(shown)
@@ -56,18 +56,18 @@ def test_each_scale_has_a_panel_with_both_densities_and_its_contraction():
 
 
 def test_scales_that_the_data_said_little_of_are_bold():
-    figure = prior_and_posterior_of_scales(scales((0.9, 0.1, 0.5, -0.3)), MEASURED)
+    figure = prior_and_posterior_of_scales(prior_posteriors((0.9, 0.1, 0.5, -0.3)), MEASURED)
     assert [ax.title.get_fontweight() for ax in figure.get_axes()] == ["normal", "bold", "normal", "bold"]
 
 
 @pytest.mark.parametrize("count", [0, 1, 4, 7])
 def test_any_number_of_scales_gives_a_figure_of_those_that_fit(count, monkeypatch):
     monkeypatch.setattr(density_figures, "MOST_SCALES", 6)
-    figure = prior_and_posterior_of_scales(scales((0.5,) * count), MEASURED)
+    figure = prior_and_posterior_of_scales(prior_posteriors((0.5,) * count), MEASURED)
     assert sum(ax.get_visible() for ax in figure.get_axes()) == min(count, 6)
-    assert any("first 6 of 7 scales" in text for text in said(figure)) == (count == 7)
+    assert any("first 6 of 7." in text for text in said(figure)) == (count == 7)
 
 
 def test_no_window_holds_a_figure():
-    prior_and_posterior_of_scales(scales(), MEASURED)
+    prior_and_posterior_of_scales(prior_posteriors(), MEASURED)
     assert matplotlib.pyplot.get_fignums() == []

@@ -18,7 +18,7 @@ from bayes_tyre.formats.netcdf import read_tree
 from bayes_tyre.report.figures.svg import DENSE_MARKERS, svg
 from bayes_tyre.report.html import tables
 from bayes_tyre.report.html.between_results import Side, across
-from bayes_tyre.report.html.caveats import cautions
+from bayes_tyre.report.html.caveats import caveats
 from bayes_tyre.report.html.figures import picture
 from bayes_tyre.report.html.formatting import percent_apart, probability, rounded
 from bayes_tyre.report.html.headline import answer
@@ -79,13 +79,13 @@ def test_an_interval_that_holds_1_is_no_difference(away):
     assert first.startswith("These data do not tell which of ")
     assert "holds 1 (no difference)" in first
     assert "stiffer than" not in first
-    assert any(said.startswith("A difference in k between dual and single") for said in cautions(result))
+    assert any(said.startswith("A difference in k between dual and single") for said in caveats(result))
 
 
 def test_a_failed_verdict_stands_before_the_answer(away):
     result = made(away / "failed", {"single": 1.5, "dual": 2.0}, verdict="fail")
     assert answer(result)[0].startswith("Not to be relied on, for the fit failed its checks: configuration dual is")
-    assert cautions(result)[0].startswith("Any number of this result")
+    assert caveats(result)[0].startswith("Any number of this result")
     page = page_of(result)
     assert "Verdict: fail. Do not use these numbers." in page
     assert REASON in unescape(page)
@@ -129,7 +129,7 @@ def test_the_printed_tables_model_has_an_answer_and_no_repeats(away):
     factor_table = printed_words("single", "dual")
     result = made(away / "printed", {"single": 1.5, "dual": 2.0}, factor_table=factor_table, origin="published")
     assert "33" in answer(result)[0]
-    assert any("whatever their processing did" in said for said in cautions(result))
+    assert any("whatever their processing did" in said for said in caveats(result))
     page = page_of(result)
     assert "Published: numbers as printed" in page
     assert "No rows for &ldquo;Repeats" in page

@@ -13,7 +13,7 @@ from bayes_tyre.formats.netcdf import read_tree
 from bayes_tyre.report.figures.catalogue import ALWAYS, OF_MOTIONS
 from bayes_tyre.report.html import tables
 from bayes_tyre.report.html.between_results import Side, across
-from bayes_tyre.report.html.caveats import cautions
+from bayes_tyre.report.html.caveats import caveats
 from bayes_tyre.report.html.figures import HEADINGS
 from bayes_tyre.report.html.headline import answer
 from bayes_tyre.report.html.load import Reported, read_reported
@@ -84,13 +84,13 @@ def test_the_page_names_what_it_is_of_and_what_not_to_believe(both):
     assert "Simulated: records computed from a model." in page
     assert "Loss factor" in page
     assert "energy_per_cycle" not in page
-    assert any("2 mm amplitude" in said and "another stroke" in said for said in map(plain, cautions(both)))
+    assert any("2 mm amplitude" in said and "another stroke" in said for said in map(plain, caveats(both)))
 
 
 def test_energy_is_said_to_be_by_friction_only_where_the_law_has_some(both):
     friction = both.summary["parameter"].isin(["x_mean", "settled_mean"])
     without = dataclasses.replace(both, summary=both.summary[~friction])
-    of_friction, of_dampers = (" ".join(map(plain, cautions(result))) for result in (both, without))
+    of_friction, of_dampers = (" ".join(map(plain, caveats(result))) for result in (both, without))
     assert "the viscous damping c is not in it" in of_friction
     assert "the viscous damping c is not in it" not in of_dampers
     assert "its dampers lose all of it, c among them" in of_dampers
