@@ -178,7 +178,7 @@ def test_fit_ends_in_one_line_where_the_disk_takes_no_more_and_no_library_crashe
     script = """
 import sys
 sys.path.insert(0, sys.argv.pop(1))
-from quick_fits import drawn
+from helpers.quick_fits import drawn
 from bayes_tyre.cli import app
 from bayes_tyre.embedded import data_path
 from bayes_tyre.report import figures
