@@ -26,8 +26,7 @@ import pandas as pd
 from support import motion_figures, motion_truth
 
 from bayes_tyre.formats.raw import read_raw
-from bayes_tyre.inference.motion.record.estimate import estimate_motion
-from bayes_tyre.inference.motion.record.window import Recorded
+from bayes_tyre.inference.motion.record import estimate, window
 from bayes_tyre.laws.fancher import dissipated_energy_per_cycle, loop_energy
 from bayes_tyre.report.figures import process as process_figures
 from bayes_tyre.report.figures.notebook_display import NotebookFigure
@@ -95,7 +94,7 @@ def estimated(recording: process.Recording):
     read, step = recording.raw, recording.step
     channels = read.acceleration_m_per_s2, read.laser_mm, read.load_kN
     ramp_s = step.ramp.start_s, step.ramp.end_s
-    return estimate_motion(rig, Recorded(read.dt_s, *channels, pre_step=step.pre_step, ramp_s=ramp_s))
+    return estimate.estimate_motion(rig, window.Recorded(read.dt_s, *channels, pre_step=step.pre_step, ramp_s=ramp_s))
 
 
 estimates = {record: estimated(recording) for record, recording in recordings.items()}

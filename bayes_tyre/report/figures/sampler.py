@@ -167,7 +167,7 @@ def _paired(one: Hyperparameter, look: Look) -> _Paired:
 def _name(one: Hyperparameter, log: bool) -> str:
     """Return a parameter's name and unit on short lines: ``k_group``, ``dual``, ``loading``, ``(kN/mm)``."""
     name, _, label = one.name.removesuffix("]").partition("[")
-    names = name.replace("_repeat", "\n_repeat").replace("_case", "\n_case")
+    names = name.replace("_repeat", "\n_repeat").replace("_case", "\n_case").replace("_published", "\n_published")
     first, _, last = label.rpartition(" ")
     factors = [first, last] if last in DIRECTIONS else [label]
     lines = ["log10 of" if log else "", names, *(plain(word, 12) for word in factors), f"({unit_name(one.unit)})"]

@@ -67,7 +67,7 @@ def test_pairs_are_each_parameter_against_each_other_with_their_correlation():
     assert below.texts[0].get_fontweight() == "bold"
     assert below.get_ylabel() == "beta_group\na b\nloading\n(mm)"
     assert left.get_xlabel() == "k_group\na b\nloading\n(kN/mm)"
-    assert left.get_ylabel() == "log_k\n_case\n(no unit)"
+    assert left.get_ylabel() == "sd_log_k\n_case\n(no unit)"
     assert any("No transition diverged." in text for text in said(figure))
 
 
