@@ -133,7 +133,7 @@ def fit(
     settings:
         How much to sample.
     model:
-        What else the model is told: `ModelSettings(repeats="student")`.
+        Options of the model: `ModelSettings(repeats="student")`.
     priors:
         Changes of the default priors: ``{"k_group": {"median": 1.8, "sd_log": 0.3}, "discordant_widening": 8.0}``; the
         names and units are those of `docs/reference/priors.md`.

@@ -26,12 +26,12 @@ from bayes_tyre.inference.model.laplace import (
     RecordEstimates,
     cases_of,
     estimate_records,
-    like_their_case,
+    with_traded_replaced,
 )
 from bayes_tyre.inference.model.likelihood import compress
 from bayes_tyre.inference.model.models import records_model
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.model.repeat_distribution import about_cases, judgeable
+from bayes_tyre.inference.model.repeat_distribution import judgeable, repeat_density
 from bayes_tyre.inference.record_data import RecordData, record_data
 from bayes_tyre.inference.sampling.nuts import TARGET_ACCEPTANCE, leave_resonance, start_near
 from bayes_tyre.studies.design import Design
@@ -64,7 +64,7 @@ class DataSet(NamedTuple):
     """
 
     data: RecordData
-    picture: LaplaceApproximation
+    approximation: LaplaceApproximation
     starts: Mapping[str, ArrayLike]
 
 
@@ -95,7 +95,7 @@ def observe(design: Design, force_kN: Float[np.ndarray, "sets records points"], 
     found = []
     for i in range(sets):
         batch = design.batch(force_kN[i])
-        own = like_their_case(jax.tree.map(lambda a, i=i: jnp.asarray(a[i]), estimates), batch, design.factors)
+        own = with_traded_replaced(jax.tree.map(lambda a, i=i: jnp.asarray(a[i]), estimates), batch, design.factors)
         found.append(
             DataSet(
                 record_data(batch),
@@ -143,7 +143,9 @@ def _log_repeats(sites: Mapping[str, Any], factors: Factors, priors: Priors) -> 
         scatter.append(jnp.broadcast_to(of_case, len(factors.cases))[factors.of_record])
     of_records, scales = (jnp.stack(each, axis=1) for each in (deviation, scatter))
     return jnp.sum(
-        about_cases(of_records, scales, judgeable("mixture", factors), values, priors.discordant_widening).log_density
+        repeat_density(
+            of_records, scales, judgeable("mixture", factors), values, priors.discordant_widening
+        ).log_density
     )
 
 
@@ -199,12 +201,12 @@ class SideBySide:
 
     def _arguments(self, one: DataSet) -> dict[str, Any]:
         data = jax.tree.map(jnp.asarray, one.data)
-        told = self.design.nominal(data) if self._nominal else data
-        picture = jax.tree.map(jnp.asarray, one.picture)
+        nominal = self.design.nominal(data) if self._nominal else data
+        approximation = jax.tree.map(jnp.asarray, one.approximation)
         return {
             "likelihood": compress(data),
-            "data": told,
-            "picture": picture,
+            "data": nominal,
+            "approximation": approximation,
             "factors": self.design.factors,
             "priors": self.priors,
         }

@@ -122,7 +122,7 @@ def log_likelihood(
 def log_repeats(design: Design, truths: Truths) -> Float[np.ndarray, " sets"]:
     """Return the log density of log k and log beta of all records about their cases, usual and discordant, at truths.
 
-    As `bayes_tyre.inference.model.repeat_distribution.about_cases` has it, written out once more.
+    As `bayes_tyre.inference.model.repeat_distribution.repeat_density` has it, written out once more.
     """
     factors = design.factors
 

@@ -108,7 +108,7 @@ def _estimates(design: Design, sets: DataSet, draws: dict[str, np.ndarray], trut
     has_discordant = truths["discordant"].reshape(three).any(axis=2)
     tables = []
     for name, column in (("k", 2), ("beta", 3)):
-        repeats = np.exp(np.asarray(sets.picture.records.centre)[:, :, column]).reshape(three)
+        repeats = np.exp(np.asarray(sets.approximation.records.centre)[:, :, column]).reshape(three)
         by_method = {rule: mean_of_repeats(repeats, name, rule) for rule in RULES}
         by_method[POSTERIOR] = _posterior(draws[f"{name}_case"])
         tables += [

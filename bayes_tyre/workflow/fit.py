@@ -35,7 +35,7 @@ _SAMPLER = ("chains", "warmup", "draws")
 
 @dataclass(frozen=True)
 class Plan:
-    """What a fit of records is told.
+    """How to fit records.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
     """Return the plan of the fit that wrote a `run.json`, to be repeated.
 
     Its input is looked for where the command named it, from here and from each folder above the `run.json`. Other
-    versions than today's are told: with them, bytes may differ.
+    versions than today's are warned of: with them, bytes may differ.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def fit_table(
     Parameters
     ----------
     table, plan:
-        The checked table of `plan.records`, and what else the fit is told.
+        The checked table of `plan.records`, and how to fit it.
     out, command:
         The folder; and the command line, for `run.json`.
     callbacks:

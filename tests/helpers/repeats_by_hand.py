@@ -14,7 +14,7 @@ PARAMETERS = 2
 
 
 class Numbers(NamedTuple):
-    """Values of what `summed_out.sum_out` takes, in its order and as it describes them."""
+    """Values of what `summed_out.marginalise` takes, in its order and as it describes them."""
 
     deviation: Float[np.ndarray, "records parameters"]
     offset: Float[np.ndarray, "parameters cases"]
@@ -42,7 +42,7 @@ def by_hand(numbers: Numbers, factors: Factors, case: int) -> dict[tuple[bool, .
         total = np.sum(np.where(odd, np.log(numbers.weight), np.log1p(-numbers.weight)))
         for i in range(PARAMETERS):
             own = np.diag((np.where(odd, DISCORDANT_WIDENING, 1.0) * numbers.scatter[i, case]) ** 2)
-            about_words = numbers.offset[i, case] + numbers.deviation[members, i]
-            total += stats.multivariate_normal.logpdf(about_words, cov=own + numbers.remainder[i, 0] ** 2)
+            case_distribution = numbers.offset[i, case] + numbers.deviation[members, i]
+            total += stats.multivariate_normal.logpdf(case_distribution, cov=own + numbers.remainder[i, 0] ** 2)
         found[choice] = float(total)
     return found

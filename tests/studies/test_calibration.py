@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from bayes_tyre.inference.model.repeat_distribution import about_cases
+from bayes_tyre.inference.model.repeat_distribution import repeat_density
 from bayes_tyre.studies.calibration import log_likelihood, log_repeats, rank_truths
 from bayes_tyre.studies.design import quick_design
 from bayes_tyre.studies.truths import Planted, draw_truths, simulate_forces, study_priors
@@ -41,5 +41,5 @@ def test_the_density_of_repeats_at_truths_is_that_of_the_model():
         deviation = np.stack([np.log(truths[name][i] / truths[f"{name}_case"][i][case]) for name in both], axis=1)
         scatter = np.stack([truths[f"sd_log_{name}_repeat_by_speed"][i][speed] for name in both], axis=1)
         hyperparameters = {"discordant_weight": jnp.asarray(truths["discordant_weight"][i])}
-        of_model = about_cases(jnp.asarray(deviation), jnp.asarray(scatter), "mixture", hyperparameters)
+        of_model = repeat_density(jnp.asarray(deviation), jnp.asarray(scatter), "mixture", hyperparameters)
         np.testing.assert_allclose(found, jnp.sum(of_model.log_density), rtol=1e-9)

@@ -21,7 +21,7 @@ from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.laplace import RecordEstimates
 from bayes_tyre.inference.model.likelihood import Likelihood
-from bayes_tyre.inference.model.reparameterisation import Gaussian, Placed, place
+from bayes_tyre.inference.model.reparameterisation import Gaussian, Reparameterised, reparameterise
 from bayes_tyre.inference.record_data import RecordData
 
 #: Points of each integral (a power of two, for Sobol's sequence), and degrees of freedom of the t they are drawn from.
@@ -207,9 +207,9 @@ def _noise(
 
     shape = (len(z), len(estimates.points))
 
-    def placed(z: Array, value: Array, precision: Array, above: Array, scale: Array) -> Placed:
-        def at(z: Array, value: Array) -> Placed:
-            return place(jnp.broadcast_to(z, precision.shape), Gaussian(value, precision), above, scale)
+    def placed(z: Array, value: Array, precision: Array, above: Array, scale: Array) -> Reparameterised:
+        def at(z: Array, value: Array) -> Reparameterised:
+            return reparameterise(jnp.broadcast_to(z, precision.shape), Gaussian(value, precision), above, scale)
 
         return jax.vmap(at)(z, jnp.broadcast_to(value, shape))
 

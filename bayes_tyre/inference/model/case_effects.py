@@ -1,4 +1,4 @@
-"""The level of the cases: what their words say of k and beta, a remainder, and the scatter of repeats about it.
+"""The level of the cases: the linear predictor from their factors, a remainder, and the standard deviation of repeats.
 
 Arrays hold all parameters at once, in the order given: what two or five of them need is one kernel, not one for each.
 """
@@ -18,55 +18,55 @@ from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS, effect_scales
 from bayes_tyre.inference.model.laplace_cases import CaseEstimates
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.model.reparameterisation import Gaussian, place, place_jointly
+from bayes_tyre.inference.model.reparameterisation import Gaussian, reparameterise, reparameterise_jointly
 
 #: Repeats that a case without any counts as in its coordinates: an estimate without weight.
 _ALMOST_NONE = 1e-6
 
-#: What was sampled of the priors, by name.
+#: Sampled hyperparameters by name.
 Hyperparameters = Mapping[str, Array]
 
 
-def keep(name: str, value: Array) -> Array:
-    """Return the value, and keep it among the posterior's quantities."""
+def deterministic(name: str, value: Array) -> Array:
+    """Return the value, after adding it to the posterior as a deterministic site."""
     numpyro.deterministic(name, value)
     return value
 
 
-def _keep_each(name: str, parameters: Sequence[str], values: Array) -> None:
-    """Keep the values of each parameter, by its name in place of the asterisk."""
+def _deterministic_each(name: str, parameters: Sequence[str], values: Array) -> None:
+    """Add the values of each parameter as deterministic sites, its name in place of the asterisk."""
     for parameter, value in zip(parameters, values, strict=True):
-        keep(name.replace("*", parameter), value)
+        deterministic(name.replace("*", parameter), value)
 
 
-class _Flat(dist.ImproperUniform):
-    """Flat over the real numbers; NumPyro's looks at every value whether it is one, a few kernels a gradient."""
+class _Improper(dist.ImproperUniform):
+    """Uniform on the real numbers, without NumPyro's check of every value, which costs a few kernels a gradient."""
 
     @override
     def log_prob(self, value: ArrayLike) -> Array:
         return jnp.zeros(())
 
 
-def flat(site: str, shape: tuple[int, ...]) -> Array:
-    """Sample coordinates with a flat density: priors and likelihood enter on the placed values, as factors."""
-    return jnp.asarray(numpyro.sample(site, _Flat(dist.constraints.real, (), shape)))
+def sample_coordinates(site: str, shape: tuple[int, ...]) -> Array:
+    """Sample coordinates with an improper uniform density; the density of what they stand for is added as factors."""
+    return jnp.asarray(numpyro.sample(site, _Improper(dist.constraints.real, (), shape)))
 
 
-def placed(site: str, estimate: Gaussian, above: ArrayLike, scale: ArrayLike) -> Array:
-    """Sample unknowns that are Normal(above, scale), in coordinates that follow the scale and the estimate."""
+def sample_reparameterised(site: str, estimate: Gaussian, above: ArrayLike, scale: ArrayLike) -> Array:
+    """Sample unknowns that are Normal(above, scale), in coordinates that follow that scale and the data's estimate."""
     above, scale = jnp.asarray(above), jnp.asarray(scale)
-    unknown = place(flat(f"{site}_z", estimate.value.shape), estimate, above, scale)
+    unknown = reparameterise(sample_coordinates(f"{site}_z", estimate.value.shape), estimate, above, scale)
     numpyro.factor(f"{site}_density", norm.logpdf(unknown.deviation, 0.0, scale) + unknown.log_volume)
     return unknown.value
 
 
 def _of_each(name: str, parameters: Sequence[str], hyperparameters: Hyperparameters) -> Float[Array, "parameters 1"]:
-    """Return a number of the populations for each parameter, by its name in place of the asterisk."""
+    """Return a hyperparameter for each parameter, its name in place of the asterisk."""
     return jnp.stack([hyperparameters[name.replace("*", parameter)] for parameter in parameters])[:, None]
 
 
 class Terms(NamedTuple):
-    """What the words say of the cases, side by side for each parameter; those with fewer terms have idle ones last.
+    """The terms of the linear predictors, stacked over parameters; where one has fewer terms, idle ones follow.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Terms(NamedTuple):
         Terms of each parameter that are not idle.
     above, fixed:
         Shape (parameters, terms): mean of each term, and its standard deviation where that is no scale to be learnt: a
-        cell's, and 1 for idle ones.
+        group mean's, and 1 for idle ones.
     scales, which:
         Names of the scales, and the share that each has in the standard deviation of each term, 0 or 1, shape
         (parameters, terms, scales).
@@ -98,7 +98,7 @@ class Terms(NamedTuple):
 
 
 def find_terms(factors: Factors, parameters: Sequence[str], priors: Priors = PRIORS) -> Terms:
-    """Return the terms of the cases' words: their cell, then the coordinates of each factor's effects."""
+    """Return the terms of the linear predictors: the group, then the coordinates of each factor's effects."""
     cells = len(factors.group.labels)
     designs = [factors.design(parameter) for parameter in parameters]
     lengths = tuple(design.shape[1] for design in designs)
@@ -123,82 +123,82 @@ def _effects(parameter: str, factors: Factors) -> dict[str, tuple[int, np.ndarra
     return found
 
 
-def case_structure(
+def linear_predictor(
     factors: Factors,
     estimate: Gaussian,
     hyperparameters: Hyperparameters,
     parameters: Sequence[str] = PARAMETERS,
     priors: Priors = PRIORS,
 ) -> Float[Array, "parameters cases"]:
-    """Return the mean of the logarithm of k (kN/mm) and of beta (mm) that the words of each case predict.
+    """Return the linear predictor of the logarithm of k (kN/mm) and of beta (mm) of each case.
 
     Configuration x direction, plus partially pooled speed, initial load and size of the step (for beta
-    direction x step too). A word with one level has no term. Effects lie in their factor's basis: what levels share
-    would otherwise be said twice, here and in the cells, and the sampler would crawl along the ridge between the two.
+    direction x step too). A factor with one level has no term. Effects lie in their factor's basis and sum to zero:
+    otherwise what the levels share would be in the group means as well, and the sampler would crawl along that ridge.
 
-    `estimate` shapes the coordinates: what is known of each case, with its precision about what the words say.
+    `estimate` shapes the coordinates: the data's estimate of each case, with its precision about the linear predictor.
     """
     terms = find_terms(factors, parameters, priors)
     scale = terms.scale(hyperparameters)
-    pieces = jnp.split(flat("words_z", (sum(terms.lengths),)), np.cumsum(terms.lengths)[:-1])
+    pieces = jnp.split(sample_coordinates("words_z", (sum(terms.lengths),)), np.cumsum(terms.lengths)[:-1])
     z = jnp.stack([jnp.pad(piece, (0, scale.shape[1] - len(piece))) for piece in pieces])
-    factor_table = place_jointly(z, terms.design, estimate, terms.above, scale)
-    numpyro.factor("words_density", norm.logpdf(factor_table.deviation, 0.0, scale))
-    numpyro.factor("words_volume", factor_table.log_volume)
-    for parameter, value in zip(parameters, factor_table.value, strict=True):
-        keep(f"{parameter}_group", jnp.exp(value[: len(factors.group.labels)]))
+    effects = reparameterise_jointly(z, terms.design, estimate, terms.above, scale)
+    numpyro.factor("words_density", norm.logpdf(effects.deviation, 0.0, scale))
+    numpyro.factor("words_volume", effects.log_volume)
+    for parameter, value in zip(parameters, effects.value, strict=True):
+        deterministic(f"{parameter}_group", jnp.exp(value[: len(factors.group.labels)]))
         for name, (start, basis) in _effects(parameter, factors).items():
-            keep(f"log_{parameter}_{name}", jnp.asarray(basis) @ value[start : start + basis.shape[1]])
-    return jnp.einsum("pct,pt->pc", jnp.asarray(terms.design), factor_table.value)
+            deterministic(f"log_{parameter}_{name}", jnp.asarray(basis) @ value[start : start + basis.shape[1]])
+    return jnp.einsum("pct,pt->pc", jnp.asarray(terms.design), effects.value)
 
 
 def _repeat_scatter(
     factors: Factors, estimate: Gaussian, hyperparameters: Hyperparameters, parameters: Sequence[str]
 ) -> Float[Array, "parameters cases"]:
-    """Return the scatter of log k and log beta among repeats at each case's speed, partially pooled over speeds."""
+    """Return the standard deviation of log k and log beta among repeats of each case, partially pooled over speeds."""
     typical = _of_each("sd_log_*_repeat", parameters, hyperparameters)
     if not factors.speed.varies:
         return jnp.broadcast_to(typical, (len(parameters), len(factors.cases)))
     spread = _of_each("sd_log_*_repeat_over_speeds", parameters, hyperparameters)
-    scatter = jnp.exp(placed("repeat_scatter", estimate, jnp.log(typical), spread))
-    _keep_each("sd_log_*_repeat_by_speed", parameters, scatter)
+    scatter = jnp.exp(sample_reparameterised("repeat_scatter", estimate, jnp.log(typical), spread))
+    _deterministic_each("sd_log_*_repeat_by_speed", parameters, scatter)
     return scatter[:, factors.speed.of_case]
 
 
-class AboutWords(NamedTuple):
-    """What the words say of the logarithms of the cases' values, and how cases and repeats scatter about it.
+class CaseDistribution(NamedTuple):
+    """The distribution of the logarithms of the cases' values, and of repeats about them.
 
     Attributes
     ----------
-    factor_table:
-        What the words predict of the logarithms.
+    mean:
+        The linear predictor.
     remainder:
-        Standard deviation of the cases about it: a parameter whose cases have no remainder has 0.
+        Standard deviation of the cases about it; 0 for a parameter whose cases have no remainder.
     scatter:
         Standard deviation of repeats about their case.
     estimate:
-        What the records say of each case, beside its words.
+        The records' own estimate of each case, with its precision.
     has_remainder:
         Indices of the parameters whose cases have one.
     """
 
-    factor_table: Float[Array, "parameters cases"]
+    mean: Float[Array, "parameters cases"]
     remainder: Float[Array, "parameters 1"]
     scatter: Float[Array, "parameters cases"]
     estimate: Gaussian
     has_remainder: Sequence[int]
 
 
-def about_words(
+def case_distribution(
     factors: Factors,
     estimates: CaseEstimates,
     hyperparameters: Hyperparameters,
     parameters: Sequence[str] = PARAMETERS,
     priors: Priors = PRIORS,
-) -> AboutWords:
-    """Return what the words say of each case, with the scales of what they leave over.
+) -> CaseDistribution:
+    """Return the linear predictor of each case, with the standard deviations of cases and repeats about it.
 
-    Where a remainder cannot be told from the scatter of repeats or from the words, there is none.
+    Where a remainder is not identified beside the repeats or the effects, there is none.
     """
     scatter = _repeat_scatter(factors, estimates.log_scatter, hyperparameters, parameters)
     repeats = np.maximum(factors.repeats, _ALMOST_NONE)
@@ -208,21 +208,21 @@ def about_words(
     if rest:
         of_rest = _of_each("sd_log_*_case", [parameters[index] for index in rest], hyperparameters)
         remainder = of_rest if len(rest) == len(parameters) else remainder.at[np.array(rest)].set(of_rest)
-    near_words = Gaussian(estimates.middle, 1.0 / (variance + remainder**2))
-    factor_table = case_structure(factors, near_words, hyperparameters, parameters, priors)
-    return AboutWords(factor_table, remainder, scatter, Gaussian(estimates.middle, 1.0 / variance), rest)
+    about_predictor = Gaussian(estimates.middle, 1.0 / (variance + remainder**2))
+    mean = linear_predictor(factors, about_predictor, hyperparameters, parameters, priors)
+    return CaseDistribution(mean, remainder, scatter, Gaussian(estimates.middle, 1.0 / variance), rest)
 
 
-def sample_cases(site: str, about: AboutWords) -> Float[Array, "parameters cases"]:
-    """Sample the logarithms of the cases' values: what their words predict, and a remainder where they have one."""
+def sample_cases(site: str, about: CaseDistribution) -> Float[Array, "parameters cases"]:
+    """Sample the logarithms of the cases' values: the linear predictor, plus a remainder where there is one."""
     rest = about.has_remainder
     if not rest:
-        return about.factor_table
-    here = np.array(rest) if len(rest) < len(about.factor_table) else slice(None)
+        return about.mean
+    here = np.array(rest) if len(rest) < len(about.mean) else slice(None)
     own = Gaussian(about.estimate.value[here], about.estimate.precision[here])
-    return about.factor_table.at[here].set(placed(site, own, about.factor_table[here], about.remainder[here]))
+    return about.mean.at[here].set(sample_reparameterised(site, own, about.mean[here], about.remainder[here]))
 
 
-def keep_cases(parameters: Sequence[str], log_values: Float[Array, "parameters cases"]) -> None:
-    """Keep the values of the cases among the posterior's quantities."""
-    _keep_each("*_case", parameters, jnp.exp(log_values))
+def record_cases(parameters: Sequence[str], log_values: Float[Array, "parameters cases"]) -> None:
+    """Add the values of the cases to the posterior."""
+    _deterministic_each("*_case", parameters, jnp.exp(log_values))

@@ -38,13 +38,13 @@ PRIORS = Priors(
             dist.HalfNormal,
             (0.5,),
             "",
-            "a factor of up to e between sizes of the step: a characteristic length should hardly depend on it",
+            "a factor of up to e between sizes of the step: a characteristic length should depend little on it",
         ),
         "sd_log_beta_direction_step": Prior(
             dist.HalfNormal, (0.5,), "", "as for the step, which may act in loading otherwise than in unloading"
         ),
-        "sd_log_k_case": Prior(dist.LogNormal, (np.log(0.08), 0.8), "", "1.6 to 38 %: what the words leave over"),
-        "sd_log_beta_case": Prior(dist.LogNormal, (np.log(0.2), 0.8), "", "4 to 96 %: what the words leave over"),
+        "sd_log_k_case": Prior(dist.LogNormal, (np.log(0.08), 0.8), "", "1.6 to 38 %: what the factors leave over"),
+        "sd_log_beta_case": Prior(dist.LogNormal, (np.log(0.2), 0.8), "", "4 to 96 %: what the factors leave over"),
         "sd_log_k_repeat": Prior(
             dist.LogNormal,
             (np.log(0.06), 0.8),
@@ -103,9 +103,9 @@ PRIORS = Priors(
         "sd_log_c_step": Prior(
             dist.HalfNormal, (0.5,), "", "up to a factor of e: rubber's damping falls with amplitude"
         ),
-        "sd_log_settled_case": Prior(dist.LogNormal, (np.log(0.2), 0.8), "", "4 to 96 %: what the words leave over"),
-        "sd_log_m_case": Prior(dist.LogNormal, (np.log(0.02), 0.8), "", "0.42 to 9.6 %: what the words leave over"),
-        "sd_log_c_case": Prior(dist.LogNormal, (np.log(0.2), 0.8), "", "4 to 96 %: what the words leave over"),
+        "sd_log_settled_case": Prior(dist.LogNormal, (np.log(0.2), 0.8), "", "4 to 96 %: what the factors leave over"),
+        "sd_log_m_case": Prior(dist.LogNormal, (np.log(0.02), 0.8), "", "0.42 to 9.6 %: what the factors leave over"),
+        "sd_log_c_case": Prior(dist.LogNormal, (np.log(0.2), 0.8), "", "4 to 96 %: what the factors leave over"),
         "sd_log_settled_repeat": Prior(
             dist.LogNormal, (np.log(0.12), 0.8), "", "2.5 to 58 %: as beta, with which it trades"
         ),
@@ -118,7 +118,7 @@ PRIORS = Priors(
         "sd_log_n_speed": Prior(dist.HalfNormal, (0.2,), "", "a shape of the loop: tens of per cent at most"),
         "sd_log_n_load": Prior(dist.HalfNormal, (0.2,), "", "a shape of the loop: tens of per cent at most"),
         "sd_log_n_step": Prior(dist.HalfNormal, (0.2,), "", "a shape of the loop: tens of per cent at most"),
-        "sd_log_n_case": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: what the words leave over"),
+        "sd_log_n_case": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: what the factors leave over"),
         "sd_log_n_repeat": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: as hard to repeat as beta"),
         "sd_log_n_repeat_over_speeds": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
         "belt_frequency_group": Prior(
@@ -138,7 +138,7 @@ PRIORS = Priors(
                 "speed": Prior(dist.HalfNormal, (0.2,), "", "rolling changes a belt by tens of per cent at most"),
                 "load": Prior(dist.HalfNormal, (0.2,), "", "a longer contact: tens of per cent at most"),
                 "step": Prior(dist.HalfNormal, (0.2,), "", "the ring is linear: the step's size matters little"),
-                "case": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: what the words leave over"),
+                "case": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: what the factors leave over"),
                 "repeat": Prior(dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: one belt, tested again"),
                 "repeat_over_speeds": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
             }.items()

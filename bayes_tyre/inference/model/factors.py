@@ -1,4 +1,4 @@
-"""The levels that the data hold: words of records turned into cases, and cases into index arrays for the models."""
+"""The factors of a data set: records grouped into cases, and levels as index arrays for the models."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from scipy.linalg import helmert, null_space
 
 from bayes_tyre.record import CASE_FACTORS, Case
 
-#: A slope over the initial force is told per this many kN: the distance of the source's nominal loads.
+#: A slope over the initial force is given per this many kN: the distance of the source's nominal loads.
 SLOPE_UNIT_KN = 10.0
 
 
@@ -79,7 +79,7 @@ class Factors:
     def effects(self, parameter: str) -> dict[str, Factor]:
         """Return what `k` or `beta` of a case depends on beside its cell, by name; only what varies in the data.
 
-        The size of the step acts on beta by direction too (Table 11: strongly in loading, hardly in unloading).
+        The size of the step acts on beta by direction too (Table 11: strongly in loading, little in unloading).
         """
         named = {"speed": self.speed, "load": self.load, "step": self.step}
         if parameter == "beta":
@@ -87,14 +87,14 @@ class Factors:
         return {name: factor for name, factor in named.items() if factor.varies}
 
     def design(self, parameter: str) -> Float[np.ndarray, "cases terms"]:
-        """Return what the words say of each case: its cell, and the coordinates of each factor's effects."""
+        """Return the design matrix: the group of each case, and the coordinates of each factor's effects."""
         cells = np.eye(len(self.group.labels))[self.group.of_case]
         return np.concatenate([cells, *(factor.matrix for factor in self.effects(parameter).values())], axis=1)
 
     def has_remainder(self, parameter: str) -> bool:
-        """Whether cases can differ by more than their words say.
+        """Whether cases can differ by more than their factors explain.
 
-        Not with one repeat a case (scatter holds it), nor where the words can fit every case exactly.
+        Not with one repeat a case (scatter holds it), nor where the effects can fit every case exactly.
         """
         rank = np.linalg.matrix_rank(self.design(parameter))
         return bool(self.repeats.max() > 1 and len(self.cases) > rank)
@@ -125,13 +125,13 @@ def _interaction(values: Sequence[str], groups: Sequence[str], main: Factor) -> 
 
 
 def find_factors(factor_table: pd.DataFrame, initial_force_kN: Float[np.ndarray, " records"] | None = None) -> Factors:
-    """Return the levels in a table of words, one row a record.
+    """Return the factors of a table, one row a record.
 
     Parameters
     ----------
     factor_table:
         As `bayes_tyre.record.record_factors` gives them. A word that the table lacks is one level: all records
-        then share it. `repeat` is not used: records with the same words are repeats of one case.
+        then share it. `repeat` is not used: records with the same factors are repeats of one case.
     initial_force_kN:
         The force each record really started from. Where given, `load` is a slope over its mean in each case,
         in place of an effect of each nominal initial load.

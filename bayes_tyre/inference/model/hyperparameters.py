@@ -28,7 +28,7 @@ JUDGEABLE_REPEATS = 3
 _PLACED = ("_group", "_typical")
 #: Laws that NUTS walks in coordinates other than NumPyro's.
 _SAMPLED_AS: Mapping[type[dist.Distribution], type[dist.Distribution]] = {dist.HalfNormal: HalfNormal}
-#: Sites that every record's prior goes through, whatever its words.
+#: Sites that every record's prior goes through, whatever its factors.
 _OF_RECORDS = ("sd_J", "sigma_typical")
 
 
@@ -68,7 +68,7 @@ def published_sites(factors: Factors) -> tuple[str, ...]:
 
 
 def effect_scales(parameter: str, factors: Factors) -> list[str]:
-    """Return the names of the scales of what a case's words add to its cell, in the order of `Factors.effects`."""
+    """Return the names of the standard deviations of the effects, in the order of `Factors.effects`."""
     return [f"sd_log_{parameter}_{name}" for name in factors.effects(parameter)]
 
 

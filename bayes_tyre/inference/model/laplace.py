@@ -1,4 +1,4 @@
-"""The Gaussian picture of the data: what least squares says of records, cases and effects, and how well.
+"""Laplace approximation of the records: least-squares estimates of their parameters, with Fisher information.
 
 It shapes the coordinates of `coordinates`, and never the posterior.
 """
@@ -23,9 +23,9 @@ from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.reparameterisation import Gaussian
 from bayes_tyre.inference.record_data import RecordData, force_curve, record_data
 
-#: Widest standard deviations of log k and log beta that the picture of a record may have.
+#: Widest standard deviations of log k and log beta that the approximation of a record may have.
 _LOG_K_SD, _LOG_BETA_SD = 0.5, 1.0
-#: A lag-1 autocorrelation that the picture may have: fits to a few points leave what no noise has.
+#: Largest lag-1 autocorrelation of the approximation: residuals of few points may show more than any noise has.
 _LARGEST_RHO = 0.98
 #: Steps from the least-squares estimate to the one under correlated noise.
 _POLISHING_STEPS = 4
@@ -37,7 +37,7 @@ _BETA_WITHIN_TRAVEL = (1e-4, 3.0)
 
 
 class RecordEstimates(NamedTuple):
-    """The Gaussian picture of each record: what least squares says, and how well.
+    """The Laplace approximation of each record: its least-squares estimate and its information.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ def estimate_records(
     whitening: Whitening | None = None,
     beta_mm: Float[np.ndarray, " records"] | None = None,
 ) -> RecordEstimates:
-    """Return the Gaussian picture of each record, by least squares with F_i free over all of its points.
+    """Return the Laplace approximation of each record, by least squares with F_i free over all of its points.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def estimate_records(
     whitening:
         Of noise smoothed by a known moving average.
     beta_mm:
-        Where to draw the picture in beta; None: at its estimate.
+        Where to approximate in beta; None: at its estimate.
     """
     data = record_data(batch)
     nan = np.full((len(batch.records), 5), np.nan)
@@ -104,13 +104,13 @@ def estimate_records(
 def _estimate_records(
     data: RecordData, estimate: ls.Estimate, autoregressive: bool, whitening: Whitening | None
 ) -> RecordEstimates:
-    def picture(record: RecordData, of_record: ls.Estimate) -> RecordEstimates:
-        return _picture(record, of_record, autoregressive, whitening)
+    def approximate(record: RecordData, of_record: ls.Estimate) -> RecordEstimates:
+        return _approximate(record, of_record, autoregressive, whitening)
 
-    return jax.vmap(picture)(data, estimate)
+    return jax.vmap(approximate)(data, estimate)
 
 
-def _picture(
+def _approximate(
     data: RecordData, estimate: ls.Estimate, autoregressive: bool, whitening: Whitening | None
 ) -> RecordEstimates:
     centre = _centre(data, estimate)
@@ -177,7 +177,7 @@ def _centre(data: RecordData, estimate: ls.Estimate) -> Float[Array, "4"]:
 
 
 class LaplaceApproximation(NamedTuple):
-    """The whole picture: of the records, and of the cases' k and beta."""
+    """The Laplace approximation of the records, and the estimates of the cases that follow from it."""
 
     records: RecordEstimates
     cases: CaseEstimates
@@ -190,13 +190,13 @@ def laplace_approximation(
     whitening: Whitening | None = None,
     priors: Priors = PRIORS,
 ) -> LaplaceApproximation:
-    """Return the Gaussian picture of a batch's records, and of the cases they repeat; noise as `estimate_records`."""
-    records = like_their_case(estimate_records(batch, noise, whitening), batch, factors, noise, whitening)
+    """Return the Laplace approximation of a batch's records and of their cases; noise as in `estimate_records`."""
+    records = with_traded_replaced(estimate_records(batch, noise, whitening), batch, factors, noise, whitening)
     return LaplaceApproximation(records, cases_of(records, factors, priors))
 
 
 def empty_approximation(records: int, factors: Factors) -> LaplaceApproximation:
-    """Return a picture of nothing, of the shapes that `laplace_approximation` gives."""
+    """Return zeros of the shapes that `laplace_approximation` gives, to compile for."""
     shapes = (records, 4), *[(records, 2, 2)] * 3, *[(records,)] * 3
     blank = RecordEstimates(*(jnp.asarray(np.zeros(shape)) for shape in shapes))
     cases, speeds = (
@@ -207,16 +207,16 @@ def empty_approximation(records: int, factors: Factors) -> LaplaceApproximation:
 
 
 def cases_of(records: RecordEstimates, factors: Factors, priors: Priors = PRIORS) -> CaseEstimates:
-    """Return what a picture of records says of their cases."""
+    """Return estimates of the cases from the approximation of their records."""
     # Of one parameter with the other held: near enough for coordinates.
     variance = 1.0 / np.diagonal(np.asarray(records.precision), axis1=1, axis2=2)
     return case_estimates(np.asarray(records.centre[:, 2:]), variance, factors, priors)
 
 
-def like_their_case(
+def with_traded_replaced(
     records: RecordEstimates, batch: Batch, factors: Factors, noise: str = "iid", whitening: Whitening | None = None
 ) -> RecordEstimates:
-    """Return the picture with records whose k and beta were traded drawn where the other records of their case lie.
+    """Return the approximation with records whose k and beta were traded redone at the beta of their case.
 
     What such a record's own optimum looks like says nothing of where the hierarchy will put it: coordinates that start
     there made every trajectory a thousand steps long.
@@ -232,9 +232,9 @@ def like_their_case(
     for record in np.flatnonzero(traded):
         alike = ~traded & (factors.of_record == factors.of_record[record])
         beta[record] = np.median(log_beta[alike if alike.any() else ~traded])
-    drawn = estimate_records(batch, noise, whitening, np.exp(beta))
+    redone = estimate_records(batch, noise, whitening, np.exp(beta))
 
     def choose(own: Array, other: Array) -> Array:
         return jnp.where(jnp.asarray(traded).reshape(-1, *[1] * (own.ndim - 1)), other, own)
 
-    return RecordEstimates(*(choose(own, other) for own, other in zip(records, drawn, strict=True)))
+    return RecordEstimates(*(choose(own, other) for own, other in zip(records, redone, strict=True)))

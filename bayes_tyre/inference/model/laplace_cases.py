@@ -1,4 +1,4 @@
-"""The Gaussian picture of the cases: what their records' estimates say of each, and how repeats scatter about it.
+"""Estimates of the cases from the Laplace approximation of their records, and of the standard deviation of repeats.
 
 It shapes the coordinates of `coordinates`, and never the posterior.
 """

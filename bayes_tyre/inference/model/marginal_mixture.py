@@ -62,7 +62,7 @@ def find_members(factors: Factors, kind: str) -> Members | None:
     return Members(records, present, place, np.array(list(product((False, True), repeat=most)), dtype=bool))
 
 
-class SummedOut(NamedTuple):
+class ChoicePosterior(NamedTuple):
     """What the values of a case's repeats leave open: its own value, and which of them are discordant.
 
     Attributes
@@ -70,7 +70,7 @@ class SummedOut(NamedTuple):
     log_choice:
         Log probability of each choice.
     mean, sd:
-        Of the logarithm of the case's value about what its words predict, given the choice.
+        Of the logarithm of the case's value about its linear predictor, given the choice.
     """
 
     log_choice: Float[Array, "choices cases"]
@@ -78,7 +78,7 @@ class SummedOut(NamedTuple):
     sd: Float[Array, "choices parameters cases"]
 
 
-def sum_out(
+def marginalise(
     deviation: Float[Array, "records parameters"],
     offset: Float[Array, "parameters cases"],
     scatter: Float[Array, "parameters cases"],
@@ -86,7 +86,7 @@ def sum_out(
     weight: Float[Array, ""],
     members: Members,
     widening: float = DISCORDANT_WIDENING,
-) -> SummedOut:
+) -> ChoicePosterior:
     """Return what the values of the repeats say of each choice with the case's value integrated out, and of that.
 
     Parameters
@@ -95,7 +95,7 @@ def sum_out(
         The logarithms of the records' values about a level of their case, and that level about what the case's words
         predict: apart, for scatter may be far smaller than what lies between the two.
     scatter, remainder:
-        Standard deviation of usual repeats about their case; and of cases about what their words predict, 0 where a
+        Standard deviation of usual repeats about their case; and of cases about their linear predictor, 0 where a
         case is no more than these.
     weight:
         Prior probability that a repeat is discordant.
@@ -126,10 +126,10 @@ def sum_out(
     prior = xlogy(discordant, weight) + xlog1py(usual, -weight)
     log_joint = jnp.sum(of_each, axis=1) + prior + (impossible - log_widening)
     variance = remainder**2 / gain
-    return SummedOut(log_joint - logsumexp(log_joint, axis=0), variance * precision * middle, jnp.sqrt(variance))
+    return ChoicePosterior(log_joint - logsumexp(log_joint, axis=0), variance * precision * middle, jnp.sqrt(variance))
 
 
-def chosen(found: SummedOut, discordant: Bool[Array, " records"], members: Members) -> Float[Array, " cases"]:
+def chosen(found: ChoicePosterior, discordant: Bool[Array, " records"], members: Members) -> Float[Array, " cases"]:
     """Return the log probability of the choice that calls just these records discordant, given the repeats' values."""
     here = jnp.asarray(members.present) & discordant[members.records]
     number = here @ 2 ** np.arange(here.shape[1])[::-1]  # choices count up as binary numbers do
@@ -137,9 +137,9 @@ def chosen(found: SummedOut, discordant: Bool[Array, " records"], members: Membe
 
 
 def draw_cases(
-    found: SummedOut, choosing: Float[Array, " cases"], z: Float[Array, "parameters cases"]
+    found: ChoicePosterior, choosing: Float[Array, " cases"], z: Float[Array, "parameters cases"]
 ) -> Float[Array, "parameters cases"]:
-    """Return the logarithms of the cases' values about what their words predict, drawn given the repeats'.
+    """Return the logarithms of the cases' values about their linear predictor, drawn given the repeats'.
 
     `choosing` and `z` are standard normals: one picks the choice, the others the values.
     """
@@ -149,7 +149,7 @@ def draw_cases(
     return mean + sd * z
 
 
-def outlier_probability(found: SummedOut, members: Members, factors: Factors) -> Float[Array, " records"]:
+def outlier_probability(found: ChoicePosterior, members: Members, factors: Factors) -> Float[Array, " records"]:
     """Return the probability that each record is discordant, given the values of all repeats of its case."""
     by_place = jnp.sum(jnp.exp(found.log_choice)[:, :, None] * members.choices[:, None, :], axis=0)
     return jax.lax.stop_gradient(by_place)[factors.of_record, members.place]

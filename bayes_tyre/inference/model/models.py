@@ -13,15 +13,21 @@ from jax.scipy.stats import norm
 from jaxtyping import Array, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
-from bayes_tyre.inference.model.case_effects import Hyperparameters, case_structure, flat, keep, placed
+from bayes_tyre.inference.model.case_effects import (
+    Hyperparameters,
+    deterministic,
+    linear_predictor,
+    sample_coordinates,
+    sample_reparameterised,
+)
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS, prior_sites, published_sites, sample_hyperparameters
 from bayes_tyre.inference.model.laplace import LaplaceApproximation, RecordEstimates
 from bayes_tyre.inference.model.likelihood import Likelihood
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.model.record_effects import records_about_cases
-from bayes_tyre.inference.model.reparameterisation import Gaussian, Placed, place_few
+from bayes_tyre.inference.model.record_effects import sample_repeats
+from bayes_tyre.inference.model.reparameterisation import Gaussian, Reparameterised, reparameterise_few
 from bayes_tyre.inference.record_data import RecordData
 
 #: What the noise of a record is like.
@@ -29,19 +35,25 @@ NOISE = ("iid", "ar1")
 
 
 def _record_level(
-    picture: LaplaceApproximation, factors: Factors, repeats: str, hyperparameters: Hyperparameters, priors: Priors
+    approximation: LaplaceApproximation,
+    factors: Factors,
+    repeats: str,
+    hyperparameters: Hyperparameters,
+    priors: Priors,
 ) -> Float[Array, "records 4"]:
     """Return each record's (F_i, J, log k, log beta), with the density of the last two about their case."""
-    estimates = picture.records
+    estimates = approximation.records
 
-    def place(above: Float[Array, "records 2"], scale: Float[Array, "records 2"]) -> Placed:
-        return place_few(flat("shape_z", above.shape), estimates.centre[:, 2:], estimates.precision, above, scale)
+    def reparameterise(above: Float[Array, "records 2"], scale: Float[Array, "records 2"]) -> Reparameterised:
+        return reparameterise_few(
+            sample_coordinates("shape_z", above.shape), estimates.centre[:, 2:], estimates.precision, above, scale
+        )
 
-    pair, _ = records_about_cases(place, factors, picture.cases, repeats, hyperparameters, priors=priors)
+    pair, _ = sample_repeats(reparameterise, factors, approximation.cases, repeats, hyperparameters, priors=priors)
     numpyro.factor("shape_volume", pair.log_volume)
     centre = estimates.centre
     deviation = jnp.einsum("rij,rj->ri", estimates.slope, pair.value - centre[:, 2:])
-    coordinates = flat("level_z", deviation.shape)
+    coordinates = sample_coordinates("level_z", deviation.shape)
     level = centre[:, :2] + deviation + jnp.einsum("rij,rj->ri", estimates.factor, coordinates)
     return jnp.concatenate([level, pair.value], axis=1)
 
@@ -49,30 +61,31 @@ def _record_level(
 def _about_typical(
     name: str, estimate: Gaussian, spread: str, hyperparameters: Hyperparameters, priors: Priors
 ) -> tuple[Float[Array, " records"], Float[Array, ""]]:
-    """Return a number of each record's noise, normally spread about a typical one, and that.
+    """Sample a noise parameter of each record, normal about a typical value, and return both.
 
-    The typical one, too, is placed where its records' estimates put it: the wider their spread, the less they say of
-    it, and a step made for the narrow part of that funnel diverges in the wide one. One record alone is typical.
+    The typical value follows its records' estimates too: the larger their standard deviation, the less they determine
+    it, and a step size made for the narrow part of that funnel diverges in the wide part. A record by itself has the
+    typical value.
     """
     prior = priors[name]
     if len(estimate.value) == 1:
-        alone = placed(name, estimate, *prior.parameters)
+        alone = sample_reparameterised(name, estimate, *prior.parameters)
         return alone, alone[0]
     weight = 1.0 / (hyperparameters[spread] ** 2 + 1.0 / estimate.precision)
     total = jnp.sum(weight)
-    told = Gaussian(jnp.reshape(jnp.sum(weight * estimate.value) / total, (1,)), jnp.reshape(total, (1,)))
-    typical = placed(name, told, *prior.parameters)[0]
-    return placed(f"{name}_records", estimate, typical, hyperparameters[spread]), typical
+    information = Gaussian(jnp.reshape(jnp.sum(weight * estimate.value) / total, (1,)), jnp.reshape(total, (1,)))
+    typical = sample_reparameterised(name, information, *prior.parameters)[0]
+    return sample_reparameterised(f"{name}_records", estimate, typical, hyperparameters[spread]), typical
 
 
 def _autocorrelation(
     estimates: RecordEstimates, hyperparameters: Hyperparameters, priors: Priors
 ) -> Float[Array, " records"]:
     """Return rho of each record's noise, partially pooled."""
-    told = Gaussian(jnp.arctanh(estimates.rho), estimates.points * (1.0 - estimates.rho**2))
-    value, typical = _about_typical("atanh_rho_typical", told, "sd_atanh_rho", hyperparameters, priors)
-    keep("atanh_rho_typical", typical)
-    return keep("rho", jnp.tanh(value))
+    information = Gaussian(jnp.arctanh(estimates.rho), estimates.points * (1.0 - estimates.rho**2))
+    value, typical = _about_typical("atanh_rho_typical", information, "sd_atanh_rho", hyperparameters, priors)
+    deterministic("atanh_rho_typical", typical)
+    return deterministic("rho", jnp.tanh(value))
 
 
 def _noise(
@@ -81,18 +94,18 @@ def _noise(
     """Return sigma (kN) of each record, partially pooled."""
     value = estimates.log_sigma
     if rho is not None:
-        # What is new in each point is known whatever rho is; sigma then follows rho.
+        # The innovations are determined whatever rho is, so sigma follows rho.
         value = value + 0.5 * (jnp.log1p(-(estimates.rho**2)) - jnp.log1p(-(rho**2)))
-    told = Gaussian(value, 2.0 * estimates.points)
-    value, typical = _about_typical("sigma_typical", told, "sd_log_sigma", hyperparameters, priors)
-    keep("sigma_typical", jnp.exp(typical))
-    return keep("sigma", jnp.exp(value))
+    information = Gaussian(value, 2.0 * estimates.points)
+    value, typical = _about_typical("sigma_typical", information, "sd_log_sigma", hyperparameters, priors)
+    deterministic("sigma_typical", jnp.exp(typical))
+    return deterministic("sigma", jnp.exp(value))
 
 
 def records_model(
     likelihood: Likelihood,
     data: RecordData,
-    picture: LaplaceApproximation,
+    approximation: LaplaceApproximation,
     factors: Factors,
     *,
     repeats: str = "mixture",
@@ -107,8 +120,8 @@ def records_model(
         Of the records' forces.
     data:
         The records as measured: where each starts.
-    picture:
-        Their Gaussian picture, which shapes the coordinates and leaves the posterior as it is.
+    approximation:
+        Their Laplace approximation, which shapes the coordinates and leaves the posterior as it is.
     factors:
         Cases and how they group.
     repeats:
@@ -119,14 +132,14 @@ def records_model(
         Of the hyperparameters.
     """
     hyperparameters = sample_hyperparameters(prior_sites(factors, repeats, noise), priors)
-    theta = _record_level(picture, factors, repeats, hyperparameters, priors)
+    theta = _record_level(approximation, factors, repeats, hyperparameters, priors)
     F_i, J, log_k, log_beta = theta.T
     numpyro.factor("F_i_prior", norm.logpdf(F_i, data.F_0, data.span))
     numpyro.factor("J_prior", norm.logpdf(J, 0.0, hyperparameters["sd_J"]))
-    rho = _autocorrelation(picture.records, hyperparameters, priors) if noise == "ar1" else None
-    numpyro.factor("force", likelihood(theta, _noise(picture.records, rho, hyperparameters, priors), rho))
+    rho = _autocorrelation(approximation.records, hyperparameters, priors) if noise == "ar1" else None
+    numpyro.factor("force", likelihood(theta, _noise(approximation.records, rho, hyperparameters, priors), rho))
 
-    k = keep("k", jnp.exp(log_k))
+    k = deterministic("k", jnp.exp(log_k))
     numpyro.deterministic("beta", jnp.exp(log_beta))
     numpyro.deterministic("J", J)
     numpyro.deterministic("F_i", F_i)
@@ -139,7 +152,7 @@ def published_model(
     """Model printed case means, one a case, such as Tables 9 and 11.
 
     One value a case cannot tell the scatter of repeats from the case's remainder: both are one term, and
-    `k_case`, `beta_case` are the value to expect in print for a case with these words. The ratio of two
+    `k_case`, `beta_case` are the value to expect in print for a case with these factors. The ratio of two
     configurations is therefore the same in every case of a direction.
 
     Parameters
@@ -155,8 +168,8 @@ def published_model(
     printed = jnp.log(jnp.stack([jnp.asarray(values[parameter]) for parameter in PARAMETERS]))
     scatter = jnp.stack([hyperparameters[f"sd_log_{parameter}_published"] for parameter in PARAMETERS])[:, None]
     known = Gaussian(printed, jnp.broadcast_to(scatter**-2.0, printed.shape))
-    mean = case_structure(factors, known, hyperparameters, priors=priors)
+    mean = linear_predictor(factors, known, hyperparameters, priors=priors)
     for parameter, expected in zip(PARAMETERS, jnp.exp(mean + 0.5 * scatter**2), strict=True):
         # The mean of a log-normal number, not its median: printed averages over cases are to be met by averages.
-        keep(f"{parameter}_case", expected)
+        deterministic(f"{parameter}_case", expected)
     numpyro.sample("log_published", dist.Normal(mean, scatter), obs=printed)

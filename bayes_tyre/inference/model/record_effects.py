@@ -1,9 +1,11 @@
-"""Records about their cases: how both are placed, and how the records scatter as repeats of one case.
+"""Records as repeats of cases: their joint density, and the coordinates in which records and cases are sampled.
 
-A case's value is integrated out and its odd repeats are summed out (`summed_out`) where that can be done. In its place
-stands the value that the case would have if just those repeats were discordant that look it. Given that choice all is
-normal: records that by themselves say little are placed about what they share, and no odd repeat makes two modes. The
-density is then put right from that one choice to all of them, and the case itself is drawn beside.
+Where a closed form exists (`marginal_mixture`) the case is integrated out and the choice of discordant repeats is
+summed out. The sampler then needs coordinates for the records alone. They are built from an auxiliary value of the
+case, given one fixed choice: the repeats that look discordant by their estimates. Given that choice everything is
+normal, so weakly identified records follow what their case shares, and no discordant repeat makes a second mode. A
+correction factor turns the density under that choice into the density under all choices, and the case itself is drawn
+from its conditional.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,11 +17,11 @@ from jaxtyping import Array, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
 from bayes_tyre.inference.model.case_effects import (
-    AboutWords,
+    CaseDistribution,
     Hyperparameters,
-    about_words,
-    keep,
-    keep_cases,
+    case_distribution,
+    deterministic,
+    record_cases,
     sample_cases,
 )
 from bayes_tyre.inference.model.default_priors import PRIORS
@@ -27,83 +29,89 @@ from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS
 from bayes_tyre.inference.model.laplace_cases import CaseEstimates
 from bayes_tyre.inference.model.marginal_mixture import (
+    ChoicePosterior,
     Members,
-    SummedOut,
     chosen,
     draw_cases,
     find_members,
+    marginalise,
     outlier_probability,
-    sum_out,
 )
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.model.reparameterisation import Placed
-from bayes_tyre.inference.model.repeat_distribution import judgeable, repeats_about_cases
+from bayes_tyre.inference.model.reparameterisation import Reparameterised
+from bayes_tyre.inference.model.repeat_distribution import add_repeat_density, judgeable
 
-# What places the records' logarithms, given the level that each lies about and its standard deviation there.
-Place = Callable[[Float[Array, "records parameters"], Float[Array, "records parameters"]], Placed]
+# Samples the records' logarithms, given the mean and the standard deviation of each about its case.
+Reparameterise = Callable[[Float[Array, "records parameters"], Float[Array, "records parameters"]], Reparameterised]
 
 
-def records_about_cases(
-    place: Place,
+def sample_repeats(
+    reparameterise: Reparameterise,
     factors: Factors,
     estimates: CaseEstimates,
     repeats: str,
     hyperparameters: Hyperparameters,
     parameters: Sequence[str] = PARAMETERS,
     priors: Priors = PRIORS,
-) -> tuple[Placed, Float[Array, "parameters cases"]]:
-    """Return the logarithms of the records' values and of their cases', with the density of all but the placing.
+) -> tuple[Reparameterised, Float[Array, "parameters cases"]]:
+    """Sample the logarithms of the records' values and of their cases' values, and add their joint density.
+
+    The density of the change of variables itself (`Reparameterised.log_volume`) is left to the caller.
 
     Parameters
     ----------
-    place:
-        Called once; what it returns has the records along its first axis.
+    reparameterise:
+        Samples the records' logarithms; called once, records along the first axis of what it returns.
     factors:
         Cases and how they group.
     estimates:
-        What the records say of their cases; it shapes the coordinates and leaves the posterior as it is.
+        Estimates of the cases from their records; they shape the coordinates and leave the posterior as it is.
     repeats:
         One of `bayes_tyre.inference.model.repeat_distribution.REPEATS`.
-    populations, parameters:
-        What was sampled of the priors, and of which parameters cases and records are.
+    hyperparameters, parameters:
+        Sampled values by name, and the parameters that a case has.
+    priors:
+        For the widening of discordant repeats and the priors of group means.
     """
     kind = judgeable(repeats, factors)
     members = find_members(factors, kind)
-    about = about_words(factors, estimates, hyperparameters, parameters, priors)
+    about = case_distribution(factors, estimates, hyperparameters, parameters, priors)
     widening = priors.discordant_widening
     scale = about.scatter.T[factors.of_record]
     if members is None:
         cases = sample_cases("case", about)
-        records = place(cases.T[factors.of_record], scale)
-        repeats_about_cases(records.deviation, scale, kind, hyperparameters, widening)
+        records = reparameterise(cases.T[factors.of_record], scale)
+        add_repeat_density(records.deviation, scale, kind, hyperparameters, widening)
     else:
-        stand_in = sample_cases("stand_in", about)
+        case_given_choice = sample_cases("stand_in", about)
         scale = jnp.where(estimates.discordant[:, None], widening, 1.0) * scale
-        records = place(stand_in.T[factors.of_record], scale)
+        records = reparameterise(case_given_choice.T[factors.of_record], scale)
         numpyro.factor("repeats", norm.logpdf(records.deviation, 0.0, scale))
         weight = hyperparameters["discordant_weight"]
-        offset = stand_in - about.factor_table
-        found = sum_out(records.deviation, offset, about.scatter, about.remainder, weight, members, widening)
-        _put_right(found, estimates, weight, members)
-        keep("outlier_probability", outlier_probability(found, members, factors))
-        cases = _drawn(found, about)
-    keep_cases(parameters, cases)
+        offset = case_given_choice - about.mean
+        found = marginalise(records.deviation, offset, about.scatter, about.remainder, weight, members, widening)
+        _correct_for_other_choices(found, estimates, weight, members)
+        deterministic("outlier_probability", outlier_probability(found, members, factors))
+        cases = _draw_cases(found, about)
+    record_cases(parameters, cases)
     return records, cases
 
 
-def _put_right(found: SummedOut, estimates: CaseEstimates, weight: Array, members: Members) -> None:
-    """Add what the density of all choices together is above that of the one that the stand-ins were sampled with."""
+def _correct_for_other_choices(
+    found: ChoicePosterior, estimates: CaseEstimates, weight: Array, members: Members
+) -> None:
+    """Add the log ratio of the density under all choices to that under the one choice that shaped the coordinates."""
     one_choice = chosen(found, estimates.discordant, members)
     prior = jnp.where(estimates.discordant, jnp.log(weight), jnp.log1p(-weight))
     numpyro.factor("other_choices", jnp.sum(prior) - jnp.sum(one_choice))
 
 
-def _drawn(found: SummedOut, about: AboutWords) -> Float[Array, "parameters cases"]:
-    """Sample the cases themselves; one without a remainder is what its words predict."""
+def _draw_cases(found: ChoicePosterior, about: CaseDistribution) -> Float[Array, "parameters cases"]:
+    """Sample the cases from their conditional; a case without a remainder equals its linear predictor."""
     if not about.has_remainder:
-        return about.factor_table
+        return about.mean
     choosing, z = (
         jnp.asarray(numpyro.sample(name, dist.Normal(0.0, 1.0).expand(shape).to_event()))
-        for name, shape in (("choice_z", about.factor_table.shape[1:]), ("case_z", about.factor_table.shape))
+        for name, shape in (("choice_z", about.mean.shape[1:]), ("case_z", about.mean.shape))
     )
-    return about.factor_table + draw_cases(found, choosing, z)
+    return about.mean + draw_cases(found, choosing, z)

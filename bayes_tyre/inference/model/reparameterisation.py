@@ -25,7 +25,7 @@ class Gaussian(NamedTuple):
     precision: Float[Array, "*batch units"]
 
 
-class Placed(NamedTuple):
+class Reparameterised(NamedTuple):
     """Unknowns placed from standard coordinates.
 
     Attributes
@@ -43,9 +43,9 @@ class Placed(NamedTuple):
     log_volume: Float[Array, "..."]
 
 
-def place(
+def reparameterise(
     z: Float[Array, "*units"], estimate: Gaussian, above: Float[Array, "*#units"], scale: Float[Array, "*#units"]
-) -> Placed:
+) -> Reparameterised:
     """Return scalar unknowns at z, given a Gaussian estimate below and a normal level above.
 
     If the data were as Gaussian as `estimate` says and the level above is Normal(above, scale), the posterior of z
@@ -55,16 +55,16 @@ def place(
     # Precision of the unknown in units of the level above: what the data add to 1.
     gain = 1.0 + precision * scale**2
     deviation = scale * (scale * precision * (value - above) / gain + z / jnp.sqrt(gain))
-    return Placed(above + deviation, deviation, jnp.log(scale) - 0.5 * jnp.log(gain))
+    return Reparameterised(above + deviation, deviation, jnp.log(scale) - 0.5 * jnp.log(gain))
 
 
-def place_few(
+def reparameterise_few(
     z: Float[Array, "units n"],
     estimate: Float[Array, "units n"],
     precision: Float[Array, "units n n"],
     above: Float[Array, "units n"],
     scale: Float[Array, "units n"],
-) -> Placed:
+) -> Reparameterised:
     """Return a few unknowns of each unit at z, as `place` does for scalars.
 
     Parameters
@@ -76,26 +76,26 @@ def place_few(
     above, scale:
         The level above: Normal(above, scale), each by itself.
     """
-    return _place_by_pull(z, jnp.einsum("uij,uj->ui", precision, estimate - above), precision, above, scale)
+    return _reparameterise_by_pull(z, jnp.einsum("uij,uj->ui", precision, estimate - above), precision, above, scale)
 
 
-def place_whitened(
+def reparameterise_whitened(
     z: Float[Array, "units n"],
     rows: Float[Array, "units n n"],
     target: Float[Array, "units n"],
     above: Float[Array, "units n"],
     scale: Float[Array, "units n"],
-) -> Placed:
-    """Return a few unknowns of each unit at z, as `place_few`, where rows @ unknowns estimate independent numbers.
+) -> Reparameterised:
+    """Return a few unknowns of each unit at z, as `reparameterise_few`, for whitened estimates: rows @ unknowns.
 
     Their standard deviations are 1; a row of zeros says nothing.
     """
     off = target - jnp.einsum("uij,uj->ui", rows, above)
     pull, precision = jnp.einsum("uij,ui->uj", rows, off), jnp.einsum("uij,uik->ujk", rows, rows)
-    return _place_by_pull(z, pull, precision, above, scale)
+    return _reparameterise_by_pull(z, pull, precision, above, scale)
 
 
-def _place_by_pull(z: Array, pull: Array, precision: Array, above: Array, scale: Array) -> Placed:
+def _reparameterise_by_pull(z: Array, pull: Array, precision: Array, above: Array, scale: Array) -> Reparameterised:
     """Return unknowns that the data pull from the level above; Cholesky's factor and both its solves are written out.
 
     LAPACK would be called once a unit.
@@ -117,16 +117,16 @@ def _place_by_pull(z: Array, pull: Array, precision: Array, above: Array, scale:
         own.append((half[i] + z[:, i] - behind) / root[i][i])
     deviation = scale * jnp.stack(own[::-1], axis=1)
     log_volume = jnp.sum(jnp.log(scale), axis=1) - jnp.log(math.prod(root[i][i] for i in range(count)))
-    return Placed(above + deviation, deviation, log_volume)
+    return Reparameterised(above + deviation, deviation, log_volume)
 
 
-def place_jointly(
+def reparameterise_jointly(
     z: Float[Array, "*batch terms"],
     design: Float[ArrayLike, "*batch units terms"],
     estimate: Gaussian,
     above: Float[ArrayLike, "*batch terms"],
     scale: Float[Array, "*batch terms"],
-) -> Placed:
+) -> Reparameterised:
     """Return the terms of a regression at z: `estimate` is of design @ terms, and each term is Normal(above, scale).
 
     If the data were as Gaussian as `estimate` says, the posterior of z is exactly standard normal, whatever the scales
@@ -142,4 +142,4 @@ def place_jointly(
     half = solve_triangular(root, pull[..., None], lower=True)
     deviation = scale * solve_triangular(root, half + z[..., None], lower=True, trans=1)[..., 0]
     log_volume = jnp.sum(jnp.log(scale), axis=-1) - jnp.sum(jnp.log(jnp.diagonal(root, axis1=-2, axis2=-1)), axis=-1)
-    return Placed(above + deviation, deviation, log_volume)
+    return Reparameterised(above + deviation, deviation, log_volume)

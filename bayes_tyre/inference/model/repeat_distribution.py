@@ -22,7 +22,7 @@ def judgeable(kind: str, factors: Factors) -> str:
     return kind if factors.repeats.max() >= JUDGEABLE_REPEATS else "normal"
 
 
-class AboutCases(NamedTuple):
+class RepeatDensity(NamedTuple):
     """How the records lie about their cases: log density of each, and the probability that it is discordant.
 
     The probability is None where repeats are not a mixture.
@@ -32,13 +32,13 @@ class AboutCases(NamedTuple):
     discordant: Float[Array, " records"] | None = None
 
 
-def about_cases(
+def repeat_density(
     deviation: Float[Array, "records parameters"],
     scatter: Float[Array, "records parameters"],
     kind: str,
     hyperparameters: Hyperparameters,
     widening: float = DISCORDANT_WIDENING,
-) -> AboutCases:
+) -> RepeatDensity:
     """Return the density of the logarithms of the records' parameters about their cases.
 
     Of a mixture the discordant records scatter more widely, and the indicator of each is summed out. Of a Student-t all
@@ -49,29 +49,29 @@ def about_cases(
         return norm.logpdf(deviation, 0.0, widening * scatter).sum(axis=1)
 
     if kind == "normal":
-        return AboutCases(normal(1.0))
+        return RepeatDensity(normal(1.0))
     if kind == "student":
         nu, half = hyperparameters["student_nu"], 0.5 * scatter.shape[1]
         # A t on independent axes: a normal whose variance is nu over a chi-squared number of nu degrees.
         squares = jnp.sum((deviation / scatter) ** 2, axis=1)
         volume = gammaln(0.5 * nu + half) - gammaln(0.5 * nu) - half * jnp.log(nu * jnp.pi)
         volume = volume - jnp.sum(jnp.log(scatter), axis=1)
-        return AboutCases(volume - (0.5 * nu + half) * jnp.log1p(squares / nu))
+        return RepeatDensity(volume - (0.5 * nu + half) * jnp.log1p(squares / nu))
     weight = hyperparameters["discordant_weight"]
     usual = jnp.log1p(-weight) + normal(1.0)
     discordant = jnp.log(weight) + normal(widening)
-    return AboutCases(jnp.logaddexp(usual, discordant), jax.nn.sigmoid(discordant - usual))
+    return RepeatDensity(jnp.logaddexp(usual, discordant), jax.nn.sigmoid(discordant - usual))
 
 
-def repeats_about_cases(
+def add_repeat_density(
     deviation: Float[Array, "records parameters"],
     scatter: Float[Array, "records parameters"],
     kind: str,
     hyperparameters: Hyperparameters,
     widening: float = DISCORDANT_WIDENING,
 ) -> None:
-    """Add `about_cases` to a model; keep the probability that each record is discordant where there is one."""
-    found = about_cases(deviation, scatter, kind, hyperparameters, widening)
+    """Add `repeat_density` to a model; keep the probability that each record is discordant where there is one."""
+    found = repeat_density(deviation, scatter, kind, hyperparameters, widening)
     numpyro.factor("repeats", found.log_density)
     if found.discordant is not None:
         numpyro.deterministic("outlier_probability", found.discordant)

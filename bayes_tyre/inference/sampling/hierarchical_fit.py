@@ -40,7 +40,7 @@ LIKELIHOODS = ("compressed", "direct")
 
 @dataclass(frozen=True)
 class ModelSettings:
-    """What the hierarchical model of records is told beside the records.
+    """Options of the hierarchical model of records.
 
     Attributes
     ----------
@@ -144,7 +144,7 @@ def fit_hierarchical(
     settings:
         How much to sample.
     model:
-        What else the model is told.
+        Options of the model.
 
     Returns
     -------
@@ -167,7 +167,7 @@ def fit_hierarchical(
 
 
 def batch_and_factors(table: pd.DataFrame, model: ModelSettings) -> tuple[Batch, pd.DataFrame, Factors]:
-    """Return the records of a checked table as the model is told to take them, their words, and the levels in these.
+    """Return the records that a model uses of a checked table, and their factors as a table and as index arrays.
 
     Raises
     ------
@@ -199,8 +199,8 @@ def fit_batch(
     whitening, data = whitening_for(batch, model), record_data(batch)
     likelihood, sites = likelihood_of(data, model, whitening), prior_sites(factors, model.repeats, model.noise)
 
-    def arguments(picture: LaplaceApproximation) -> dict[str, Any]:
-        of_records = {"likelihood": likelihood, "data": data, "picture": picture}
+    def arguments(approximation: LaplaceApproximation) -> dict[str, Any]:
+        of_records = {"likelihood": likelihood, "data": data, "approximation": approximation}
         return {
             **of_records,
             "factors": factors,
@@ -217,10 +217,11 @@ def fit_batch(
             hyperparameter_starts(sites, model.priors.medians(), model.priors),
         )
         chains = Chains(records_model, blank, settings.chains, settings.warmup, medians)
-        picture = drawing.result()
+        approximation = drawing.result()
     draws = run(
         chains.given(
-            arguments(picture), hyperparameter_starts(sites, _starts(picture.records, model.priors), model.priors)
+            arguments(approximation),
+            hyperparameter_starts(sites, _starts(approximation.records, model.priors), model.priors),
         ),
         settings,
     )
@@ -235,7 +236,7 @@ def whitening_for(batch: Batch, model: ModelSettings) -> Whitening | None:
 
 
 def likelihood_of(data: RecordData, model: ModelSettings, whitening: Whitening | None) -> Likelihood:
-    """Return the likelihood of the records that a model is told to use."""
+    """Return the likelihood of the records that a model uses."""
     if model.likelihood == "direct":
         return DirectLikelihood(data, whitening)
     return compress(data, neighbours=model.noise == "ar1", whitening=whitening)

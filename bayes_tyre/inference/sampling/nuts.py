@@ -28,10 +28,10 @@ from bayes_tyre.inference.sampling.parameter_vector import DENSE, Blocks
 #: Iterations in a call, at most: between two calls a run can be watched, saved and continued.
 CHUNK = 100
 #: About the best of Hoffman and Gelman (2014, The No-U-Turn Sampler). Stan and NumPyro take 0.8 for models with necks;
-#: in the coordinates of `coordinates` and `half_normal` none is left that would need shorter steps.
+#: in the coordinates of `reparameterisation` and `half_normal` none is left that would need shorter steps.
 TARGET_ACCEPTANCE = 0.65
-#: For motions. A single one's valley bends, and its neighbours in a hierarchy of few: with longer steps one trajectory
-#: of a few thousand diverged.
+#: For motions, whose posteriors bend, one by itself and a few in a hierarchy: with longer steps one trajectory of a
+#: few thousand diverged.
 CAREFUL_ACCEPTANCE = 0.8
 #: Standard deviation of the starts' logarithm about the values given; half the range, unconstrained, of the others.
 START_SPREAD, START_RADIUS = 0.2, 0.5

@@ -41,7 +41,7 @@ _NAMED = 3
 
 @dataclass(frozen=True)
 class MotionPlan:
-    """What `motion` is told.
+    """How to fit motions.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class MotionPlan:
     law:
         Name of the force law.
     amplitude_mm:
-        Half the stroke at the wheel centre of the cycle whose losses are told.
+        Half the stroke at the wheel centre of the cycle whose losses are reported.
     repeats:
         How repeats scatter about their case.
     interval:
@@ -74,10 +74,10 @@ class MotionPlan:
     @property
     def options(self) -> dict[str, object]:
         """What `run.json` says of it, beside the seed and the inputs."""
-        told = {"rig": self.rig, "cases": None if self.cases is None else str(self.cases), "law": self.law}
+        sources = {"rig": self.rig, "cases": None if self.cases is None else str(self.cases), "law": self.law}
         return {
             **sampler_options(self.sampler),
-            **told,
+            **sources,
             "priors": self.priors.given(),
             **{"amplitude_mm": self.amplitude_mm, "repeats": self.repeats, "interval": self.interval},
         }
@@ -164,7 +164,7 @@ def fit_estimates(
     Parameters
     ----------
     estimated, plan:
-        As `estimate_files` gives them, and what it was told.
+        As `estimate_files` gives them, and the plan that it took.
     out, command, callbacks, resume:
         As `bayes_tyre.workflow.fit.fit_table` has them.
 

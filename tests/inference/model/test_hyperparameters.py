@@ -75,9 +75,9 @@ def used(monkeypatch) -> list[Used]:
 def test_the_model_of_records_uses_every_prior_that_it_samples(plan, used):
     table, _ = simulate(PLANS[plan], 1)
     batch, factors = record_batch(table), levels_of(plan)
-    data, picture = record_data(batch), laplace_approximation(batch, factors)
+    data, approximation = record_data(batch), laplace_approximation(batch, factors)
     model, likelihood = bare(models.records_model), compress(data)
-    sites = trace(model).get_trace(likelihood, data, picture, factors)
+    sites = trace(model).get_trace(likelihood, data, approximation, factors)
     assert used[-1].names == set(used[-1]) == at_the_top(prior_sites(factors))
     assert set(prior_sites(factors)) <= set(sites)
     assert len(prior_sites(factors)) == len(set(prior_sites(factors)))

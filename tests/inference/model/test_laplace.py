@@ -9,7 +9,7 @@ from helpers.simulated_records import Plan, simulate
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.model.laplace import empty_approximation, estimate_records, laplace_approximation
 from bayes_tyre.inference.model.likelihood import DirectLikelihood
-from bayes_tyre.inference.model.reparameterisation import place_few
+from bayes_tyre.inference.model.reparameterisation import reparameterise_few
 from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_factors, record_batch
 from bayes_tyre.record_table import check_record_table
@@ -21,19 +21,21 @@ pytestmark = pytest.mark.slow
 def test_the_likelihood_is_standard_normal_in_the_picture_of_long_records():
     table, _ = simulate(Plan(("x",), (0.0,), (20.0,), points=1000, noise_kN=0.005), seed=4)
     batch = record_batch(check_record_table(table))
-    picture, direct = estimate_records(batch), DirectLikelihood(record_data(batch))
+    approximation, direct = estimate_records(batch), DirectLikelihood(record_data(batch))
     rng = np.random.default_rng(0)
-    wide = jnp.full_like(picture.centre[:, 2:], 1e6)
+    wide = jnp.full_like(approximation.centre[:, 2:], 1e6)
 
     def log_density(z):
-        pair = place_few(z[:, 2:], picture.centre[:, 2:], picture.precision, jnp.zeros_like(wide), wide).value
-        deviation = jnp.einsum("rij,rj->ri", picture.slope, pair - picture.centre[:, 2:])
-        level = picture.centre[:, :2] + deviation + jnp.einsum("rij,rj->ri", picture.factor, z[:, :2])
-        return direct(jnp.concatenate([level, pair], axis=1), jnp.exp(picture.log_sigma))
+        pair = reparameterise_few(
+            z[:, 2:], approximation.centre[:, 2:], approximation.precision, jnp.zeros_like(wide), wide
+        ).value
+        deviation = jnp.einsum("rij,rj->ri", approximation.slope, pair - approximation.centre[:, 2:])
+        level = approximation.centre[:, :2] + deviation + jnp.einsum("rij,rj->ri", approximation.factor, z[:, :2])
+        return direct(jnp.concatenate([level, pair], axis=1), jnp.exp(approximation.log_sigma))
 
-    peak = log_density(jnp.zeros_like(picture.centre))
+    peak = log_density(jnp.zeros_like(approximation.centre))
     for _ in range(20):
-        z = jnp.asarray(rng.normal(size=picture.centre.shape))
+        z = jnp.asarray(rng.normal(size=approximation.centre.shape))
         expected = -0.5 * jnp.sum(z**2, axis=1)
         # Curvature of beta and the floor under the information leave some per cent.
         np.testing.assert_allclose(log_density(z) - peak, expected, rtol=0.15, atol=0.05)
@@ -44,20 +46,20 @@ def test_a_record_that_leaves_beta_open_gets_a_finite_picture():
     table, _ = simulate(Plan(("x",), (0.0,), (20.0,), (5.0,), repeats=1, points=40), seed=1)
     # A straight line: no beta in it, and no offset.
     table["displacement_mm"], table["force_kN"] = d, 1.7 * d + np.random.default_rng(0).normal(0, 0.02, 40)
-    picture = estimate_records(record_batch(check_record_table(table)))
-    for figures in picture:
+    approximation = estimate_records(record_batch(check_record_table(table)))
+    for figures in approximation:
         assert bool(jnp.all(jnp.isfinite(figures)))
-    assert float(jnp.linalg.det(picture.precision[0])) > 0.0
+    assert float(jnp.linalg.det(approximation.precision[0])) > 0.0
 
 
 def test_an_offset_that_pulls_against_the_line_is_in_the_picture():
     """It may be larger than any change of force; cut to that, the sampler found it thousands of widths away."""
     u = 5.0 * np.linspace(0.0, 1.0, 40) ** 2
     force = 20.0 + (-7.0 + 1.8 * u) * -np.expm1(-u / 0.2) + np.random.default_rng(2).normal(0, 0.005, 40)
-    picture = estimate_records(Batch(("x",), 10.0 + u[None], force[None], np.ones((1, 40), dtype=bool)))
+    approximation = estimate_records(Batch(("x",), 10.0 + u[None], force[None], np.ones((1, 40), dtype=bool)))
     assert np.abs(force - force[0]).max() < 6.0
     # Errors of F_i and J are some 0.003 kN: 0.02 is beyond 6 of them.
-    np.testing.assert_allclose(picture.centre[0, :2], [20.0, -7.0], rtol=0, atol=0.02)
+    np.testing.assert_allclose(approximation.centre[0, :2], [20.0, -7.0], rtol=0, atol=0.02)
 
 
 def test_a_blank_picture_has_the_shapes_of_a_drawn_one():

@@ -34,11 +34,11 @@ def records() -> tuple[DirectLikelihood, CompressedLikelihood, RecordEstimates]:
 @pytest.fixture(scope="module", params=["autoregressive", "smoothed"])
 def correlated(request, records) -> tuple[DirectLikelihood, CompressedLikelihood, RecordEstimates, float | None]:
     """Return both likelihoods under noise that is not independent, the picture, and rho where there is one."""
-    direct, _, picture = records
+    direct, _, approximation = records
     if request.param == "autoregressive":
-        return direct, compress(direct.data, neighbours=True), picture, 0.7
+        return direct, compress(direct.data, neighbours=True), approximation, 0.7
     whitening = smoothed_noise(direct.data.u.shape[1], 20)
-    return DirectLikelihood(direct.data, whitening), compress(direct.data, whitening=whitening), picture, None
+    return DirectLikelihood(direct.data, whitening), compress(direct.data, whitening=whitening), approximation, None
 
 
 def prior_beta(quantile_sd: float) -> float:
@@ -53,22 +53,22 @@ def prior_beta(quantile_sd: float) -> float:
     off=st.lists(st.floats(-30.0, 30.0), min_size=3, max_size=3),
 )
 def test_values_agree_to_1e_5_over_the_range_of_the_prior(records, where, sigma_factor, off):
-    direct, compressed, picture = records
+    direct, compressed, approximation = records
     # Off by up to 30 standard deviations of the record's own estimate in F_i, J and k, beta over the prior.
-    level = picture.centre[:, :2] + jnp.einsum("rij,j->ri", picture.factor, jnp.asarray(off[:2]))
-    log_k = picture.log_k + off[2] / jnp.sqrt(picture.precision[:, 0, 0])
+    level = approximation.centre[:, :2] + jnp.einsum("rij,j->ri", approximation.factor, jnp.asarray(off[:2]))
+    log_k = approximation.log_k + off[2] / jnp.sqrt(approximation.precision[:, 0, 0])
     log_beta = jnp.full_like(log_k, prior_beta(where))
     theta = jnp.concatenate([level, log_k[:, None], log_beta[:, None]], axis=1)
-    sigma = jnp.exp(picture.log_sigma) * sigma_factor
+    sigma = jnp.exp(approximation.log_sigma) * sigma_factor
     difference = compressed(theta, sigma) - direct(theta, sigma)
     assert float(jnp.max(jnp.abs(difference))) < 1e-5
 
 
 def test_gradients_agree_to_1e_6_of_their_size(records):
-    direct, compressed, picture = records
+    direct, compressed, approximation = records
     for where in np.linspace(-3.0, 3.0, 25):
-        theta = picture.centre.at[:, 3].set(prior_beta(float(where)))
-        sigma = jnp.exp(picture.log_sigma)
+        theta = approximation.centre.at[:, 3].set(prior_beta(float(where)))
+        sigma = jnp.exp(approximation.log_sigma)
         ours = jax.jacfwd(lambda t, s=sigma: compressed(t, s).sum())(theta)
         theirs = jax.jacfwd(lambda t, s=sigma: direct(t, s).sum())(theta)
         size = jnp.max(jnp.abs(theirs), axis=1, keepdims=True)
@@ -88,8 +88,8 @@ def test_a_record_of_150_000_points_is_kept_in_no_more_numbers_than_one_of_100()
 
 
 def test_the_direct_likelihood_is_the_normal_density(records):
-    direct, _, picture = records
-    theta, sigma = picture.centre, jnp.exp(picture.log_sigma)
+    direct, _, approximation = records
+    theta, sigma = approximation.centre, jnp.exp(approximation.log_sigma)
     data = direct.data
     first = np.asarray(data.present[0])
     u, F = np.asarray(data.u[0])[first], np.asarray(data.F[0])[first]
@@ -113,11 +113,11 @@ def test_padding_does_not_count(records):
     off=st.lists(st.floats(-30.0, 30.0), min_size=3, max_size=3),
 )
 def test_correlated_noise_agrees_to_1e_5_likewise(correlated, where, sigma_factor, rho_factor, off):
-    direct, compressed, picture, rho = correlated
-    level = picture.centre[:, :2] + jnp.einsum("rij,j->ri", picture.factor, jnp.asarray(off[:2]))
-    log_k = picture.log_k + off[2] / jnp.sqrt(picture.precision[:, 0, 0])
+    direct, compressed, approximation, rho = correlated
+    level = approximation.centre[:, :2] + jnp.einsum("rij,j->ri", approximation.factor, jnp.asarray(off[:2]))
+    log_k = approximation.log_k + off[2] / jnp.sqrt(approximation.precision[:, 0, 0])
     theta = jnp.concatenate([level, log_k[:, None], jnp.full_like(log_k, prior_beta(where))[:, None]], axis=1)
-    sigma = jnp.exp(picture.log_sigma) * sigma_factor
+    sigma = jnp.exp(approximation.log_sigma) * sigma_factor
     of_records = None if rho is None else jnp.full_like(sigma, rho * rho_factor)
     ours, theirs = compressed(theta, sigma, of_records), direct(theta, sigma, of_records)
     # Whitening magnifies what the rounding of a table's entries leaves; its densities are larger too.
@@ -125,7 +125,7 @@ def test_correlated_noise_agrees_to_1e_5_likewise(correlated, where, sigma_facto
 
 
 def test_rho_needs_the_products_of_neighbours(records):
-    _, compressed, picture = records
-    sigma = jnp.exp(picture.log_sigma)
+    _, compressed, approximation = records
+    sigma = jnp.exp(approximation.log_sigma)
     with pytest.raises(ValueError, match="neighbours=True"):
-        compressed(picture.centre, sigma, 0.5 * jnp.ones_like(sigma))
+        compressed(approximation.centre, sigma, 0.5 * jnp.ones_like(sigma))

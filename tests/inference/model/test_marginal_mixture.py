@@ -21,12 +21,12 @@ from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.hyperparameters import hyperparameter_starts, prior_sites
 from bayes_tyre.inference.model.laplace import laplace_approximation
 from bayes_tyre.inference.model.marginal_mixture import (
-    SummedOut,
+    ChoicePosterior,
     chosen,
     draw_cases,
     find_members,
+    marginalise,
     outlier_probability,
-    sum_out,
 )
 from bayes_tyre.inference.model.models import records_model
 from bayes_tyre.inference.record_data import record_data
@@ -45,11 +45,11 @@ def levels_of(*repeats: int) -> Factors:
     return find_factors(pd.DataFrame({"configuration": [f"case {case}" for case in cases]}))
 
 
-def summed(numbers: Numbers, factors: Factors) -> SummedOut:
+def summed(numbers: Numbers, factors: Factors) -> ChoicePosterior:
     members = find_members(factors, "mixture")
     assert members is not None
     deviation, offset, scatter, remainder, weight = map(jnp.asarray, numbers)
-    return sum_out(deviation, offset, scatter, remainder, weight, members)
+    return marginalise(deviation, offset, scatter, remainder, weight, members)
 
 
 @settings(deadline=None, max_examples=25)
@@ -116,8 +116,8 @@ def test_each_record_has_its_own_probability():
     found = np.asarray(outlier_probability(summed(numbers, factors), members, factors))
     for record, case in enumerate(factors.of_record):
         joint = by_hand(numbers, factors, case)
-        place = int(np.flatnonzero(np.flatnonzero(factors.of_record == case) == record)[0])
-        odd = np.logaddexp.reduce([value for choice, value in joint.items() if choice[place]])
+        reparameterise = int(np.flatnonzero(np.flatnonzero(factors.of_record == case) == record)[0])
+        odd = np.logaddexp.reduce([value for choice, value in joint.items() if choice[reparameterise]])
         assert found[record] == pytest.approx(np.exp(odd - np.logaddexp.reduce(list(joint.values()))), rel=1e-7)
 
 
@@ -148,7 +148,7 @@ def test_quantities_of_many_draws_together_are_those_of_each_by_itself():
     batch, _, factors = fit.batch_and_factors(table, ModelSettings())
     data = record_data(batch)
     arguments = {"likelihood": fit.likelihood_of(data, ModelSettings(), None), "data": data, "factors": factors}
-    arguments |= {"picture": laplace_approximation(batch, factors)}
+    arguments |= {"approximation": laplace_approximation(batch, factors)}
     starts = hyperparameter_starts(prior_sites(factors), PRIORS.medians())
     chains = Chains(records_model, arguments, 1, 20, starts)
     draws = chains.advance(chains.begin(0), 40).unconstrained

@@ -15,8 +15,8 @@ from bayes_tyre.inference.model import record_effects
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import prior_sites, sample_hyperparameters
 from bayes_tyre.inference.model.laplace_cases import case_estimates
-from bayes_tyre.inference.model.record_effects import records_about_cases
-from bayes_tyre.inference.model.reparameterisation import Placed
+from bayes_tyre.inference.model.record_effects import sample_repeats
+from bayes_tyre.inference.model.reparameterisation import Reparameterised
 
 LEVELS = find_factors(grid(repeats=3))
 ODD = (4, 9, 10)
@@ -29,12 +29,12 @@ def traced(looks: tuple[int, ...], repeats: str, seed: int) -> dict[str, Any]:
     estimates = case_estimates(np.asarray(values), np.full((count, 2), 0.01), LEVELS)
     estimates = estimates._replace(discordant=jnp.asarray(np.isin(np.arange(count), looks)))
 
-    def place(above: Float[Array, "records 2"], scale: Float[Array, "records 2"]) -> Placed:
-        return Placed(values, values - above, jnp.zeros(count))
+    def reparameterise(above: Float[Array, "records 2"], scale: Float[Array, "records 2"]) -> Reparameterised:
+        return Reparameterised(values, values - above, jnp.zeros(count))
 
     def model() -> None:
         hyperparameters = sample_hyperparameters(prior_sites(LEVELS, repeats))
-        records_about_cases(place, LEVELS, estimates, repeats, hyperparameters)
+        sample_repeats(reparameterise, LEVELS, estimates, repeats, hyperparameters)
 
     seeded = handlers.substitute(handlers.seed(model, seed), substitute_fn=init_to_uniform())
     return handlers.trace(seeded).get_trace()
@@ -43,8 +43,8 @@ def traced(looks: tuple[int, ...], repeats: str, seed: int) -> dict[str, Any]:
 @pytest.mark.parametrize("looks", [(), ODD])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_density_is_that_of_all_choices_whichever_was_sampled(monkeypatch, looks, seed):
-    took, sum_out = [], record_effects.sum_out
-    monkeypatch.setattr(record_effects, "sum_out", lambda *given: took.append(given[:5]) or sum_out(*given))
+    took, marginalise = [], record_effects.marginalise
+    monkeypatch.setattr(record_effects, "marginalise", lambda *given: took.append(given[:5]) or marginalise(*given))
     added = float(traced(looks, "mixture", seed)["other_choices"]["fn"].log_factor)
     numbers = Numbers(*map(np.asarray, took[0]))
     expected = 0.0

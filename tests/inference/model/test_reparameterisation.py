@@ -7,7 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bayes_tyre.inference.model.reparameterisation import Gaussian, place, place_few, place_jointly, place_whitened
+from bayes_tyre.inference.model.reparameterisation import (
+    Gaussian,
+    reparameterise,
+    reparameterise_few,
+    reparameterise_jointly,
+    reparameterise_whitened,
+)
 
 scales = st.floats(1e-4, 1e3)
 numbers = st.floats(-5.0, 5.0)
@@ -17,7 +23,7 @@ numbers = st.floats(-5.0, 5.0)
 @given(z=numbers, estimate=numbers, above=numbers, precision=scales, scale=scales)
 def test_a_placed_scalar_is_standard_normal_in_its_coordinate(z, estimate, above, precision, scale):
     def log_density(z):
-        placed = place(
+        placed = reparameterise(
             z, Gaussian(jnp.array([estimate]), jnp.array([precision])), jnp.array([above]), jnp.array([scale])
         )
         data = -0.5 * precision * (placed.value - estimate) ** 2
@@ -35,9 +41,9 @@ def test_the_volume_of_a_placed_scalar_is_its_derivative(scale, precision):
     estimate = Gaussian(jnp.array([0.3]), jnp.array([precision]))
 
     def value(z):
-        return place(z[None], estimate, jnp.array([-1.0]), jnp.array([scale])).value[0]
+        return reparameterise(z[None], estimate, jnp.array([-1.0]), jnp.array([scale])).value[0]
 
-    placed = place(jnp.zeros(1), estimate, jnp.array([-1.0]), jnp.array([scale]))
+    placed = reparameterise(jnp.zeros(1), estimate, jnp.array([-1.0]), jnp.array([scale]))
     assert float(jnp.log(jax.grad(value)(jnp.array(0.7)))) == pytest.approx(float(placed.log_volume[0]), abs=1e-12)
 
 
@@ -50,7 +56,7 @@ def test_a_few_placed_are_standard_normal_in_their_coordinates_with_the_volume_o
     above, scale = jnp.asarray(rng.normal(size=count)), jnp.asarray(10.0 ** rng.uniform(-2, 1, size=count))
 
     def placed(z):
-        return place_few(z[None], estimate[None], precision[None], above[None], scale[None])
+        return reparameterise_few(z[None], estimate[None], precision[None], above[None], scale[None])
 
     def log_density(z):
         value = placed(z).value[0]
@@ -61,14 +67,14 @@ def test_a_few_placed_are_standard_normal_in_their_coordinates_with_the_volume_o
     assert float(log_density(z) - log_density(jnp.zeros(count))) == pytest.approx(-0.5 * float(z @ z), rel=1e-6)
     jacobian = jax.jacfwd(lambda z: placed(z).value[0])(z)
     assert float(jnp.linalg.slogdet(jacobian)[1]) == pytest.approx(float(placed(z).log_volume[0]), abs=1e-9)
-    whitened = place_whitened(z[None], rows[None], (rows @ estimate)[None], above[None], scale[None])
+    whitened = reparameterise_whitened(z[None], rows[None], (rows @ estimate)[None], above[None], scale[None])
     for one, other in zip(whitened, placed(z), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-10)
 
 
 def test_of_a_few_that_nothing_is_said_of_each_is_at_its_level_and_as_wide_as_that():
     z, above, scale = jnp.array([[1.0, -2.0, 0.5]]), jnp.array([[3.0, 4.0, 5.0]]), jnp.array([[0.1, 1e-200, 10.0]])
-    placed = place_whitened(z, jnp.zeros((1, 3, 3)), jnp.zeros((1, 3)), above, scale)
+    placed = reparameterise_whitened(z, jnp.zeros((1, 3, 3)), jnp.zeros((1, 3)), above, scale)
     np.testing.assert_allclose(placed.deviation, scale * z)
     assert float(placed.log_volume[0]) == pytest.approx(float(jnp.sum(jnp.log(scale))))
 
@@ -83,7 +89,7 @@ def test_terms_placed_jointly_are_standard_normal_in_their_coordinates_with_the_
     above, scale = jnp.asarray(rng.normal(size=terms)), jnp.asarray(10.0 ** rng.uniform(-3, 1, size=terms))
 
     def placed(z):
-        return place_jointly(z, design, estimate, above, scale)
+        return reparameterise_jointly(z, design, estimate, above, scale)
 
     def log_density(z):
         found = placed(z)
@@ -101,7 +107,7 @@ def test_terms_placed_jointly_are_standard_normal_in_their_coordinates_with_the_
 def test_terms_whose_scale_vanishes_stay_where_they_belong():
     design, above = jnp.eye(2), jnp.array([0.5, -0.5])
     estimate = Gaussian(jnp.array([3.0, 3.0]), jnp.array([10.0, 10.0]))
-    placed = place_jointly(jnp.ones(2), design, estimate, above, jnp.array([1e-200, 1.0]))
+    placed = reparameterise_jointly(jnp.ones(2), design, estimate, above, jnp.array([1e-200, 1.0]))
     assert float(placed.deviation[0]) == pytest.approx(1e-200)
     assert float(placed.value[0]) == 0.5
     assert bool(jnp.isfinite(placed.log_volume))
@@ -112,11 +118,11 @@ def test_terms_without_weight_in_the_design_are_idle_and_move_no_other():
     design, estimate = rng.normal(size=(2, 6, 3)), Gaussian(jnp.zeros((2, 6)), jnp.ones((2, 6)))
     design[1, :, 2] = 0.0
     z, scale, above = jnp.asarray(rng.normal(size=(2, 3))), jnp.full((2, 3), 0.7).at[1, 2].set(1.0), jnp.zeros((2, 3))
-    placed = place_jointly(z.at[1, 2].set(0.0), jnp.asarray(design), estimate, above, scale)
+    placed = reparameterise_jointly(z.at[1, 2].set(0.0), jnp.asarray(design), estimate, above, scale)
     for of_one, terms in ((0, 3), (1, 2)):
         own = Gaussian(estimate.value[of_one], estimate.precision[of_one])
         without = jnp.asarray(design[of_one, :, :terms])
-        alone = place_jointly(z[of_one, :terms], without, own, above[of_one, :terms], scale[of_one, :terms])
+        alone = reparameterise_jointly(z[of_one, :terms], without, own, above[of_one, :terms], scale[of_one, :terms])
         np.testing.assert_allclose(placed.value[of_one, :terms], alone.value, rtol=1e-12)
         assert float(placed.log_volume[of_one]) == pytest.approx(float(alone.log_volume), abs=1e-12)
     assert float(placed.value[1, 2]) == 0.0

@@ -66,8 +66,8 @@ def test_draws_are_of_the_law_that_was_asked_for():
         numpyro.sample("scale", HalfNormal(np.array([0.2, 3.0])))
 
     drawn = sample(model, {}, SamplerSettings(chains=2, warmup=300, draws=2000, seed=1))
-    for place, scale in enumerate((0.2, 3.0)):
-        draws = drawn.sites["scale"][..., place].ravel()[::10]  # so thinned they are all but independent
+    for reparameterise, scale in enumerate((0.2, 3.0)):
+        draws = drawn.sites["scale"][..., reparameterise].ravel()[::10]  # so thinned they are all but independent
         # Kolmogorov and Smirnov's test of two scales at a level of 1e-4 each: a false alarm in 5000 seeds; it is fixed.
         assert stats.kstest(draws, stats.halfnorm(scale=scale).cdf).pvalue > 1e-4
     assert not drawn.statistics["diverging"].any()

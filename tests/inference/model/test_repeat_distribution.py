@@ -9,7 +9,7 @@ from numpyro.handlers import trace
 from scipy import stats
 
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
-from bayes_tyre.inference.model.repeat_distribution import repeats_about_cases
+from bayes_tyre.inference.model.repeat_distribution import add_repeat_density
 
 
 @pytest.mark.parametrize("parameters", [2, 5])
@@ -20,7 +20,7 @@ def test_the_density_is_scipy_s(kind, parameters):
     nu, weight = 5.0, 0.1
     with trace() as sites:
         hyperparameters = {"student_nu": jnp.asarray(nu), "discordant_weight": jnp.asarray(weight)}
-        repeats_about_cases(jnp.asarray(deviation), jnp.asarray(scatter), kind, hyperparameters)
+        add_repeat_density(jnp.asarray(deviation), jnp.asarray(scatter), kind, hyperparameters)
     usual, odd = (
         stats.norm.logpdf(deviation, 0.0, wider * scatter).sum(axis=1) for wider in (1.0, DISCORDANT_WIDENING)
     )

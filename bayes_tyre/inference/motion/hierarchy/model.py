@@ -11,14 +11,14 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.model.case_effects import flat
+from bayes_tyre.inference.model.case_effects import sample_coordinates
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.hyperparameters import hyperparameter_starts, motion_sites, sample_hyperparameters
 from bayes_tyre.inference.model.laplace_cases import CaseEstimates, case_estimates
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.model.record_effects import records_about_cases
-from bayes_tyre.inference.model.reparameterisation import Placed, place_whitened
+from bayes_tyre.inference.model.record_effects import sample_repeats
+from bayes_tyre.inference.model.reparameterisation import Reparameterised, reparameterise_whitened
 from bayes_tyre.inference.model.repeat_distribution import REPEATS
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
 from bayes_tyre.inference.sampling.datatree import to_datatree
@@ -105,23 +105,25 @@ def motions_model(
     """
     hyperparameters = sample_hyperparameters(motion_sites(factors, repeats, law.parameters), priors)
 
-    def place(above: Float[Array, "records p"], scale: Float[Array, "records p"]) -> Placed:
+    def reparameterise(above: Float[Array, "records p"], scale: Float[Array, "records p"]) -> Reparameterised:
         # Whitened by its rows an estimate is of independent numbers, each a mixture of the logarithms: coordinates
         # follow the scatter of repeats where a record says little, and the record where it says much.
-        z = flat("records_z", above.shape)
-        return place_whitened(z, rows, target, above, scale)
+        z = sample_coordinates("records_z", above.shape)
+        return reparameterise_whitened(z, rows, target, above, scale)
 
-    placed, log_cases = records_about_cases(place, factors, cases, repeats, hyperparameters, law.parameters, priors)
-    _keep_with_x("_case", jnp.exp(log_cases), law)
-    numpyro.factor("records_volume", placed.log_volume)
-    numpyro.factor("estimates", log_likelihood(placed.value, rows, target))
-    values = jnp.exp(placed.value).T
+    records, log_cases = sample_repeats(
+        reparameterise, factors, cases, repeats, hyperparameters, law.parameters, priors
+    )
+    _deterministic_with_x("_case", jnp.exp(log_cases), law)
+    numpyro.factor("records_volume", records.log_volume)
+    numpyro.factor("estimates", log_likelihood(records.value, rows, target))
+    values = jnp.exp(records.value).T
     for name, value in zip(law.parameters, values, strict=True):
         numpyro.deterministic(name, value)
-    _keep_with_x("", values, law)
+    _deterministic_with_x("", values, law)
 
 
-def _keep_with_x(ending: str, values: Float[Array, "p units"], law: MotionLaw) -> None:
+def _deterministic_with_x(ending: str, values: Float[Array, "p units"], law: MotionLaw) -> None:
     """Keep x, kN, of records or cases where the law has it: it follows from x - k beta, k and beta."""
     if "x" not in law.reported:
         return

@@ -12,7 +12,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.diagnostics.convergence import monitor
 from bayes_tyre.inference.diagnostics.verdict import ESS_LEAST_PER_CHAIN, R_HAT_MOST
-from bayes_tyre.inference.model.case_effects import flat
+from bayes_tyre.inference.model.case_effects import sample_coordinates
 from bayes_tyre.inference.motion.record.forward_model import residuals
 from bayes_tyre.inference.motion.record.importance_sampling import ProposalMap, proposal_map
 from bayes_tyre.inference.motion.record.map_fit import MapEstimate, value_and_jacobian
@@ -62,7 +62,8 @@ def sample_motion(
 
     def posterior(window: Window, proposal: ProposalMap) -> None:
         numpyro.factor(
-            "log_density", -_negative_log_density(rig, window, proposal, flat("coordinates", proposal.peak.shape))
+            "log_density",
+            -_negative_log_density(rig, window, proposal, sample_coordinates("coordinates", proposal.peak.shape)),
         )
 
     draws = sample(posterior, {"window": window, "proposal": proposal}, settings, acceptance=CAREFUL_ACCEPTANCE)
