@@ -18,6 +18,7 @@ from helpers.command_line import CONTRASTS_PNG, FIT_FILES, TABLES, assert_refuse
 from helpers.hand_made_posteriors import posterior, scattered
 from helpers.simulated_records import Plan, simulate
 
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.record_table import record_factors
 from bayes_tyre.workflow import fit as workflow
 from bayes_tyre.workflow import result_folder
@@ -148,7 +149,7 @@ def test_a_run_tells_how_it_was_made(fitted):
     sampler = {"chains": 2, "warmup": 60, "draws": 60}
     model = {"region": "all", "initial_load": "nominal", "displacement_scale_sd": 0.0}
     model |= {"likelihood": "compressed", "repeats": "mixture", "noise": "iid", "noise_window": 1}
-    assert run["options"] == {**sampler, **model, "interval": 0.95, "units_checked": False}
+    assert run["options"] == {**sampler, **model, "interval": 0.95, "units_checked": False, "priors": PRIORS.given()}
     assert run["seed"] == 7
     digest = hashlib.sha256((folder / "the records.csv").read_bytes()).hexdigest()
     assert run["inputs"] == {"the records.csv": digest}

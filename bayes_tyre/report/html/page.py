@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.report.html import tables
 from bayes_tyre.report.html.between_results import Across
 from bayes_tyre.report.html.caveats import caveats, origin_sentence
@@ -162,13 +163,26 @@ def _made_table(results: Sequence[Reported]) -> list[tuple[str, list[str]]]:
     return list(facts.items())
 
 
+def _priors(given: dict[str, Any]) -> str:
+    """Return what differs from the default priors."""
+    changes = PRIORS.changed(given).changes_from(PRIORS)
+    texts = {name: given if not isinstance(given, dict) else _parameters(given) for name, given in changes.items()}
+    return ", ".join(f"{name} {text}" for name, text in texts.items()) or "the defaults"
+
+
+def _parameters(prior: dict[str, Any]) -> str:
+    family, *parameters = prior.items()
+    return f"{family[1]} ({', '.join(f'{name} {value:g}' for name, value in parameters)})"
+
+
 def _made(result: Reported) -> dict[str, str]:
     run, checks = result.run, result.diagnostics
     figures = {name: checks[key] for key, name in CHECKS.items() if isinstance(checks.get(key), int | float)}
     return {
         "command": run["command"],
         "seed": str(run["seed"]),
-        "options": ", ".join(f"{name} {value}" for name, value in run["options"].items()),
+        "options": ", ".join(f"{name} {value}" for name, value in run["options"].items() if name != "priors"),
+        "priors": _priors(run["options"].get("priors", {})),
         **{f"SHA-256 of {label(Path(path).name, 60)}": str(digest) for path, digest in run["inputs"].items()},
         "versions": ", ".join(f"{name} {used}" for name, used in run["versions"].items()),
         "checks": ", ".join(f"{name} {rounded(float(value))}" for name, value in figures.items()),
