@@ -131,6 +131,6 @@ def report_verdict(diagnostics: "Diagnostics", out: Path, quiet: bool) -> None:
     """Print where a fit was written, its verdict and its limitations; failed checks go to stderr."""
     say(f"wrote {out}: verdict {diagnostics.verdict}", quiet)
     for reason in diagnostics.reasons:
-        warn(reason)
+        fault(reason)
     for text in diagnostics.limitations:
         say(f"note: {one_line(text, LONGEST_LINE)}", quiet)

@@ -138,7 +138,7 @@ def test_other_options_of_the_hierarchy_use_the_estimates_that_are_kept(done, ra
         kept.setattr(motion_estimates, "_done", lambda _: pytest.fail("estimated again"))
         other = here("motion", raw, "--out", out, *FEW, "--amplitude", 3, "--resume")
     assert other.exit_code == 4, other.stderr
-    assert "option amplitude_mm was 2.0, is 3.0: the draws are made anew" in other.stderr
+    assert "option amplitude_mm was 2.0, is 3.0: sampling starts again" in other.stderr
     assert json.loads((out / "run.json").read_text())["options"]["amplitude_mm"] == 3.0
     assert (out / "estimates.csv").read_bytes() == (done[0] / "estimates.csv").read_bytes()
     energies = [pd.read_csv(folder / "cases.csv").query("parameter == 'energy_per_cycle'") for folder in (done[0], out)]

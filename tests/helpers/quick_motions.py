@@ -38,7 +38,7 @@ def estimated(task: Task) -> Done:
     return Done(pd.DataFrame([{**factor_table.row(), **values, **errors, **statistics, **flat}]))
 
 
-def drawn(motions: Motions, *_: object) -> xr.DataTree:
+def drawn(motions: Motions, *_: object, **__: object) -> xr.DataTree:
     """Return well-mixed draws of records, cases and groups."""
     rng, factors = np.random.default_rng(0), find_factors(motions.factor_table)
     draws: dict[str, np.ndarray] = {}
