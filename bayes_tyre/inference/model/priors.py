@@ -103,7 +103,7 @@ class Prior(NamedTuple):
         return {"family": family.name, **dict(zip(family.parameters, written, strict=True))}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Priors(Mapping[str, Prior]):
     """Every prior of the hierarchical models by the name of its quantity, and the widening of discordant repeats.
 
@@ -117,6 +117,9 @@ class Priors(Mapping[str, Prior]):
 
     table: Mapping[str, Prior]
     discordant_widening: float
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} priors>"
 
     def __getitem__(self, name: str) -> Prior:
         return self.table[name]
