@@ -18,7 +18,7 @@ from numpyro import distributions as dist
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING, PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
-from bayes_tyre.inference.model.laplace import NotebookFigure, laplace_approximation
+from bayes_tyre.inference.model.coordinates.laplace import NotebookFigure, laplace_approximation
 from bayes_tyre.inference.sampling.hierarchical_fit import record_batch
 from bayes_tyre.record_table import record_factors
 

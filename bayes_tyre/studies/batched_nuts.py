@@ -21,7 +21,7 @@ from bayes_tyre.batch import Batch
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS, hyperparameter_starts, prior_sites
-from bayes_tyre.inference.model.laplace import (
+from bayes_tyre.inference.model.coordinates.laplace import (
     LaplaceApproximation,
     RecordEstimates,
     cases_of,

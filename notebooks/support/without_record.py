@@ -8,7 +8,7 @@ from bayes_tyre.batch import Batch
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST, smooth_log_weights
 from bayes_tyre.inference.diagnostics.record_marginal import hyperparameters, record_density, standard_points
-from bayes_tyre.inference.model.laplace import estimate_records
+from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.datatree import CASE_PARAMETERS, RECORD_UNITS
 from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_factors, likelihood_of

@@ -7,7 +7,7 @@ from helpers.simulated_records import Plan, simulate
 from support.without_record import case_without
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.model.laplace import estimate_records
+from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_factors
 from bayes_tyre.record_table import check_record_table, record_factors
 

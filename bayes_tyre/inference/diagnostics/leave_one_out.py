@@ -26,7 +26,7 @@ from bayes_tyre.inference.diagnostics.record_marginal import (
     standard_points,
 )
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.laplace import estimate_records
+from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.hierarchical_fit import (
     ModelSettings,

@@ -19,9 +19,9 @@ from scipy.stats import chi2, norm, qmc
 
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.laplace import RecordEstimates
+from bayes_tyre.inference.model.coordinates.laplace import RecordEstimates
 from bayes_tyre.inference.model.likelihood import Likelihood
-from bayes_tyre.inference.model.reparameterisation import Gaussian, Reparameterised, reparameterise
+from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian, Reparameterised, reparameterise
 from bayes_tyre.inference.record_data import RecordData
 
 #: Points of each integral (a power of two, for Sobol's sequence), and degrees of freedom of the t they are drawn from.

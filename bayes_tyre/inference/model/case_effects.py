@@ -16,9 +16,9 @@ from numpyro import distributions as dist  # not `import numpyro.distributions`:
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS, effect_scales
-from bayes_tyre.inference.model.laplace_cases import CaseEstimates
+from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.model.reparameterisation import Gaussian, reparameterise, reparameterise_jointly
+from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian, reparameterise, reparameterise_jointly
 
 #: Repeats that a case without any counts as in its coordinates: an estimate without weight.
 _ALMOST_NONE = 1e-6

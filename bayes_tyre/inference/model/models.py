@@ -23,11 +23,11 @@ from bayes_tyre.inference.model.case_effects import (
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS, prior_sites, published_sites, sample_hyperparameters
-from bayes_tyre.inference.model.laplace import LaplaceApproximation, RecordEstimates
+from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, RecordEstimates
 from bayes_tyre.inference.model.likelihood import Likelihood
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.record_effects import sample_repeats
-from bayes_tyre.inference.model.reparameterisation import Gaussian, Reparameterised, reparameterise_few
+from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian, Reparameterised, reparameterise_few
 from bayes_tyre.inference.record_data import RecordData
 
 #: What the noise of a record is like.

@@ -27,7 +27,7 @@ from bayes_tyre.inference.model.case_effects import (
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS
-from bayes_tyre.inference.model.laplace_cases import CaseEstimates
+from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates
 from bayes_tyre.inference.model.marginal_mixture import (
     ChoicePosterior,
     Members,
@@ -38,7 +38,7 @@ from bayes_tyre.inference.model.marginal_mixture import (
     outlier_probability,
 )
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.model.reparameterisation import Reparameterised
+from bayes_tyre.inference.model.coordinates.reparameterisation import Reparameterised
 from bayes_tyre.inference.model.repeat_distribution import add_repeat_density, judgeable
 
 # Samples the records' logarithms, given the mean and the standard deviation of each about its case.

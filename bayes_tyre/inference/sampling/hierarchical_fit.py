@@ -15,7 +15,7 @@ from bayes_tyre.inference.least_squares.table import LARGEST, REGIONS, THESIS_SH
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.hyperparameters import hyperparameter_starts, prior_sites, published_sites
-from bayes_tyre.inference.model.laplace import (
+from bayes_tyre.inference.model.coordinates.laplace import (
     LaplaceApproximation,
     RecordEstimates,
     empty_approximation,

@@ -13,7 +13,7 @@ from bayes_tyre.inference.diagnostics.record_marginal import (
     record_density,
     standard_points,
 )
-from bayes_tyre.inference.model.laplace import estimate_records
+from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_factors, likelihood_of
 from bayes_tyre.record_table import check_record_table

@@ -19,9 +19,9 @@ from bayes_tyre.inference.model.hyperparameters import (
     published_sites,
     sample_hyperparameters,
 )
-from bayes_tyre.inference.model.laplace import laplace_approximation
+from bayes_tyre.inference.model.coordinates.laplace import laplace_approximation
 from bayes_tyre.inference.model.likelihood import compress
-from bayes_tyre.inference.model.reparameterisation import Gaussian
+from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian
 from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.hierarchical_fit import record_batch
 from bayes_tyre.record import CASE_FACTORS

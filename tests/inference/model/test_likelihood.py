@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from bayes_tyre.inference.correlated_noise import smoothed_noise
 from bayes_tyre.inference.model.default_priors import PRIORS
-from bayes_tyre.inference.model.laplace import RecordEstimates, estimate_records
+from bayes_tyre.inference.model.coordinates.laplace import RecordEstimates, estimate_records
 from bayes_tyre.inference.model.likelihood import CompressedLikelihood, DirectLikelihood, compress
 from bayes_tyre.inference.record_data import RecordData, record_data
 from bayes_tyre.inference.sampling.hierarchical_fit import record_batch

@@ -19,7 +19,7 @@ from bayes_tyre.inference.model import marginal_mixture
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING, PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.hyperparameters import hyperparameter_starts, prior_sites
-from bayes_tyre.inference.model.laplace import laplace_approximation
+from bayes_tyre.inference.model.coordinates.laplace import laplace_approximation
 from bayes_tyre.inference.model.marginal_mixture import (
     ChoicePosterior,
     chosen,

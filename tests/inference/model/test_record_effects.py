@@ -14,9 +14,9 @@ from numpyro.infer import init_to_uniform
 from bayes_tyre.inference.model import record_effects
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import prior_sites, sample_hyperparameters
-from bayes_tyre.inference.model.laplace_cases import case_estimates
+from bayes_tyre.inference.model.coordinates.laplace_cases import case_estimates
 from bayes_tyre.inference.model.record_effects import sample_repeats
-from bayes_tyre.inference.model.reparameterisation import Reparameterised
+from bayes_tyre.inference.model.coordinates.reparameterisation import Reparameterised
 
 LEVELS = find_factors(grid(repeats=3))
 ODD = (4, 9, 10)

@@ -15,10 +15,10 @@ from bayes_tyre.inference.model.case_effects import sample_coordinates
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.hyperparameters import hyperparameter_starts, motion_sites, sample_hyperparameters
-from bayes_tyre.inference.model.laplace_cases import CaseEstimates, case_estimates
+from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates, case_estimates
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.record_effects import sample_repeats
-from bayes_tyre.inference.model.reparameterisation import Reparameterised, reparameterise_whitened
+from bayes_tyre.inference.model.coordinates.reparameterisation import Reparameterised, reparameterise_whitened
 from bayes_tyre.inference.model.repeat_distribution import REPEATS
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
 from bayes_tyre.inference.sampling.datatree import to_datatree

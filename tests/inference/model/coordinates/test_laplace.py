@@ -7,9 +7,9 @@ import pytest
 from helpers.simulated_records import Plan, simulate
 
 from bayes_tyre.batch import Batch
-from bayes_tyre.inference.model.laplace import empty_approximation, estimate_records, laplace_approximation
+from bayes_tyre.inference.model.coordinates.laplace import empty_approximation, estimate_records, laplace_approximation
 from bayes_tyre.inference.model.likelihood import DirectLikelihood
-from bayes_tyre.inference.model.reparameterisation import reparameterise_few
+from bayes_tyre.inference.model.coordinates.reparameterisation import reparameterise_few
 from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_factors, record_batch
 from bayes_tyre.record_table import check_record_table

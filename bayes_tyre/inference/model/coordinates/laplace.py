@@ -18,9 +18,9 @@ from bayes_tyre.inference.least_squares import estimate as ls
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS
-from bayes_tyre.inference.model.laplace_cases import CaseEstimates, case_estimates
+from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates, case_estimates
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.model.reparameterisation import Gaussian
+from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian
 from bayes_tyre.inference.record_data import RecordData, force_curve, record_data
 
 #: Widest standard deviations of log k and log beta that the approximation of a record may have.

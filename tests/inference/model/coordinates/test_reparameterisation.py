@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bayes_tyre.inference.model.reparameterisation import (
+from bayes_tyre.inference.model.coordinates.reparameterisation import (
     Gaussian,
     reparameterise,
     reparameterise_few,

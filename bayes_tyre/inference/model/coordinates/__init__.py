@@ -1,0 +1,1 @@
+"""Coordinates in which the models are sampled: estimates from the data, and reparameterisations that follow them."""
