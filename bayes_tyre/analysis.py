@@ -14,50 +14,34 @@ import pandas as pd
 import xarray as xr
 from jaxtyping import Array, ArrayLike, Float
 
-from bayes_tyre.errors import BadInput
+from bayes_tyre import __all__ as __all__
+from bayes_tyre.errors import BadInput as BadInput
 from bayes_tyre.formats.tables import read_table
 from bayes_tyre.inference.diagnostics import verdict as diagnostics
-from bayes_tyre.inference.diagnostics.convergence import with_figures
+from bayes_tyre.inference.diagnostics.attempts import Attempt, Attempts, failed_in, with_failed
+from bayes_tyre.inference.diagnostics.judge import judge, with_failures
 from bayes_tyre.inference.diagnostics.power_scaling import identify_published, identify_records
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
 from bayes_tyre.inference.least_squares import table as record_fits
 from bayes_tyre.inference.least_squares.table import FitSettings
 from bayes_tyre.inference.model.default_priors import PRIORS
-from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, fit_hierarchical, used_points
+from bayes_tyre.inference.model.prepared_records import prepare_records, used_points
+from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_published as fit_printed_means
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.laws import fancher
 from bayes_tyre.published import campaign, tables
 from bayes_tyre.published.campaign import Reconstruction
 from bayes_tyre.record_table import check_record_table
-from bayes_tyre.report.figures.catalogue import chosen_figure
+from bayes_tyre.report.figures.catalogue import Result, chosen_figure
 from bayes_tyre.report.figures.notebook_display import NotebookFigure
 from bayes_tyre.results import contrasts as ratios
 from bayes_tyre.results import posterior_predictive, prediction, summary
-from bayes_tyre.results.case_selection import parse_wish
+from bayes_tyre.results.case_selection import parse_query
 from bayes_tyre.results.prediction import Prediction
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.workflow.predict import read_result
-
-__all__ = [
-    "BadInput",
-    "FitSettings",
-    "ModelSettings",
-    "SamplerSettings",
-    "cases",
-    "contrasts",
-    "diagnose",
-    "equation_2",
-    "figure",
-    "fit",
-    "fit_least_squares",
-    "fit_published",
-    "predict",
-    "read_posterior",
-    "read_records",
-    "reconstruct_campaign",
-    "repeats",
-]
 
 #: Host devices, fixed when JAX starts: enough for the chains of a fit that may come after.
 _DEVICES = SamplerSettings().chains
@@ -70,7 +54,7 @@ def read_records(path: str | Path) -> pd.DataFrame:
     Raises
     ------
     BadInput
-        For a file that cannot be read, and for cells, words or columns that cannot be right.
+        For a file that cannot be read, and for cells, factors or columns that cannot be right.
     """
     return check_record_table(read_table(Path(path)), str(path))
 
@@ -141,8 +125,8 @@ def fit(
     Returns
     -------
     xarray.DataTree
-        ArviZ's groups `posterior` and `sample_stats`, dims and units named; `identifiability`: what the data said of
-        each quantity; `attrs["verdict"]` is ``pass`` or ``fail``, and `diagnose` says why.
+        ArviZ's groups `posterior` and `sample_stats`, dims and units named; `identifiability`: what decides each
+        quantity; `attrs["verdict"]` is ``pass`` or ``fail``, and `diagnose` says why.
 
     Raises
     ------
@@ -153,8 +137,12 @@ def fit(
     model = replace(model, priors=model.priors.changed(priors or {}))
     table = check_record_table(records)
     prepare_jax(max(settings.chains, _DEVICES))
-    tree = identify_records(fit_hierarchical(table, settings, model), table, model)
-    return _judged(tree, posterior_predictive.residual_autocorrelation(tree, used_points(table, model.region)))
+    prepared = prepare_records(table, model)
+    return _judged(
+        fit_hierarchical(table, settings, model, prepared),
+        lambda tree, attempt: identify_records(tree, prepared, model, attempt),
+        lambda tree: posterior_predictive.residual_autocorrelation(tree, used_points(table, model.region)),
+    )
 
 
 def fit_published(settings: SamplerSettings | None = None, priors: Mapping[str, object] | None = None) -> xr.DataTree:
@@ -170,8 +158,12 @@ def fit_published(settings: SamplerSettings | None = None, priors: Mapping[str, 
     settings = settings or SamplerSettings()
     prepare_jax(max(settings.chains, _DEVICES))
     printed = tables.case_means()
-    own = PRIORS.changed(priors or {})
-    return _judged(identify_published(fit_printed_means(printed, settings, own), printed, own), np.nan)
+    all_priors = PRIORS.changed(priors or {})
+    return _judged(
+        fit_printed_means(printed, settings, all_priors),
+        lambda tree, attempt: identify_published(tree, printed, all_priors, attempt),
+        lambda _: np.nan,
+    )
 
 
 def read_posterior(folder: str | Path) -> xr.DataTree:
@@ -189,14 +181,21 @@ def read_posterior(folder: str | Path) -> xr.DataTree:
 
 def diagnose(posterior: xr.DataTree) -> Diagnostics:
     """Return whether a posterior may be trusted: the verdict, its reasons and the figures behind them."""
-    return diagnostics.diagnose(posterior, posterior.attrs.get(_AUTOCORRELATION, np.nan))
+    found = diagnostics.diagnose(posterior, posterior.attrs.get(_AUTOCORRELATION, np.nan))
+    return with_failures(found, failed_in(posterior))
 
 
-def _judged(tree: xr.DataTree, residual_autocorrelation: float) -> xr.DataTree:
+def _judged(
+    tree: xr.DataTree,
+    identify: Callable[[xr.DataTree, Attempt], xr.DataTree],
+    autocorrelation: Callable[[xr.DataTree], float],
+) -> xr.DataTree:
     """Return the posterior carrying its verdict, the figures behind it, and what of it came from the records."""
-    judged = with_figures(tree)
-    judged.attrs[_AUTOCORRELATION] = residual_autocorrelation
-    judged.attrs["verdict"] = diagnose(judged).verdict
+    attempts = Attempts()
+    judged, found = judge(tree, identify, attempts, autocorrelation)
+    judged = with_failed(judged, attempts.failed)
+    judged.attrs[_AUTOCORRELATION] = found.residual_autocorrelation
+    judged.attrs["verdict"] = found.verdict
     return judged
 
 
@@ -248,7 +247,7 @@ def figure(
     table = None if records is None else check_record_table(records)
     from_tables = posterior.attrs["origin"] in ("published", "reconstructed")
     printed = tables.case_means() if from_tables else None
-    return NotebookFigure(chosen_figure(posterior, _verdict(posterior), name, table, printed, interval))
+    return NotebookFigure(chosen_figure(Result(posterior, _verdict(posterior), table, printed, interval), name))
 
 
 def predict(
@@ -267,7 +266,7 @@ def predict(
     posterior:
         Of records.
     case:
-        A label such as ``single (0)30-20``, or words such as ``configuration=single,speed_km_h=0``; or several.
+        A label such as ``single (0)30-20``, or factors such as ``configuration=single,speed_km_h=0``; or several.
     displacement_mm:
         From the start of the step; by default up to |step_kN| / k.
     of:
@@ -280,16 +279,16 @@ def predict(
     Returns
     -------
     Prediction
-        `curves`, the columns of `prediction.csv`; `parameters`, a mapping a case; `remarks`.
+        `curves`, the columns of `prediction.csv`; `parameters`, a mapping a case; `warnings`.
 
     Raises
     ------
     BadInput
         For a posterior without records, and a case that it does not hold.
     """
-    wish = parse_wish([case] if isinstance(case, str) else case, prediction.predictable_cases(posterior))
+    query = parse_query([case] if isinstance(case, str) else case, prediction.predictable_cases(posterior))
     grid = None if displacement_mm is None else np.asarray(displacement_mm, dtype=float).ravel()
-    return prediction.predict(posterior, wish, grid, verdict=_verdict(posterior), of=of, interval=interval, seed=seed)
+    return prediction.predict(posterior, query, grid, verdict=_verdict(posterior), of=of, interval=interval, seed=seed)
 
 
 def equation_2(

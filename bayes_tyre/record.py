@@ -1,4 +1,4 @@
-"""Names that all rooms share: factors and columns of a record table, the case, and the raw signals of a file."""
+"""Names that all rooms share: factors, columns and parameters of records, the case, and the raw signals of a file."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,6 +15,23 @@ ORIGINS = ("measured", "published", "reconstructed", "simulated")
 ORIGIN_UNKNOWN = "origin not stated"
 TEXT_COLUMNS = ("record", "configuration", "direction", "origin")
 NUMBER_COLUMNS = ("displacement_mm", "force_kN", "time_s", "speed_km_h", "initial_load_kN", "step_kN", "repeat")
+
+#: Units by parameter; the parameters that a record has. Those after `sigma` are of motions; `settled` is x - k beta.
+RECORD_UNITS = {
+    **{"k": "kN/mm", "beta": "mm", "J": "kN", "C": "kN", "F_i": "kN", "sigma": "kN"},
+    **{"x": "kN", "settled": "kN", "n": "1", "m": "kg", "c": "kN s/mm", "energy_per_cycle": "J"},
+    **{"belt_frequency": "Hz", "belt_damping": "1", "sidewall_ratio": "1"},
+}
+#: The parameters of force laws that a motion can have, in the order of tables; those of its axle; and energy lost.
+LAW_PARAMETERS = ("k", "x", "settled", "beta", "n", "belt_frequency", "belt_damping", "sidewall_ratio")
+AXLE_PARAMETERS = ("m", "c")
+ENERGY = "energy_per_cycle"
+
+
+def parameter_column(parameter: str) -> str:
+    """Return the column of a table that holds a parameter: its name and its unit, such as ``k_kN_per_mm``."""
+    unit = RECORD_UNITS[parameter].replace("/", "_per_").replace(" ", "_")
+    return parameter if unit == "1" else f"{parameter}_{unit}"
 
 
 class Case(NamedTuple):
@@ -39,6 +56,11 @@ class Case(NamedTuple):
         else:
             loads = " ".join(f"{name} {given[name]:g}" for name in ("initial_load_kN", "step_kN") if name in given)
         return " ".join([*names, *([speed + loads] if speed + loads else [])]) or "all records"
+
+    def record(self, repeat: int) -> str:
+        """Return the source's name for a record of the case, such as ``S(0)30-20(1)`` (S = single, D = dual)."""
+        loads = f"{self.initial_load_kN:g}-{self.initial_load_kN + self.step_kN:g}"
+        return f"{self.configuration[0].upper()}({self.speed_km_h:g}){loads}({repeat})"
 
 
 @dataclass(frozen=True)
@@ -77,12 +99,12 @@ class RawSignals:
     ----------
     segments:
         Channels that were recorded together; a file of one recording has one segment.
-    remarks:
+    warnings:
         Irregularities of the file that did not prevent reading: a sentence each.
     notes:
         Comments in the file, such as that it was simulated.
     """
 
     segments: tuple[tuple[Channel, ...], ...]
-    remarks: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()

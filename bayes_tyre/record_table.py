@@ -8,6 +8,7 @@ import pandas as pd
 import pandera.pandas as pa
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.plain_text import REASON, one_line
 from bayes_tyre.record import DIRECTIONS, FACTORS, NUMBER_COLUMNS, ORIGIN_UNKNOWN, ORIGINS, REQUIRED, TEXT_COLUMNS
 
 #: A median force above this looks like newtons, a median travel below this like metres.
@@ -18,36 +19,21 @@ def _finite(series: pd.Series) -> pd.Series:
     return pd.Series(np.isfinite(series.to_numpy(dtype=float)), index=series.index)
 
 
-def _number(required: bool, whole: bool = False) -> pa.Column:
+def _column(name: str) -> pa.Column:
+    required = name in REQUIRED
+    if name in TEXT_COLUMNS:
+        checks = [pa.Check(lambda s: s.str.strip() != "", error="is empty")]
+        if allowed := {"direction": DIRECTIONS, "origin": ORIGINS}.get(name):
+            checks.append(pa.Check.isin(allowed, error=f"is none of {', '.join(allowed)}"))
+        return pa.Column(None, checks, required=required)
     checks = [pa.Check(_finite, error="is not a finite number")]
-    if whole:
+    if name == "repeat":
         checks.append(pa.Check(lambda s: (s == s.round()) & (s.abs() < 2**53), error="is not a whole number"))
     return pa.Column(float, checks, required=required, nullable=True)
 
 
-def _text(required: bool, allowed: tuple[str, ...] = ()) -> pa.Column:
-    checks = [pa.Check(lambda s: s.str.strip() != "", error="is empty")]
-    if allowed:
-        checks.append(pa.Check.isin(allowed, error=f"is none of {', '.join(allowed)}"))
-    return pa.Column(None, checks, required=required)
-
-
 def _schema() -> pa.DataFrameSchema:
-    return pa.DataFrameSchema(
-        {
-            "record": _text(required=True),
-            "displacement_mm": _number(required=True),
-            "force_kN": _number(required=True),
-            "time_s": _number(required=False),
-            "configuration": _text(required=False),
-            "direction": _text(required=False, allowed=DIRECTIONS),
-            "speed_km_h": _number(required=False),
-            "initial_load_kN": _number(required=False),
-            "step_kN": _number(required=False),
-            "repeat": _number(required=False, whole=True),
-            "origin": _text(required=False, allowed=ORIGINS),
-        }
-    )
+    return pa.DataFrameSchema({name: _column(name) for name in (*REQUIRED, "time_s", *FACTORS, "origin")})
 
 
 def check_record_table(table: pd.DataFrame, name: str = "record table") -> pd.DataFrame:
@@ -98,13 +84,13 @@ def check_columns(table: pd.DataFrame, name: str, unit: str, required: Sequence[
     """
     missing = [column for column in required if column not in table.columns]
     if missing:
+        present = one_line(", ".join(map(str, table.columns)), REASON)
         raise BadInput(
-            f"{name}: missing column {', '.join(missing)}; found {one_line(', '.join(map(str, table.columns)))}; "
-            f"a {unit} table needs {', '.join(required)}"
+            f"{name}: missing column {', '.join(missing)}; found {present}; a {unit} table needs {', '.join(required)}"
         )
     repeated = table.columns[table.columns.duplicated()]
     if len(repeated):
-        raise BadInput(f"{name}: column {one_line(repeated[0])} stands twice; keep one")
+        raise BadInput(f"{name}: column {one_line(repeated[0], REASON)} stands twice; keep one")
     if table.empty:
         raise BadInput(f"{name}: no rows below the header; give at least one {unit}")
 
@@ -122,9 +108,9 @@ def check_agreement(table: pd.DataFrame, name: str, unit: str, factors: Sequence
         levels = groups[factor].nunique()
         if levels.gt(1).any():
             label = str(levels.idxmax())
-            one, other = map(one_line, table.loc[table[unit] == label, factor].unique()[:2])
+            one, other = (one_line(value, REASON) for value in table.loc[table[unit] == label, factor].unique()[:2])
             raise BadInput(
-                f"{name}: {unit} {one_line(label)!r}, column {factor}: contradicts itself ({one} and {other}); "
+                f"{name}: {unit} {one_line(label, REASON)!r}, column {factor}: contradicts itself ({one} and {other}); "
                 f"give every {unit} one value or a name of its own"
             )
 
@@ -155,11 +141,6 @@ def _as_text(column: pd.Series) -> pd.Series:
     if isinstance(column.dtype, pd.StringDtype):
         return column.fillna("") if column.hasnans else column
     return column.astype(object).where(column.notna(), "").astype(str)
-
-
-def one_line(text: object) -> str:
-    """Return a text from a table for a message: on one line, at most 200 characters."""
-    return " ".join(str(text).split())[:200]
 
 
 def _where(name: str, table: pd.DataFrame, row: int, column: str) -> str:
@@ -209,13 +190,18 @@ def origin_of(table: pd.DataFrame) -> str:
     return " + ".join(sorted(table["origin"].unique()))
 
 
-def suspicious_units(table: pd.DataFrame) -> list[str]:
-    """Return why a checked table looks like N or m: a sentence each, with the conversion factor."""
+def suspicious_units(
+    table: pd.DataFrame, unit: str = "record", force: str = "force_kN", symbol: str = "F"
+) -> list[str]:
+    """Return why a checked table looks like N or m: a sentence each, with the conversion factor.
+
+    `unit` is the column that names records or tests, `force` that of the forces or loads.
+    """
     sentences = []
-    force = float(table["force_kN"].abs().median())
-    if force > NEWTON_LIKE_KN:
-        sentences.append(f"column force_kN: median |F| is {force:g}, which looks like N; divide by 1000")
-    displacement = table.groupby("record", sort=False)["displacement_mm"]
+    size = float(table[force].abs().median())
+    if size > NEWTON_LIKE_KN:
+        sentences.append(f"column {force}: median |{symbol}| is {size:g}, which looks like N; divide by 1000")
+    displacement = table.groupby(unit, sort=False)["displacement_mm"]
     travel = float((displacement.max() - displacement.min()).median())
     if 0 < travel < METRE_LIKE_MM:
         sentences.append(f"column displacement_mm: median travel is {travel:g}, which looks like m; multiply by 1000")

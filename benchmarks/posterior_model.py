@@ -1,7 +1,7 @@
 """The posterior of `bayes_tyre.inference.model.models.records_model`, written plainly for PyMC and for NumPyro.
 
 Centred but for sigma: the form that suits the peers best. The likelihood is point by point on padded arrays, and the
-mixture of discordant repeats is summed out. The priors are those of `bayes_tyre.inference.model.priors`, the
+mixture of discordant repeats is summed out. The priors are those of `bayes_tyre.inference.model.default_priors`, the
 levels those of `factors`.
 """
 
@@ -16,10 +16,10 @@ import pytensor.tensor as pt
 from numpyro import distributions as dist
 
 from bayes_tyre.batch import Batch
+from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, laplace_approximation
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING, PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
-from bayes_tyre.inference.model.coordinates.laplace import NotebookFigure, laplace_approximation
-from bayes_tyre.inference.sampling.hierarchical_fit import record_batch
+from bayes_tyre.inference.model.prepared_records import record_batch
 from bayes_tyre.record_table import record_factors
 
 
@@ -34,7 +34,7 @@ class Data:
     F_0: np.ndarray
     span: np.ndarray
     factors: Factors
-    picture: NotebookFigure
+    approximation: LaplaceApproximation
 
     @property
     def points(self) -> np.ndarray:
@@ -44,9 +44,12 @@ class Data:
     @property
     def starts(self) -> dict[str, np.ndarray]:
         """Return where every peer starts: the least-squares estimates."""
-        centre, log_sigma = np.asarray(self.picture.records.centre), np.asarray(self.picture.records.log_sigma)
+        centre, log_sigma = (
+            np.asarray(self.approximation.records.centre),
+            np.asarray(self.approximation.records.log_sigma),
+        )
         F_i, J, log_k, log_beta = centre.T
-        log_k_case, log_beta_case = np.asarray(self.picture.cases.middle)
+        log_k_case, log_beta_case = np.asarray(self.approximation.cases.middle)
         cases = {"log_k_case": log_k_case, "log_beta_case": log_beta_case}
         sigma = {"sigma_typical": np.exp(log_sigma.mean()), "sigma_coordinates": np.zeros(len(log_sigma))}
         return {"F_i": F_i, "J": J, "log_k": log_k, "log_beta": log_beta, **sigma, **cases}

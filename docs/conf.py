@@ -42,5 +42,5 @@ nitpicky = True
 # Types of other projects: linking to them would need inventories from a network.
 nitpick_ignore_regex = [
     ("py:.*", r"(pandas|xarray|numpy|jax|jaxtyping|equinox|numpyro|pydantic|pathlib)\..*"),
-    ("py:class", r"Array|ndarray"),  # what a property of jaxtyping's is left with
+    ("py:class", r"Array|ArrayLike|ndarray|collections\.abc\..*"),  # what a property of jaxtyping's is left with
 ]

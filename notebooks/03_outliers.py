@@ -106,8 +106,8 @@ shown[["median", "lower", "upper", "width"]].rename(columns={"median": "k (kN/mm
 # ## Does the posterior come nearer to the truth than the rule?
 #
 # One case cannot say. `bayes-tyre study outliers --out DIR --campaigns 24` makes simulated campaigns with ever more
-# odd repeats and compares both with the truth; the README (Limits) quotes what it found: nearer wherever repeats are
-# odd, alike where none is. It takes minutes, so it is not run here.
+# discordant repeats and compares both with the truth; `docs/validation.md` quotes what it found: nearer wherever
+# repeats are discordant, alike where none is. It takes minutes, so it is not run here.
 #
 # ## What not to believe
 #

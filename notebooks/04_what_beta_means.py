@@ -92,8 +92,8 @@ NotebookFigure(audit_figures.beta_returned(found.table, audit_grid.SOURCE_WINDOW
 # any tyre.
 
 # %%
-others = {**typical._asdict(), audit_grid.WINDOW: audit_grid.SOURCE_WINDOW}
-NotebookFigure(audit_figures.beta_window(found.table, audit_grid.FACTOR_NAMES, others))
+windows = audit_overview.beta_by_window(found.table, "thesis")
+NotebookFigure(audit_figures.beta_window(windows, audit_grid.SOURCE_WINDOW))
 
 # %% [markdown]
 # ## And k?
@@ -104,7 +104,8 @@ NotebookFigure(audit_figures.beta_window(found.table, audit_grid.FACTOR_NAMES, o
 # %%
 changed = ("beta_mm", "rise_s", "damping_ratio", "step_kN", audit_grid.WINDOW)
 names = {factor: audit_grid.FACTOR_NAMES[factor] for factor in changed}
-NotebookFigure(audit_figures.k_bias(found.table, names, others))
+bias = audit_overview.bias_by_factor(found.table, "k")
+NotebookFigure(audit_figures.k_bias(bias, names, audit_grid.TYPICAL_LEVELS))
 
 # %% [markdown]
 # ## How far off is each method, and do its intervals hold the truth?

@@ -25,8 +25,7 @@ import sys
 from pathlib import Path
 
 import pandas as pd
-
-from bayes_tyre.report.figures.notebook_display import StoredFigure
+from support.stored_figure import StoredFigure
 
 here = Path("results/05_your_own_rig")
 here.mkdir(parents=True, exist_ok=True)

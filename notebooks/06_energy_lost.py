@@ -27,7 +27,7 @@ from support import motion_figures, motion_truth
 
 from bayes_tyre.formats.raw import read_raw
 from bayes_tyre.inference.motion.record import estimate, window
-from bayes_tyre.laws.fancher import dissipated_energy_per_cycle, loop_energy
+from bayes_tyre.laws.loop_energy import dissipated_energy_per_cycle, loop_energy
 from bayes_tyre.report.figures import process as process_figures
 from bayes_tyre.report.figures.notebook_display import NotebookFigure
 from bayes_tyre.rig import axle, geometry, sensors

@@ -1,20 +1,26 @@
 """Every test runs in float64 with jaxtyping checked by beartype; both are set before anything imports jax."""
 
+import gc
 import os
 import signal
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import psutil
 import pytest
 from jaxtyping import install_import_hook
 
 os.environ["JAX_ENABLE_X64"] = "1"
 os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=4"
-# Most of the suite's time is compilation, of the same kernels each time: kept beside pytest's own cache.
+# Most of the suite's time is compilation, of the same kernels in each worker and each command that the tests start:
+# all are cached, the small ones too, beside pytest's own cache.
 os.environ["JAX_COMPILATION_CACHE_DIR"] = str(Path(__file__).parents[1] / ".pytest_cache" / "jax")
-os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0.3"
+os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 # Most take longer to compile than to run here; without LLVM's optimisation compiling takes half as long.
 os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = "1"
+#: A worker above this drops what it has compiled.
+MOST_BYTES = 3_000_000_000
 install_import_hook("bayes_tyre", "beartype.beartype")
 # A shell that starts the tests in the background has them ignore Ctrl-C, and so would every command that they start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -25,6 +31,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put files with slow tests first: the last of them would else keep one worker alone at the end."""
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def little_kept_compiled() -> Iterator[None]:
+    """Drop what JAX has compiled once it fills gigabytes: a worker runs a hundred modules, few share a kernel."""
+    yield
+    if "jax" in sys.modules and psutil.Process().memory_info().rss > MOST_BYTES:
+        import jax
+
+        jax.clear_caches()
+        gc.collect()
 
 
 @pytest.fixture(scope="module")
@@ -43,5 +60,5 @@ def without_figures() -> Iterator[None]:
     from bayes_tyre.report.figures import catalogue
 
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(catalogue, "draw", lambda _: iter(()))
+        monkeypatch.setattr(catalogue, "draw", lambda *_: iter(()))
         yield

@@ -1,6 +1,6 @@
-"""The vocabulary: the label of a case."""
+"""The vocabulary: the label of a case, the columns of parameters."""
 
-from bayes_tyre.record import Case
+from bayes_tyre.record import AXLE_PARAMETERS, LAW_PARAMETERS, Case, parameter_column
 
 
 def test_the_label_of_a_case_is_the_source_s():
@@ -15,3 +15,11 @@ def test_a_label_says_what_is_known_of_a_case():
     assert Case("", "loading", nan, nan, nan).label == "loading"
     assert Case("", "", nan, nan, nan).label == "all records"
     assert Case("x", "", nan, 30.0, nan).label == "x initial_load_kN 30"
+
+
+def test_a_parameter_s_column_has_its_unit():
+    assert [parameter_column(name) for name in (*LAW_PARAMETERS, *AXLE_PARAMETERS)] == [
+        *("k_kN_per_mm", "x_kN", "settled_kN", "beta_mm", "n"),
+        *("belt_frequency_Hz", "belt_damping", "sidewall_ratio"),
+        *("m_kg", "c_kN_s_per_mm"),
+    ]

@@ -4,13 +4,13 @@ import io
 import logging
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import typer
 
-from bayes_tyre.report.wording import one_line
+from bayes_tyre.plain_text import one_line
 
 #: Characters of a line on the terminal.
 LONGEST_LINE = 10_000
@@ -38,6 +38,22 @@ def fault(text: object) -> None:
 def warn(text: object) -> None:
     """Print a warning on stderr, one line, quiet or not."""
     fault(f"warning: {text}")
+
+
+def print_table(columns: Mapping[str, Mapping[str, Any]], rows: Iterable[Sequence[str]]) -> None:
+    """Print a table on stdout, its columns with rich's options for each; nothing is cut where there is no terminal."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
+    for name, options in columns.items():
+        table.add_column(name, **options)
+    for cells in rows:
+        table.add_row(*map(Text, cells))
+    console = Console()
+    (console if console.is_terminal else Console(width=LONGEST_LINE)).print(table)
 
 
 class _WarningHandler(logging.Handler):

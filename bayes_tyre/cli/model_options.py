@@ -1,51 +1,15 @@
-"""The model of `fit` as options: which points and words it uses, how repeats scatter, what the noise is like."""
+"""The model of `fit` as options: which points and factors it uses, how repeats scatter, what the noise is like."""
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
-
-class Region(StrEnum):
-    """Which points of a record are used."""
-
-    all = "all"
-    thesis = "thesis"
-
-
-class InitialLoad(StrEnum):
-    """What stands for the load in the model of the cases."""
-
-    nominal = "nominal"
-    actual = "actual"
-
-
-class Likelihood(StrEnum):
-    """How the density of a record's forces is computed."""
-
-    compressed = "compressed"
-    direct = "direct"
-
-
-class Repeats(StrEnum):
-    """How the repeats of a case scatter about it."""
-
-    mixture = "mixture"
-    student = "student"
-    normal = "normal"
-
-
-class Noise(StrEnum):
-    """What the noise of a record is like."""
-
-    iid = "iid"
-    ar1 = "ar1"
-
-
-RegionOption = Annotated[Region, typer.Option(help="all points of each record; or the thesis's first 70 %.")]
+RegionOption = Annotated[
+    Literal["all", "thesis"], typer.Option(help="all points of each record; or the thesis's first 70 %.")
+]
 InitialLoadOption = Annotated[
-    InitialLoad,
+    Literal["nominal", "actual"],
     typer.Option(
         help="What k and beta may change with: each nominal initial_load_kN, or a slope over the force (kN) that a "
         "case's records really started from."
@@ -61,13 +25,16 @@ DisplacementScaleOption = Annotated[
     ),
 ]
 LikelihoodOption = Annotated[
-    Likelihood, typer.Option(help="compressed, whatever the number of points; or direct, point by point.")
+    Literal["compressed", "direct"],
+    typer.Option(help="compressed, whatever the number of points; or direct, point by point."),
 ]
 RepeatsOption = Annotated[
-    Repeats, typer.Option(help="How repeats scatter: usual and discordant ones, Student-t, or normal.")
+    Literal["mixture", "student", "normal"],
+    typer.Option(help="How repeats scatter: usual and discordant ones, Student-t, or normal."),
 ]
 NoiseOption = Annotated[
-    Noise, typer.Option(help="Independent from point to point; or ar1: each point's follows the one before.")
+    Literal["iid", "ar1"],
+    typer.Option(help="Independent from point to point; or ar1: each point's follows the one before."),
 ]
 NoiseWindowOption = Annotated[
     int, typer.Option(min=1, help="Samples of the moving average that went over the noise alone; 1: none.")

@@ -5,9 +5,11 @@ from typing import Annotated
 
 import typer
 
+from bayes_tyre.cli import suffixes
+
 RawFiles = Annotated[
     list[Path],
-    typer.Argument(metavar="RAW...", help="Raw files (.lvm, .tdms, .xlsx, .csv, .parquet), or folders of them."),
+    typer.Argument(metavar="RAW...", help=f"Raw files ({suffixes.RAW}), or folders of them."),
 ]
 RigName = Annotated[
     str | None, typer.Option(help="Rig: single, dual, or a TOML file; default: the one the configuration names.")
@@ -15,7 +17,7 @@ RigName = Annotated[
 CasesTable = Annotated[
     Path | None,
     typer.Option(
-        help="Table (.csv, .parquet) with file, configuration, speed_km_h, initial_load_kN, step_kN, repeat; "
+        help=f"Table ({suffixes.TABLE}) with file, configuration, speed_km_h, initial_load_kN, step_kN, repeat; "
         "default: from names such as DynamicS(0)30-20(1).lvm."
     ),
 ]

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
+from bayes_tyre.cli import suffixes
 from bayes_tyre.cli.interrupt import ending_at_interrupt
 from bayes_tyre.cli.messages import LONGEST_LINE, fault, one_line_each, say
 from bayes_tyre.cli.messages import note as note  # commands import these two from here
 from bayes_tyre.cli.messages import warn as warn
 from bayes_tyre.errors import BadInput
-from bayes_tyre.report.wording import one_line
+from bayes_tyre.plain_text import one_line
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,7 +29,7 @@ BAD_INPUT, NOT_TRUSTED = 3, 4
 RESUME = "--resume"
 
 RECORD_TABLE = typer.Argument(
-    help="Record table (.csv or .parquet): record, displacement_mm, force_kN; optional time_s, configuration, "
+    help=f"Record table ({suffixes.TABLE}): record, displacement_mm, force_kN; optional time_s, configuration, "
     "direction, speed_km_h, initial_load_kN, step_kN, repeat, origin."
 )
 Records = Annotated[Path, RECORD_TABLE]
@@ -41,6 +42,17 @@ Resume = Annotated[
 Chains = Annotated[int, typer.Option(min=1, help="Chains, run in parallel.")]
 Warmup = Annotated[int, typer.Option(min=1, help="Iterations of each chain to adapt.")]
 Draws = Annotated[int, typer.Option(min=4, help="Iterations of each chain to keep.")]
+#: Its range is that of `bayes_tyre.inference.sampling.run`, which imports JAX.
+TargetAccept = Annotated[
+    float | None,
+    typer.Option(
+        min=0.5,
+        max=0.99,
+        help="Mean acceptance that NUTS adapts its steps to: higher against divergences, and slower. Default: 0.65 (of "
+        "motions 0.8), and a run with divergences is repeated once at 0.99.",
+        show_default=False,
+    ),
+]
 Seed = Annotated[int, typer.Option(min=0, max=2**32 - 1, help="The same seed, data and options give the same numbers.")]
 #: For commands without random numbers, so that a script may give every command the same options.
 NoSeed = Annotated[int, typer.Option("--seed", min=0, help="Accepted by every command; nothing here is random.")]

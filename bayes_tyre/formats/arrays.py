@@ -9,6 +9,7 @@ import numpy as np
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import whole_file
+from bayes_tyre.plain_text import reason
 
 
 def write_arrays(arrays: Mapping[str, np.ndarray], path: Path) -> Path:
@@ -38,5 +39,4 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
         with np.load(path, allow_pickle=False) as stored:
             return {name: stored[name] for name in stored.files}
     except (OSError, EOFError, ValueError, KeyError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise BadInput(f"{path}: cannot be read as arrays: {reason}; remove the file") from error
+        raise BadInput(f"{path}: cannot be read as arrays: {reason(error)}; remove the file") from error

@@ -10,9 +10,9 @@ import pandas as pd
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.lvm.channels import ChannelHeader, Roles, build_channels, named_twice
 from bayes_tyre.formats.lvm.reader import COMMENT, read_lvm
-from bayes_tyre.formats.lvm.source import shown
 from bayes_tyre.formats.tables import read_table
 from bayes_tyre.formats.x_column import grows, is_time, seconds_per_unit, unit_in
+from bayes_tyre.plain_text import quoted
 from bayes_tyre.record import RawSignals
 
 _NO_READING = ("", "nan")
@@ -20,7 +20,7 @@ _HEAD = 4096
 
 
 def signals_of(
-    columns: Sequence[tuple[str, np.ndarray]], remarks: Sequence[str], units: Sequence[str] = ()
+    columns: Sequence[tuple[str, np.ndarray]], warnings: Sequence[str], units: Sequence[str] = ()
 ) -> RawSignals:
     """Return columns of equal length as one segment.
 
@@ -28,7 +28,7 @@ def signals_of(
     turned into seconds. Units of channels stand in brackets at the end of their names, unless `units` gives them, one
     a column, empty where there is none.
     """
-    names, values, texts = [name for name, _ in columns], [column for _, column in columns], list(remarks)
+    names, values, texts = [name for name, _ in columns], [column for _, column in columns], list(warnings)
     given = units or [""] * len(columns)
     x = next((i for i, name in enumerate(names) if is_time(name)), None)
     if x is None and len(columns) > 1 and grows(values[0]):
@@ -38,7 +38,7 @@ def signals_of(
         factor = next((f for f in map(seconds_per_unit, (names[x], f"time ({given[x]})")) if f != 1), 1.0)
         if factor != 1:
             values[x] = values[x] * factor
-            texts.append(f"X {shown(names[x])} turned into seconds")
+            texts.append(f"X {quoted(names[x])} turned into seconds")
     roles = Roles(channels, (x,) * len(channels))
     of_channels = [ChannelHeader(given[i] or unit_in(names[i]), None, np.nan, np.nan) for i in channels]
     segment, more = build_channels(names, roles, values, of_channels, "")
@@ -65,13 +65,13 @@ def numbered(raw: RawSignals, columns: Mapping[str, int] | None, path: Path) -> 
     if columns is None:
         return raw
     names = {f"column {at}": name for name, at in columns.items()}
-    found = {names[one.name] for segment in raw.segments for one in segment if one.name in names}
-    if not found:
+    x_names = {names[one.name] for segment in raw.segments for one in segment if one.name in names}
+    if not x_names:
         raise BadInput(
             f"{path}: its channels have names, and no numbers: those are for sheets and tables; take the names that "
             "`bayes-tyre inspect` lists"
         )
-    if x := next((name for name in found if is_time(name)), None):
+    if x := next((name for name in x_names if is_time(name)), None):
         raise BadInput(f"{path}: column {columns[x]} does not hold its time; put the time in the first column, in s")
     segments = [[replace(one, name=names.get(one.name, one.name)) for one in segment] for segment in raw.segments]
     return replace(raw, segments=tuple(map(tuple, segments)))
@@ -81,7 +81,7 @@ def read_columns(path: Path, columns: Mapping[str, int] | None = None) -> RawSig
     """Return the raw signals in a `.csv` or `.parquet` file: a column a channel, X among them, names above.
 
     A `.csv` file that is a LabVIEW file, or has no line of names, is read as such. A column of text is left out with
-    a remark; blank and NaN cells are missing.
+    a warning; blank and NaN cells are missing.
 
     Parameters
     ----------
@@ -101,16 +101,16 @@ def read_columns(path: Path, columns: Mapping[str, int] | None = None) -> RawSig
     own = dict(enumerate(map(str, table.columns)))
     if columns is not None and (most := max(columns.values())) > len(own):
         raise BadInput(f"{path}: has {len(own)} columns, no column {most}; mend the number")
-    found, remarks = [], []
+    numeric, warnings = [], []
     for i, name in own.items() if columns is None else named_by_number(columns, own):
         numbers = _numbers(table.iloc[:, i], name, path)
         if numbers is None and name.strip().lower() != COMMENT:
-            remarks.append(f"column {shown(name)} is text: left out")
+            warnings.append(f"column {quoted(name)} is text: left out")
         elif numbers is not None:
-            found.append((name, numbers))
-    if not len(table) or not any(not np.isnan(numbers).all() for _, numbers in found):
+            numeric.append((name, numbers))
+    if not len(table) or not any(not np.isnan(numbers).all() for _, numbers in numeric):
         raise BadInput(f"{path}: holds no numbers; give a column a channel, and the time in the first")
-    return signals_of(found, remarks)
+    return signals_of(numeric, warnings)
 
 
 def _is_lvm_or_plain(path: Path) -> bool:
@@ -143,6 +143,6 @@ def _numbers(column: pd.Series, name: str, path: Path) -> np.ndarray | None:
     if len(wrong) and np.isnan(numbers).all():
         return None
     if len(wrong):
-        cell = shown(texts.iloc[int(wrong[0])])
+        cell = quoted(texts.iloc[int(wrong[0])])
         raise BadInput(f"{path}: row {wrong[0] + 1}, column {name}: {cell} is no number; mend the cell")
     return numbers

@@ -88,9 +88,9 @@ def _first_cells(table: pd.DataFrame, columns: Iterable[str], pattern: str, unle
     for name in columns:
         if name in table and _is_text(table[name]):
             cells = table[name]
-            found = (cells.str.fullmatch(pattern) & ~cells.str.fullmatch(unless)).to_numpy(dtype=bool)
-            if found.any():
-                row = int(found.argmax())
+            matches = (cells.str.fullmatch(pattern) & ~cells.str.fullmatch(unless)).to_numpy(dtype=bool)
+            if matches.any():
+                row = int(matches.argmax())
                 yield _Cell(row, name, str(cells.iloc[row]))
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import openpyxl
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.lvm.source import reason, shown
 from bayes_tyre.formats.sheet import Row, read_sheet
+from bayes_tyre.plain_text import quoted, reason
 from bayes_tyre.record import RawSignals
 
 #: Bytes that an archive may hold unpacked, and times its own size; a sheet of 150,000 x 13 numbers is some 80 MB, and
@@ -73,7 +73,7 @@ def _check_archive(path: Path) -> None:
                     with archive.open(part) as file:
                         start = file.read(_PROLOG)
                     if b"<!DOCTYPE" in start or b"<!ENTITY" in start:
-                        raise BadInput(f"{path}: its part {shown(part.filename)} declares entities; save it again")
+                        raise BadInput(f"{path}: its part {quoted(part.filename)} declares entities; save it again")
     except _NO_ARCHIVE as error:
         raise BadInput(f"{path}: is no workbook ({reason(error)}); save it as .xlsx") from None
 
@@ -86,8 +86,8 @@ def _read_book(book: openpyxl.Workbook, path: Path, columns: Mapping[str, int] |
         first = next((item for item in rows if any(cell is not None for cell in item[1])), None)
         if first is not None:
             others = [other.title for other in book.worksheets if other is not sheet]
-            remarks = [f"sheet {shown(sheet.title)} read, {len(others)} others left out"] if others else []
-            return read_sheet([first, *rows], f"{path}: sheet {shown(sheet.title)}", columns, remarks)
+            notes = [f"sheet {quoted(sheet.title)} read, {len(others)} others left out"] if others else []
+            return read_sheet([first, *rows], f"{path}: sheet {quoted(sheet.title)}", columns, notes)
     raise BadInput(f"{path}: holds nothing; give a column a channel")
 
 

@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.plain_text import reason
 
 # Files being written now, and the lock for starting or finishing one. Module state, because a signal reaches the
 # process and not a function.
@@ -77,7 +78,7 @@ def remove_leftovers(paths: Iterable[Path]) -> None:
 
 def _named(error: OSError, path: Path) -> OSError:
     if error.errno is None:  # the library gave text only
-        return OSError(errno.EIO, " ".join(str(error).split())[:200], str(path))
+        return OSError(errno.EIO, reason(error), str(path))
     return OSError(error.errno, os.strerror(error.errno), str(path))
 
 

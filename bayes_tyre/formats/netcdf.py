@@ -6,6 +6,7 @@ import xarray as xr
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import whole_file
+from bayes_tyre.plain_text import reason
 
 ENGINE = "h5netcdf"
 
@@ -40,5 +41,4 @@ def read_tree(path: Path) -> xr.DataTree:
         with xr.open_datatree(path, engine=ENGINE) as tree:
             return tree.load()
     except Exception as error:  # HDF5 raises several kinds of error
-        reason = " ".join(str(error).split())[:200]
-        raise BadInput(f"{path}: cannot be read as netCDF: {reason}; run fit again") from error
+        raise BadInput(f"{path}: cannot be read as netCDF: {reason(error)}; run fit again") from error

@@ -57,7 +57,7 @@ def read_raw(path: Path, columns: Mapping[str, int] | None = None) -> RawSignals
 
 
 def raw_files(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
-    """Return the recordings that files and folders name, and remarks on files that were skipped.
+    """Return the recordings that files and folders name, and warnings on files that were skipped.
 
     Of a folder, all `.lvm` and `.tdms` files below it, sorted; where there are none, all files with another known
     suffix but `.txt`. A file that is named itself is taken whatever it is.
@@ -68,7 +68,7 @@ def raw_files(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
         If a path is not there, or no recording is below a folder.
     """
     files: list[Path] = []
-    remarks: list[str] = []
+    warnings: list[str] = []
     for path in paths:
         if not path.is_dir():
             if not path.exists():
@@ -76,12 +76,12 @@ def raw_files(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
             files.append(path)
             continue
         below = sorted(Path(folder) / name for folder, _, names in os.walk(path) for name in names)
-        known = [file for file in below if file.suffix.lower() in READERS and not file.name.startswith(".")]
-        recordings = [file for file in known if file.suffix.lower() in _RECORDINGS]
-        tables = [file for file in known if file.suffix.lower() not in (*_RECORDINGS, ".txt") and file.name != TRUTH]
+        readable = [file for file in below if file.suffix.lower() in READERS and not file.name.startswith(".")]
+        recordings = [file for file in readable if file.suffix.lower() in _RECORDINGS]
+        tables = [file for file in readable if file.suffix.lower() not in (*_RECORDINGS, ".txt") and file.name != TRUTH]
         if recordings and tables:
-            remarks.append(f"{path}: {len(tables)} tables beside the recordings are not read; name those that are raw")
+            warnings.append(f"{path}: {len(tables)} tables beside the recordings are not read; name those that are raw")
         if not recordings and not tables:
             raise BadInput(f"{path}: holds no recording ({', '.join(READERS)}); name another folder")
         files += recordings or tables
-    return list(dict.fromkeys(files)), remarks
+    return list(dict.fromkeys(files)), warnings

@@ -11,8 +11,8 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.column_signals import named_by_number, signals_of
 from bayes_tyre.formats.lvm.channels import is_x
 from bayes_tyre.formats.lvm.reader import COMMENT
-from bayes_tyre.formats.lvm.source import shown
 from bayes_tyre.formats.x_column import is_time, unit_in
+from bayes_tyre.plain_text import quoted
 from bayes_tyre.record import RawSignals
 
 type Row = Sequence[object]
@@ -27,12 +27,14 @@ class _Names(NamedTuple):
     units_row: int
 
 
-def read_sheet(rows: NumberedRows, where: str, columns: Mapping[str, int] | None, remarks: Sequence[str]) -> RawSignals:
+def read_sheet(
+    rows: NumberedRows, where: str, columns: Mapping[str, int] | None, warnings: Sequence[str]
+) -> RawSignals:
     """Return the raw signals in rows that are counted from 1.
 
     Numbers begin in the first row that holds nothing else in columns of numbers, which are those whose last cell is
     one; or below a row that begins with `X_Value`. The row of text above holds the names; of two, the lower the units.
-    Columns of text are left out with a remark.
+    Columns of text are left out with a warning.
 
     Raises
     ------
@@ -43,20 +45,22 @@ def read_sheet(rows: NumberedRows, where: str, columns: Mapping[str, int] | None
     if start is None:
         wanted = "" if columns is None else f" in all of columns {', '.join(map(str, columns.values()))}"
         raise BadInput(f"{where}: holds no row of numbers{wanted}; give a column a channel")
-    above, texts = _names(rows[:start]), list(remarks)
+    above, texts = _names(rows[:start]), list(warnings)
     if columns is None and above.units_row:
         texts.append(f"row {above.units_row} is taken for the units of the names above it")
-    found: list[tuple[str, np.ndarray]] = []
+    columns_read: list[tuple[str, np.ndarray]] = []
     units: list[str] = []
     wanted_columns = _all_columns(rows[start:], above) if columns is None else named_by_number(columns, above.names)
     for i, name in wanted_columns:
         cells = [(number, row[i] if i < len(row) else None) for number, row in rows[start:]]
         if columns is None and not is_time(name) and _is_text(cell for _, cell in cells):
-            texts.append(f"column {shown(name)} is text: left out")
+            texts.append(f"column {quoted(name)} is text: left out")
             continue
-        found.append((name, np.array([_reading(cell, where, number, i, name) for number, cell in cells], dtype=float)))
+        columns_read.append(
+            (name, np.array([_reading(cell, where, number, i, name) for number, cell in cells], dtype=float))
+        )
         units.append(above.units.get(i) or unit_in(above.names.get(i, "")))
-    return signals_of(found, texts, units)
+    return signals_of(columns_read, texts, units)
 
 
 def _start(rows: NumberedRows, columns: Mapping[str, int] | None) -> int | None:
@@ -141,5 +145,5 @@ def _reading(cell: object, where: str, row: int, column: int, name: str) -> floa
     number = np.nan if _is_blank(cell) else _number(cell)
     if number is None:
         at = f"row {row}, column {get_column_letter(column + 1)} ({name})"
-        raise BadInput(f"{where}, {at}: {shown(str(cell))} is no number; mend the cell, or format it as a number")
+        raise BadInput(f"{where}, {at}: {quoted(str(cell))} is no number; mend the cell, or format it as a number")
     return number

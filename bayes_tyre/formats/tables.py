@@ -13,6 +13,7 @@ from bayes_tyre.formats.decimals import read_by_decimals
 from bayes_tyre.formats.dialect import Dialect, find_dialect, first_long_row
 from bayes_tyre.formats.files import whole_file
 from bayes_tyre.formats.formulas import as_meant, harmless, map_texts, texts_of
+from bayes_tyre.plain_text import reason
 from bayes_tyre.record import TEXT_COLUMNS
 
 _WORKBOOKS = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
@@ -61,7 +62,19 @@ def _text(text: str) -> str:
     return text
 
 
+def _write_csv(table: pd.DataFrame, path: Path) -> None:
+    table = map_texts(table, harmless)
+    table.to_csv(path, index=False, lineterminator="\n", quoting=quoting_of(table), errors="backslashreplace")
+
+
+def _write_parquet(table: pd.DataFrame, path: Path) -> None:
+    table.to_parquet(path, index=False)
+
+
 READERS: dict[str, Callable[[Path], pd.DataFrame]] = {".csv": _read_csv, ".parquet": _read_parquet}
+_KINDS = " or ".join(READERS)
+#: A path with another suffix is written as CSV.
+_WRITERS: dict[str, Callable[[pd.DataFrame, Path], None]] = {".csv": _write_csv, ".parquet": _write_parquet}
 
 
 def read_table(path: Path) -> pd.DataFrame:
@@ -78,7 +91,7 @@ def read_table(path: Path) -> pd.DataFrame:
     if not path.exists():
         raise BadInput(f"{path}: no such file; check the path")
     if path.is_dir():
-        raise BadInput(f"{path}: is a folder, not a table; name a .csv or .parquet file in it")
+        raise BadInput(f"{path}: is a folder, not a table; name a {_KINDS} file in it")
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise BadInput(f"{path}: {path.suffix or 'no suffix'} is not a table format; {_remedy(path.suffix.lower())}")
@@ -91,13 +104,12 @@ def read_table(path: Path) -> pd.DataFrame:
     except PermissionError:
         raise BadInput(f"{path}: may not be read; ask for the permission to read it") from None
     except Exception as error:  # parsers raise many kinds of error
-        reason = " ".join(str(error).split())[:200]
         remedy = "mend it, or save it again" + (" as UTF-8" if reader is _read_csv else "")
-        raise BadInput(f"{path}: cannot be read as {path.suffix[1:]}: {reason}; {remedy}") from error
+        raise BadInput(f"{path}: cannot be read as {path.suffix[1:]}: {reason(error)}; {remedy}") from error
 
 
 def _remedy(suffix: str) -> str:
-    use = f"use {' or '.join(READERS)}"
+    use = f"use {_KINDS}"
     if suffix in _WORKBOOKS:
         return f"{use}: save the sheet as CSV (UTF-8)"
     return f"{use}: name it .csv if commas, semicolons or tabs stand between its cells" if suffix in _TEXTS else use
@@ -110,15 +122,8 @@ def write_table(table: pd.DataFrame, path: Path) -> Path:
     away again.
     """
     with whole_file(path) as beside:
-        if path.suffix.lower() == ".parquet":
-            table.to_parquet(beside, index=False)
-        else:
-            _write_csv(map_texts(table, harmless), beside)
+        _WRITERS.get(path.suffix.lower(), _write_csv)(table, beside)
     return path
-
-
-def _write_csv(table: pd.DataFrame, path: Path) -> None:
-    table.to_csv(path, index=False, lineterminator="\n", quoting=quoting_of(table), errors="backslashreplace")
 
 
 def quoting_of(table: pd.DataFrame) -> Literal[0, 2]:

@@ -10,9 +10,9 @@ from nptdms import TdmsChannel, TdmsFile, TdmsGroup
 from nptdms.log import log_manager
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.lvm.channels import grouped_remarks
-from bayes_tyre.formats.lvm.source import reason, shown
+from bayes_tyre.formats.lvm.channels import grouped_warnings
 from bayes_tyre.formats.x_column import is_time, seconds_per_unit
+from bayes_tyre.plain_text import quoted, reason
 from bayes_tyre.record import Channel, RawSignals
 
 _INCREMENT, _OFFSET = "wf_increment", "wf_start_offset"
@@ -24,7 +24,7 @@ def read_tdms(path: Path) -> RawSignals:
     """Return what a TDMS file holds; groups without numbers are left out.
 
     Times come from the waveform properties (`wf_start_offset`, `wf_increment`); in a group without them from its
-    channel named as X is, else they count samples, and `remarks` says so.
+    channel named as X is, else they count samples, and `warnings` says so.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def read_tdms(path: Path) -> RawSignals:
     segments = tuple(channels for channels, _ in read if channels)
     if not segments:
         raise BadInput(f"{path}: holds no channel of numbers; give a recording")
-    return RawSignals(segments, (*dict.fromkeys(logged), *(text for _, remarks in read for text in remarks)))
+    return RawSignals(segments, (*dict.fromkeys(logged), *(text for _, warnings in read for text in warnings)))
 
 
 @contextmanager
@@ -71,11 +71,11 @@ def _logged_warnings() -> Iterator[list[str]]:
 
 def _segment(group: TdmsGroup) -> tuple[tuple[Channel, ...], list[str]]:
     numbers: list[tuple[TdmsChannel, np.ndarray]] = []
-    remarks: list[tuple[str, str]] = []
+    warnings: list[tuple[str, str]] = []
     for channel in group.channels():
         values = _values(channel)
         if values is None:
-            remarks.append((channel.name, _NO_NUMBERS))
+            warnings.append((channel.name, _NO_NUMBERS))
         else:
             numbers.append((channel, values))
     x = next((i for i, (channel, _) in enumerate(numbers) if is_time(channel.name)), None)
@@ -83,13 +83,13 @@ def _segment(group: TdmsGroup) -> tuple[tuple[Channel, ...], list[str]]:
     channels = []
     for i, (channel, values) in enumerate(numbers):
         if i != x and np.issubdtype(values.dtype, np.datetime64):
-            remarks.append((channel.name, _NO_NUMBERS))
+            warnings.append((channel.name, _NO_NUMBERS))
         elif i != x:
-            time_s, remark = _times(channel, len(values), times)
-            remarks.append((channel.name, remark))
+            time_s, warning = _times(channel, len(values), times)
+            warnings.append((channel.name, warning))
             unit = next((str(channel.properties[key]) for key in _UNITS if key in channel.properties), "")
             channels.append(Channel(channel.name, unit, time_s, values.astype(float), None))
-    return tuple(channels), [f"group {shown(group.name)}: {text}" for text in grouped_remarks(remarks)]
+    return tuple(channels), [f"group {quoted(group.name)}: {text}" for text in grouped_warnings(warnings)]
 
 
 def _values(channel: TdmsChannel) -> np.ndarray | None:

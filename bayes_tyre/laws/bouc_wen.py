@@ -11,10 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from bayes_tyre.laws.base import ScalarLike, StatefulLaw
-
-Point = tuple[ScalarLike, ScalarLike]
-"""State of the law: displacement, mm, and force, kN."""
+from bayes_tyre.laws.base import Point, ScalarLike, StatefulLaw
 
 
 class BoucWen(StatefulLaw):
@@ -47,10 +44,6 @@ class BoucWen(StatefulLaw):
     beta: ScalarLike
     n: ScalarLike
     substeps: int = eqx.field(static=True, default=4)
-
-    def init(self, d: ScalarLike, F: ScalarLike) -> Point:
-        """Return the state at displacement `d`, mm, under force `F`, kN."""
-        return d, F
 
     def step(self, state: Point, d: ScalarLike) -> tuple[Point, Float[Array, ""]]:
         """Return the state and the force, kN, after a monotone move to displacement `d`, mm."""

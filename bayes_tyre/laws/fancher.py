@@ -1,16 +1,14 @@
-"""Fancher's law of the tyre: the recursion (Eq. 1), one step of it (Eq. 2), and its limit for small steps.
+"""Fancher's law of the tyre: one step (Eq. 2) of its recursion (Eq. 1), and the limit of that for small steps.
 
 Equation numbers are those of the thesis this package identifies: *Characterising the stiffness and hysteresis
 of single and dual truck tyres* (University of the Witwatersrand, 2019). Forces in kN, displacements in mm.
 """
 
-from collections.abc import Callable
-
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from bayes_tyre.laws.base import Law, Path, ScalarLike, StatefulLaw
+from bayes_tyre.laws.base import Point, ScalarLike, StatefulLaw
 
 
 def equation_2(
@@ -131,64 +129,6 @@ def _rise_and_fall(
     return -jnp.expm1(-jnp.maximum(u, 0.0) / beta), -jnp.expm1(jnp.minimum(u, 0.0) / beta)
 
 
-Point = tuple[ScalarLike, ScalarLike]
-"""State of Fancher's law: displacement, mm, and force, kN."""
-
-
-class Recursion(StatefulLaw):
-    """Eq. 1 step by step, ``F = F_lim + (F_prev - F_lim) exp(-|d - d_prev| / beta)``.
-
-    F_lim is the upper envelope at d when d grows, the lower when it falls. The force depends on the points at
-    which the path is sampled: use `Fancher` unless the sampling itself is the question.
-
-    Attributes
-    ----------
-    upper, lower:
-        The envelopes: functions from displacement, mm, to force, kN, such as the methods of
-        `bayes_tyre.laws.envelopes.LinearEnvelope` or `TableEnvelope`.
-    beta:
-        Displacement over which the force approaches the envelope, mm, > 0.
-    """
-
-    upper: Callable[[ScalarLike], ScalarLike]
-    lower: Callable[[ScalarLike], ScalarLike]
-    beta: ScalarLike
-
-    def init(self, d: ScalarLike, F: ScalarLike) -> Point:
-        """Return the state at displacement `d`, mm, under force `F`, kN."""
-        return d, F
-
-    def step(self, state: Point, d: ScalarLike) -> tuple[Point, Float[Array, ""]]:
-        """Return the state and the force, kN, after one step of Eq. 1 to displacement `d`, mm."""
-        d_prev, F_prev = state
-        rise, fall = _rise_and_fall(jnp.subtract(d, d_prev), self.beta)
-        F = rise * jnp.subtract(self.upper(d), F_prev) + fall * jnp.subtract(self.lower(d), F_prev) + F_prev
-        return (d, F), F
-
-
-class OneStep(Law):
-    """Eq. 2: the recursion taken in one step from the first point of a path straight to each of the others.
-
-    Attributes
-    ----------
-    k:
-        Slope of the envelope, kN/mm.
-    C:
-        Force of the envelope at zero displacement, kN.
-    beta:
-        Displacement over which the force approaches the envelope, mm, > 0.
-    """
-
-    k: ScalarLike
-    C: ScalarLike
-    beta: ScalarLike
-
-    def force(self, path: Path, F_start: ScalarLike) -> Float[Array, " points"]:
-        """Return the force, kN, at every point of the path, mm, by Eq. 2 from ``path[0]`` and `F_start`, kN."""
-        path = jnp.asarray(path)
-        return equation_2(path, k=self.k, C=self.C, beta=self.beta, d_i=path[0], F_i=F_start)
-
-
 class Fancher(StatefulLaw):
     """Fancher's law: the limit of Eq. 1 for small steps between the lines ``k d + C + x`` and ``k d + C - x``.
 
@@ -212,10 +152,6 @@ class Fancher(StatefulLaw):
     x: ScalarLike
     beta: ScalarLike
 
-    def init(self, d: ScalarLike, F: ScalarLike) -> Point:
-        """Return the state at displacement `d`, mm, under force `F`, kN."""
-        return d, F
-
     def step(self, state: Point, d: ScalarLike) -> tuple[Point, Float[Array, ""]]:
         """Return the state and the force, kN, after a monotone move to displacement `d`, mm, however long."""
         d_i, F_i = state
@@ -234,62 +170,3 @@ class Fancher(StatefulLaw):
         k, x, beta = np.asarray(self.k), np.asarray(self.x), np.asarray(self.beta)
         if not (np.all(beta > 0) and np.all(x >= k * beta)):
             raise ValueError(f"needs beta > 0 and x >= k beta, or the law makes energy; got k {k}, x {x}, beta {beta}")
-
-
-def loop_energy(d: Path, F: Float[ArrayLike, " points"]) -> Float[Array, ""]:
-    """Return the energy that a closed loop dissipates, kN mm = J: positive when energy is lost.
-
-    Parameters
-    ----------
-    d:
-        Displacement around the loop, mm, shape (points,); the last point is joined to the first.
-    F:
-        Force, kN, shape (points,).
-
-    Returns
-    -------
-    The integral of F over d by the trapezoid rule, J.
-    """
-    d, F = jnp.asarray(d), jnp.asarray(F)
-    return jnp.sum((F + jnp.roll(F, -1)) * (jnp.roll(d, -1) - d)) / 2
-
-
-def dissipated_energy_per_cycle(
-    *,
-    k: Float[ArrayLike, "*#shape"],
-    x: Float[ArrayLike, "*#shape"],
-    beta: Float[ArrayLike, "*#shape"],
-    amplitude: Float[ArrayLike, "*#shape"],
-) -> Float[Array, "*shape"]:
-    """Return the energy that `Fancher`'s law dissipates in a cycle once its loop repeats itself.
-
-    ``4 (x - k beta) (a - beta tanh(a / beta))``, a the amplitude: between the ends of the stroke the force less
-    k d + C relaxes towards +-(x - k beta), and it turns at +-(x - k beta) tanh(a / beta). Exact, and precise
-    to rounding for any beta / a. It depends neither on C nor on the displacement the cycle is centred on.
-
-    Parameters
-    ----------
-    k:
-        Slope of the envelopes, kN/mm.
-    x:
-        Coulomb friction: half the distance between the envelopes, kN, >= 0.
-    beta:
-        Displacement over which the force settles, mm, > 0.
-    amplitude:
-        Half the stroke from peak to peak, mm, >= 0.
-
-    Returns
-    -------
-    Energy, kN mm = J, in the common shape; negative (energy made) when x < k beta.
-    """
-    return 4 * jnp.subtract(x, jnp.multiply(k, beta)) * beta * _less_tanh(jnp.divide(amplitude, beta))
-
-
-def _less_tanh(y: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-    """Return y - tanh(y) for y >= 0 without the cancellation of the plain difference at small y."""
-    small = jnp.minimum(y, 1.0)
-    # Lambert's continued fraction tanh(y) = y / (1 + c), c = y^2 / (3 + y^2 / (5 + ...)): all terms are positive.
-    c = jnp.zeros_like(small)
-    for odd in range(19, 1, -2):
-        c = small**2 / (odd + c)
-    return jnp.where(y < 1, small * c / (1 + c), y - jnp.tanh(y))

@@ -9,10 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from bayes_tyre.laws.base import ScalarLike, StatefulLaw
-
-Point = tuple[ScalarLike, ScalarLike]
-"""State of the spring: displacement, mm, and force, kN."""
+from bayes_tyre.laws.base import Point, ScalarLike, StatefulLaw
 
 
 class KelvinVoigt(StatefulLaw):
@@ -30,10 +27,6 @@ class KelvinVoigt(StatefulLaw):
 
     k: ScalarLike
     C: ScalarLike
-
-    def init(self, d: ScalarLike, F: ScalarLike) -> Point:
-        """Return the state at displacement `d`, mm, under force `F`, kN."""
-        return d, F
 
     def step(self, state: Point, d: ScalarLike) -> tuple[Point, Float[Array, ""]]:
         """Return the state and the force, kN, after a move to displacement `d`, mm."""

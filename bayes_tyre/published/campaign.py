@@ -6,9 +6,11 @@ and the noise are assumed, as each constant below says, because the source does 
 
 from typing import NamedTuple
 
+import jax
 import numpy as np
 import pandas as pd
 
+from bayes_tyre.laws.fancher import equation_2_offset
 from bayes_tyre.published import tables
 from bayes_tyre.record import CASE_FACTORS, FACTORS, Case
 from bayes_tyre.rig.axle import Rig, load_rig
@@ -122,17 +124,11 @@ def reconstruct(seed: int = SEED) -> Reconstruction:
             k, beta = multipliers[repeat] * (published_case["k_kN_per_mm"], published_case["beta_mm"])
             truth = _truth(case, k, beta, rng)
             factors = {**case._asdict(), "repeat": repeat + 1}
-            name = record_name(case, repeat + 1)
+            name = f"Dynamic{case.record(repeat + 1)}"
             records.append(_record(truth, rng).assign(record=name, **factors, origin="reconstructed"))
             truths.append(_truth_row(name, factors, truth, discordant=discordant.get(row) == repeat))
     order = ["record", *FACTORS, "time_s", "displacement_mm", "force_kN", "origin"]
     return Reconstruction(pd.concat(records, ignore_index=True)[order], pd.DataFrame(truths))
-
-
-def record_name(case: Case, repeat: int) -> str:
-    """Return the source's name for a record, such as ``DynamicS(0)30-20(1)`` (S = single, D = dual)."""
-    start, end = case.initial_load_kN, case.initial_load_kN + case.step_kN
-    return f"Dynamic{case.configuration[0].upper()}({case.speed_km_h:g}){start:g}-{end:g}({repeat})"
 
 
 def _choose_discordant(published: pd.DataFrame, rng: np.random.Generator) -> dict[object, int]:
@@ -180,15 +176,25 @@ def _record(truth: _Truth, rng: np.random.Generator) -> pd.DataFrame:
     ramp = (1.0 - np.cos(np.pi * np.arange(points) / (points - 1))) / 2.0
     displacement = np.round(truth.d_i + truth.travel * ramp, DECIMALS)
     u = displacement - truth.d_i
-    force = truth.F_i + (truth.J + truth.k * u) * -np.expm1(-np.abs(u) / truth.beta)
+    force = truth.F_i + _change_of_force(truth, u)
     noise = _orthogonal_noise(rng.normal(0.0, NOISE_KN, points), _tangents(truth, u))
     time = np.round(SAMPLE_S * np.arange(points), DECIMALS)
     force = np.round(force + noise, DECIMALS)
     return pd.DataFrame({"time_s": time, "displacement_mm": displacement, "force_kN": force})
 
 
+def _change_of_force(truth: _Truth, u: np.ndarray) -> np.ndarray:
+    """Return the force less F_i, kN, by Equation 2."""
+    padded = np.pad(u, (0, POINTS[1] - len(u)))  # JAX compiles one length
+    with jax.enable_x64(True):
+        return np.asarray(equation_2_offset(padded, k=truth.k, J=truth.J, beta=truth.beta))[: len(u)]
+
+
 def _tangents(truth: _Truth, u: np.ndarray) -> np.ndarray:
-    """Return the derivatives of Equation 2 by k, C, log beta, d_i and F_i at the truth, shape (points, 5)."""
+    """Return the derivatives of Equation 2 by k, C, log beta, d_i and F_i at the truth, shape (points, 5).
+
+    Written out: automatic differentiation returns 0 for those that are below rounding, and the noise then differs.
+    """
     left = np.exp(-np.abs(u) / truth.beta)
     to_go = truth.J + truth.k * u
     by_distance = to_go * left / truth.beta

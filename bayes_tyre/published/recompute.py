@@ -7,7 +7,7 @@ import pandas as pd
 from bayes_tyre.laws.fancher import equation_2
 from bayes_tyre.published import tables
 from bayes_tyre.published.tables import STIFFNESS
-from bayes_tyre.rig import axle, geometry
+from bayes_tyre.rig import axle, beam, geometry
 from bayes_tyre.rig.calibration import Line, fit_line, quantisation_step
 
 GROUP = ("configuration", "direction")
@@ -37,9 +37,9 @@ def numbers_outside_tables() -> dict[str, float]:
         "dual, h": geometry.centre_height_mm(dual),
         "single, curvature factor": geometry.curvature_factor(single),
         "dual, curvature factor": geometry.curvature_factor(dual),
-        "single, second moment": axle.second_moment_m4(axle.beam_of(single)) * 1e5,
-        "single, axle load on the tyre": axle.axle_load_on_tyre_kN(single),
-        "single, slope at 45 kN": axle.beam_slope_rad(single, BEAM_LOAD_kN, _printed_second_moment_m4("single")) * 1e3,
+        "single, second moment": beam.second_moment_m4(beam.beam_of(single)) * 1e5,
+        "single, axle load on the tyre": beam.axle_load_on_tyre_kN(single),
+        "single, slope at 45 kN": beam.beam_slope_rad(single, BEAM_LOAD_kN, _printed_second_moment_m4("single")) * 1e3,
     }
     for sensor, line in calibration_lines().items():
         values[f"{sensor} line, slope"], values[f"{sensor} line, intercept"] = line
@@ -106,23 +106,23 @@ def _corrected_signs() -> dict[str, float]:
 
 def _corrected_sections() -> dict[str, float]:
     single, dual = (axle.load_rig(name) for name in CONFIGURATIONS)
-    beam = axle.beam_of(single)
-    exchanged = {"inner_width_mm": beam.inner_height_mm, "inner_height_mm": beam.inner_width_mm}
-    as_formula = axle.second_moment_m4(beam.model_copy(update=exchanged))
-    slope = axle.beam_slope_rad(dual, BEAM_LOAD_kN, _printed_second_moment_m4("dual"))
+    section = beam.beam_of(single)
+    exchanged = {"inner_width_mm": section.inner_height_mm, "inner_height_mm": section.inner_width_mm}
+    as_formula = beam.second_moment_m4(section.model_copy(update=exchanged))
+    slope = beam.beam_slope_rad(dual, BEAM_LOAD_kN, _printed_second_moment_m4("dual"))
     values = {
         "Appendix B2: single, second moment with b_i and h_i in the printed order (1e-5 m^4)": as_formula * 1e5,
-        "Appendix B2: single, hub weight within the axle load (N)": axle.hub_weight_N(single),
-        "Appendix B2: dual, second moment (1e-5 m^4)": axle.second_moment_m4(axle.beam_of(dual)) * 1e5,
-        "Appendix B2: dual, axle load on the tyre (kN)": axle.axle_load_on_tyre_kN(dual),
+        "Appendix B2: single, hub weight within the axle load (N)": beam.hub_weight_N(single),
+        "Appendix B2: dual, second moment (1e-5 m^4)": beam.second_moment_m4(beam.beam_of(dual)) * 1e5,
+        "Appendix B2: dual, axle load on the tyre (kN)": beam.axle_load_on_tyre_kN(dual),
         "Appendix B3: dual, slope at 45 kN (1e-4 rad)": slope * 1e4,
     }
     for name, rig in (("single", single), ("dual", dual)):
-        values[f"Appendix B2: {name}, section area (1e-3 m^2)"] = axle.section_area_m2(axle.beam_of(rig)) * 1e3
-        values[f"Appendix B2: {name}, beam volume (1e-3 m^3)"] = axle.beam_volume_m3(rig) * 1e3
-        values[f"Appendix B2: {name}, beam weight (N)"] = axle.beam_weight_N(rig)
-        values[f"Appendix B2: {name}, hub weight (N)"] = axle.hub_weight_N(rig)
-        deflection = axle.beam_deflection_m(rig, BEAM_LOAD_kN, _printed_second_moment_m4(name))
+        values[f"Appendix B2: {name}, section area (1e-3 m^2)"] = beam.section_area_m2(beam.beam_of(rig)) * 1e3
+        values[f"Appendix B2: {name}, beam volume (1e-3 m^3)"] = beam.beam_volume_m3(rig) * 1e3
+        values[f"Appendix B2: {name}, beam weight (N)"] = beam.beam_weight_N(rig)
+        values[f"Appendix B2: {name}, hub weight (N)"] = beam.hub_weight_N(rig)
+        deflection = beam.beam_deflection_m(rig, BEAM_LOAD_kN, _printed_second_moment_m4(name))
         values[f"Appendix B3: {name}, deflection at 45 kN (1e-4 m)"] = deflection * 1e4
     return values
 

@@ -1,26 +1,27 @@
-"""Names and units of parameters in tables and figures, and text from files made safe to print on one line."""
+"""Names of parameters, and probabilities, as tables and figures state them."""
 
+import math
 from collections.abc import Iterable
 
-#: By parameter: its name on an axis, its unit where a table gives none, and its column in printed tables.
-PARAMETERS = {
-    "k": ("stiffness k", "kN/mm", "k_kN_per_mm"),
-    "x": ("friction x", "kN", "x_kN"),
-    "settled": ("friction, settled", "kN", "settled_kN"),
-    "n": ("exponent n", "1", "n"),
-    "belt_frequency": ("the belt's frequency", "Hz", "belt_frequency_Hz"),
-    "belt_damping": ("the belt's damping ratio", "1", "belt_damping"),
-    "sidewall_ratio": ("sidewall over residual stiffness", "1", "sidewall_ratio"),
-    "beta": ("characteristic deflection beta", "mm", "beta_mm"),
-    "m": ("mass m", "kg", "m_kg"),
-    "c": ("damping c", "kN s/mm", "c_kN_s_per_mm"),
-    "energy_per_cycle": ("energy lost a cycle", "J", "energy_per_cycle_J"),
+#: Names on an axis by parameter, in the order of panels.
+AXIS_NAMES = {
+    "k": "stiffness k",
+    "x": "friction x",
+    "settled": "friction, settled",
+    "n": "exponent n",
+    "belt_frequency": "the belt's frequency",
+    "belt_damping": "the belt's damping ratio",
+    "sidewall_ratio": "sidewall over residual stiffness",
+    "beta": "characteristic deflection beta",
+    "m": "mass m",
+    "c": "damping c",
+    "energy_per_cycle": "energy lost a cycle",
 }
 #: Parameters of the printed tables; and parameters that may range over decades, so that an axis may be logarithmic.
 USUAL, WIDE = ("k", "beta"), ("beta", "x", "settled", "c", "energy_per_cycle")
+#: Smallest distance of a probability from 0 or 1 that text states: no posterior is known better.
+_NEAREST = 1e-4
 _NAME_IN_TEXT = {"energy_per_cycle": "energy a cycle"}
-#: Most characters of a label.
-LONGEST = 30
 
 
 def text_name(parameter: str) -> str:
@@ -28,17 +29,24 @@ def text_name(parameter: str) -> str:
     return _NAME_IN_TEXT.get(parameter, parameter)
 
 
-def panels(available: Iterable[str]) -> list[str]:
-    """Return the available parameters that have a panel, in the order of `PARAMETERS`; `USUAL` where there is none."""
-    names = set(available) & PARAMETERS.keys() or USUAL
-    return [parameter for parameter in PARAMETERS if parameter in names]
+def probability_text(p: float, decimals: int = 3) -> str:
+    """Return a probability as text; one that would round to 0 or 1 as a bound, ``>= 0.9998``; empty for none.
 
-
-def one_line(text: object, most: int | None = LONGEST) -> str:
-    """Return a text from a file as one line of at most `most` characters, each unprintable one replaced by U+FFFD.
-
-    With `most` None, as for a path, nothing is shortened and spaces are left alone.
+    No finite number of draws makes a ratio certain to be above 1, so the text is never 0 or 1: the bound has one digit
+    of the distance to 0 or 1, rounded away from it, and that distance is at least `_NEAREST`.
     """
-    line = str(text) if most is None else " ".join(str(text).split())
-    line = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in line)
-    return line if most is None or len(line) <= most else f"{line[: most - 1]}\N{HORIZONTAL ELLIPSIS}"
+    if not math.isfinite(p):
+        return ""
+    text = f"{p:.{decimals}f}"
+    if 0.0 < float(text) < 1.0:
+        return text
+    distance = max(min(p, 1.0 - p), _NEAREST)
+    digits = -math.floor(math.log10(distance))
+    distance = math.ceil(round(distance * 10**digits, 6)) / 10**digits
+    return f">= {1.0 - distance:.{digits}f}" if p > 0.5 else f"<= {distance:.{digits}f}"
+
+
+def panels(available: Iterable[str]) -> list[str]:
+    """Return the available parameters that have a panel, in the order of `AXIS_NAMES`; `USUAL` where there is none."""
+    names = set(available) & AXIS_NAMES.keys() or USUAL
+    return [parameter for parameter in AXIS_NAMES if parameter in names]

@@ -109,15 +109,15 @@ def _starts(posterior: xr.Dataset, case: int) -> tuple[np.ndarray, np.ndarray, n
 
 
 def _records_of(posterior: xr.Dataset, case: int) -> list[int]:
-    """Return the indices of a case's records: those that share its words."""
-    wanted = _words(posterior, "case")[case]
-    return [i for i, factor_table in enumerate(_words(posterior, "record")) if factor_table == wanted]
+    """Return the indices of a case's records: those that share its factors."""
+    wanted = _factors(posterior, "case")[case]
+    return [i for i, factors in enumerate(_factors(posterior, "record")) if factors == wanted]
 
 
-def _words(posterior: xr.Dataset, dim: str) -> list[tuple[object, ...]]:
-    """Return the words along a dimension; None for one that the data did not have."""
+def _factors(posterior: xr.Dataset, dim: str) -> list[tuple[object, ...]]:
+    """Return the factors along a dimension; None for one that the data did not have."""
     unknown = [None] * posterior.sizes[dim]
-    names = (f"{dim}_{word}" for word in CASE_FACTORS)
+    names = (f"{dim}_{factor}" for factor in CASE_FACTORS)
     columns = [posterior[name].to_numpy().tolist() if name in posterior.coords else unknown for name in names]
     return [tuple(None if v != v or v == "" else v for v in row) for row in zip(*columns, strict=True)]
 
@@ -128,7 +128,7 @@ def _flat(draws: xr.DataArray) -> np.ndarray:
 
 def _scalar(posterior: xr.Dataset, name: str) -> np.ndarray:
     if name not in posterior:
-        raise BadInput(f"the posterior lacks {name}, so it cannot tell of a repeat; ask for the case, or run fit again")
+        raise BadInput(f"the posterior lacks {name}, so no repeat can be predicted; ask for the case, or run fit again")
     return _flat(posterior[name])
 
 

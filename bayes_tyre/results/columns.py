@@ -17,11 +17,11 @@ def numbers(table: pd.DataFrame, column: str) -> pd.Series:
     """Return a column as float, NaN where the table has no such column or the cell no finite number."""
     if column not in table:
         return pd.Series(math.nan, index=table.index)
-    found = pd.to_numeric(table[column], errors="coerce").astype(float)
-    return found.where(np.isfinite(found))
+    values = pd.to_numeric(table[column], errors="coerce").astype(float)
+    return values.where(np.isfinite(values))
 
 
 def of_records(table: pd.DataFrame, columns: list[str]) -> pd.DataFrame:
     """Return `record`, `configuration` and columns of numbers, less the rows where a number is missing."""
-    factor_table = {word: texts(table, word) for word in ("record", "configuration")}
-    return pd.DataFrame({**factor_table, **{column: numbers(table, column) for column in columns}}).dropna()
+    factors = {factor: texts(table, factor) for factor in ("record", "configuration")}
+    return pd.DataFrame({**factors, **{column: numbers(table, column) for column in columns}}).dropna()

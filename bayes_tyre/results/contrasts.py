@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 import xarray as xr
+from jaxtyping import Float
 
 from bayes_tyre.inference.sampling.datatree import case_parameters, tree_cases
 from bayes_tyre.record import CASE_FACTORS, Case
@@ -19,7 +20,7 @@ DIRECTIONS = "loading / unloading"
 
 
 class _Pair(NamedTuple):
-    """Indices of two cases whose ratio is taken, first over second, and the words that both share."""
+    """Indices of two cases whose ratio is taken, first over second, and the factors that both share."""
 
     first: int
     second: int
@@ -27,11 +28,11 @@ class _Pair(NamedTuple):
 
 
 class _Contrast(NamedTuple):
-    """A ratio of averages: which pairs (or, pooled, which cases), and the words that its row shows."""
+    """A ratio of averages: which pairs (or, pooled, which cases), and the factors that its row shows."""
 
     contrast: str
     matching: str
-    factor_table: dict[str, object]
+    factors: dict[str, object]
     ratio: Callable[[np.ndarray], np.ndarray]
 
 
@@ -60,7 +61,7 @@ def _configurations(cases: list[Case]) -> Iterator[_Contrast]:
         for case in cases:
             other = case._replace(configuration=below)
             if case.configuration == above and other in index:
-                shared = {word: value for word, value in case._asdict().items() if word != "configuration"}
+                shared = {factor: value for factor, value in case._asdict().items() if factor != "configuration"}
                 pairs.append(_Pair(index[case], index[other], shared))
         yield from _rows(f"{above} / {below}", "same case", pairs, by="direction")
 
@@ -80,14 +81,14 @@ def _directions(cases: list[Case]) -> Iterator[_Contrast]:
     for matching, partner in (("same span", _same_span), ("same initial load", _same_initial_load)):
         pairs = []
         for case in cases:
-            known = case.initial_load_kN is not None and case.step_kN is not None
-            if case.direction == "loading" and known and partner(case) in index:
-                shared = {word: value for word, value in case._asdict().items() if word != "direction"}
+            given = case.initial_load_kN is not None and case.step_kN is not None
+            if case.direction == "loading" and given and partner(case) in index:
+                shared = {factor: value for factor, value in case._asdict().items() if factor != "direction"}
                 pairs.append(_Pair(index[case], index[partner(case)], shared))
         yield from _rows(DIRECTIONS, matching, pairs, by="configuration")
     for configuration in dict.fromkeys(case.configuration for case in cases):
-        of = [case.direction if case.configuration == configuration else "" for case in cases]
-        up, down = ([i for i, d in enumerate(of) if d == way] for way in ("loading", "unloading"))
+        directions = [case.direction if case.configuration == configuration else "" for case in cases]
+        up, down = ([i for i, d in enumerate(directions) if d == way] for way in ("loading", "unloading"))
         if up and down:
             yield _Contrast(DIRECTIONS, "pooled as published", {"configuration": configuration}, _pooled(up, down))
 
@@ -112,9 +113,10 @@ def contrasts(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.Dat
     Returns
     -------
     pandas.DataFrame
-        `COLUMNS`; the words of a row are those held fixed (empty where averaged over). Where loading is matched
+        `COLUMNS`; the factors of a row are those held fixed (empty where averaged over). Where loading is matched
         with unloading, `initial_load_kN` and `step_kN` are those of the loading case. `same span` swaps the two
-        loads (20-30 with 30-20), `same initial load` starts from one load (20-30 with 20-10).
+        loads (20-30 with 30-20), `same initial load` starts from one load (20-30 with 20-10). `p_greater_than_1` is
+        (count + 1/2) / (draws + 1), with the number of draws whose ratio is above 1 as the count: never 0 or 1.
     """
     posterior = tree["posterior"].to_dataset()
     cases = tree_cases(posterior)
@@ -127,16 +129,28 @@ def contrasts(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.Dat
             lower, median, upper = np.quantile(ratio, tails)
             rows.append(
                 {
-                    **{"contrast": contrast.contrast, "matching": contrast.matching, **_known(contrast.factor_table)},
+                    **{"contrast": contrast.contrast, "matching": contrast.matching, **_given(contrast.factors)},
                     **{"parameter": parameter, "median": median, "lower": lower, "upper": upper, "interval": interval},
-                    **{"p_greater_than_1": np.mean(ratio > 1.0), "origin": tree.attrs["origin"], "verdict": verdict},
+                    **{
+                        "p_greater_than_1": probability_above_1(ratio),
+                        "origin": tree.attrs["origin"],
+                        "verdict": verdict,
+                    },
                 }
             )
-    # Where a word is missing, an average over one of its levels is the average over all, and is shown once.
+    # Where a factor is missing, an average over one of its levels is the average over all, and is shown once.
     return pd.DataFrame(rows, columns=list(COLUMNS)).drop_duplicates(
         ["contrast", "matching", *CASE_FACTORS, "parameter"], ignore_index=True
     )
 
 
-def _known(factor_table: dict[str, object]) -> dict[str, object]:
-    return {word: value for word, value in factor_table.items() if value not in (None, "")}
+def probability_above_1(ratio: Float[np.ndarray, " draws"]) -> float:
+    """Return P(ratio > 1) from draws: (count + 1/2) / (draws + 1), the mean under Jeffreys' prior of a share.
+
+    Draws that are all above 1 do not show that the probability is 1, only that it is about 1 - 1 / (2 draws) or more.
+    """
+    return float((np.count_nonzero(ratio > 1.0) + 0.5) / (len(ratio) + 1.0))
+
+
+def _given(factors: dict[str, object]) -> dict[str, object]:
+    return {factor: value for factor, value in factors.items() if value not in (None, "")}

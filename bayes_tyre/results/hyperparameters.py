@@ -1,4 +1,4 @@
-"""The parameters of populations: a cell's k and beta, scatters and scales, with their draws by chain."""
+"""The parameters of populations: a group's k and beta, standard deviations, with their draws by chain."""
 
 from typing import NamedTuple
 
@@ -8,17 +8,18 @@ from jaxtyping import Bool, Float
 
 from bayes_tyre.inference.model.hyperparameters import MOTION_PARAMETERS
 from bayes_tyre.inference.sampling.datatree import tree_cases
+from bayes_tyre.record import LAW_PARAMETERS
 
-#: Parameters whose cells a pair plot shows.
+#: Parameters whose groups a pair plot shows.
 _PAIRED = ("k", "settled", "beta")
-#: What a pair plot shows beside the cells, the first first: where funnels and ridges would stand.
+#: What a pair plot shows beside the groups, the first first: where funnels and ridges would stand.
 MAIN_SCALES = tuple(
     name.format(parameter)
     for name in ("sd_log_{}_case", "sd_log_{}_repeat", "sd_log_{}_published")
     for parameter in _PAIRED
 )
-#: The most parameters of a pair plot, and how many of them may be of cells.
-MOST_PAIRED, MOST_CELLS = 10, 8
+#: The most parameters of a pair plot, and how many of them may be of groups.
+MOST_PAIRED, MOST_GROUPS = 10, 8
 
 
 class Hyperparameter(NamedTuple):
@@ -51,17 +52,17 @@ def hyperparameters(tree: xr.DataTree) -> list[Hyperparameter]:
     Effects of single speeds, loads and steps, cases and records are left to `summary.csv`: there are too many.
     """
     posterior = tree["posterior"].to_dataset()
-    found = []
-    for parameter in (*MOTION_PARAMETERS, "n", "belt_frequency", "belt_damping", "sidewall_ratio"):
+    parameters = []
+    for parameter in dict.fromkeys((*MOTION_PARAMETERS, *LAW_PARAMETERS)):
         if f"{parameter}_group" in posterior:
-            found += _cells(posterior, f"{parameter}_group")
+            parameters += _groups(posterior, f"{parameter}_group")
     for name, draws in posterior.data_vars.items():
         if set(draws.dims) == {"chain", "draw"}:
-            found.append(Hyperparameter(str(name), _unit(draws), None, _array(draws)))
-    return found
+            parameters.append(Hyperparameter(str(name), _unit(draws), None, _array(draws)))
+    return parameters
 
 
-def _cells(posterior: xr.Dataset, name: str) -> list[Hyperparameter]:
+def _groups(posterior: xr.Dataset, name: str) -> list[Hyperparameter]:
     cases = tree_cases(posterior)
     whose = {f"{case.configuration or ''} {case.direction or ''}".strip(): case.configuration or "" for case in cases}
     of_group = posterior[name]
@@ -83,12 +84,12 @@ def _unit(draws: xr.DataArray) -> str:
     return "" if unit == "1" else unit
 
 
-def paired(found: list[Hyperparameter]) -> list[Hyperparameter]:
-    """Return those that a pair plot shows: k and beta of the first cells, then the main scales, ten at most."""
-    cells = [[p for p in found if p.name.startswith(f"{parameter}_group")] for parameter in _PAIRED]
-    each = MOST_CELLS // max(2, sum(map(bool, cells)))
-    shown = [p for of_parameter in cells for p in of_parameter[:each]]
-    by_name = {p.name: p for p in found}
+def paired(parameters: list[Hyperparameter]) -> list[Hyperparameter]:
+    """Return those that a pair plot shows: k and beta of the first groups, then the main others, ten at most."""
+    groups = [[p for p in parameters if p.name.startswith(f"{parameter}_group")] for parameter in _PAIRED]
+    each = MOST_GROUPS // max(2, sum(map(bool, groups)))
+    shown = [p for of_parameter in groups for p in of_parameter[:each]]
+    by_name = {p.name: p for p in parameters}
     shown += [by_name[name] for name in MAIN_SCALES if name in by_name]
     return [p for p in shown if p.varies][:MOST_PAIRED]
 

@@ -37,14 +37,14 @@ def friction_loops(tree: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
     means, amplitude = group_means(tree), float(tree.attrs["amplitude_mm"])
     tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
     blocks = []
-    for cell in range(means.sizes["group"]):
-        of = means.isel(group=cell)
-        k, x, beta = (of[name].to_numpy().ravel() for name in ("k", "x", "beta"))
+    for group in range(means.sizes["group"]):
+        mean = means.isel(group=group)
+        k, x, beta = (mean[name].to_numpy().ravel() for name in ("k", "x", "beta"))
         some = slice(None, None, max(1, len(k) // _DRAWS))
         friction = settled_friction(k[some], x[some], beta[some], amplitude)
         lower, median, upper = np.quantile(friction, tails, axis=0)
-        factor_table = {word: str(of[word].item()) for word in ("configuration", "direction")}
-        blocks.append(loop_table(amplitude, median).assign(**factor_table, lower_kN=lower, upper_kN=upper))
+        factors = {factor: str(mean[factor].item()) for factor in ("configuration", "direction")}
+        blocks.append(loop_table(amplitude, median).assign(**factors, lower_kN=lower, upper_kN=upper))
     return pd.concat(blocks, ignore_index=True)
 
 
@@ -57,7 +57,7 @@ def settled_friction(
     """Return the force less k d + C through a loop that repeats itself, kN: growing displacement, then falling."""
     k, x, beta = (jnp.asarray(value)[:, None] for value in (k, x, beta))
     d = jnp.asarray(_displacement(amplitude_mm))
-    # It turns at +-(x - k beta) tanh(a / beta): see `laws.fancher.dissipated_energy_per_cycle`.
+    # It turns at +-(x - k beta) tanh(a / beta): see `laws.loop_energy.dissipated_energy_per_cycle`.
     turn = -k * amplitude_mm - (x - k * beta) * jnp.tanh(amplitude_mm / beta)
     force = small_step_limit(d, k=k, C=0.0, x=x, beta=beta, d_i=-amplitude_mm, F_i=turn)
     growing = np.asarray(force - k * d)

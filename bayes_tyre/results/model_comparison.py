@@ -1,4 +1,4 @@
-"""Models side by side by what they predict of records that they have not seen: a table, and what it means in words."""
+"""Models compared by how they predict records that they have not seen: a table, and a sentence on what it means."""
 
 from collections.abc import Mapping
 from copy import copy
@@ -15,7 +15,7 @@ from bayes_tyre.inference.diagnostics.leave_one_out import EFFECTIVE_LEAST, PARE
 STANDARD_ERRORS, LEAST_DIFFERENCE = 2.0, 4.0
 
 
-def compare(found: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str]) -> pd.DataFrame:
+def compare(predicted: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str]) -> pd.DataFrame:
     """Return `comparison.csv`: a row a model, the best first.
 
     Columns: `model, rank, elpd, se, elpd_difference, difference_se` (to the best; log density, dimensionless),
@@ -25,13 +25,13 @@ def compare(found: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str]) -> pd
 
     Parameters
     ----------
-    found, verdicts:
+    predicted, verdicts:
         By model: what it predicts of records left out, and the verdict on its posterior.
     """
-    table = az.compare(_about_best(found), method="stacking", round_to="none")
+    table = az.compare(_about_best(predicted), method="stacking", round_to="none")
     rows = []
     for name, row in table.iterrows():
-        each = found[str(name)]
+        each = predicted[str(name)]
         left = np.where(each.refitted, 0.0, each.pareto_k)
         trusted = left.max() <= PARETO_K_MOST and each.effective_points.min() >= EFFECTIVE_LEAST
         rows.append(
@@ -54,21 +54,21 @@ def compare(found: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str]) -> pd
     return pd.DataFrame(rows)
 
 
-def _about_best(found: Mapping[str, LeaveOneOut]) -> dict[str, ELPDData]:
+def _about_best(predicted: Mapping[str, LeaveOneOut]) -> dict[str, ELPDData]:
     """Return the records' log densities less the best model's of each: no difference and no weight changes.
 
     Stacking takes their exponentials, and of a whole recording the density has no floating-point number.
     """
-    best = np.max([each.elpd.elpd_i.to_numpy() for each in found.values()], axis=0)
+    best = np.max([each.elpd.elpd_i.to_numpy() for each in predicted.values()], axis=0)
     shifted = {}
-    for name, each in found.items():
+    for name, each in predicted.items():
         shifted[name] = copy(each.elpd)
         shifted[name].elpd_i = each.elpd.elpd_i - best
         shifted[name].elpd = float(shifted[name].elpd_i.sum())
     return shifted
 
 
-def by_record(found: Mapping[str, LeaveOneOut]) -> pd.DataFrame:
+def by_record(predicted: Mapping[str, LeaveOneOut]) -> pd.DataFrame:
     """Return a row a model and record: `model, record, elpd, pareto_k, refitted`."""
     return pd.concat(
         [
@@ -81,7 +81,7 @@ def by_record(found: Mapping[str, LeaveOneOut]) -> pd.DataFrame:
                     "refitted": each.refitted,
                 }
             )
-            for name, each in found.items()
+            for name, each in predicted.items()
         ],
         ignore_index=True,
     )
@@ -92,17 +92,17 @@ def sentence(table: pd.DataFrame) -> str:
     best, others = table.iloc[0], table.iloc[1:]
     difference = others["elpd_difference"].abs()
     tied = (difference < STANDARD_ERRORS * others["difference_se"]) | (difference < LEAST_DIFFERENCE)
-    said = []
+    sentences = []
     if tied.any():
-        said.append(
+        sentences.append(
             f"{best['model']} predicts a record left out best, but these {int(best['records'])} records cannot tell it "
             f"from {_listed(others[tied])}: take the simpler"
         )
     if not tied.all():
-        said.append(
+        sentences.append(
             f"{best['model']} predicts a record left out better than {_listed(others[~tied])}, by more than chance"
         )
-    return "; ".join(said) + "."
+    return "; ".join(sentences) + "."
 
 
 def _listed(models: pd.DataFrame) -> str:

@@ -37,7 +37,7 @@ CHANNELS = (
 )
 #: The columns of a record's readings; a row a block of samples, empty where there is no reading.
 COLUMNS = ("time_s", *(column for channel in CHANNELS for column in channel[1:]))
-_WORDS = ("record", "configuration", "shown", "status", "origin")
+_TEXTS = ("record", "configuration", "shown", "status", "origin")
 
 
 def readings_table(
@@ -88,10 +88,10 @@ def check_readings(table: pd.DataFrame, path: str) -> pd.DataFrame:
     BadInput
         If it is not.
     """
-    missing = [name for name in (*_WORDS, *COLUMNS) if name not in table]
-    odd = [name for name in COLUMNS if name in table and not pd.api.types.is_numeric_dtype(table[name])]
-    if missing or odd or table.empty:
+    missing = [name for name in (*_TEXTS, *COLUMNS) if name not in table]
+    not_numeric = [name for name in COLUMNS if name in table and not pd.api.types.is_numeric_dtype(table[name])]
+    if missing or not_numeric or table.empty:
         raise BadInput(
-            f"{path}: is not what motion writes: column {(missing + odd or ['record'])[0]}; run motion again"
+            f"{path}: is not what motion writes: column {(missing + not_numeric or ['record'])[0]}; run motion again"
         )
     return table

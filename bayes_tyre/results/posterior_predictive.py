@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.correlated_noise import whiten
-from bayes_tyre.inference.sampling.hierarchical_fit import record_batch
+from bayes_tyre.inference.model.prepared_records import record_batch
 from bayes_tyre.record_table import record_factors
 from bayes_tyre.results.prediction import force_kN
 from bayes_tyre.results.summary import outlier_probability
@@ -45,11 +45,11 @@ def _as_measured(posterior: xr.Dataset, records: list[str]) -> xr.Dataset:
     A posterior's k and beta are of the true displacement, `displacement_scale` times the measured one where it has
     such a factor: at a measured u, Eq. 2 is that of k times and beta over the factor.
     """
-    found = posterior[[name for name in (*_OF_CURVE, "sigma", "rho") if name in posterior]].sel(record=records)
+    parameters = posterior[[name for name in (*_OF_CURVE, "sigma", "rho") if name in posterior]].sel(record=records)
     if "displacement_scale" not in posterior:
-        return found
+        return parameters
     factor = posterior["displacement_scale"]
-    return found.assign(k=found["k"] * factor, beta=found["beta"] / factor)
+    return parameters.assign(k=parameters["k"] * factor, beta=parameters["beta"] / factor)
 
 
 def residuals(tree: xr.DataTree, table: pd.DataFrame) -> Residuals:
@@ -64,29 +64,31 @@ def residuals(tree: xr.DataTree, table: pd.DataFrame) -> Residuals:
     return Residuals(batch, residual, white, mean["sigma"].to_numpy())
 
 
-def autocorrelations(found: Residuals) -> Float[np.ndarray, " records"]:
+def autocorrelations(of_records: Residuals) -> Float[np.ndarray, " records"]:
     """Return the lag-1 autocorrelation of each record's residuals, about their mean: of what the model calls white."""
-    batch, residual = found.batch, found.white_kN
+    batch, residual = of_records.batch, of_records.white_kN
     centred = residual - np.where(batch.present, (residual.sum(axis=1) / batch.points)[:, None], 0.0)
     return np.sum(centred[:, 1:] * centred[:, :-1], axis=1) / np.sum(centred**2, axis=1)
 
 
-def residual_tables(found: Residuals, table: pd.DataFrame, records: list[str]) -> tuple[pd.DataFrame, pd.DataFrame]:
+def residual_tables(
+    of_records: Residuals, table: pd.DataFrame, records: list[str]
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the residuals of the records named, a row a point, and what they come to in every record, a row each.
 
     Columns `record, displacement_mm, residual_kN`; and `record, configuration` (where the table has it), `sigma_kN`,
     `autocorrelation`.
     """
-    batch = found.batch
+    batch = of_records.batch
     shown = np.isin(batch.records, records)[:, None] & batch.present
     points = pd.DataFrame(
         {
             "record": np.asarray(batch.records, dtype=object)[np.nonzero(shown)[0]],
             "displacement_mm": batch.displacement_mm[shown],
-            "residual_kN": found.residual_kN[shown],
+            "residual_kN": of_records.residual_kN[shown],
         }
     )
-    figures = {"sigma_kN": found.sigma_kN, "autocorrelation": autocorrelations(found)}
+    figures = {"sigma_kN": of_records.sigma_kN, "autocorrelation": autocorrelations(of_records)}
     return points, record_factors(table).assign(**figures)
 
 
@@ -102,14 +104,20 @@ def records_to_show(tree: xr.DataTree) -> list[str]:
     """
     posterior = tree["posterior"].to_dataset()
     names = posterior["record"].to_numpy().tolist()
-    known = [f"record_{word}" for word in ("configuration", "direction") if f"record_{word}" in posterior.coords]
-    cells = list(zip(*(posterior[word].to_numpy().tolist() for word in known), strict=True)) or [()] * len(names)
-    different = list(dict.fromkeys(cells))
-    before = [sum(cell[:1] == other[:1] for other in different[:i]) for i, cell in enumerate(different)]
-    spread = [cell for _, cell in sorted(zip(before, different, strict=True), key=lambda pair: pair[0])]
-    chosen = [names[cells.index(cell)] for cell in spread][: SHOWN_RECORDS - 2]
-    odd = outlier_probability(tree).dropna().sort_values(ascending=False).index
-    return list(dict.fromkeys([*chosen, *(names[i] for i in odd[:2]), *names]))[: min(SHOWN_RECORDS, len(chosen) + 2)]
+    coordinates = [
+        f"record_{factor}" for factor in ("configuration", "direction") if f"record_{factor}" in posterior.coords
+    ]
+    groups = list(zip(*(posterior[factor].to_numpy().tolist() for factor in coordinates), strict=True)) or [()] * len(
+        names
+    )
+    different = list(dict.fromkeys(groups))
+    before = [sum(group[:1] == other[:1] for other in different[:i]) for i, group in enumerate(different)]
+    ordered = [group for _, group in sorted(zip(before, different, strict=True), key=lambda pair: pair[0])]
+    chosen = [names[groups.index(group)] for group in ordered][: SHOWN_RECORDS - 2]
+    discordant = outlier_probability(tree).dropna().sort_values(ascending=False).index
+    return list(dict.fromkeys([*chosen, *(names[i] for i in discordant[:2]), *names]))[
+        : min(SHOWN_RECORDS, len(chosen) + 2)
+    ]
 
 
 def predictive_bands(
@@ -136,10 +144,11 @@ def predictive_bands(
     for i, record in enumerate(batch.records):
         draws = {name: posterior[name].sel(record=record).to_numpy().reshape(-1, 1) for name in (*_OF_CURVE, "sigma")}
         chosen = rng.integers(len(draws["k"]), size=BAND_DRAWS)
-        d = batch.displacement_mm[i, batch.present[i]]
-        curves = force_kN(d - d[0], *(draws[name][chosen] for name in _OF_CURVE))
+        d, present = batch.displacement_mm[i], batch.present[i]
+        # With the padding, so that JAX compiles one length for all records.
+        curves = force_kN(d - d[0], *(draws[name][chosen] for name in _OF_CURVE))[:, present]
         new = curves + draws["sigma"][chosen] * rng.standard_normal(curves.shape)
         lower, median, upper = np.quantile(new, tails, axis=0)
-        band = {"displacement_mm": d, "median_kN": median, "lower_kN": lower, "upper_kN": upper}
+        band = {"displacement_mm": d[present], "median_kN": median, "lower_kN": lower, "upper_kN": upper}
         bands.append(pd.DataFrame({"record": record, **band}))
     return pd.concat(bands, ignore_index=True)

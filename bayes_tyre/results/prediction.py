@@ -7,6 +7,7 @@ for true displacement, and so does what is predicted here.
 
 from typing import NamedTuple
 
+import jax
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -14,9 +15,10 @@ from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.sampling.datatree import priors_of, tree_cases
+from bayes_tyre.laws.fancher import equation_2_offset
 from bayes_tyre.record import CASE_FACTORS, Case
 from bayes_tyre.results.case_draws import CaseDraws, of_case, of_repeat, travel_mm
-from bayes_tyre.results.case_selection import Wish, choose, listed, sign_of
+from bayes_tyre.results.case_selection import CaseQuery, case_list, choose, sign_of
 
 #: The mean curve of a case, or a repeat of it that was not measured.
 KINDS = ("case", "repeat")
@@ -27,6 +29,7 @@ COLUMNS = (
     *CASE_FACTORS,
     *("displacement_mm", "parameter", "unit", "median", "lower", "upper", "interval", "of", "origin", "verdict"),
 )
+_change_of_force = jax.jit(equation_2_offset)
 _NEEDED = {"k_case": "case", "beta_case": "case", "k": "record", "J": "record", "C": "record", "F_i": "record"}
 
 
@@ -39,20 +42,20 @@ class Prediction(NamedTuple):
         `COLUMNS`: force (kN) against displacement from the start of the step (mm; positive in loading, negative in
         unloading), a row a point.
     parameters:
-        A mapping a case and direction: `label`, the words known, and `k_kN_per_mm`, `beta_mm`, `J_kN`, `C_kN`,
+        A mapping a case and direction: `label`, the factors given, and `k_kN_per_mm`, `beta_mm`, `J_kN`, `C_kN`,
         `F_i_kN`, `d_i_mm`, each with `mean`, `sd`, `lower`, `upper`.
-    remarks:
+    warnings:
         What was asked for and is not there, a sentence each.
     """
 
     curves: pd.DataFrame
     parameters: tuple[dict[str, object], ...]
-    remarks: tuple[str, ...]
+    warnings: tuple[str, ...]
 
 
 def predict(
     tree: xr.DataTree,
-    wish: Wish,
+    query: CaseQuery,
     displacement_mm: Float[np.ndarray, " points"] | None = None,
     *,
     verdict: str,
@@ -66,8 +69,8 @@ def predict(
     ----------
     tree:
         A posterior of records (`bayes_tyre.inference.sampling.hierarchical_fit.fit_hierarchical`).
-    wish:
-        The cases asked for, as `bayes_tyre.results.case_selection.parse_wish` gives them.
+    query:
+        The cases asked for, as `bayes_tyre.results.case_selection.parse_query` gives them.
     displacement_mm:
         From the start of the step. Without a negative number they are magnitudes and serve both directions;
         otherwise loading takes those from 0 up, unloading those from 0 down. A case that does not say its direction
@@ -91,8 +94,8 @@ def predict(
         raise BadInput(f"of is {of!r}; use {' or '.join(KINDS)}")
     cases = predictable_cases(tree)
     posterior = tree["posterior"].to_dataset()
-    choice = choose(wish, cases)
-    remarks = [f"no opposite direction of {listed([cases[i].label for i in choice.alone])}"] if choice.alone else []
+    choice = choose(query, cases)
+    warnings = [f"no opposite direction of {case_list([cases[i].label for i in choice.alone])}"] if choice.alone else []
     curves, parameters, unused = [], [], []
     widening = priors_of(tree).discordant_widening
     for i in choice.cases:
@@ -106,16 +109,16 @@ def predict(
         curves.append(curve.assign(**cases[i]._asdict()))
         parameters.append(_parameters(cases[i], draws, interval))
     if unused:
-        remarks.append(f"no displacement has the sign of {listed(unused)}")
+        warnings.append(f"no displacement has the sign of {case_list(unused)}")
     if not curves:
-        raise BadInput(f"{remarks[-1]}; give magnitudes, or both signs")
-    said = {"parameter": "force", "unit": "kN", "interval": interval, "of": of, "origin": tree.attrs["origin"]}
-    table = pd.concat(curves, ignore_index=True).assign(**said, verdict=verdict)
-    return Prediction(table[list(COLUMNS)], tuple(parameters), tuple(remarks))
+        raise BadInput(f"{warnings[-1]}; give magnitudes, or both signs")
+    constants = {"parameter": "force", "unit": "kN", "interval": interval, "of": of, "origin": tree.attrs["origin"]}
+    table = pd.concat(curves, ignore_index=True).assign(**constants, verdict=verdict)
+    return Prediction(table[list(COLUMNS)], tuple(parameters), tuple(warnings))
 
 
 def predictable_cases(tree: xr.DataTree) -> list[Case]:
-    """Return the cases of a posterior of records, in its order; None for words that the data did not have.
+    """Return the cases of a posterior of records, in its order; None for factors that the data did not have.
 
     Raises
     ------
@@ -129,7 +132,7 @@ def predictable_cases(tree: xr.DataTree) -> list[Case]:
         raise BadInput("holds no records, so neither F_i nor J of a step; name a folder that fit wrote from records")
     dims = {name: {"chain", "draw", dim} for name, dim in _NEEDED.items()}
     lacking = [name for name, needed in dims.items() if name not in posterior or set(posterior[name].dims) != needed]
-    lacking += [f"case_{word}" for word in CASE_FACTORS if f"case_{word}" not in posterior.coords]
+    lacking += [f"case_{factor}" for factor in CASE_FACTORS if f"case_{factor}" not in posterior.coords]
     if lacking:
         raise BadInput(f"is no posterior of records: it lacks {', '.join(lacking)}; name a folder that fit wrote")
     return tree_cases(posterior)
@@ -151,8 +154,12 @@ def _displacements(
 
 
 def force_kN(u: np.ndarray, F_i: np.ndarray, J: np.ndarray, k: np.ndarray, beta: np.ndarray) -> np.ndarray:
-    """Return Equation 2 (kN) at u (mm) from the start of the step, in numpy; all arguments broadcast together."""
-    return F_i + (J + k * u) * -np.expm1(-np.abs(u) / beta)
+    """Return Equation 2 (kN) at u (mm) from the start of the step; all arguments broadcast together.
+
+    In float64 whatever JAX is set to: what reads a finished posterior need not prepare JAX.
+    """
+    with jax.enable_x64(True):
+        return F_i + np.asarray(_change_of_force(u, k=k, J=J, beta=beta))
 
 
 def _bands(u: np.ndarray, draws: CaseDraws, interval: float, rng: np.random.Generator) -> dict[str, np.ndarray]:
@@ -170,16 +177,16 @@ def _bands(u: np.ndarray, draws: CaseDraws, interval: float, rng: np.random.Gene
 
 def _parameters(case: Case, draws: CaseDraws, interval: float) -> dict[str, object]:
     """Return what a vehicle model needs of one case, in plain numbers and text."""
-    factor_table = {word: value for word, value in case._asdict().items() if value not in (None, "")}
+    factors = {factor: value for factor, value in case._asdict().items() if value not in (None, "")}
     values = {
         **{"k_kN_per_mm": draws.k, "beta_mm": draws.beta, "J_kN": draws.J},
         **{"C_kN": draws.C, "F_i_kN": draws.F_i, "d_i_mm": draws.d_i},
     }
-    figures = {name: _figures(value, interval) for name, value in values.items()}
-    return {"label": case.label, **factor_table, **figures}
+    statistics = {name: _statistics(value, interval) for name, value in values.items()}
+    return {"label": case.label, **factors, **statistics}
 
 
-def _figures(values: np.ndarray, interval: float) -> dict[str, float]:
+def _statistics(values: np.ndarray, interval: float) -> dict[str, float]:
     lower, upper = np.quantile(values, [(1.0 - interval) / 2.0, (1.0 + interval) / 2.0])
-    figures = {"mean": values.mean(), "sd": values.std(ddof=1), "lower": lower, "upper": upper}
-    return {name: float(figure) for name, figure in figures.items()}
+    statistics = {"mean": values.mean(), "sd": values.std(ddof=1), "lower": lower, "upper": upper}
+    return {name: float(value) for name, value in statistics.items()}

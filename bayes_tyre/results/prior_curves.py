@@ -7,15 +7,17 @@ import pandas as pd
 import xarray as xr
 
 from bayes_tyre.inference.model.factors import Factors, find_factors
-from bayes_tyre.inference.model.prior_predictive import Start, prior_records
-from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.model.models import records_model
+from bayes_tyre.inference.model.prepared_records import record_batch
+from bayes_tyre.inference.model.prior_predictive import PriorDraws, draw_prior, prior_forces, without_points
+from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.datatree import priors_of
-from bayes_tyre.inference.sampling.hierarchical_fit import record_batch
 from bayes_tyre.record_table import record_factors
 
 #: The most panels; records of the data, and of the prior, in each; points of a prior record.
 PANELS, REAL, DRAWN, POINTS = 6, 5, 40, 80
 _BAND_DRAWS = 2000
+_DRAWN_SITES = ("F_i", "J", "k", "beta", "sigma", "rho")
 
 
 class PriorPanel(NamedTuple):
@@ -26,7 +28,7 @@ class PriorPanel(NamedTuple):
     like:
         The record of the data that the prior records are like in start and travel: that of median travel.
     configuration, direction:
-        Its words, empty where the data do not say.
+        Its factors, empty where the data do not say.
     curves:
         Of the prior: `record` (a number), `displacement_mm`, `force_kN`.
     band:
@@ -49,7 +51,7 @@ def prior_panels(tree: xr.DataTree, table: pd.DataFrame, interval: float = 0.95,
     Parameters
     ----------
     tree, table:
-        The posterior, which knows by which words k and beta vary, and the record table.
+        The posterior, which knows by which factors k and beta vary, and the record table.
     interval:
         Probability inside the bands, noise of each point included.
     seed:
@@ -57,14 +59,14 @@ def prior_panels(tree: xr.DataTree, table: pd.DataFrame, interval: float = 0.95,
     """
     factor_table = record_factors(table)
     factors = _levels(tree, table, factor_table)
-    cells = factors.group.of_case[factors.of_record]
+    group_of_record = factors.group.of_case[factors.of_record]
     travel = table.groupby("record", sort=False)["displacement_mm"].agg(np.ptp).to_numpy()
+    drawn = _draw(tree, table, factors, seed)
     panels = []
-    for cell in range(min(PANELS, len(factors.group.labels))):
-        of_group = np.flatnonzero(cells == cell)
+    for group in range(min(PANELS, len(factors.group.labels))):
+        of_group = np.flatnonzero(group_of_record == group)
         like = int(of_group[np.argsort(travel[of_group], kind="stable")[(len(of_group) - 1) // 2]])
-        repeats = str(tree.attrs.get("repeats", "mixture"))
-        panels.append(_panel(table, factor_table, factors, like, interval, seed + cell, repeats, priors_of(tree)))
+        panels.append(_panel(table, factor_table, factors, like, interval, drawn, seed + group))
     return panels
 
 
@@ -75,15 +77,24 @@ def _levels(tree: xr.DataTree, table: pd.DataFrame, factor_table: pd.DataFrame) 
     return find_factors(factor_table, record_batch(table).force_kN[:, 0] if slope else None)
 
 
+def _draw(tree: xr.DataTree, table: pd.DataFrame, factors: Factors, seed: int) -> PriorDraws:
+    """Return draws of the prior of every record's parameters, with the model that the posterior was fitted with."""
+    attributes = {
+        name: str(tree.attrs.get(name, default)) for name, default in (("repeats", "mixture"), ("noise", "iid"))
+    }
+    data = without_points(record_data(record_batch(table)))
+    arguments = {"data": data, "factors": factors, "priors": priors_of(tree), "observed": False, **attributes}
+    return draw_prior(records_model, arguments, _DRAWN_SITES, _BAND_DRAWS, seed)
+
+
 def _panel(
     table: pd.DataFrame,
     factor_table: pd.DataFrame,
     factors: Factors,
     like: int,
     interval: float,
+    drawn: PriorDraws,
     seed: int,
-    repeats: str,
-    priors: Priors,
 ) -> PriorPanel:
     case = int(factors.of_record[like])
     names = factor_table["record"].tolist()
@@ -91,23 +102,22 @@ def _panel(
     shown = [names[like], *same][:REAL]
     points = table.loc[table["record"].isin(shown), ["record", "displacement_mm", "force_kN"]]
     mine = points[points["record"] == names[like]]
-    d, F = mine["displacement_mm"].to_numpy(), mine["force_kN"].to_numpy()
-    start = Start(float(F[0]), float(np.abs(F - F[0]).max()), _grid(d))
-    forces = prior_records(factors, case, start, _BAND_DRAWS, seed, repeats, priors)
+    grid = _grid(mine["displacement_mm"].to_numpy())
+    forces = prior_forces(drawn, like, grid, seed)
     lower, upper = np.quantile(forces, [(1.0 - interval) / 2.0, (1.0 + interval) / 2.0], axis=0)
     curves = pd.DataFrame(
         {
             "record": np.arange(DRAWN).repeat(POINTS),
-            "displacement_mm": np.tile(start.displacement_mm, DRAWN),
+            "displacement_mm": np.tile(grid, DRAWN),
             "force_kN": forces[:DRAWN].ravel(),
         }
     )
-    band = pd.DataFrame({"displacement_mm": start.displacement_mm, "lower_kN": lower, "upper_kN": upper})
-    known = {
-        word: str(factor_table[word].iloc[like]) if word in factor_table else ""
-        for word in ("configuration", "direction")
+    band = pd.DataFrame({"displacement_mm": grid, "lower_kN": lower, "upper_kN": upper})
+    group_factors = {
+        factor: str(factor_table[factor].iloc[like]) if factor in factor_table else ""
+        for factor in ("configuration", "direction")
     }
-    return PriorPanel(names[like], known["configuration"], known["direction"], curves, band, points)
+    return PriorPanel(names[like], group_factors["configuration"], group_factors["direction"], curves, band, points)
 
 
 def _grid(d: np.ndarray) -> np.ndarray:

@@ -50,8 +50,8 @@ def prior_posteriors(parameters: list[Hyperparameter], priors: Priors = PRIORS) 
     return [_prior_posterior(one, priors[one.name]) for one in candidates if one.name in priors]
 
 
-def _prior_posterior(hyperparameter: Hyperparameter, of: Prior) -> PriorPosterior:
-    distribution, log = of.scipy(), of.of_logarithm
+def _prior_posterior(hyperparameter: Hyperparameter, prior: Prior) -> PriorPosterior:
+    distribution, log = prior.scipy(), prior.of_logarithm
     prior_quantiles = distribution.ppf([0.005, 0.25, 0.75, 0.995])
     low, *quartiles, high = np.log(prior_quantiles) if log else prior_quantiles
     draws = np.log(hyperparameter.draws.ravel()) if log else hyperparameter.draws.ravel()
@@ -63,14 +63,14 @@ def _prior_posterior(hyperparameter: Hyperparameter, of: Prior) -> PriorPosterio
     whole = np.linspace(min(0.0 if ends_at_zero else low, least), max(high, most), POINTS)
     at = np.sort(np.concatenate([whole, np.linspace(least, most, POINTS)]))
     values = np.exp(at) if log else at
-    prior = distribution.pdf(values) * (values if log else 1.0)
+    density = distribution.pdf(values) * (values if log else 1.0)
     quarter, three_quarters = np.quantile(draws, [0.25, 0.75])
     return PriorPosterior(
         hyperparameter.name,
         hyperparameter.unit,
         log,
         values,
-        prior / prior.max(),
+        density / density.max(),
         np.interp(at, x, height / height.max(), left=None if ends_at_zero else 0.0, right=0.0),
         1.0 - float((three_quarters - quarter) / (quartiles[1] - quartiles[0])) ** 2,
     )

@@ -6,7 +6,7 @@ import math
 import platform
 import shlex
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import Any
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import write_text
+from bayes_tyre.inference.sampling.run import SamplerRun
 
 LIBRARIES = ("bayes-tyre", "jax", "jaxlib", "numpyro", "optimistix", "equinox", "arviz", "numpy", "pandas", "xarray")
 RUN_JSON = "run.json"
@@ -59,27 +60,27 @@ def identity(
     inputs: Mapping[str, str], options: Mapping[str, object], seed: int, used: Mapping[str, str]
 ) -> dict[str, Any]:
     """Return what the numbers of a run follow from, such as JSON can hold."""
-    said = {"inputs": dict(inputs), "options": dict(options), "seed": seed, "versions": dict(used)}
-    return json.loads(json.dumps(said))
+    identity = {"inputs": dict(inputs), "options": dict(options), "seed": seed, "versions": dict(used)}
+    return json.loads(json.dumps(identity))
 
 
-def difference(found: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """Return the first thing in which another run differs from this one, in words; empty where nothing does.
+def difference(saved: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """Return the first thing in which another run differs from this one, a clause; empty where nothing does.
 
-    Inputs are told by their content: the same file by another name is the same input.
+    Inputs are compared by their content: the same file by another name is the same input.
     """
-    theirs, ours = found.get("inputs", {}), now["inputs"]
+    theirs, ours = saved.get("inputs", {}), now["inputs"]
     if list(theirs.values()) != list(ours.values()):
         name = next((name for name, other in zip(ours, theirs.values(), strict=False) if ours[name] != other), "")
         was, now_is = (one[:12] or "none" for one in (next(iter(theirs.values()), ""), ours.get(name, "")))
         return f"input {name or ', '.join(ours)}: SHA-256 was {was}..., is {now_is}..."
     for kind in ("options", "versions"):
-        one, other = found.get(kind, {}), now[kind]
+        one, other = saved.get(kind, {}), now[kind]
         for name in sorted({*one, *other}):
             if one.get(name) != other.get(name):
                 what = f"option {name}" if kind == "options" else f"version of {name}"
                 return f"{what} was {one.get(name)}, is {other.get(name)}"
-    return "" if found.get("seed") == now["seed"] else f"seed was {found.get('seed')}, is {now['seed']}"
+    return "" if saved.get("seed") == now["seed"] else f"seed was {saved.get('seed')}, is {now['seed']}"
 
 
 def read_run(path: Path, by: str = "fit") -> dict[str, Any]:
@@ -119,8 +120,8 @@ def _of_json(value: object) -> object:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def write_run(run: Run, out: Path) -> None:
-    """Write `run.json`: command, options, seed, origin, versions, SHA-256 of each input, wall time."""
+def write_run(run: Run, out: Path, sampler_runs: Sequence[SamplerRun] = ()) -> None:
+    """Write `run.json`: command, options, seed, origin, versions, SHA-256 of each input, wall time, runs of NUTS."""
     content = {
         "command": run.command,
         "options": dict(run.options),
@@ -129,5 +130,6 @@ def write_run(run: Run, out: Path) -> None:
         "versions": versions(),
         "inputs": dict(run.inputs),
         "wall_time_s": time.monotonic() - run.began,
+        "sampler_runs": [one._asdict() for one in sampler_runs],
     }
     write_json(content, out / RUN_JSON)

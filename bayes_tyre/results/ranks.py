@@ -54,13 +54,13 @@ def ranks(hyperparameter: Hyperparameter) -> Ranks:
         half = draws.shape[1] // 2
         draws = np.stack([draws[0, :half], draws[0, -half:]])
     thinned = draws[:, :: _apart(draws)]
-    chains, kept = thinned.shape
+    chains, per_chain = thinned.shape
     share = rankdata(thinned).reshape(thinned.shape) / thinned.size
     at = np.linspace(0.0, 1.0, POINTS + 1)
-    below = np.stack([np.searchsorted(np.sort(chain), at + 1e-9) for chain in share]) / kept
+    below = np.stack([np.searchsorted(np.sort(chain), at + 1e-9) for chain in share]) / per_chain
     expected = np.floor(at * thinned.size + 1e-9) / thinned.size
-    critical = _critical(chains, min(kept, max(20, _MANY // chains)))
-    return Ranks(hyperparameter.name, at, below - expected, critical * _sd(at, chains, kept))
+    critical = _critical(chains, min(per_chain, max(20, _MANY // chains)))
+    return Ranks(hyperparameter.name, at, below - expected, critical * _sd(at, chains, per_chain))
 
 
 def _apart(draws: np.ndarray) -> int:
@@ -71,21 +71,21 @@ def _apart(draws: np.ndarray) -> int:
     return most if not ess > 0 else int(np.clip(np.ceil(draws.size / ess), 1, most))
 
 
-def _sd(at: np.ndarray, chains: int, kept: int) -> np.ndarray:
+def _sd(at: np.ndarray, chains: int, draws: int) -> np.ndarray:
     """Return the standard deviation of the excess where the ranks are dealt out to the chains at random."""
-    return np.sqrt(at * (1.0 - at) / kept * (chains - 1) / (chains - 1.0 / kept))
+    return np.sqrt(at * (1.0 - at) / draws * (chains - 1) / (chains - 1.0 / draws))
 
 
 @lru_cache(maxsize=64)
-def _critical(chains: int, kept: int) -> float:
+def _critical(chains: int, draws: int) -> float:
     """Return how many standard deviations hold the largest excess of all chains with probability `BAND`."""
     rng = np.random.default_rng(0)
-    owner = rng.permuted(np.broadcast_to(np.arange(chains).repeat(kept), (SETS, chains * kept)), axis=1)
-    upto = np.unique(np.floor(np.linspace(0.0, 1.0, POINTS + 1) * chains * kept + 1e-9).astype(int))
-    upto = upto[(upto > 0) & (upto < chains * kept)]
-    at = upto / (chains * kept)
+    owner = rng.permuted(np.broadcast_to(np.arange(chains).repeat(draws), (SETS, chains * draws)), axis=1)
+    upto = np.unique(np.floor(np.linspace(0.0, 1.0, POINTS + 1) * chains * draws + 1e-9).astype(int))
+    upto = upto[(upto > 0) & (upto < chains * draws)]
+    at = upto / (chains * draws)
     largest = np.zeros(SETS)
     for chain in range(chains):
-        below = np.cumsum(owner == chain, axis=1)[:, upto - 1] / kept
-        largest = np.maximum(largest, np.max(np.abs(below - at) / _sd(at, chains, kept), axis=1))
+        below = np.cumsum(owner == chain, axis=1)[:, upto - 1] / draws
+        largest = np.maximum(largest, np.max(np.abs(below - at) / _sd(at, chains, draws), axis=1))
     return float(np.quantile(largest, BAND))

@@ -1,4 +1,4 @@
-"""What a result makes of records whose truth is known: k and beta beside the true ones, and how far off they are."""
+"""What a result makes of records of given truth: k and beta beside the true ones, and how far off they are."""
 
 from typing import NamedTuple
 
@@ -58,18 +58,18 @@ class Recovery(NamedTuple):
 
 
 def of_least_squares(truth: pd.DataFrame, fits: pd.DataFrame) -> Recovery:
-    """Return the rows of `least_squares.csv` beside those of `truth.csv`, matched by their words.
+    """Return the rows of `least_squares.csv` beside those of `truth.csv`, matched by their factors.
 
     Raises
     ------
     BadInput
-        If a table lacks a column, holds the words of a record twice, or no words are in both.
+        If a table lacks a column, holds the factors of a record twice, or no factors are in both.
     """
     _need(fits, "least_squares.csv", *PARAMETERS.values(), "status")
-    found = _worded(fits, "least_squares.csv").assign(status=texts(fits, "status"))
+    estimates = _with_key(fits, "least_squares.csv").assign(status=texts(fits, "status"))
     for name, column in PARAMETERS.items():
-        found[name] = numbers(fits, column)
-    return _beside(truth, found, float("nan"))
+        estimates[name] = numbers(fits, column)
+    return _beside(truth, estimates, float("nan"))
 
 
 def of_posterior(truth: pd.DataFrame, repeats: pd.DataFrame) -> Recovery:
@@ -79,29 +79,29 @@ def of_posterior(truth: pd.DataFrame, repeats: pd.DataFrame) -> Recovery:
     # A motion may be fitted with a law that has no friction; what both have is compared.
     compared = {name: column for name, column in OF_MOTIONS.items() if name in there} if "m" in there else PARAMETERS
     rows = {name: repeats[repeats["parameter"] == name].reset_index(drop=True) for name in compared}
-    if "k" not in rows or any(of.empty for of in rows.values()):
+    if "k" not in rows or any(of_parameter.empty for of_parameter in rows.values()):
         raise BadInput("repeats.csv: has no rows of k and beta; name what fit wrote of records")
-    found = _worded(rows["k"], "repeats.csv").assign(status="ok")
-    for name, of in rows.items():
-        block = pd.DataFrame({end: numbers(of, end) for end in ("median", "lower", "upper")})
-        block.index = _keys(of)
+    estimates = _with_key(rows["k"], "repeats.csv").assign(status="ok")
+    for name, of_parameter in rows.items():
+        block = pd.DataFrame({end: numbers(of_parameter, end) for end in ("median", "lower", "upper")})
+        block.index = _keys(of_parameter)
         placed = block.reindex(_keys(rows["k"]))
-        found[name], found[f"{name}_lower"], found[f"{name}_upper"] = (
+        estimates[name], estimates[f"{name}_lower"], estimates[f"{name}_upper"] = (
             placed[end].to_numpy() for end in ("median", "lower", "upper")
         )
-    return _beside(truth, found, float(numbers(repeats, "interval").iloc[0]))
+    return _beside(truth, estimates, float(numbers(repeats, "interval").iloc[0]))
 
 
-def _beside(truth: pd.DataFrame, found: pd.DataFrame, interval: float) -> Recovery:
-    compared = {name: column for name, column in OF_MOTIONS.items() if name in found}
+def _beside(truth: pd.DataFrame, estimates: pd.DataFrame, interval: float) -> Recovery:
+    compared = {name: column for name, column in OF_MOTIONS.items() if name in estimates}
     _need(truth, "truth.csv", *compared.values())
-    true = _worded(truth, "truth.csv")
+    true = _with_key(truth, "truth.csv")
     for name, column in compared.items():
         true[f"{name}_true"] = numbers(truth, column)
-    both = true.merge(found.drop(columns="record"), on="key", how="left", indicator=True)
+    both = true.merge(estimates.drop(columns="record"), on="key", how="left", indicator=True)
     lost = int((both["_merge"] == "left_only").sum())
     if lost == len(both):
-        raise BadInput("truth.csv: has the words of no record of the result; name the truth of these records")
+        raise BadInput("truth.csv: has the factors of no record of the result; name the truth of these records")
     table, rows = both[["record", "status"]].copy(), []
     for name in compared:
         error = both[name] / both[f"{name}_true"] - 1
@@ -113,29 +113,29 @@ def _beside(truth: pd.DataFrame, found: pd.DataFrame, interval: float) -> Recove
         columns = {"true": both[f"{name}_true"], "": both[name], "error": error, "covered": covered}
         for end, values in columns.items():
             table[f"{name}_{end}" if end else name] = values
-        known = error.dropna()
-        rms = float(np.sqrt((known**2).mean()))
-        rows.append((name, len(known), rms, float(known.median()), interval, float(covered.mean())))
+        errors = error.dropna()
+        rms = float(np.sqrt((errors**2).mean()))
+        rows.append((name, len(errors), rms, float(errors.median()), interval, float(covered.mean())))
     summary = pd.DataFrame(rows, columns=["parameter", "records", "rms", "median", "interval", "covered"])
-    return Recovery(table, summary, lost, int((~found["key"].isin(true["key"])).sum()))
+    return Recovery(table, summary, lost, int((~estimates["key"].isin(true["key"])).sum()))
 
 
-def _worded(table: pd.DataFrame, name: str) -> pd.DataFrame:
-    """Return the records of a table and the key that their words make."""
+def _with_key(table: pd.DataFrame, name: str) -> pd.DataFrame:
+    """Return the records of a table and the key that their factors make."""
     _need(table, name, "record", *FACTORS)
     keys = _keys(table)
     if keys.duplicated().any():
         twice = texts(table, "record")[keys.duplicated()].iloc[0]
-        raise BadInput(f"{name}: the words of record {twice!r} stand twice; keep one record of each case and repeat")
+        raise BadInput(f"{name}: the factors of record {twice!r} stand twice; keep one record of each case and repeat")
     return pd.DataFrame({"record": texts(table, "record"), "key": keys})
 
 
 def _keys(table: pd.DataFrame) -> pd.Series:
-    """Return the words of each row as one text, numbers written alike whatever the table made of them."""
+    """Return the factors of each row as one text, numbers written alike whatever the table made of them."""
     labels = ("configuration", "direction")
     parts = [
-        texts(table, word) if word in labels else numbers(table, word).map(lambda value: f"{value:.6g}")
-        for word in FACTORS
+        texts(table, factor) if factor in labels else numbers(table, factor).map(lambda value: f"{value:.6g}")
+        for factor in FACTORS
     ]
     return pd.Series([" ".join(row) for row in zip(*parts, strict=True)], index=table.index, dtype=object)
 

@@ -8,9 +8,9 @@ import xarray as xr
 from bayes_tyre.inference.diagnostics.convergence import Figures, monitor, stored_figures
 from bayes_tyre.inference.diagnostics.power_scaling import identified
 from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS
-from bayes_tyre.inference.sampling.datatree import RECORD_UNITS, case_parameters, shown_parameters
+from bayes_tyre.inference.sampling.datatree import case_parameters, shown_parameters
 from bayes_tyre.inference.sampling.group_means import named_group_means
-from bayes_tyre.record import CASE_FACTORS, FACTORS
+from bayes_tyre.record import AXLE_PARAMETERS, CASE_FACTORS, ENERGY, FACTORS, LAW_PARAMETERS, RECORD_UNITS
 from bayes_tyre.record_table import carry_extras
 
 STATISTICS = (
@@ -19,8 +19,10 @@ STATISTICS = (
 )
 #: Parameters of a record that `repeats.csv` shows, those of them that a posterior has.
 REPEAT_PARAMETERS = (
-    *("k", "x", "settled", "beta", "n", "belt_frequency", "belt_damping", "sidewall_ratio"),
-    *("J", "C", "sigma", "m", "c", "energy_per_cycle"),
+    *LAW_PARAMETERS,
+    *("J", "C", "sigma"),
+    *AXLE_PARAMETERS,
+    ENERGY,
 )
 
 
@@ -58,10 +60,12 @@ def describe(draws: xr.DataArray, interval: float = 0.95, figures: Figures | Non
     )
 
 
-def _words_of(posterior: xr.Dataset, dim: str) -> pd.DataFrame:
-    """Return the words along a dimension, a row an element; a word that the data did not have is missing."""
-    known = {word: posterior[f"{dim}_{word}"].to_numpy() for word in FACTORS if f"{dim}_{word}" in posterior.coords}
-    table = pd.DataFrame(known, columns=list(FACTORS), index=range(posterior.sizes[dim]))
+def _factors_of(posterior: xr.Dataset, dim: str) -> pd.DataFrame:
+    """Return the factors along a dimension, a row an element; a factor that the data did not have is missing."""
+    columns = {
+        factor: posterior[f"{dim}_{factor}"].to_numpy() for factor in FACTORS if f"{dim}_{factor}" in posterior.coords
+    }
+    table = pd.DataFrame(columns, columns=list(FACTORS), index=range(posterior.sizes[dim]))
     if dim == "record":
         table.insert(0, "record", posterior["record"].to_numpy())
     return table
@@ -70,9 +74,9 @@ def _words_of(posterior: xr.Dataset, dim: str) -> pd.DataFrame:
 def cases(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataFrame:
     """Return `cases.csv`: k (kN/mm), beta (mm) and what else a case has, a row a case and parameter."""
     posterior = tree["posterior"].to_dataset()
-    factor_table = _words_of(posterior, "case")[list(CASE_FACTORS)]
+    factors = _factors_of(posterior, "case")[list(CASE_FACTORS)]
     blocks = [
-        _block(tree, factor_table, parameter, posterior[f"{parameter}_case"], RECORD_UNITS[parameter], interval)
+        _block(tree, factors, parameter, posterior[f"{parameter}_case"], RECORD_UNITS[parameter], interval)
         for parameter in case_parameters(posterior)
     ]
     return _finish(blocks, tree, verdict)
@@ -87,16 +91,16 @@ def repeats(
     (`bayes_tyre.record_table.record_extras`); they are carried through.
 
     `outlier_probability` is missing for records of cases with fewer than three repeats: two that differ cannot
-    say which of them is odd. Without records (a posterior of printed tables) the table has no rows.
+    say which of them is discordant. Without records (a posterior of printed tables) the table has no rows.
     """
     posterior = tree["posterior"].to_dataset()
     if "record" not in posterior.dims:
         columns = ["record", *FACTORS, "parameter", "unit", *STATISTICS, "outlier_probability", "origin", "verdict"]
         return pd.DataFrame(columns=columns)
-    factor_table = _words_of(posterior, "record")
-    odd = outlier_probability(tree).to_numpy()
+    factors = _factors_of(posterior, "record")
+    outlier = outlier_probability(tree).to_numpy()
     blocks = [
-        _block(tree, factor_table, name, posterior[name], RECORD_UNITS[name], interval).assign(outlier_probability=odd)
+        _block(tree, factors, name, posterior[name], RECORD_UNITS[name], interval).assign(outlier_probability=outlier)
         for name in shown_parameters(posterior, REPEAT_PARAMETERS)
     ]
     if extras is not None:
@@ -107,43 +111,43 @@ def repeats(
 def outlier_probability(tree: xr.DataTree) -> pd.Series:
     """Return the posterior probability that each record is discordant; missing where it cannot be judged."""
     posterior = tree["posterior"].to_dataset()
-    factor_table = _words_of(posterior, "record")
+    factors = _factors_of(posterior, "record")
     if "outlier_probability" not in posterior:
-        return pd.Series(np.nan, index=factor_table.index)
+        return pd.Series(np.nan, index=factors.index)
     probability = pd.Series(posterior["outlier_probability"].mean(("chain", "draw")).to_numpy())
-    of_case = factor_table.groupby(list(CASE_FACTORS), dropna=False)["record"].transform("size")
+    of_case = factors.groupby(list(CASE_FACTORS), dropna=False)["record"].transform("size")
     return probability.where(of_case >= JUDGEABLE_REPEATS)
 
 
 def judged_records(tree: xr.DataTree) -> pd.DataFrame:
-    """Return `record`, the words and `outlier_probability` of each record; no rows without records."""
+    """Return `record`, the factors and `outlier_probability` of each record; no rows without records."""
     posterior = tree["posterior"].to_dataset()
     if "record" not in posterior.dims:
         return pd.DataFrame(columns=["record", *FACTORS, "outlier_probability"])
-    return _words_of(posterior, "record").assign(outlier_probability=outlier_probability(tree))
+    return _factors_of(posterior, "record").assign(outlier_probability=outlier_probability(tree))
 
 
 def summary(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataFrame:
     """Return `summary.csv`: a row a scalar, sampled or derived.
 
-    A row carries the words that name it; an effect of a speed, load, step or cell has its level in the name,
+    A row carries the factors that name it; an effect of a speed, load, step or group has its level in the name,
     such as ``log_k_speed[25]``. `k_mean` and `beta_mean` are the means over the cases of `group_means`.
 
-    `contraction`, `prior_sensitivity`, `likelihood_sensitivity` and `decided_by` say what the data said of each
+    `contraction`, `prior_sensitivity`, `likelihood_sensitivity` and `decided_by` say what decides each
     (`bayes_tyre.inference.diagnostics.power_scaling`); empty where that is not known.
     """
     posterior = tree["posterior"].to_dataset()
     blocks = []
     for name, draws in named_group_means(tree).data_vars.items():
-        factor_table = pd.DataFrame({word: draws[word].to_numpy() for word in CASE_FACTORS[:2]})
+        factors = pd.DataFrame({factor: draws[factor].to_numpy() for factor in CASE_FACTORS[:2]})
         unit = RECORD_UNITS[str(name).removesuffix("_mean")]
-        blocks.append(_identified(_block(tree, factor_table, str(name), draws, unit, interval), tree))
+        blocks.append(_identified(_block(tree, factors, str(name), draws, unit, interval), tree))
     for name, draws in posterior.data_vars.items():
         unit = "" if draws.attrs["units"] == "1" else draws.attrs["units"]
         dims = [str(dim) for dim in draws.dims if dim not in ("chain", "draw")]
         if dims and dims[0] in ("case", "record"):
-            factor_table = _words_of(posterior, dims[0])
-            blocks.append(_identified(_block(tree, factor_table, str(name), draws, unit, interval), tree))
+            factors = _factors_of(posterior, dims[0])
+            blocks.append(_identified(_block(tree, factors, str(name), draws, unit, interval), tree))
             continue
         labels = [_level(label) for label in draws[dims[0]].to_numpy()] if dims else [""]
         block = _block(tree, pd.DataFrame(index=range(len(labels))), str(name), draws, unit, interval)
@@ -157,25 +161,25 @@ def _level(label: object) -> str:
 
 
 def _block(
-    tree: xr.DataTree, factor_table: pd.DataFrame, parameter: str, draws: xr.DataArray, unit: str, interval: float
+    tree: xr.DataTree, factors: pd.DataFrame, parameter: str, draws: xr.DataArray, unit: str, interval: float
 ) -> pd.DataFrame:
     described = describe(draws, interval, stored_figures(tree, str(draws.name)))
-    return pd.concat([factor_table.reset_index(drop=True).assign(parameter=parameter, unit=unit), described], axis=1)
+    return pd.concat([factors.reset_index(drop=True).assign(parameter=parameter, unit=unit), described], axis=1)
 
 
 def _identified(block: pd.DataFrame, tree: xr.DataTree) -> pd.DataFrame:
-    """Return the rows of one quantity with what the data said of each."""
-    said = identified(tree, str(block["parameter"].iloc[0]))
-    said = said if len(said) == len(block) else said.loc[[0] * len(block)].reset_index(drop=True)
-    return pd.concat([block, said], axis=1)
+    """Return the rows of one quantity with what decides each."""
+    decided = identified(tree, str(block["parameter"].iloc[0]))
+    decided = decided if len(decided) == len(block) else decided.loc[[0] * len(block)].reset_index(drop=True)
+    return pd.concat([block, decided], axis=1)
 
 
 def _finish(
-    blocks: list[pd.DataFrame], tree: xr.DataTree, verdict: str, factor_table: list[str] | None = None
+    blocks: list[pd.DataFrame], tree: xr.DataTree, verdict: str, factors: list[str] | None = None
 ) -> pd.DataFrame:
-    """Return the blocks as one table: words first, the verdict last."""
+    """Return the blocks as one table: factors first, the verdict last."""
     table = pd.concat(blocks, ignore_index=True).assign(origin=tree.attrs["origin"], verdict=verdict)
-    if factor_table is None:
+    if factors is None:
         return table
-    rest = [column for column in table.columns if column not in factor_table]
-    return table.reindex(columns=[*factor_table, *rest])
+    rest = [column for column in table.columns if column not in factors]
+    return table.reindex(columns=[*factors, *rest])

@@ -1,6 +1,5 @@
-"""The machine as read from a TOML file, and the section and beam formulas of appendices B2 and B3."""
+"""The machine as read from a TOML file."""
 
-import math
 import tomllib
 from pathlib import Path
 from typing import Annotated
@@ -16,6 +15,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
+from bayes_tyre.plain_text import reason
 from bayes_tyre.rig.channels import Channels, Section
 from bayes_tyre.rig.faults import EXPLAINED, first_fault
 
@@ -191,25 +191,11 @@ def load_rig(name_or_path: str | Path) -> Rig:
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}; name {_CHOICES}") from None
     except (ValueError, RecursionError) as error:
-        raise BadInput(f"{path}: cannot be read as TOML: {' '.join(str(error).split())[:200]}; mend the file") from None
+        raise BadInput(f"{path}: cannot be read as TOML: {reason(error)}; mend the file") from None
     try:
         return Rig.model_validate(content)
     except ValidationError as error:
         raise BadInput(f"{path}: {first_fault(error, Rig, content)}") from None
-
-
-def second_moment_m4(beam: Beam) -> float:
-    """Return the section's second moment of area (m^4), corners taken as square. Source: appendix B2."""
-    outer = beam.outer_width_mm * beam.outer_height_mm**3
-    inner = beam.inner_width_mm * beam.inner_height_mm**3
-    return (outer - inner) / 12 * 1e-12
-
-
-def section_area_m2(beam: Beam) -> float:
-    """Return the section's area (m^2), corners rounded by the fillets. Source: appendix B2."""
-    outer = beam.outer_width_mm * beam.outer_height_mm - (4 - math.pi) * beam.outer_fillet_mm**2
-    inner = beam.inner_width_mm * beam.inner_height_mm - (4 - math.pi) * beam.inner_fillet_mm**2
-    return (outer - inner) * 1e-6
 
 
 def needed[T](value: T | None, rig: Rig, key: str) -> T:
@@ -223,64 +209,3 @@ def needed[T](value: T | None, rig: Rig, key: str) -> T:
     if value is None:
         raise BadInput(f"rig {rig.name!r}, key {key}: is missing; add it, {EXPLAINED}")
     return value
-
-
-def beam_of(rig: Rig) -> Beam:
-    """Return the beam of a rig that describes one; BadInput names the key where it does not."""
-    return needed(rig.beam, rig, "beam")
-
-
-def beam_volume_m3(rig: Rig) -> float:
-    """Return the volume (m^3) of a beam as long as the axle. Source: appendix B2."""
-    return section_area_m2(beam_of(rig)) * rig.axle.support_to_wheel_centre_mm * 1e-3
-
-
-def beam_weight_N(rig: Rig) -> float:
-    """Return the beam's weight (N). Source: appendix B2."""
-    return beam_volume_m3(rig) * beam_of(rig).density_kg_per_m3 * GRAVITY_M_PER_S2
-
-
-def hub_weight_N(rig: Rig) -> float:
-    """Return the weight (N) of the axle less its beam. Source: appendix B2."""
-    return needed(rig.axle.mass_kg, rig, "axle.mass_kg") * GRAVITY_M_PER_S2 - beam_weight_N(rig)
-
-
-def axle_load_on_tyre_kN(rig: Rig) -> float:
-    """Return what the axle's weight puts on the tyre (kN): the hub and half of the beam. Source: appendix B2."""
-    return (hub_weight_N(rig) + beam_weight_N(rig) / 2) * 1e-3
-
-
-def _beam_arms_m(rig: Rig) -> tuple[float, float, float]:
-    # a, b: the load from the support and from the wheel centre; x: the measurement point from the wheel centre.
-    length, load = rig.axle.support_to_wheel_centre_mm, rig.axle.support_to_load_mm
-    return load * 1e-3, (length - load) * 1e-3, (length - rig.axle.support_to_measurement_mm) * 1e-3
-
-
-def beam_deflection_m(rig: Rig, load_kN: float, second_moment_m4: float) -> float:
-    """Return the beam's deflection at the measurement point, positive upward.
-
-    Parameters
-    ----------
-    rig:
-        Lever arms and Young's modulus; the beam rests freely on its support and on the wheel.
-    load_kN:
-        Cylinder load, kN.
-    second_moment_m4:
-        Second moment of area, m^4: given, not computed here, for the source goes on from its rounded value.
-
-    Returns
-    -------
-    Deflection in m. Source: appendix B3, v_1, for a measurement point between load and wheel.
-    """
-    a, b, x = _beam_arms_m(rig)
-    stiffness = beam_of(rig).youngs_modulus_GPa * 1e9 * second_moment_m4
-    constant = b**2 / 2 - b * (a + b) / 3 - b**3 / (6 * (a + b))
-    return load_kN * 1e3 / stiffness * (a * x**3 / (6 * (a + b)) + constant * x)
-
-
-def beam_slope_rad(rig: Rig, load_kN: float, second_moment_m4: float) -> float:
-    """Return the beam's slope (rad) at the measurement point; arguments as in `beam_deflection_m`. Source: B3."""
-    a, b, x = _beam_arms_m(rig)
-    stiffness = beam_of(rig).youngs_modulus_GPa * 1e9 * second_moment_m4
-    constant = b**2 / 2 - b * (a + b) / 3 - b**3 / (6 * (a + b))
-    return load_kN * 1e3 / stiffness * (a * x**2 / (2 * (a + b)) + constant)

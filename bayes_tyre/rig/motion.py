@@ -4,8 +4,6 @@
 ground, so F_tyre is its force at Eq. 7's displacement, taken back to the wheel centre through Eq. 8.
 """
 
-from typing import NamedTuple
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -91,15 +89,6 @@ class Motion(eqx.Module):
         return jax.tree.map(lambda values: values[:: 2 * substeps], self)
 
 
-class Energies(NamedTuple):
-    """Energies from the first node to the last, at the wheel centre, J = kN mm; applied = the sum of the others."""
-
-    applied: Float[Array, ""]
-    kinetic: Float[Array, ""]
-    tyre: Float[Array, ""]
-    damping: Float[Array, ""]
-
-
 def substeps_for(dt_s: float, max_step_s: float = MAX_STEP_S) -> int:
     """Return into how many steps a sampling interval `dt_s` is cut, so that none is longer than `max_step_s` (s)."""
     return max(1, int(np.ceil(dt_s / max_step_s - 1e-9)))
@@ -161,7 +150,7 @@ def move(rig: Rig, body: Body, drive: Drive, start: Start) -> Motion:
     Lobatto's three-point collocation (fourth order) on the ends and the middle of each step; the law itself is exact
     along the path, and where a path turns inside a step the law goes to the turning point first. On 10 kN steps, still
     and rolling, with beta from 0.01 mm: sampled at 1, 5 and 10 kHz (steps of 0.2, 0.2 and 0.1 ms) the motion is the
-    same to 2e-6 mm and 3e-5 m/s^2, and `energies` close to 3e-9 of the work applied. Can be jitted (the rig held
+    same to 2e-6 mm and 3e-5 m/s^2, and energies close to 3e-9 of the work applied. Can be jitted (the rig held
     fixed), vmapped, and differentiated forward.
 
     Parameters
@@ -206,20 +195,3 @@ def move(rig: Rig, body: Body, drive: Drive, start: Start) -> Motion:
     first = jnp.stack([d, v, a, F_tyre])
     d, v, a, F_tyre = jnp.concatenate([first[None], nodes.reshape(-1, 4)]).T
     return Motion(d, v, a * 1e-3, F_tyre)
-
-
-def energies(body: Body, drive: Drive, motion: Motion) -> Energies:
-    """Return the energy account of a motion, by Simpson's rule over the nodes: what it does not close is its error.
-
-    ``applied`` is the work of the applied force, ``kinetic`` the gain of kinetic energy, ``tyre`` the work that the
-    axle does on the tyre (kept and lost; runout does work of its own on the tyre), ``damping`` the viscous loss.
-    """
-    dt = jnp.diff(jnp.asarray(drive.time_s, float)[::2])
-    F, v = jnp.asarray(drive.applied_kN, float), motion.velocity_mm_per_s
-
-    def over_time(power: Array) -> Array:
-        return jnp.sum(dt / 6 * (power[:-2:2] + 4 * power[1::2] + power[2::2]))
-
-    kinetic = jnp.asarray(KN_PER_KG_MM_PER_S2 * body.m_kg / 2 * (v[-1] ** 2 - v[0] ** 2))
-    damping = over_time(jnp.asarray(body.c_kN_s_per_mm * v**2))
-    return Energies(over_time(F * v), kinetic, over_time(motion.tyre_force_kN * v), damping)

@@ -29,16 +29,12 @@ class Decay(NamedTuple):
     ----------
     k_kN_per_mm, c_kN_s_per_mm:
         Of the spring and the damper that vibrate so, at the point where the mass is.
-    natural_Hz:
-        Undamped natural frequency.
-    decrement, damping_ratio:
-        Logarithm of the ratio of swings a period apart; damping in parts of critical.
+    damping_ratio:
+        Damping in parts of critical.
     """
 
     k_kN_per_mm: float
     c_kN_s_per_mm: float
-    natural_Hz: float
-    decrement: float
     damping_ratio: float
 
 
@@ -78,7 +74,7 @@ def free_vibration(
     ratio = decrement / np.hypot(2 * np.pi, decrement)
     omega = 2 * np.pi / period / np.sqrt(1 - ratio**2)
     mass = m_kg * KN_PER_KG_MM_PER_S2
-    return Decay(*map(float, (mass * omega**2, 2 * ratio * mass * omega, omega / (2 * np.pi), decrement, ratio)))
+    return Decay(*map(float, (mass * omega**2, 2 * ratio * mass * omega, ratio)))
 
 
 def ring_down(

@@ -38,33 +38,18 @@ class Sensor(NamedTuple):
 
 def sensors_of(rig: Rig) -> tuple[Sensor, Sensor, Sensor]:
     """Return accelerometer, laser and load cell of a rig."""
-    names, lines, signs = rig.channels, rig.calibration, rig.signs
     return (
-        Sensor(
-            "acceleration",
-            "m/s^2",
-            _name(names.acceleration),
-            _name(names.acceleration_voltage),
-            _line(lines.acceleration_slope_m_per_s2_per_V, lines.acceleration_intercept_m_per_s2),
-            signs.acceleration_positive_upward,
-        ),
-        Sensor(
-            "displacement",
-            "mm",
-            _name(names.displacement),
-            _name(names.displacement_voltage),
-            _line(lines.displacement_slope_mm_per_V, lines.displacement_intercept_mm),
-            signs.displacement_grows_downward,
-        ),
-        Sensor(
-            "load",
-            "kN",
-            _name(names.load),
-            _name(names.load_voltage),
-            _line(lines.load_slope_kN_per_V, lines.load_intercept_kN),
-            signs.load_positive_into_rollers,
-        ),
+        _sensor(rig, "acceleration", "m/s^2", rig.signs.acceleration_positive_upward),
+        _sensor(rig, "displacement", "mm", rig.signs.displacement_grows_downward),
+        _sensor(rig, "load", "kN", rig.signs.load_positive_into_rollers),
     )
+
+
+def _sensor(rig: Rig, quantity: str, unit: str, positive: bool) -> Sensor:
+    channel, voltage = (_name(getattr(rig.channels, key)) for key in (quantity, f"{quantity}_voltage"))
+    sensor = Sensor(quantity, unit, channel, voltage, None, positive)
+    slope, intercept = (getattr(rig.calibration, key) for key in sensor.calibration_keys())
+    return sensor if slope is None or intercept is None else sensor._replace(line=Line(slope, intercept))
 
 
 def columns_of(rig: Rig) -> dict[str, int] | None:
@@ -84,7 +69,3 @@ def columns_of(rig: Rig) -> dict[str, int] | None:
 def _name(column: str | int) -> str:
     # What readers call a column of a table without names.
     return column if isinstance(column, str) else f"column {column}"
-
-
-def _line(slope: float | None, intercept: float | None) -> Line | None:
-    return None if slope is None or intercept is None else Line(slope, intercept)

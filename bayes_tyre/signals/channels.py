@@ -65,17 +65,17 @@ def find_channels(raw: RawSignals, rig: Rig) -> Signals:
         are not those of the others, have a gap, are uneven or of another unit; and if there are several recordings.
         The message names the channel and what the file has.
     """
-    found, faults = [], []
+    recordings, faults = [], []
     for segment in raw.segments:
         try:
-            found.append([_find(segment, sensor) for sensor in sensors_of(rig)])
+            recordings.append([_find(segment, sensor) for sensor in sensors_of(rig)])
         except BadInput as error:
             faults.append(error)
-    if len(found) > 1:
-        raise BadInput(f"holds {len(found)} recordings, one after the other; cut it into a file each")
-    if not found:
+    if len(recordings) > 1:
+        raise BadInput(f"holds {len(recordings)} recordings, one after the other; cut it into a file each")
+    if not recordings:
         raise faults[0] if faults else BadInput("holds no channel; record it again")
-    return _together(found[0])
+    return _together(recordings[0])
 
 
 def _find(segment: Sequence[Channel], sensor: Sensor) -> Channel:
@@ -83,11 +83,11 @@ def _find(segment: Sequence[Channel], sensor: Sensor) -> Channel:
     sign = 1.0 if sensor.positive else -1.0
     ways = [(sensor.channel, lambda values: values), *([(sensor.voltage, sensor.line)] if sensor.line else [])]
     for wanted, convert in ways:
-        found = [channel for channel in segment if channel.name.strip() == wanted.strip()]
-        if len(found) > 1:
-            raise BadInput(f"channel {wanted!r} stands {len(found)} times; give each channel a name of its own")
-        if found and not np.isnan(found[0].values).all():
-            channel = found[0]
+        matches = [channel for channel in segment if channel.name.strip() == wanted.strip()]
+        if len(matches) > 1:
+            raise BadInput(f"channel {wanted!r} stands {len(matches)} times; give each channel a name of its own")
+        if matches and not np.isnan(matches[0].values).all():
+            channel = matches[0]
             return Channel(wanted, channel.unit, channel.time_s, sign * convert(channel.values))
     has = ", ".join(repr(channel.name) for channel in segment[:12])
     if sensor.line is None:
@@ -134,11 +134,11 @@ def _check_times(channels: Sequence[Channel]) -> None:
             f"channel {name!r}: {len(time)} samples {dt:g} s apart are {dt * len(time):g} s; a step takes some 0.04 s, "
             f"and needs samples {COARSEST_S:g} s apart or less, and rest about it: is there a time column, in seconds?"
         )
-    odd = np.flatnonzero(np.abs(steps - dt) > _JITTER * dt)
-    if len(odd):
+    uneven = np.flatnonzero(np.abs(steps - dt) > _JITTER * dt)
+    if len(uneven):
         raise BadInput(
-            f"channel {name!r}: samples are {dt:g} s apart, but {steps[odd[0]]:g} s at {time[odd[0]]:g} s (and "
-            f"{len(odd) - 1} more places); time needs equal steps"
+            f"channel {name!r}: samples are {dt:g} s apart, but {steps[uneven[0]]:g} s at {time[uneven[0]]:g} s (and "
+            f"{len(uneven) - 1} more places); time needs equal steps"
         )
     for other in channels[1:]:
         apart = float(np.abs(other.time_s - time).max())

@@ -23,7 +23,6 @@ class OnFlatGround(NamedTuple):
     force_kN: Samples
     per_wheel_centre: Samples
     start_mm: float
-    stiffness_kN_per_mm: float
 
 
 def to_flat_ground(rig: Rig, moved_mm: Samples, force_kN: Samples, cylinder_kN: float) -> OnFlatGround:
@@ -58,7 +57,7 @@ def to_flat_ground(rig: Rig, moved_mm: Samples, force_kN: Samples, cylinder_kN: 
         per_wheel_centre = np.asarray(geometry.flat_ground_force(rig, np.ones_like(d), d), float)
         flat = np.asarray(geometry.flat_ground_displacement(rig, d), float)
         k = _slope(flat, force_kN * per_wheel_centre)
-    return OnFlatGround(flat, force_kN * per_wheel_centre, per_wheel_centre, start, k)
+    return OnFlatGround(flat, force_kN * per_wheel_centre, per_wheel_centre, start)
 
 
 def _slope(d: Samples, force: Samples) -> float:

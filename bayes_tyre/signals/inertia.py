@@ -101,8 +101,8 @@ def _check_mass(mass: Mass, rig: Rig, runout_rms_m_per_s2: float) -> None:
     """Reject a record whose motion asks for a mass that the axle cannot have; k would be wrong by as much.
 
     Of a rolling tyre that is the runout: what it does to the friction before the step it does not do during it, so
-    taking the one from the other leaves up to the friction's force, and that looks like mass. README's limits say how
-    many records of the simulated test plan this finds, and what k the others have.
+    taking the one from the other leaves up to the friction's force, and that looks like mass. `docs/validation.md` says
+    how many records of the simulated test plan this finds, and what k the others have.
     """
     kg = rig.axle.effective_mass_kg
     sd_kg = float(np.hypot(kg * np.hypot(rig.axle.effective_mass_relative_sd, _MASS_OFF), mass.record_sd_kg))

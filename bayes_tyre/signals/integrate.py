@@ -94,11 +94,11 @@ def anchored_path(signals: Signals, step: Step, first: int) -> Path:
         ]
     )
     # What still moves at the end moves by no more than the laser's own scatter there in the time compared.
-    known = np.diag([laser_sd**2, (after.block_sd / (compared * dt_s)) ** 2])
+    measured = np.diag([laser_sd**2, (after.block_sd / (compared * dt_s)) ** 2])
     missing = np.array([laser - middle, -slope])
-    weights = np.linalg.solve(variance + known, np.stack([with_d, with_v]))
-    own = density * t**3 / 3 + bias_variance * t**4 / 4
-    left = own - np.sum(weights * np.stack([with_d, with_v]), axis=0)
+    weights = np.linalg.solve(variance + measured, np.stack([with_d, with_v]))
+    own_variance = density * t**3 / 3 + bias_variance * t**4 / 4
+    left = own_variance - np.sum(weights * np.stack([with_d, with_v]), axis=0)
     correction = missing @ weights
     return Path(
         first,

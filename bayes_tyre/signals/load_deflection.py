@@ -9,13 +9,14 @@ import numpy as np
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.plain_text import NAME, one_line
 from bayes_tyre.record import DIRECTIONS, ORIGINS
-from bayes_tyre.record_table import METRE_LIKE_MM, NEWTON_LIKE_KN, check_agreement, check_columns, one_line
+from bayes_tyre.record_table import check_agreement, check_columns
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.load_deflection import Deflection, deflection_of
 
 REQUIRED = ("test", "load_kN", "displacement_mm")
-#: What names a test but its repeat, and all words of a test.
+#: What names a test but its repeat, and all factors of a test.
 CASE_OF_TEST = ("configuration", "speed_km_h")
 FACTORS_OF_TEST = (*CASE_OF_TEST, "repeat")
 #: Whether a reading is one of those that the loading (unloading) line is fitted to.
@@ -49,7 +50,7 @@ def check_load_deflection(table: pd.DataFrame, name: str = "load-deflection tabl
     Raises
     ------
     BadInput
-        For missing columns, no rows, cells that are not finite numbers, words that are empty, unknown or contradict
+        For missing columns, no rows, cells that are not finite numbers, factors that are empty, unknown or contradict
         each other within a test, and load that does not go up once and down once.
     """
     check_columns(table, name, "test", REQUIRED)
@@ -58,21 +59,8 @@ def check_load_deflection(table: pd.DataFrame, name: str = "load-deflection tabl
         typed[column] = _texts(typed, column, name)
     for column in (column for column in _NUMBERS if column in typed):
         typed[column] = _finite(typed, column, name)
-    check_agreement(typed, name, "test", [word for word in (*FACTORS_OF_TEST, "origin") if word in typed])
+    check_agreement(typed, name, "test", [factor for factor in (*FACTORS_OF_TEST, "origin") if factor in typed])
     return _with_directions(typed, name)
-
-
-def suspicious_units(table: pd.DataFrame) -> list[str]:
-    """Return what suggests that a checked table is in N or m: a sentence each, with the factor."""
-    found = []
-    load = float(table["load_kN"].abs().median())
-    if load > NEWTON_LIKE_KN:
-        found.append(f"column load_kN: median |load| is {load:g}, which looks like N; divide by 1000")
-    displacement = table.groupby("test", sort=False)["displacement_mm"]
-    travel = float((displacement.max() - displacement.min()).median())
-    if 0 < travel < METRE_LIKE_MM:
-        found.append(f"column displacement_mm: median travel is {travel:g}, which looks like m; multiply by 1000")
-    return found
 
 
 def with_deflection(table: pd.DataFrame, rigs: Mapping[str, Rig | None]) -> pd.DataFrame:
@@ -86,16 +74,16 @@ def with_deflection(table: pd.DataFrame, rigs: Mapping[str, Rig | None]) -> pd.D
         The rig of each configuration (``""``: of a table without); None where the readings are the tyre's already, on
         flat ground.
     """
-    placed = table.copy()
+    converted = table.copy()
     configuration = table["configuration"] if "configuration" in table else pd.Series("", index=table.index)
     for column in Deflection._fields:
-        placed[column] = np.nan
+        converted[column] = np.nan
     for label, rows in table.groupby(configuration, sort=False).groups.items():
         load, mm = (table.loc[rows, column].to_numpy(float) for column in ("load_kN", "displacement_mm"))
         rig = rigs[str(label)]
-        found = Deflection(mm, load, mm, load) if rig is None else deflection_of(rig, load, mm)
-        placed.loc[rows, list(Deflection._fields)] = np.stack(found, axis=1)
-    return placed
+        deflection = Deflection(mm, load, mm, load) if rig is None else deflection_of(rig, load, mm)
+        converted.loc[rows, list(Deflection._fields)] = np.stack(deflection, axis=1)
+    return converted
 
 
 def averaged(table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
@@ -109,20 +97,20 @@ def averaged(table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     Returns
     -------
     pandas.DataFrame
-        A test a case: `test` (a name), the words but `repeat`, `repeats` (how many were averaged), `direction`, the
+        A test a case: `test` (a name), the factors but `repeat`, `repeats` (how many were averaged), `direction`, the
         lines its readings are on, and the means of load, displacement and the columns of `Deflection`. Empty without
-        words to tell a case by.
-    remarks : list of str
+        factors to tell a case by.
+    warnings : list of str
         A sentence for each case whose tests were not read at the same loads.
     """
-    factors = [word for word in CASE_OF_TEST if word in table]
+    factors = [factor for factor in CASE_OF_TEST if factor in table]
     means: list[pd.DataFrame] = []
-    remarks: list[str] = []
+    warnings: list[str] = []
     for case, tests in table.groupby(factors, sort=False) if factors else ():
-        label = ", ".join(f"{word:g} km/h" if isinstance(word, float) else str(word) for word in case)
+        label = ", ".join(f"{factor:g} km/h" if isinstance(factor, float) else str(factor) for factor in case)
         each = [test.reset_index(drop=True) for _, test in tests.groupby("test", sort=False)]
         if any(not test["direction"].equals(each[0]["direction"]) for test in each) or _loads_part(each):
-            remarks.append(f"{label}: its {len(each)} tests were not read at the same loads, so no average of them")
+            warnings.append(f"{label}: its {len(each)} tests were not read at the same loads, so no average of them")
             continue
         numbers = ["load_kN", "displacement_mm", *Deflection._fields]
         mean = each[0][[*factors, "direction", *ON_LINE.values()]].copy()
@@ -132,7 +120,7 @@ def averaged(table: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
         if "origin" in tests:
             mean["origin"] = " + ".join(sorted(tests["origin"].unique()))
         means.append(mean)
-    return (pd.concat(means, ignore_index=True) if means else table.iloc[:0].assign(repeats=0)), remarks
+    return (pd.concat(means, ignore_index=True) if means else table.iloc[:0].assign(repeats=0)), warnings
 
 
 def _loads_part(tests: list[pd.DataFrame]) -> bool:
@@ -210,5 +198,5 @@ def _check_branch(table: pd.DataFrame, rows: np.ndarray, sign: float, span: floa
 
 
 def _where(name: str, table: pd.DataFrame, row: int, column: str) -> str:
-    test = one_line(table["test"].iloc[row])[:60]
+    test = one_line(table["test"].iloc[row], NAME)
     return f"{name}: row {row + 1} (line {row + 2}), test {test!r}, column {column}"

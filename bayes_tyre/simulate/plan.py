@@ -9,7 +9,6 @@ REPEATS = (1, 2, 3)
 CONFIGURATIONS = ("single", "dual")
 SPEEDS_KM_H = (0.0, 15.0, 25.0, 35.0)
 INITIAL_LOADS_KN = (10.0, 20.0, 30.0)
-_LETTERS = {"single": "S", "dual": "D"}
 
 
 class Planned(NamedTuple):
@@ -39,9 +38,7 @@ class Planned(NamedTuple):
     @property
     def record(self) -> str:
         """The record's name, as `process` takes it from the file's: ``S(0)30-20(1)``."""
-        case, letter = self.case, _LETTERS[self.case.configuration]
-        end = case.initial_load_kN + case.step_kN
-        return f"{letter}({case.speed_km_h:g}){case.initial_load_kN:g}-{end:g}({self.repeat})"
+        return self.case.record(self.repeat)
 
     @property
     def label(self) -> str:

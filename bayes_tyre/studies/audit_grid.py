@@ -39,6 +39,8 @@ WINDOW = "window_samples"
 FACTORS = (*Tyre._fields, WINDOW)
 #: The source's moving average at its 10 kHz.
 SOURCE_WINDOW = 801
+#: The level of each factor that the others are varied about.
+TYPICAL_LEVELS = {**TYPICAL._asdict(), WINDOW: SOURCE_WINDOW}
 #: What each factor is called, and its unit.
 FACTOR_NAMES = {
     "k_kN_per_mm": ("true k", "kN/mm"),

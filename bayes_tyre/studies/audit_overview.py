@@ -7,7 +7,7 @@ import pandas as pd
 from jaxtyping import Float
 from scipy.stats import binomtest
 
-from bayes_tyre.studies.audit_grid import SOURCE_WINDOW, TYPICAL, WINDOW, Tyre
+from bayes_tyre.studies.audit_grid import FACTORS, SOURCE_WINDOW, TYPICAL, WINDOW, Tyre
 
 #: Nominal coverage of the intervals.
 NOMINAL = 0.95
@@ -27,11 +27,32 @@ def where_others_are_typical(table: pd.DataFrame, varied: tuple[str, ...]) -> pd
     return table[mask]
 
 
+def bias_by_factor(table: pd.DataFrame, parameter: str) -> pd.DataFrame:
+    """Return the rows of a parameter in which one factor varies and the others are typical, with `factor` and `level`.
+
+    A method without a window has one row of factor `WINDOW`, its `level` NaN.
+    """
+    rows = table[table["parameter"] == parameter].dropna(subset=["bias_percent"])
+    by_factor = []
+    for factor in FACTORS:
+        varied = where_others_are_typical(rows if factor == WINDOW else at_source_window(rows), (factor,))
+        by_factor.append(varied.assign(factor=factor, level=varied[factor].astype(float)).sort_values("level"))
+    return pd.concat(by_factor, ignore_index=True)
+
+
+def beta_by_window(table: pd.DataFrame, method: str) -> pd.DataFrame:
+    """Return the rows of a method's beta at the crossed points, each true beta and rise time with several windows."""
+    rows = table[(table["method"] == method) & (table["parameter"] == "beta")].dropna(subset=["median"])
+    rows = where_others_are_typical(rows, ("beta_mm", "rise_s"))
+    return rows[rows.groupby(["beta_mm", "rise_s"])[WINDOW].transform("nunique") > 1]
+
+
 def overview(table: pd.DataFrame) -> pd.DataFrame:
     """Return a row a method and parameter at the source's window.
 
     Columns: `points`; `bias_median`, `bias_low`, `bias_high` (%) over points; `rmse_median` (%); `coverage_95` of all
-    `intervals`; `coverage` as a verdict; `returned`, `declined`, `doubted` records.
+    `intervals`, and `coverage_low`, `coverage_high`, its own 95 % interval; `coverage` as a verdict; `returned`,
+    `declined`, `doubted` records.
     """
     rows = []
     for (method, parameter), points in at_source_window(table).groupby(["method", "parameter"], sort=False):
@@ -43,20 +64,29 @@ def overview(table: pd.DataFrame) -> pd.DataFrame:
             | {"bias_median": bias.median(), "bias_low": bias.min(), "bias_high": bias.max()}
             | {"rmse_median": points["rmse_percent"].median()}
             | {"coverage_95": inside / intervals if intervals else np.nan, "intervals": intervals}
+            | dict(zip(("coverage_low", "coverage_high"), coverage_interval(inside, intervals), strict=True))
             | {"coverage": coverage_verdict(inside, intervals)}
             | {name: int(points[name].sum()) for name in ("returned", "declined", "doubted")}
         )
     return pd.DataFrame(rows)
 
 
+def coverage_interval(inside: int, intervals: int) -> tuple[float, float]:
+    """Return the exact binomial 95 % interval of the coverage, a share; NaN without intervals."""
+    if not intervals:
+        return np.nan, np.nan
+    around = binomtest(inside, intervals).proportion_ci(0.95, method="exact")
+    return float(around.low), float(around.high)
+
+
 def coverage_verdict(inside: int, intervals: int) -> str:
     """Return whether the count of intervals with the truth agrees with nominal coverage (exact binomial, 95 %)."""
     if not intervals:
         return "no intervals"
-    around = binomtest(inside, intervals).proportion_ci(0.95, method="exact")
-    if around.high < NOMINAL:
+    low, high = coverage_interval(inside, intervals)
+    if high < NOMINAL:
         return "too narrow"
-    return "too wide" if around.low > NOMINAL else "agrees with 95 %"
+    return "too wide" if low > NOMINAL else "agrees with 95 %"
 
 
 class BetaResponse(NamedTuple):
@@ -128,9 +158,7 @@ def factor_effects(table: pd.DataFrame, method: str) -> dict[str, FactorEffect]:
     Over the crossed points alone; true beta and rise time at the source's window.
     """
     crossed = ("beta_mm", "rise_s", WINDOW)
-    rows = table[(table["method"] == method) & (table["parameter"] == "beta")].dropna(subset=["median"])
-    rows = where_others_are_typical(rows, ("beta_mm", "rise_s"))
-    rows = rows[rows.groupby(["beta_mm", "rise_s"])[WINDOW].transform("nunique") > 1]
+    rows = beta_by_window(table, method)
     effects = {}
     for name in crossed:
         held = [other for other in crossed if other != name]

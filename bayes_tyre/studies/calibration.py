@@ -15,18 +15,18 @@ from jaxtyping import Float
 from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
 from scipy.stats import norm
 
-from bayes_tyre.inference.diagnostics.verdict import BFMI_LEAST
+from bayes_tyre.inference.diagnostics.sampling_checks import BFMI_LEAST
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS, PARAMETERS
-from bayes_tyre.studies.batched_nuts import Sampled, Sampling, SideBySide, observe
 from bayes_tyre.studies.design import Design, calibration_design
-from bayes_tyre.studies.truths import NOTHING, Planted, Truths, draw_truths, simulate_forces, study_priors
+from bayes_tyre.studies.design_fit import DesignFit, Sampled
+from bayes_tyre.studies.truths import NOTHING, Planted, Truths, draw_truths, noiseless_forces, study_priors
 from bayes_tyre.studies.uniformity import ranks, uniformity_table
 
 #: Of one chain's halves, the worst of everything kept: above it sampling is called failed. Halves of 40 independent
 #: draws reach 1 + (F - 1) / 80, F of 1 and 78 degrees of freedom: 1.2 for one of 150 quantities in 2 % of data sets.
 R_HAT_MOST = 1.2
-#: Data sets whose least-squares picture and draws are in memory at a time.
+#: Data sets whose estimates and draws are in memory at a time.
 AT_ONCE = 100
 
 
@@ -56,7 +56,7 @@ def calibrate(
     seed: int = 0,
     on_progress: Callable[[int], None] = lambda _: None,
     *,
-    engine: SideBySide | None = None,
+    fit: DesignFit | None = None,
     planted: Planted = NOTHING,
 ) -> Calibration:
     """Return ranks and coverage of truths drawn from the priors, with noise on every point of every record.
@@ -71,25 +71,25 @@ def calibrate(
         Of truths, noise and sampler.
     on_progress:
         Called with the number of data sets just done.
-    engine:
+    fit:
         Compiled already, with its design and how much to sample.
     planted:
         Errors to be found: truths of another model than the one fitted.
     """
-    engine = engine or SideBySide(calibration_design(), Sampling(), study_priors())
+    fit = fit or DesignFit(calibration_design(), priors=study_priors())
     rng = np.random.default_rng(seed)
     found: list[tuple[pd.DataFrame, pd.DataFrame]] = []
     for start in range(0, datasets, AT_ONCE):
+        of_truths, of_sampler = map(int, rng.integers(2**31, size=2))
         count = min(AT_ONCE, datasets - start)
-        truths = draw_truths(engine.design, count, rng, engine.priors, planted)
-        force = simulate_forces(engine.design, truths, rng, planted)
-        truths["log_likelihood"] = log_likelihood(engine.design, truths, force)
-        truths["log_repeats"] = log_repeats(engine.design, truths)
-        sampled = engine.sample(observe(engine.design, force, engine.priors), int(rng.integers(2**31)), on_progress)
-        ranked = rank_truths(truths, sampled.draws, start, rng)
-        found.append((ranked, judge_sampling(sampled, start)))
+        truths, force = draw_truths(fit.design, count, of_truths, fit.model.priors, planted)
+        sampled = fit.sample(force, fit.approximations(force), of_sampler, on_progress)
+        for values, forces in ((truths, force), (sampled.draws, force[:, None])):
+            values["log_likelihood"] = log_likelihood(fit.design, values, forces)
+            values["log_repeats"] = log_repeats(fit.design, values, fit.model.priors.discordant_widening)
+        found.append((rank_truths(truths, sampled.draws, start, rng), judge_sampling(sampled, start)))
     ranked, judged = (pd.concat(tables, ignore_index=True) for tables in zip(*found, strict=True))
-    kept = engine.sampling.kept
+    kept = fit.sampling.kept
     table = uniformity_table({str(name): ranked[name].to_numpy() for name in ranked.columns[1:]}, kept, seed)
     return Calibration(table, ranked, judged, kept)
 
@@ -112,36 +112,36 @@ def rank_truths(truths: Truths, draws: dict[str, np.ndarray], first: int, rng: n
 
 
 def log_likelihood(
-    design: Design, truths: Truths, force_kN: Float[np.ndarray, "sets records points"]
-) -> Float[np.ndarray, " sets"]:
-    """Return the log density of all forces of each data set at its truth."""
-    noiseless = simulate_forces(design, truths, np.random.default_rng(0), Planted(noise=0.0))
-    return norm.logpdf(force_kN, noiseless, truths["sigma"][:, :, None]).sum(axis=(1, 2))
+    design: Design, values: Truths, force_kN: Float[np.ndarray, "*#sets records points"]
+) -> Float[np.ndarray, "..."]:
+    """Return the log density of all forces at truths or draws, shape (sets, ...) each."""
+    log_density = norm.logpdf(force_kN, noiseless_forces(design, values), values["sigma"][..., None])
+    return log_density.sum(axis=(-2, -1))
 
 
-def log_repeats(design: Design, truths: Truths) -> Float[np.ndarray, " sets"]:
-    """Return the log density of log k and log beta of all records about their cases, usual and discordant, at truths.
+def log_repeats(design: Design, values: Truths, widening: float = DISCORDANT_WIDENING) -> Float[np.ndarray, "..."]:
+    """Return the log density of log k and log beta of all records about their cases, at truths or draws.
 
-    As `bayes_tyre.inference.model.repeat_distribution.repeat_density` has it, written out once more.
+    As `bayes_tyre.inference.model.repeat_distribution.MixtureRepeats` has it, written out once more.
     """
     factors = design.factors
 
-    def about_case(widening: float) -> np.ndarray:
-        found = np.zeros(truths["k"].shape)
+    def about_case(wider: float) -> np.ndarray:
+        log_density = np.zeros(values["k"].shape)
         for parameter in PARAMETERS:
-            case = truths[f"{parameter}_case"][:, factors.of_record]
-            scatter = truths[f"sd_log_{parameter}_repeat"][:, None]
+            case = values[f"{parameter}_case"][..., factors.of_record]
+            scatter = values[f"sd_log_{parameter}_repeat"][..., None]
             if factors.speed.varies:
-                by_speed = truths[f"sd_log_{parameter}_repeat_by_speed"]
-                scatter = by_speed[:, factors.speed.of_case[factors.of_record]]
-            found += norm.logpdf(np.log(truths[parameter] / case), 0.0, widening * scatter)
-        return found
+                by_speed = values[f"sd_log_{parameter}_repeat_by_speed"]
+                scatter = by_speed[..., factors.speed.of_case[factors.of_record]]
+            log_density += norm.logpdf(np.log(values[parameter] / case), 0.0, wider * scatter)
+        return log_density
 
     if factors.repeats.max() < JUDGEABLE_REPEATS:
-        return about_case(1.0).sum(axis=1)
-    weight = truths["discordant_weight"][:, None]
-    usual, odd = np.log1p(-weight) + about_case(1.0), np.log(weight) + about_case(DISCORDANT_WIDENING)
-    return np.logaddexp(usual, odd).sum(axis=1)
+        return about_case(1.0).sum(axis=-1)
+    weight = values["discordant_weight"][..., None]
+    usual, discordant = np.log1p(-weight) + about_case(1.0), np.log(weight) + about_case(widening)
+    return np.logaddexp(usual, discordant).sum(axis=-1)
 
 
 def judge_sampling(sampled: Sampled, first: int) -> pd.DataFrame:
@@ -153,7 +153,7 @@ def judge_sampling(sampled: Sampled, first: int) -> pd.DataFrame:
         ess = float(np.nanmin(effective_sample_size(together)))
         r_hat = float(np.nanmax(split_gelman_rubin(together)))
         energy = sampled.energy[i]
-        bfmi = float(np.mean(np.diff(energy) ** 2) / np.var(energy))
+        bfmi = float(np.min(np.mean(np.diff(energy) ** 2, axis=1) / np.var(energy, axis=1)))
         divergences = int(sampled.diverging[i].sum())
         bad = {"divergences": divergences > 0, "R-hat": not r_hat <= R_HAT_MOST, "energy": not bfmi >= BFMI_LEAST}
         row = {"dataset": first + i, "divergences": divergences, "r_hat_max": r_hat, "ess_min": ess, "bfmi": bfmi}

@@ -74,12 +74,12 @@ def calibration_design() -> Design:
     Cells, effects of speed, of step and of direction x step, a remainder of each case, scatter by speed, discordant
     repeats. Initial load enters as speed does.
     """
-    return design(_crossed(((0.0, 5.0), (0.0, 10.0), (25.0, 10.0))), repeats=3, points=40)
-
-
-def quick_design() -> Design:
-    """Return 4 cases x 3 repeats x 20 points: cells, speed, remainders, scatter by speed, discordant repeats."""
-    return design(_crossed(((0.0, 10.0), (25.0, 10.0))), repeats=3, points=20)
+    cases = [
+        Case("single", direction, speed, 20.0, sign * step)
+        for direction, sign in (("loading", 1), ("unloading", -1))
+        for speed, step in ((0.0, 5.0), (0.0, 10.0), (25.0, 10.0))
+    ]
+    return design(cases, repeats=3, points=40)
 
 
 def outlier_design() -> Design:
@@ -91,11 +91,3 @@ def outlier_design() -> Design:
         for load in (10.0, 20.0, 30.0)
     ]
     return design(cases, repeats=3, points=40)
-
-
-def _crossed(speeds_and_steps: tuple[tuple[float, float], ...]) -> list[Case]:
-    return [
-        Case("single", direction, speed, 20.0, sign * step)
-        for direction, sign in (("loading", 1), ("unloading", -1))
-        for speed, step in speeds_and_steps
-    ]

@@ -17,6 +17,7 @@ from bayes_tyre.inference.motion.record.evidence import log_constant
 from bayes_tyre.inference.motion.record.forward_model import axle_kg
 from bayes_tyre.inference.motion.record.likelihood import hierarchy_moments, likelihood_of
 from bayes_tyre.inference.motion.record.window import Recorded
+from bayes_tyre.inference.sampling.nuts import CAREFUL_ACCEPTANCE
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.laws.base import StatefulLaw
 from bayes_tyre.record import FACTORS
@@ -28,7 +29,7 @@ from bayes_tyre.simulate.draw import draw_truth, stream
 from bayes_tyre.simulate.plan import Planned, quick_plan
 from bayes_tyre.simulate.simulator import simulate_record
 from bayes_tyre.simulate.truth import Truth
-from bayes_tyre.studies.motion_study import ORIGIN, recorded
+from bayes_tyre.studies.motion_study import ORIGIN
 
 #: Laws that contain another, exactly or as a limit: on its records they may rank equal.
 CONTAINS: dict[str, tuple[str, ...]] = {
@@ -38,8 +39,9 @@ CONTAINS: dict[str, tuple[str, ...]] = {
 #: Parameters that a simulated truth does not have: a Bouc-Wen n far from Fancher's 1, the belt of a truck tyre.
 EXTRA_PARAMETERS = {"n": 2.0, "belt_frequency": 55.0, "belt_damping": 0.05, "sidewall_ratio": 4.0}
 CONFIGURATION = "single"
-#: Sampler settings of the hierarchical fits and of the refits where importance sampling fails.
-SAMPLER = SamplerSettings(chains=2, warmup=300, draws=300)
+#: Sampler settings of the hierarchical fits and of the refits where importance sampling fails. The acceptance is that
+#: of any fit of motions: to name it spares fits by a wrong law their repeat where they diverge.
+SAMPLER = SamplerSettings(chains=2, warmup=300, draws=300, target_accept=CAREFUL_ACCEPTANCE)
 
 
 class Ranked(NamedTuple):
@@ -68,7 +70,7 @@ def simulated(law: MotionLaw, plan: Planned, rig: Rig, seed: int) -> Recorded:
     rest = truth.rest_friction_kN if law.has_friction else 0.0
     truth = replace(truth, m_kg=float(axle_kg(rig, tyre, truth.m_kg)), rest_friction_kN=rest)
     raw = simulate_record(truth, rig, tyre).raw
-    return recorded(prepare(raw, rig, RecordFactors(plan.record, plan.case, plan.repeat)))
+    return Recorded(*prepare(raw, rig, RecordFactors(plan.record, plan.case, plan.repeat)).for_motion())
 
 
 def _law_of(law: MotionLaw, truth: Truth) -> StatefulLaw:
@@ -174,7 +176,7 @@ def ranked_correctly(table: pd.DataFrame) -> pd.Series:
     return good.groupby(table["true_law"], sort=False).any()
 
 
-def in_words(table: pd.DataFrame) -> list[str]:
+def sentences(table: pd.DataFrame) -> list[str]:
     """Return a line a true law: the fitted laws by rank, with their difference from the first in log density."""
     right, lines = ranked_correctly(table), []
     for true, rows in table.groupby("true_law", sort=False):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from bayes_tyre.laws.base import ScalarLike, StatefulLaw
+from bayes_tyre.laws.base import Point, ScalarLike, StatefulLaw
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.simulate.truth import Truth
@@ -37,13 +37,7 @@ class CurvedFancher(StatefulLaw):
     q: ScalarLike
     d_m: ScalarLike
 
-    def init(self, d: ScalarLike, F: ScalarLike) -> tuple[ScalarLike, ScalarLike]:
-        """Return the state at displacement `d`, mm, under force `F`, kN."""
-        return d, F
-
-    def step(
-        self, state: tuple[ScalarLike, ScalarLike], d: ScalarLike
-    ) -> tuple[tuple[ScalarLike, ScalarLike], Float[Array, ""]]:
+    def step(self, state: Point, d: ScalarLike) -> tuple[Point, Float[Array, ""]]:
         """Return the state and the force, kN, after a monotone move to displacement `d`, mm.
 
         With an envelope L the force settles on L - s beta L' + beta^2 L'', s the direction: the exact solution of

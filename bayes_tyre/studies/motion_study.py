@@ -15,7 +15,6 @@ from bayes_tyre.inference.motion.record.window import Recorded
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.signals.factors import RecordFactors
 from bayes_tyre.signals.process import prepare
-from bayes_tyre.signals.processed import Recording
 from bayes_tyre.simulate.draw import draw_truth, stream
 from bayes_tyre.simulate.plan import Planned, thesis_plan
 from bayes_tyre.simulate.simulator import simulate_record
@@ -23,7 +22,8 @@ from bayes_tyre.simulate.truth import Truth
 from bayes_tyre.studies.motion_mismatch import MISMATCHES, ROLLING_ONLY
 
 STATIONARY, ROLLING = "stationary", "rolling"
-KINDS = (STATIONARY, ROLLING)
+
+
 ORIGIN = "simulated"
 UNITS = {"k": "kN/mm", "x": "kN", "beta": "mm", "m": "kg", "c": "kN s/mm"}
 CHANNELS = ("acceleration", "laser", "load")
@@ -126,7 +126,7 @@ def _rows(record: StudyRecord, seed: int) -> list[dict[str, object]]:
     began = time.process_time()
     try:
         recording = prepare(raw, rig, RecordFactors(plan.record, plan.case, plan.repeat))
-        estimate = estimate_motion(rig, recorded(recording))
+        estimate = estimate_motion(rig, Recorded(*recording.for_motion()))
     except BadInput as error:
         return [
             {**factors, "seed": record_seed, **row, "status": str(error), "origin": ORIGIN}
@@ -135,14 +135,6 @@ def _rows(record: StudyRecord, seed: int) -> list[dict[str, object]]:
     fit = {"method": estimate.method, "pareto_k": estimate.pareto_k, **_residual_statistics(estimate)}
     fit |= {"cpu_seconds": time.process_time() - began, "status": estimate.status or "ok", "origin": ORIGIN}
     return [{**factors, "seed": record_seed, **row, **fit} for row in _parameter_rows(truth, estimate)]
-
-
-def recorded(recording: Recording) -> Recorded:
-    """Return a recording as input of the motion fit, with its channels as read."""
-    read, step = recording.raw, recording.step
-    channels = read.acceleration_m_per_s2, read.laser_mm, read.load_kN
-    bodies = tuple((body.turn_Hz, body.harmonics) for body in recording.bodies)
-    return Recorded(read.dt_s, *channels, step.pre_step, (step.ramp.start_s, step.ramp.end_s), bodies)
 
 
 def _parameter_rows(truth: Truth, estimate: MotionEstimate | None) -> list[dict[str, object]]:
@@ -204,7 +196,7 @@ def _statistics(rows: pd.DataFrame) -> dict[str, float | int]:
     }
 
 
-def in_words(table: pd.DataFrame) -> list[str]:
+def sentences(table: pd.DataFrame) -> list[str]:
     """Return a line a mismatch and kind: error, bias and coverage of each parameter, number of doubted records."""
     lines = []
     for (mismatch, kind), rows in table.groupby(["mismatch", "kind"], sort=False):

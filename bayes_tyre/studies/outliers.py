@@ -12,9 +12,10 @@ import pandas as pd
 from jaxtyping import Bool, Float
 from scipy.stats import binomtest
 
-from bayes_tyre.studies.batched_nuts import DataSet, Sampling, SideBySide, observe
+from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation
 from bayes_tyre.studies.calibration import AT_ONCE, judge_sampling
 from bayes_tyre.studies.design import START_MM, Design, outlier_design
+from bayes_tyre.studies.design_fit import DesignFit
 from bayes_tyre.studies.repeat_means import RULES, CaseEstimates, mean_of_repeats
 from bayes_tyre.studies.truths import Truths, simulate_forces
 
@@ -51,7 +52,7 @@ def study_outliers(
     seed: int = 0,
     on_progress: Callable[[int], None] = lambda _: None,
     *,
-    engine: SideBySide | None = None,
+    fit: DesignFit | None = None,
 ) -> Outliers:
     """Return error and coverage of case k and beta by method, over campaigns with ever more discordant repeats.
 
@@ -63,20 +64,21 @@ def study_outliers(
         Of campaigns and sampler.
     on_progress:
         Called with the number of campaigns just fitted.
-    engine:
+    fit:
         Compiled already.
     """
-    engine = engine or SideBySide(outlier_design(), Sampling(), nominal_start=False)
+    fit = fit or DesignFit(outlier_design(), nominal_start=False)
     estimates, judged = [], []
     for s, share in enumerate(SHARES):
         rng = np.random.default_rng((seed, s))
         for first in range(0, campaigns, AT_ONCE):
             kinds = np.array([KINDS[i % 2] for i in range(first, min(first + AT_ONCE, campaigns))])
-            truths = draw_campaigns(engine.design, share, kinds, rng)
-            sets = observe(engine.design, simulate_forces(engine.design, truths, rng), engine.priors)
-            sampled = engine.sample(sets, int(rng.integers(2**31)), on_progress)
+            truths = draw_campaigns(fit.design, share, kinds, rng)
+            force = simulate_forces(fit.design, truths, rng)
+            approximations = fit.approximations(force)
+            sampled = fit.sample(force, approximations, int(rng.integers(2**31)), on_progress)
             judged.append(judge_sampling(sampled, first).assign(share=share, kind=kinds))
-            estimates.append(_estimates(engine.design, sets, sampled.draws, truths).assign(share=share))
+            estimates.append(_estimates(fit.design, approximations, sampled.draws, truths).assign(share=share))
             estimates[-1]["campaign"] += first
             estimates[-1]["kind"] = kinds[estimates[-1]["campaign"] - first]
     return Outliers(compare(pd.concat(estimates, ignore_index=True)), pd.concat(judged, ignore_index=True))
@@ -102,13 +104,15 @@ def draw_campaigns(design: Design, share: float, kinds: np.ndarray, rng: np.rand
     return truths
 
 
-def _estimates(design: Design, sets: DataSet, draws: dict[str, np.ndarray], truths: Truths) -> pd.DataFrame:
+def _estimates(
+    design: Design, approximations: list[LaplaceApproximation], draws: dict[str, np.ndarray], truths: Truths
+) -> pd.DataFrame:
     """Return each method's error and coverage: a row a campaign, case, parameter and method."""
     three = truths["discordant"].shape[0], len(design.factors.cases), 3
     has_discordant = truths["discordant"].reshape(three).any(axis=2)
-    tables = []
+    centres, tables = np.stack([np.asarray(each.records.centre) for each in approximations]), []
     for name, column in (("k", 2), ("beta", 3)):
-        repeats = np.exp(np.asarray(sets.approximation.records.centre)[:, :, column]).reshape(three)
+        repeats = np.exp(centres[:, :, column]).reshape(three)
         by_method = {rule: mean_of_repeats(repeats, name, rule) for rule in RULES}
         by_method[POSTERIOR] = _posterior(draws[f"{name}_case"])
         tables += [
@@ -168,7 +172,7 @@ def compare(estimates: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def in_words(table: pd.DataFrame) -> list[str]:
+def sentences(table: pd.DataFrame) -> list[str]:
     """Return a sentence a parameter and share on all cases, both kinds taken together."""
     lines = []
     everywhere = table[table["group"] == "all cases"]

@@ -1,7 +1,6 @@
 """Tests of simulation-based calibration: uniform ranks, and coverage of intervals."""
 
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -17,21 +16,6 @@ NULL_SETS = 10_000
 _SEED = 20_190_101
 
 
-class Deviation(NamedTuple):
-    """Deviation of the empirical distribution of ranks from the uniform one.
-
-    Attributes
-    ----------
-    statistic:
-        The least tail probability, over all points, of the share of ranks up to the point; small: far from uniform.
-    p_value:
-        Probability of a statistic as small where ranks are uniform.
-    """
-
-    statistic: float
-    p_value: float
-
-
 def ranks(
     truths: Float[np.ndarray, " sets"], draws: Float[np.ndarray, "sets draws"], rng: np.random.Generator
 ) -> Int[np.ndarray, " sets"]:
@@ -44,20 +28,21 @@ def ranks(
     return below + rng.integers(0, same + 1)
 
 
-def pit(ranked: Int[np.ndarray, " sets"], kept: int, rng: np.random.Generator) -> Float[np.ndarray, " sets"]:
+def pit(ranked: Int[np.ndarray, " sets"], draws: int, rng: np.random.Generator) -> Float[np.ndarray, " sets"]:
     """Return randomised ranks in (0, 1): uniform exactly where the ranks are."""
-    return (ranked + rng.random(len(ranked))) / (kept + 1)
+    return (ranked + rng.random(len(ranked))) / (draws + 1)
 
 
-def deviation(values: Float[np.ndarray, " sets"]) -> Deviation:
-    """Return how far values in (0, 1) are from uniform, over their whole distribution.
+def deviation_p_value(values: Float[np.ndarray, " sets"]) -> float:
+    """Return how probable it is that uniform values deviate as far from uniform as these, in (0, 1), do.
+
+    The deviation is the least tail probability, over all points, of the share of values up to the point.
 
     Source: Sailynoja, Burkner & Vehtari (2022), "Graphical test for discrete uniformity and its applications in
     goodness-of-fit evaluation and multiple sample comparison", Statistics and Computing 32: their gamma.
     """
-    statistic = float(_gamma(values[None])[0])
     null = _null(len(values))
-    return Deviation(statistic, (1 + np.searchsorted(null, statistic, side="right")) / (1 + len(null)))
+    return float((1 + np.searchsorted(null, _gamma(values[None])[0], side="right")) / (1 + len(null)))
 
 
 def band(sets: int, together: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -75,19 +60,19 @@ def band(sets: int, together: float) -> tuple[np.ndarray, np.ndarray, np.ndarray
     return at, binom.ppf(gamma / 2, sets, at) / sets - at, binom.ppf(1 - gamma / 2, sets, at) / sets - at
 
 
-def coverage(ranked: Int[np.ndarray, " sets"], kept: int, interval: float) -> tuple[float, float, float]:
+def coverage(ranked: Int[np.ndarray, " sets"], draws: int, interval: float) -> tuple[float, float, float]:
     """Return the share of truths inside the central interval, and the 95 % interval of that share (Clopper-Pearson).
 
-    The interval lies between two draws. It holds its probability exactly where (kept + 1) (1 - interval) / 2 is a whole
-    number: with 39, 79, 119, ... draws for 50, 80 and 95 %.
+    The interval lies between two draws. It holds its probability exactly where (draws + 1) (1 - interval) / 2 is a
+    whole number: with 39, 79, 119, ... draws for 50, 80 and 95 %.
     """
-    outside = (kept + 1) * (1.0 - interval) / 2.0
-    inside = int(np.sum((ranked >= outside - 1e-9) & (ranked <= kept - outside + 1e-9)))
+    outside = (draws + 1) * (1.0 - interval) / 2.0
+    inside = int(np.sum((ranked >= outside - 1e-9) & (ranked <= draws - outside + 1e-9)))
     around = binomtest(inside, len(ranked)).proportion_ci(0.95, method="exact")
     return inside / len(ranked), float(around.low), float(around.high)
 
 
-def uniformity_table(by_parameter: dict[str, np.ndarray], kept: int, seed: int = 0) -> pd.DataFrame:
+def uniformity_table(by_parameter: dict[str, np.ndarray], draws: int, seed: int = 0) -> pd.DataFrame:
     """Return a row a parameter: coverage of each interval, p-value of uniform ranks, and whether it is `calibrated`.
 
     A parameter is not where its p-value is below (1 - TOGETHER) / parameters: all parameters of a right posterior are
@@ -96,8 +81,8 @@ def uniformity_table(by_parameter: dict[str, np.ndarray], kept: int, seed: int =
     Parameters
     ----------
     by_parameter:
-        Ranks, shape (sets,), from 0 to `kept`.
-    kept:
+        Ranks, shape (sets,), from 0 to `draws`.
+    draws:
         Draws that truths were ranked among.
     seed:
         Of the places within a rank.
@@ -105,12 +90,12 @@ def uniformity_table(by_parameter: dict[str, np.ndarray], kept: int, seed: int =
     rng = np.random.default_rng(seed)
     rows = []
     for parameter, ranked in by_parameter.items():
-        row: dict[str, object] = {"parameter": parameter, "datasets": len(ranked), "ranks": kept + 1}
+        row: dict[str, object] = {"parameter": parameter, "datasets": len(ranked), "ranks": draws + 1}
         for interval in INTERVALS:
             name = f"coverage_{100 * interval:.0f}"
-            row |= dict(zip((name, f"{name}_lower", f"{name}_upper"), coverage(ranked, kept, interval), strict=True))
-        values = pit(ranked, kept, rng)
-        row |= {"mean_rank": float(np.mean(values)), "p_value": deviation(values).p_value}
+            row |= dict(zip((name, f"{name}_lower", f"{name}_upper"), coverage(ranked, draws, interval), strict=True))
+        values = pit(ranked, draws, rng)
+        row |= {"mean_rank": float(np.mean(values)), "p_value": deviation_p_value(values)}
         rows.append(row)
     table = pd.DataFrame(rows)
     return table.assign(calibrated=table["p_value"] >= (1.0 - TOGETHER) / len(table))

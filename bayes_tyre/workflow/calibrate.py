@@ -11,12 +11,11 @@ from jaxtyping import Float
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, write_text
 from bayes_tyre.formats.raw import read_raw
+from bayes_tyre.plain_text import one_line, path_text
 from bayes_tyre.record import Channel
-from bayes_tyre.report.wording import one_line
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.rig.calibration import Line, fit_line, quantisation_step, residual_rms, with_best_signs
 from bayes_tyre.rig.sensors import Sensor, columns_of, sensors_of
-from bayes_tyre.workflow.raw.inspect import path_text
 
 Readings = Float[np.ndarray, " rows"]
 #: Residual of a good line, in steps of the digitiser (root mean square); rounding of both readings leaves less than 1.
@@ -97,7 +96,7 @@ def calibrate(raw: Path, rig: str | None, mend_signs: bool, out: Path | None) ->
     sensors = sensors_of(machine)
     recording = read_raw(raw, columns_of(machine))
     lines: list[Fitted] = []
-    notes = [f"{path_text(raw)}: {text}" for text in recording.remarks]
+    notes = [f"{path_text(raw)}: {text}" for text in recording.warnings]
     for sensor in sensors:
         try:
             lines.append(_fit(recording.segments, sensor, mend_signs))

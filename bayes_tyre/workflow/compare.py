@@ -3,7 +3,9 @@
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import pandas as pd
 import xarray as xr
@@ -11,10 +13,11 @@ import xarray as xr
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder, whole_file
 from bayes_tyre.formats.tables import read_table, write_table
+from bayes_tyre.inference.diagnostics.attempts import Attempt, Attempts
 from bayes_tyre.inference.diagnostics.leave_one_out import LeaveOneOut, leave_one_record_out
 from bayes_tyre.inference.motion.hierarchy.leave_one_out import leave_one_motion_out
 from bayes_tyre.inference.sampling.datatree import is_of_motions
-from bayes_tyre.inference.sampling.run import SamplerSettings
+from bayes_tyre.inference.sampling.run import SamplerSettings, kept_acceptance
 from bayes_tyre.record_table import check_record_table
 from bayes_tyre.results.model_comparison import by_record, compare, sentence
 from bayes_tyre.results.provenance import RUN_JSON
@@ -29,11 +32,19 @@ REFIT = SamplerSettings(warmup=400, draws=250)
 
 @dataclass(frozen=True)
 class Comparison:
-    """A comparison that was written: its table, its conclusion in a sentence, and its files."""
+    """A comparison that was written: its table, its conclusion in a sentence, its files, and what failed on the way."""
 
     table: pd.DataFrame
     sentence: str
     paths: tuple[Path, Path]
+    failed: tuple[str, ...] = ()
+
+
+class _Model(NamedTuple):
+    """A model that is compared: how to sample it again, and what predicts its records left out, given that."""
+
+    sampler: SamplerSettings
+    predict: Callable[[SamplerSettings | None, Callable[[str], None], Attempt], LeaveOneOut]
 
 
 def compare_folders(
@@ -75,28 +86,41 @@ def compare_folders(
     by_name = dict(zip(names(folders), folders, strict=True))
     verdicts = {name: verdict for name, (_, _, verdict) in zip(by_name, posteriors, strict=True)}
     if all(motions):
-        trees = {name: tree for name, (_, tree, _) in zip(by_name, posteriors, strict=True)}
-        left_out = _motions_left_out(by_name, trees, refit=refit, on_note=on_note, on_progress=on_progress)
+        models = _motions(by_name, {name: tree for name, (_, tree, _) in zip(by_name, posteriors, strict=True)})
     else:
-        left_out = _fits_left_out(by_name, refit=refit, on_note=on_note, on_progress=on_progress)
+        models = _fits(by_name, on_note)
+    left_out: dict[str, LeaveOneOut] = {}
+    failed: list[str] = []
+    for name, model in models.items():
+        attempts = Attempts()
+        predicted = attempts("leave-one-record-out", partial(_predicted, name, model, refit, on_note, attempts), None)
+        left_out |= {} if predicted is None else {name: predicted}
+        failed += [f"{name}: {check.reason}" for check in attempts.failed]
+        on_progress(1)
+    if len(left_out) < 2:
+        raise BadInput(f"fewer than two models are left to compare: {'; '.join(failed)}")
     compared = compare(left_out, verdicts)
     prepare_folder(out)
     paths = (out / NAME, out / BY_RECORD)
     with whole_file(paths[0]) as first, whole_file(paths[1]) as second:
         write_table(compared, first)
         write_table(by_record(left_out), second)
-    return Comparison(compared, sentence(compared), paths)
+    return Comparison(compared, sentence(compared), paths, tuple(failed))
 
 
-def _motions_left_out(
-    folders: Mapping[str, Path],
-    trees: Mapping[str, xr.DataTree],
-    *,
-    refit: bool,
-    on_note: Callable[[str], None],
-    on_progress: Callable[[int], None],
-) -> dict[str, LeaveOneOut]:
-    """Return what each law predicts of the records left out.
+def _predicted(
+    name: str, model: _Model, refit: bool, on_note: Callable[[str], None], attempt: Attempt
+) -> LeaveOneOut | None:
+    """Return what a model predicts of its records left out; never None, which stands for a failure."""
+
+    def say_refit(record: str) -> None:
+        on_note(f"{name}: fitted again without {record}: it has too much influence for importance sampling")
+
+    return model.predict(model.sampler if refit else None, say_refit, attempt)
+
+
+def _motions(folders: Mapping[str, Path], trees: Mapping[str, xr.DataTree]) -> dict[str, _Model]:
+    """Return the law of each result of `motion`.
 
     Raises
     ------
@@ -117,38 +141,27 @@ def _motions_left_out(
             )
         if run["options"].get("rig") != like["options"].get("rig"):
             raise BadInput(f"{other} and {name} have different --rig; compare laws on one rig")
-    left_out: dict[str, LeaveOneOut] = {}
-    for name, tree in trees.items():
-
-        def say_refit(record: str, name: str = name) -> None:
-            on_note(f"{name}: fitted again without {record}: it has too much influence for importance sampling")
-
-        settings = replace(REFIT, seed=int(runs[name]["seed"])) if refit else None
-        left_out[name] = leave_one_motion_out(tree, settings, say_refit)
-        on_progress(1)
-    return left_out
+    return {
+        name: _Model(_refit(int(runs[name]["seed"]), tree), partial(leave_one_motion_out, tree))
+        for name, tree in trees.items()
+    }
 
 
-def _fits_left_out(
-    folders: Mapping[str, Path],
-    *,
-    refit: bool,
-    on_note: Callable[[str], None],
-    on_progress: Callable[[int], None],
-) -> dict[str, LeaveOneOut]:
-    """Return what each model of `fit` predicts of the records left out."""
-    left_out: dict[str, LeaveOneOut] = {}
+def _fits(folders: Mapping[str, Path], on_note: Callable[[str], None]) -> dict[str, _Model]:
+    """Return the model of each result of `fit`."""
     read = [(name, *_read(folder, on_note)) for name, folder in folders.items()]
     _check_same(read)
-    for name, plan, result, table in read:
+    return {
+        name: _Model(
+            _refit(plan.sampler.seed, result.tree), partial(leave_one_record_out, result.tree, table, plan.model)
+        )
+        for name, plan, result, table in read
+    }
 
-        def say_refit(record: str, name: str = name) -> None:
-            on_note(f"{name}: fitted again without {record}: it has too much influence for importance sampling")
 
-        settings = replace(REFIT, seed=plan.sampler.seed) if refit else None
-        left_out[name] = leave_one_record_out(result.tree, table, plan.model, settings, say_refit)
-        on_progress(1)
-    return left_out
+def _refit(seed: int, tree: xr.DataTree) -> SamplerSettings:
+    """Return how to sample a model without a record: with steps as short as those of its fit had to be."""
+    return replace(REFIT, seed=seed, target_accept=kept_acceptance(tree))
 
 
 def _read(folder: Path, on_note: Callable[[str], None]) -> tuple[Plan, Result, pd.DataFrame]:

@@ -3,7 +3,7 @@
 import shlex
 import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import pandas as pd
@@ -11,26 +11,27 @@ import pandas as pd
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder
-from bayes_tyre.inference.diagnostics.convergence import with_figures
+from bayes_tyre.inference.diagnostics.attempts import Attempts
+from bayes_tyre.inference.diagnostics.judge import judge
 from bayes_tyre.inference.diagnostics.power_scaling import identify_published, identify_records
-from bayes_tyre.inference.diagnostics.verdict import Diagnostics, diagnose
+from bayes_tyre.inference.diagnostics.verdict import Diagnostics
 from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.prepared_records import prepare_records, used_points
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.sampling.hierarchical_fit import (
-    ModelSettings,
-    fit_hierarchical,
-    fit_published,
-    used_points,
-)
+from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical, fit_published
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.published import tables
 from bayes_tyre.record_table import origin_of
+from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.results.posterior_predictive import residual_autocorrelation
 from bayes_tyre.results.provenance import begin_run, read_run, sha256, versions
 from bayes_tyre.workflow.execution.resume import Callbacks, open_checkpoints
 from bayes_tyre.workflow.result_folder import write_fit
 
 _SAMPLER = ("chains", "warmup", "draws")
+#: Missing in a `run.json` of an earlier version, and then None.
+_TARGET = "target_accept"
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Plan:
     interval:
         Probability of every interval, equal-tailed.
     units_checked:
-        Whether somebody vouches for odd-looking units.
+        Whether somebody vouches for suspicious units.
     """
 
     records: Path
@@ -78,13 +79,17 @@ def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
         If it is no fit's, names options that this version does not have, or its input is gone or another.
     """
     run = read_run(path)
-    options, known = run["options"], {field.name for field in fields(ModelSettings)}
-    if odd := sorted(set(options) - known - {*_SAMPLER, "interval", "units_checked"}):
-        raise BadInput(f"{path}: option {odd[0]} is unknown to this version; repeat the run with the version it names")
+    options, fields_of_model = run["options"], {field.name for field in fields(ModelSettings)}
+    if unknown := sorted(set(options) - fields_of_model - {*_SAMPLER, _TARGET, "interval", "units_checked"}):
+        raise BadInput(
+            f"{path}: option {unknown[0]} is unknown to this version; repeat the run with the version it names"
+        )
     try:
         (name, digest), *others = run["inputs"].items()
-        sampler = SamplerSettings(**{key: options[key] for key in _SAMPLER}, seed=run["seed"])
-        chosen = {key: value for key, value in options.items() if key in known - {"priors"}}
+        sampler = SamplerSettings(
+            **{key: options[key] for key in _SAMPLER}, seed=run["seed"], target_accept=options.get(_TARGET)
+        )
+        chosen = {key: value for key, value in options.items() if key in fields_of_model - {"priors"}}
         model = ModelSettings(**chosen, priors=PRIORS.changed(options.get("priors", {})))
         plan = Plan(
             _input(path, name, digest), sampler, model, float(options["interval"]), options["units_checked"] is True
@@ -132,7 +137,7 @@ def fit_table(
     out, command:
         The folder; and the command line, for `run.json`.
     callbacks:
-        Who is told of it.
+        Called as the run goes on, with its warnings and its progress.
     resume:
         Go on from the checkpoints of the same run in the folder, or take its finished result.
 
@@ -148,18 +153,23 @@ def fit_table(
     checkpoints = open_checkpoints(out, run, callbacks, resume)
     if isinstance(checkpoints, Diagnostics):
         return checkpoints
-    settings = replace(plan.sampler, checkpoints=checkpoints, on_progress=callbacks.on_progress)
+    settings = callbacks.settings(plan.sampler, checkpoints)
     try:
-        tree = fit_hierarchical(table, settings, plan.model)
+        records = prepare_records(table, plan.model)
+        tree = fit_hierarchical(table, settings, plan.model, records)
     except BadInput as error:
         raise BadInput(f"{plan.records}: {error}") from None
     prepare_folder(out)
-    tree = with_figures(identify_records(tree, table, plan.model))
     table = used_points(table, plan.model.region)
-    diagnostics = diagnose(tree, residual_autocorrelation(tree, table))
+    tree, diagnostics = judge(
+        tree,
+        lambda tree, attempt: identify_records(tree, records, plan.model, attempt),
+        Attempts(),
+        lambda tree: residual_autocorrelation(tree, table),
+    )
     # Only records made from the printed tables have printed values to be held against.
     printed = tables.case_means() if origin_of(table) == "reconstructed" else None
-    write_fit(tree, diagnostics, run, out, table=table, printed=printed, interval=plan.interval)
+    diagnostics = write_fit(Result(tree, diagnostics.verdict, table, printed, plan.interval), diagnostics, run, out)
     checkpoints.clear()
     return diagnostics
 
@@ -174,15 +184,17 @@ def fit_published_tables(
     paths = [data_path(name) for name in inputs]
     run = begin_run(shlex.join(["bayes-tyre", *command]), options, settings.seed, paths, "published")
     printed = tables.case_means()
-    tree = with_figures(identify_published(fit_published(printed, settings, priors), printed, priors))
-    diagnostics = diagnose(tree)
-    write_fit(tree, diagnostics, run, out, printed=printed, interval=interval)
-    return diagnostics
+    tree, diagnostics = judge(
+        fit_published(printed, settings, priors),
+        lambda tree, attempt: identify_published(tree, printed, priors, attempt),
+        Attempts(),
+    )
+    return write_fit(Result(tree, diagnostics.verdict, printed=printed, interval=interval), diagnostics, run, out)
 
 
 def sampler_options(settings: SamplerSettings) -> dict[str, object]:
     """Return what `run.json` says of the sampler's settings, beside the seed."""
-    return {name: getattr(settings, name) for name in _SAMPLER}
+    return {name: getattr(settings, name) for name in (*_SAMPLER, _TARGET)}
 
 
 def read_priors(path: Path | None) -> Priors:

@@ -16,7 +16,7 @@ from bayes_tyre.formats.files import check_folder, whole_file, write_text
 from bayes_tyre.formats.netcdf import read_tree
 from bayes_tyre.formats.tables import write_table
 from bayes_tyre.record import Case
-from bayes_tyre.results.case_selection import Wish
+from bayes_tyre.results.case_selection import CaseQuery
 from bayes_tyre.results.prediction import Prediction, predict, predictable_cases
 
 NAME = "prediction.csv"
@@ -101,7 +101,7 @@ def target(folder: Path, out: Path | None) -> Path:
 
 def write_prediction(
     result: Result,
-    wish: Wish,
+    query: CaseQuery,
     out: Path,
     *,
     displacement_mm: np.ndarray | None = None,
@@ -115,7 +115,7 @@ def write_prediction(
     """
     with _errors_name(result.path):
         prediction = predict(
-            result.tree, wish, displacement_mm, verdict=result.verdict, of=of, interval=interval, seed=seed
+            result.tree, query, displacement_mm, verdict=result.verdict, of=of, interval=interval, seed=seed
         )
     head = {"equation": EQUATION, "of": of, "interval": interval, "origin": result.tree.attrs["origin"]}
     head |= {"verdict": result.verdict, "version": f"bayes-tyre {version('bayes-tyre')}"}

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import pandas as pd
 import xarray as xr
@@ -11,13 +10,14 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, write_text
 from bayes_tyre.formats.netcdf import read_tree
 from bayes_tyre.formats.tables import read_table
+from bayes_tyre.inference.diagnostics.attempts import Attempts
+from bayes_tyre.inference.model.prepared_records import used_points
 from bayes_tyre.inference.sampling.datatree import is_of_motions
-from bayes_tyre.inference.sampling.hierarchical_fit import used_points
 from bayes_tyre.published import tables
 from bayes_tyre.record_table import check_record_table
 from bayes_tyre.report.figures.catalogue import Result
-from bayes_tyre.report.html.between_results import Side, across, has_cases
-from bayes_tyre.report.html.figures import kept_pictures, pictures
+from bayes_tyre.report.html.between_results import ComparedResult, compare_results, has_cases
+from bayes_tyre.report.html.figures import embedded_figures, stored_figures
 from bayes_tyre.report.html.load import Reported, read_reported
 from bayes_tyre.report.html.page import Part, document
 from bayes_tyre.results.motion_traces import MOTIONS_CSV, check_readings
@@ -29,12 +29,7 @@ NAME, SUFFIXES = "report.html", (".html", ".htm")
 #: Note on figures that the fit drew and that cannot be drawn again.
 KEPT = "Figures of records are as the fit drew them: its input was not found, or has changed."
 
-
-class Written(NamedTuple):
-    """A report that was written: its path, and the names of results that are not to be trusted."""
-
-    path: Path
-    failed: list[str]
+UNTRUSTED = "the posterior is not to be trusted; its report says why"
 
 
 def target(folder: Path, out: Path | None) -> Path:
@@ -62,8 +57,10 @@ def write_report(
     on_progress: Callable[[int], None] = lambda _: None,
     *,
     kept_figures: bool = False,
-) -> Written:
-    """Write the report of one result, or of several with a comparison.
+) -> tuple[Path, list[str]]:
+    """Write the report of one result, or of several with a comparison; return its path, and what not to trust.
+
+    The latter a line each: a result whose verdict is ``fail``, and a figure that could not be drawn.
 
     Parameters
     ----------
@@ -83,29 +80,37 @@ def write_report(
     """
     results = [read_reported(folder, name) for folder, name in zip(folders, names(folders), strict=True)]
     path = target(folders[0], out)
-    parts, sides = [], []
+    parts, compared_results, warnings = [], [], []
     for folder, result in zip(folders, results, strict=True):
         tree = read_tree(folder / "posterior.nc")
         if kept_figures or not has_cases(tree):  # only posteriors with cases have such figures
-            parts.append(Part(result, list(kept_pictures(folder / "figures", set()))))
+            parts.append(Part(result, list(stored_figures(folder / "figures", set()))))
         else:
-            parts.append(_drawn(folder, result, tree, on_note))
+            attempts = Attempts()
+            parts.append(_drawn(folder, result, tree, on_note, attempts))
+            warnings += [f"{result.name}: {check.reason}" for check in attempts.failed]
         inputs = frozenset(result.run["inputs"].values())
-        sides.append(Side(result.name, tree if has_cases(tree) else None, inputs, result.run["origin"]))
+        compared_results.append(
+            ComparedResult(result.name, tree if has_cases(tree) else None, inputs, result.run["origin"])
+        )
         on_progress(1)
-    compared = [across(sides[0], other, results[0].interval) for other in sides[1:]]
-    write_text(document(parts, compared), path)
-    return Written(path, [result.name for result in results if result.verdict == "fail"])
+    comparisons = [compare_results(compared_results[0], other, results[0].interval) for other in compared_results[1:]]
+    write_text(document(parts, comparisons), path)
+    untrusted = [f"{each.name}: {UNTRUSTED}" for each in results if each.verdict == "fail"]
+    return path, [*untrusted, *warnings]
 
 
-def _drawn(folder: Path, result: Reported, tree: xr.DataTree, on_note: Callable[[str], None]) -> Part:
+def _drawn(
+    folder: Path, result: Reported, tree: xr.DataTree, on_note: Callable[[str], None], attempts: Attempts
+) -> Part:
     of_motions = is_of_motions(tree["posterior"].to_dataset())
     table = None if of_motions else _records(folder, result, on_note)
     # As in the fit: only records made from the printed tables, and these tables, are compared with printed values.
     printed = tables.case_means() if result.run["origin"] in ("reconstructed", "published") else None
     result_drawn = Result(tree, result.verdict, table, printed, result.interval, _motions(folder))
     missing = table is None and not result.repeats.empty and not of_motions
-    return Part(result, list(pictures(result_drawn, folder / "figures")), KEPT if missing else "")
+    figures = list(embedded_figures(result_drawn, folder / "figures", attempts))
+    return Part(result, figures, " ".join([KEPT] * missing + [f"{check.reason}." for check in attempts.failed]))
 
 
 def _motions(folder: Path) -> pd.DataFrame | None:

@@ -1,15 +1,18 @@
 """Writing a result's folder: every file whole or not at all, `run.json` last."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
-import xarray as xr
 
 from bayes_tyre.formats.files import prepare_folder
 from bayes_tyre.formats.netcdf import write_tree
 from bayes_tyre.formats.tables import write_table
+from bayes_tyre.inference.diagnostics.attempts import Attempts
+from bayes_tyre.inference.diagnostics.judge import with_failures
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
+from bayes_tyre.inference.sampling.run import sampler_runs
 from bayes_tyre.record_table import record_extras
 from bayes_tyre.report.figures import catalogue
 from bayes_tyre.report.figures.catalogue import Result
@@ -21,55 +24,69 @@ from bayes_tyre.results.provenance import RUN_JSON, Run, write_json, write_run
 
 
 def write_fit(
-    tree: xr.DataTree,
+    result: Result,
     diagnostics: Diagnostics,
     run: Run,
     out: Path,
-    *,
-    table: pd.DataFrame | None = None,
-    printed: pd.DataFrame | None = None,
-    interval: float = 0.95,
     beside: Mapping[str, pd.DataFrame] | None = None,
-    motions: pd.DataFrame | None = None,
-) -> None:
-    """Write a posterior with its tables, diagnostics and figures into `out`.
+) -> Diagnostics:
+    """Write a posterior with its tables, diagnostics and figures into `out`; return the diagnostics that were written.
+
+    A table or figure that fails becomes a failed check, and what was not written is removed if an older run left it.
 
     Parameters
     ----------
-    tree, diagnostics, run:
-        The posterior, its verdict, and how it was computed.
-    table:
-        The records it was fitted to, for the figures of records.
-    printed:
-        Printed `k_kN_per_mm` and `beta_mm` by case, shown beside the posterior where given.
-    interval:
-        Probability of every interval, equal-tailed.
+    result, diagnostics, run:
+        The posterior with what its figures need, its diagnostics, and how it was computed.
     beside:
         Further tables, by the names of their files.
-    motions:
-        Readings and fitted motion of a few records, for their figures (`bayes_tyre.results.motion_traces`).
     """
     prepare_folder(out)
     (out / RUN_JSON).unlink(missing_ok=True)  # of an older run: it marks a folder as finished
-    verdict = diagnostics.verdict
-    write_tree(tree, out / "posterior.nc")
-    extras = record_extras(table) if table is not None else None
-    result = Result(tree, verdict, table, printed, interval, motions)
-    write_table(summary.summary(tree, verdict, interval), out / "summary.csv")
-    write_table(result.cases, out / "cases.csv")
-    write_table(result.contrasts, out / "contrasts.csv")
-    write_table(summary.repeats(tree, verdict, interval, extras), out / "repeats.csv")
-    for name, further in (beside or {}).items():
-        write_table(further, out / name)
-    if motions is not None:
-        write_table(motions, out / MOTIONS_CSV)
-    write_json(diagnostics._asdict(), out / "diagnostics.json")
-    _write_figures(result, out / "figures")
-    write_run(run, out)
+    write_tree(result.tree, out / "posterior.nc")
+    judged = _write_tables_and_figures(result, diagnostics, out, beside or {})
+    if judged.verdict != result.verdict:  # tables and figures say so too
+        judged = _write_tables_and_figures(replace(result, verdict=judged.verdict), diagnostics, out, beside or {})
+    write_json(judged._asdict(), out / "diagnostics.json")
+    write_run(run, out, sampler_runs(result.tree))
+    return judged
 
 
-def _write_figures(result: Result, folder: Path) -> None:
+def _write_tables_and_figures(
+    result: Result, diagnostics: Diagnostics, out: Path, beside: Mapping[str, pd.DataFrame]
+) -> Diagnostics:
+    attempts = Attempts()
+    for name, table in _tables(result, beside).items():
+        if attempts(name, lambda name=name, table=table: write_table(table(), out / name), None) is None:
+            (out / name).unlink(missing_ok=True)
+    _write_figures(result, out / "figures", attempts)
+    return with_failures(diagnostics, attempts.failed)
+
+
+def _tables(result: Result, beside: Mapping[str, pd.DataFrame]) -> dict[str, Callable[[], pd.DataFrame]]:
+    """Return what computes each table, by the name of its file."""
+    tree, verdict, interval = result.tree, result.verdict, result.interval
+    further = {**beside, **({} if result.motions is None else {MOTIONS_CSV: result.motions})}
+
+    def repeats() -> pd.DataFrame:
+        extras = record_extras(result.table) if result.table is not None else None
+        return summary.repeats(tree, verdict, interval, extras)
+
+    return {
+        "summary.csv": lambda: summary.summary(tree, verdict, interval),
+        "cases.csv": lambda: result.cases,
+        "contrasts.csv": lambda: result.contrasts,
+        "repeats.csv": repeats,
+        **{name: lambda table=table: table for name, table in further.items()},
+    }
+
+
+def _write_figures(result: Result, folder: Path, attempts: Attempts) -> None:
     """Write the figures of a result; remove those of an earlier result that this one does not have."""
-    drawn = {name: save(figure, folder / f"{name}.png") for name, figure in catalogue.draw(result)}
-    for name in HEADINGS.keys() - drawn.keys():
+    written = set()
+    for name, figure in catalogue.draw(result, attempts):
+        path = folder / f"{name}.png"
+        if attempts(path.name, lambda figure=figure, path=path: save(figure, path), None) is not None:
+            written.add(name)
+    for name in HEADINGS.keys() - written:
         (folder / f"{name}.png").unlink(missing_ok=True)

@@ -7,11 +7,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bayes_tyre.inference.sampling.datatree import CASE_PARAMETERS
+from bayes_tyre.record import RECORD_UNITS
 from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.colours import INK, Look, Setting
 from bayes_tyre.report.figures.labels import configuration_label, interval_name
 from bayes_tyre.report.figures.layout import STYLE, WIDTH
-from bayes_tyre.report.wording import PARAMETERS
+from bayes_tyre.report.wording import AXIS_NAMES
 
 _TITLES = {
     "speed_km_h": "by speed (km/h)",
@@ -43,8 +44,7 @@ def by_levels(means: pd.DataFrame, setting: Setting) -> Figure:
             here = means[(means["by"] == by) & (means["parameter"] == parameter)]
             _panel(ax, here, appearance)
             ax.set_xlabel(f"{_TITLES[by].removeprefix('by ')}")
-        name, unit, _ = PARAMETERS[parameter]
-        row[0].set_ylabel(f"{name} ({unit})")
+        row[0].set_ylabel(f"{AXIS_NAMES[parameter]} ({RECORD_UNITS[parameter]})")
     for ax, by in zip(axes[0], columns, strict=True):
         counts = sorted(set(means.loc[means["by"] == by, "cases"]))
         ax.set_title(f"{_TITLES[by].split(' (')[0]}: mean of {' or '.join(map(str, counts))} cases")

@@ -7,9 +7,8 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.sampling.datatree import CASE_PARAMETERS, RECORD_UNITS, tree_cases
-from bayes_tyre.record import CASE_FACTORS
-from bayes_tyre.report.wording import PARAMETERS
+from bayes_tyre.inference.sampling.datatree import CASE_PARAMETERS, tree_cases
+from bayes_tyre.record import CASE_FACTORS, RECORD_UNITS, parameter_column
 
 #: What a mean may be taken by, with the unit: the size of a step, without its sign.
 BY = {"speed_km_h": "km/h", "initial_load_kN": "kN", "step_size_kN": "kN"}
@@ -102,7 +101,7 @@ def _means(
     for parameter in CASE_PARAMETERS:
         draws = posterior[f"{parameter}_case"].to_numpy()[..., cases].mean(axis=-1)
         lower, median, upper = np.quantile(draws, tails)
-        column = PARAMETERS[parameter][2]
+        column = parameter_column(parameter)
         mean = factor_table.loc[cases, column].mean() if column in factor_table else np.nan
         numbers = {"median": median, "lower": lower, "upper": upper, "interval": interval, "printed": mean}
         rows.append({"parameter": parameter, "unit": RECORD_UNITS[parameter], **numbers})

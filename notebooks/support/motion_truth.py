@@ -1,10 +1,14 @@
 """What one record's motion gives beside its known truth: parameters, and what a cycle loses, with intervals."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
+from jaxtyping import Array, ArrayLike, Float
 
-from bayes_tyre.inference.motion.record.energy import losses_of_logs
+from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
+from bayes_tyre.inference.motion.record.energy import Losses, losses_from_reported
+from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.results.hysteresis_loops import loop_table, settled_friction
 from bayes_tyre.rig.axle import Rig
 
@@ -62,3 +66,39 @@ def _quantiles(
     order = np.argsort(values)
     weight = weights[order] / weights.sum()
     return np.interp(tails, np.cumsum(weight) - weight / 2, values[order])
+
+
+def losses_of_logs(
+    rig: Rig,
+    logs: Float[ArrayLike, "*draws p"],
+    displacement_mm: ScalarLike,
+    amplitude_mm: ScalarLike,
+    law: MotionLaw = FANCHER,
+) -> Losses:
+    """Return the losses of a cycle from the logarithms of a law's `reported_parameters`, one set or draws.
+
+    The offset C is weakly identified by a motion and moves the geometry by tenths of a mm: it is set to 0. c is not
+    included for a law with friction (`losses_from_reported`).
+
+    Parameters
+    ----------
+    rig:
+        Geometry.
+    logs:
+        Natural logarithms in the order of the law's `reported_parameters`, shape (..., p).
+    displacement_mm, amplitude_mm:
+        The cycle's middle and half its stroke at the wheel centre, mm.
+    law:
+        Of the tyre.
+
+    Returns
+    -------
+    Shape (...) each.
+    """
+    logs = jnp.asarray(logs, float)
+
+    def one(logs: Array) -> Losses:
+        return losses_from_reported(rig, law, jnp.exp(logs), displacement_mm, amplitude_mm)
+
+    flat = jax.vmap(one)(logs.reshape(-1, logs.shape[-1]))
+    return Losses(*(values.reshape(logs.shape[:-1]) for values in flat))

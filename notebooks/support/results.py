@@ -9,7 +9,7 @@ from bayes_tyre.inference.diagnostics.verdict import diagnose
 from bayes_tyre.inference.sampling.datatree import tree_cases
 from bayes_tyre.record import CASE_FACTORS
 from bayes_tyre.report.figures.colours import Setting
-from bayes_tyre.report.html.formatting import probable
+from bayes_tyre.report.wording import probability_text
 
 _SHOWN = (
     *("contrast", "matching", "configuration", "direction"),
@@ -32,5 +32,5 @@ def average_table(contrasts: Iterable[pd.DataFrame], parameter: str) -> pd.DataF
     table = pd.concat(list(contrasts), ignore_index=True)
     averages = table[(table["parameter"] == parameter) & table[list(CASE_FACTORS[2:])].isna().all(axis=1)]
     shown = averages[list(_SHOWN)].fillna("").sort_values(["contrast", "matching"], kind="stable").round(2)
-    shown["p_greater_than_1"] = averages["p_greater_than_1"].map(probable)
+    shown["p_greater_than_1"] = averages["p_greater_than_1"].map(probability_text)
     return shown.rename(columns={"p_greater_than_1": "P(ratio > 1)"}).set_index(["contrast", "matching"])

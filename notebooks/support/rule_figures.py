@@ -32,7 +32,7 @@ def rule_and_posterior(fits: pd.DataFrame, estimates: pd.DataFrame, setting: Set
     setting:
         What all figures of the result share.
     """
-    rows = case_axis.numbered(case_axis.case_words(estimates).drop_duplicates())
+    rows = case_axis.numbered(case_axis.case_factors(estimates).drop_duplicates())
     rows = case_axis.in_order(rows, [*CASE_FACTORS, "nth"])
     lines = case_axis.grouped_lines(rows)
     rows["y"] = [line.y for line in lines if not line.heads]

@@ -4,14 +4,14 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.batch import Batch
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST, smooth_log_weights
 from bayes_tyre.inference.diagnostics.record_marginal import hyperparameters, record_density, standard_points
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
-from bayes_tyre.inference.record_data import record_data
-from bayes_tyre.inference.sampling.datatree import CASE_PARAMETERS, RECORD_UNITS
-from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_factors, likelihood_of
+from bayes_tyre.inference.model.prepared_records import prepare_records
+from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.datatree import CASE_PARAMETERS
+from bayes_tyre.record import RECORD_UNITS
 
 
 def case_without(tree: xr.DataTree, table: pd.DataFrame, record: str, interval: float = 0.95) -> pd.DataFrame:
@@ -41,15 +41,14 @@ def case_without(tree: xr.DataTree, table: pd.DataFrame, record: str, interval: 
         For a record that is not there.
     """
     model = ModelSettings(repeats=tree.attrs["repeats"], noise=tree.attrs["noise"])
-    batch, _, factors = batch_and_factors(table, model)
-    if record not in batch.records:
-        raise BadInput(f"record {record!r} is not in the table; name one of {', '.join(batch.records[:3])}, ...")
-    at = np.array([batch.records.index(record)])
-    one = Batch((record,), batch.displacement_mm[at], batch.force_kN[at], batch.present[at])
-    data, posterior = record_data(one), tree["posterior"].to_dataset()
-    case = factors.of_record[at]
-    of, z = hyperparameters(posterior, factors, case), standard_points(5, seed=0)
-    density = record_density(likelihood_of(data, model, None), data, estimate_records(one, model.noise, None), of, z)
+    records = prepare_records(table, model)
+    names = records.batch.records
+    if record not in names:
+        raise BadInput(f"record {record!r} is not in the table; name one of {', '.join(names[:3])}, ...")
+    one, posterior = records.only(np.array([name == record for name in names]), model), tree["posterior"].to_dataset()
+    case, estimates = one.factors.of_record, estimate_records(one.batch, model.noise)
+    of, z = hyperparameters(posterior, one.factors, case), standard_points(5, seed=0)
+    density = record_density(one.likelihood, one.data, estimates, of, z)
     log_weights, pareto_k = smooth_log_weights(-np.asarray(density.log_density)[:, 0])
     weights = np.exp(log_weights - np.max(log_weights))
     tails, rows = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0], []

@@ -8,7 +8,8 @@ from helpers.simulated_records import Plan, simulate
 
 from bayes_tyre.inference.diagnostics import leave_one_out as leave_out
 from bayes_tyre.inference.diagnostics.leave_one_out import leave_one_record_out
-from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, fit_hierarchical
+from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record_table import check_record_table
 
@@ -28,8 +29,20 @@ def folder(tmp_path_factory):
     table.loc[rows, "force_kN"] = start + 1.6 * (table.loc[rows, "force_kN"] - start)
     table.to_csv(folder / "records.csv", index=False)
     for repeats in ("mixture", "normal"):
-        options = ["--repeats", repeats, "--chains", 2, "--warmup", 400, "--draws", 300, "--quiet"]
-        done = here("fit", folder / "records.csv", "--out", folder / repeats, *options)
+        options = [
+            "--repeats",
+            repeats,
+            "--chains",
+            2,
+            "--warmup",
+            400,
+            "--draws",
+            300,
+            "--target-accept",
+            0.65,
+            "--quiet",
+        ]
+        done = here("fit", folder / "records.csv", "--out", folder / repeats, *options, "--target-accept", 0.65)
         # Enough draws to compare; too few for an R-hat of 1.01 of every one of some 200 quantities.
         assert done.exit_code == 4, done.stderr
     return folder
@@ -66,7 +79,10 @@ def test_folders_that_hold_no_two_fits_of_the_same_points_are_refused(folder, tm
 def test_importance_sampling_and_a_fit_without_the_record_agree(monkeypatch):
     table, _ = simulate(Plan(("x",), (0.0,), (20.0, 30.0), (5.0,), points=40), seed=3)
     table = check_record_table(table)
-    settings, model = SamplerSettings(chains=4, warmup=400, draws=500, seed=1), ModelSettings(repeats="normal")
+    settings, model = (
+        SamplerSettings(chains=4, warmup=400, draws=500, seed=1, target_accept=0.65),
+        ModelSettings(repeats="normal"),
+    )
     tree = fit_hierarchical(table, settings, model)
     smoothed = leave_one_record_out(tree, table, model)
     assert not smoothed.refitted.any()

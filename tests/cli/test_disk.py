@@ -41,9 +41,9 @@ from bayes_tyre.report.figures import audit as audit_figures
 from bayes_tyre.report.figures import catalogue
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import PLANS
-from bayes_tyre.workflow import compare, fit, least_squares, published
+from bayes_tyre.workflow import compare, fit, least_squares, load_deflection, published, studies
+from bayes_tyre.workflow.raw import motion as raw_motion
 from bayes_tyre.workflow.raw.simulate import write_simulated
-from bayes_tyre.workflow.studies import audit, study
 
 # Compilation and module fixtures: over 10 s for the file from cold.
 pytestmark = pytest.mark.slow
@@ -97,18 +97,36 @@ def quick(monkeypatch) -> None:
     check = pd.DataFrame({"quantity": ["k"], "kind": ["recomputed"], "agrees": [True]})
     put_draws_for_the_sampler(monkeypatch)
     put_draws_for_the_motions(monkeypatch)
+    for module, work in (
+        *((module, "judge") for module in (fit, raw_motion)),
+        *((load_deflection, work) for work in ("_tests", "_cases", "law_loop")),
+        *((published.campaign, "reconstruct"), (least_squares, "fit_records")),
+    ):
+        monkeypatch.setattr(module, work, once(getattr(module, work)))
     monkeypatch.setattr(compare, "leave_one_record_out", left_out)
     monkeypatch.setattr(published, "fit_records", lambda *_: None)
     monkeypatch.setattr(published.campaign, "case_means", lambda _: None)
     monkeypatch.setattr(published.checks, "published_check", lambda _: check)
     every_figure, every_audit_figure = catalogue.draw, audit_figures.draw
-    monkeypatch.setattr(catalogue, "draw", lambda result: islice(every_figure(result), 2))
-    monkeypatch.setattr(audit, "study_audit", lambda *_: audited(blind, replicates=1))
-    monkeypatch.setattr(study, "study_motion", lambda records, *_: studied(records))
-    monkeypatch.setattr(study, "rank_laws", lambda true_laws, **_: ranked(true_laws))
+    monkeypatch.setattr(catalogue, "draw", lambda *of: islice(every_figure(*of), 2))
+    monkeypatch.setattr(studies, "study_audit", lambda *_: audited(blind, replicates=1))
+    monkeypatch.setattr(studies, "study_motion", lambda records, *_: studied(records))
+    monkeypatch.setattr(studies, "rank_laws", lambda true_laws, **_: ranked(true_laws))
     monkeypatch.setattr(audit_figures, "draw", lambda *of: islice(every_audit_figure(*of), 1))
     whole_plan = PLANS["quick"]
     monkeypatch.setitem(PLANS, "quick", lambda rate: whole_plan(rate)[:2])
+
+
+def once[**P, T](compute: Callable[P, T]) -> Callable[P, T]:
+    """Return a function that computes the first time it is called, and then gives the same: runs are of one input."""
+    results: list[T] = []
+
+    def computed(*arguments: P.args, **options: P.kwargs) -> T:
+        if not results:
+            results.append(compute(*arguments, **options))
+        return results[0]
+
+    return computed
 
 
 def left_out(tree: xr.DataTree, *_: object) -> LeaveOneOut:

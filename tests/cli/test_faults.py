@@ -8,11 +8,9 @@ import pytest
 from helpers.command_line import (
     ON_TABLES,
     assert_refused,
-    finish,
     here,
     installed,
     small,
-    start,
     text_of,
     tree_of,
     with_cell,
@@ -72,8 +70,6 @@ FAULTS: dict[str, tuple[Callable[[], bytes], tuple[str, ...]]] = {
     "a workbook by another name": (lambda: b"PK\x03\x04\x14\x00", ("workbook", "save its sheet as CSV")),
     "no text at all": (lambda: bytes(range(256)) * 20, ("cannot be read as csv", "UTF-8")),
 }
-#: One of each family goes through the installed command; all go through the same code in this process.
-FAMILIES = ("empty file", "wrong columns", "text", "infinity", "contradicting words")
 
 
 def faulty(name: str, folder: Path) -> tuple[Path, tuple[str, ...]]:
@@ -88,9 +84,8 @@ def statuses(folder: Path) -> dict[str, str]:
     return dict(zip(fits["record"], fits["status"], strict=True))
 
 
-@pytest.mark.parametrize("name", FAMILIES)
-def test_the_installed_command_refuses_bad_input_in_one_line_and_writes_nothing(name, tmp_path):
-    path, said = faulty(name, tmp_path)
+def test_the_installed_command_refuses_bad_input_in_one_line_and_writes_nothing(tmp_path):
+    path, said = faulty("infinity", tmp_path)
     before = tree_of(tmp_path)
     done = installed("lsq", path, "--out", tmp_path / "out", cwd=tmp_path)
     assert_refused(done.returncode, done.stderr, *said)
@@ -203,15 +198,8 @@ def test_an_option_that_cannot_be_is_a_usage_error(command, options, said, tmp_p
 
 def test_the_installed_command_answers_usage_errors_with_code_2(tmp_path):
     path = written(small(), tmp_path / "records.csv")
-    wrong = {
-        "--region": ["lsq", path, "--out", "out", "--region", "nonsense"],
-        "--fix": ["lsq", path, "--out", "out", "--fix", "k"],
-        "--chains": ["fit", path, "--out", "out", "--chains", "0"],
-    }
-    running = {said: start(*arguments, cwd=tmp_path) for said, arguments in wrong.items()}
-    for said, process in running.items():
-        done = finish(process)
-        assert done.returncode == 2, done.stderr
-        assert said in done.stderr
-        assert "Traceback" not in done.stderr
+    done = installed("fit", path, "--out", "out", "--chains", "0", cwd=tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert "--chains" in done.stderr
+    assert "Traceback" not in done.stderr
     assert list(tree_of(tmp_path)) == ["records.csv"]

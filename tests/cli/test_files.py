@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from helpers.command_line import ON_RESULTS, ON_TABLES, assert_refused, finish, here, small, start, text_of, tree_of
+from helpers.command_line import ON_RESULTS, ON_TABLES, assert_refused, here, installed, small, text_of, tree_of
 from helpers.quick_fits import write_result
 
 from bayes_tyre.formats.tables import write_table
@@ -106,44 +106,24 @@ def test_what_is_no_result_is_refused(what, command, a_result, tmp_path):
     assert tree_of(tmp_path) == before
 
 
-@pytest.mark.parametrize(
-    ("command", "whats"),
-    [
-        ("lsq", ("missing", "binary", "half a parquet")),
-        ("fit", ("empty", "a folder", "a workbook")),
-    ],
-)
-def test_the_installed_command_refuses_what_is_no_table(command, whats, tmp_path):
-    for what in whats:
-        name, make, _ = NO_TABLES[what]
-        (tmp_path / what).mkdir()
-        make(tmp_path / what / name)
+def test_the_installed_command_refuses_what_is_no_table(tmp_path):
+    name, make, said = NO_TABLES["binary"]
+    make(tmp_path / name)
     before = tree_of(tmp_path)
-    running = {what: start(command, NO_TABLES[what][0], "--out", "out", cwd=tmp_path / what) for what in whats}
-    for what, process in running.items():
-        done = finish(process)
-        assert_refused(done.returncode, done.stderr, *NO_TABLES[what][2])
-        assert done.stdout == ""
+    done = installed("fit", name, "--out", "out", cwd=tmp_path)
+    assert_refused(done.returncode, done.stderr, *said)
+    assert done.stdout == ""
     assert tree_of(tmp_path) == before
 
 
-@pytest.mark.parametrize(
-    ("command", "whats"),
-    [
-        ("show", ("missing", "half a run.json", "another summary")),
-        ("predict", ("no run.json", "half a posterior")),
-    ],
-)
-def test_the_installed_command_refuses_what_is_no_result(command, whats, a_result, tmp_path):
-    for what in whats:
-        shutil.copytree(a_result, tmp_path / what)
-        NO_RESULTS[what][1](tmp_path / what)
+def test_the_installed_command_refuses_what_is_no_result(a_result, tmp_path):
+    _, spoil, said = NO_RESULTS["half a posterior"]
+    shutil.copytree(a_result, tmp_path / "result")
+    spoil(tmp_path / "result")
     before = tree_of(tmp_path)
-    running = {what: start(command, what, *ON_RESULTS[command], cwd=tmp_path) for what in whats}
-    for what, process in running.items():
-        done = finish(process)
-        assert_refused(done.returncode, done.stderr, what, *NO_RESULTS[what][2])
-        assert done.stdout == ""
+    done = installed("predict", "result", *ON_RESULTS["predict"], cwd=tmp_path)
+    assert_refused(done.returncode, done.stderr, "result", *said)
+    assert done.stdout == ""
     assert tree_of(tmp_path) == before
 
 

@@ -14,12 +14,26 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from helpers.command_line import CONTRASTS_PNG, FIT_FILES, TABLES, assert_refused, here, installed, tree_of, written
+from helpers.command_line import (
+    CONTRASTS_PNG,
+    FEW,
+    FIT_FILES,
+    OUTLIERS_PNG,
+    TABLES,
+    assert_refused,
+    here,
+    installed,
+    small,
+    tree_of,
+    written,
+)
 from helpers.hand_made_posteriors import posterior, scattered
 from helpers.simulated_records import Plan, simulate
 
+from bayes_tyre.inference.diagnostics import power_scaling
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.record_table import record_factors
+from bayes_tyre.report.figures import catalogue
 from bayes_tyre.workflow import fit as workflow
 from bayes_tyre.workflow import result_folder
 
@@ -93,6 +107,72 @@ def test_fit_that_fails_half_way_leaves_no_run_json_to_vouch_for_it(sampled, tmp
     assert here("show", tmp_path / "out").exit_code == 3
 
 
+def test_a_figure_or_table_that_fails_becomes_a_failed_check_and_the_rest_is_written(sampled, tmp_path, monkeypatch):
+    path, out = written(sampled, tmp_path / "records.csv"), tmp_path / "out"
+    (out / "figures").mkdir(parents=True)
+    for earlier in ("figures/rank_plot.png", "repeats.csv"):  # of another run: they must not stay
+        (out / earlier).write_text("earlier")
+
+    def fails(*_: object) -> None:
+        raise ZeroDivisionError("nothing to draw")
+
+    figures = {"rank_plot": fails, "forest_of_cases": catalogue.ALWAYS["forest_of_cases"]}
+    monkeypatch.setattr(catalogue, "ALWAYS", figures)
+    monkeypatch.setattr(catalogue, "OF_RECORDS", {})
+    monkeypatch.setattr(result_folder.summary, "repeats", fails)
+    done = here("fit", path, "--out", out)
+    assert done.exit_code == 4
+    for name in ("rank_plot.png", "repeats.csv"):
+        assert f"bayes-tyre: {name} failed: ZeroDivisionError: nothing to draw; " in done.stderr
+    expected = {name for name in FIT_FILES if "/" not in name and name != "repeats.csv"}
+    expected |= {"figures/forest_of_cases.png", OUTLIERS_PNG}
+    assert {name for name in tree_of(out) if not name.endswith("/")} == expected
+    # What was written before something failed says so too.
+    assert set(pd.read_csv(out / "summary.csv")["verdict"]) == {"fail"}
+    diagnostics = json.loads((out / "diagnostics.json").read_text())
+    assert (diagnostics["verdict"], len(diagnostics["reasons"])) == ("fail", 2)
+    assert [check["name"] for check in diagnostics["checks"] if not check["passed"]] == ["repeats.csv", "rank_plot.png"]
+    assert not (out / ".checkpoint").exists()
+
+
+def test_a_diagnostic_that_fails_leaves_the_draws(sampled, tmp_path, monkeypatch):
+    def fails(*_: object) -> None:
+        raise ValueError("All tail values are the same")
+
+    monkeypatch.setattr(result_folder, "_write_figures", lambda *_: None)
+    monkeypatch.setattr(power_scaling, "sensitivity", fails)
+    path = written(sampled, tmp_path / "records.csv")
+    done = here("fit", path, "--out", tmp_path / "out")
+    assert done.exit_code == 4
+    assert "power scaling failed: ValueError: All tail values are the same; " in done.stderr
+    summary = pd.read_csv(tmp_path / "out" / "summary.csv")
+    assert summary["contraction"].notna().any()
+    assert summary["decided_by"].isna().all()
+
+
+def test_the_target_acceptance_is_handed_on_and_recorded(sampled, tmp_path, monkeypatch):
+    monkeypatch.setattr(result_folder, "_write_figures", lambda *_: None)
+    fit, asked = workflow.fit_hierarchical, []
+
+    def watched(*arguments: object) -> xr.DataTree:
+        asked.append(arguments[1])
+        return fit(*arguments)  # pyright: ignore[reportArgumentType]
+
+    monkeypatch.setattr(workflow, "fit_hierarchical", watched)
+    path = written(sampled, tmp_path / "records.csv")
+    assert here("fit", path, "--out", tmp_path / "one", "--target-accept", 0.9, "--quiet").exit_code == 0
+    run = tmp_path / "one" / "run.json"
+    assert json.loads(run.read_text())["options"]["target_accept"] == 0.9
+    assert here("fit", "--from", run, "--out", tmp_path / "two", "--quiet").exit_code == 0
+    # A run.json of a version without the option is repeated without it.
+    earlier = json.loads(run.read_text())
+    del earlier["options"]["target_accept"]
+    run.write_text(json.dumps(earlier))
+    assert here("fit", "--from", run, "--out", tmp_path / "three", "--quiet").exit_code == 0
+    assert [settings.target_accept for settings in asked] == [0.9, 0.9, None]
+    assert here("fit", path, "--out", tmp_path / "four", "--target-accept", 1.2).exit_code == 2
+
+
 def test_units_that_were_checked_are_fitted(sampled, tmp_path, monkeypatch):
     monkeypatch.setattr(result_folder, "_write_figures", lambda *_: None)
     path = written(sampled.assign(force_kN=sampled["force_kN"] * 1000), tmp_path / "records.csv")
@@ -118,10 +198,8 @@ def test_show_refuses_a_folder_without_a_result(run_json, said, tmp_path):
 def fitted(tmp_path_factory) -> tuple[Path, subprocess.CompletedProcess[str]]:
     """Run the installed `fit` with far too few draws; give the folder it lies in, as `one`, and how it ended."""
     folder = tmp_path_factory.mktemp("a fit")
-    table, _ = simulate(Plan(speeds=(0.0,), loads=(20.0,), points=40), 1)
-    written(table, folder / "the records.csv")
-    few = ["--chains", 2, "--warmup", 60, "--draws", 60, "--seed", 7]
-    return folder, installed("fit", "the records.csv", "--out", "one", *few, cwd=folder)
+    written(small(), folder / "the records.csv")
+    return folder, installed("fit", "the records.csv", "--out", "one", *FEW, "--seed", 7, cwd=folder)
 
 
 def test_too_few_draws_end_with_4_and_every_file_says_so(fitted):
@@ -136,7 +214,7 @@ def test_too_few_draws_end_with_4_and_every_file_says_so(fitted):
         assert set(table["origin"]) == {"simulated"}
     diagnostics = json.loads((folder / "one" / "diagnostics.json").read_text(encoding="utf-8"))
     assert diagnostics["verdict"] == "fail"
-    assert (diagnostics["chains"], diagnostics["draws"]) == (2, 60)
+    assert (diagnostics["chains"], diagnostics["draws"]) == (2, 170)
     assert any("ESS" in reason for reason in diagnostics["reasons"])
     assert done.stderr == "".join(f"bayes-tyre: {reason}\n" for reason in diagnostics["reasons"])
 
@@ -144,9 +222,9 @@ def test_too_few_draws_end_with_4_and_every_file_says_so(fitted):
 def test_a_run_tells_how_it_was_made(fitted):
     folder, _ = fitted
     run = json.loads((folder / "one" / "run.json").read_text(encoding="utf-8"))
-    few = "--chains 2 --warmup 60 --draws 60 --seed 7"
+    few = "--chains 2 --warmup 130 --draws 170 --target-accept 0.65 --seed 7"
     assert run["command"] == f"bayes-tyre fit 'the records.csv' --out one {few}"
-    sampler = {"chains": 2, "warmup": 60, "draws": 60}
+    sampler = {"chains": 2, "warmup": 130, "draws": 170, "target_accept": 0.65}
     model = {"region": "all", "initial_load": "nominal", "displacement_scale_sd": 0.0}
     model |= {"likelihood": "compressed", "repeats": "mixture", "noise": "iid", "noise_window": 1}
     assert run["options"] == {**sampler, **model, "interval": 0.95, "units_checked": False, "priors": PRIORS.given()}
@@ -171,7 +249,7 @@ def test_the_posterior_on_disk_has_names_labels_and_units(fitted):
         assert posterior_of["beta_case"].attrs["units"] == "mm"
         assert all("units" in draws.attrs for draws in posterior_of.data_vars.values())
         assert set(posterior_of["record"].to_numpy()) == set(pd.read_csv(folder / "one" / "repeats.csv")["record"])
-        assert tree["sample_stats"]["diverging"].shape == (2, 60)
+        assert tree["sample_stats"]["diverging"].shape == (2, 170)
         assert tree.attrs["origin"] == "simulated"
 
 
@@ -187,9 +265,9 @@ def test_show_prints_the_table_of_a_result_and_what_it_rests_on(fitted):
     done = installed("show", "one", "two", cwd=folder)
     assert done.returncode == 0, done.stderr
     means = pd.read_csv(folder / "one" / "summary.csv").query("parameter in ('k_mean', 'beta_mean')")
-    assert len(means) == 8
+    assert len(means) == 4
     for text, cells in Counter(f"{median:.4g}" for median in means["median"]).items():
         assert len(re.findall(rf"(?<![\d.]){re.escape(text)} ", done.stdout)) == 2 * cells
-    for word in ("single", "dual", "k, kN/mm", "beta, mm", "not measured", "verdict: fail", "95 % interval"):
+    for word in ("single", "k, kN/mm", "beta, mm", "not measured", "verdict: fail", "95 % interval"):
         assert done.stdout.count(word) >= 2
     assert done.stdout.count("files: one\n") == done.stdout.count("files: two\n") == 1

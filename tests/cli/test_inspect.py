@@ -77,7 +77,7 @@ def test_bad_files_are_said_the_others_listed_and_nothing_is_written(lab, tmp_pa
         )
         for name in ("c.lvm", "d.lvm"):
             assert f"{lab / name}: line 4, column acc: 'broken'" in "".join(warnings)
-        assert len(warnings) == 3  # and the remark on the sample
+        assert len(warnings) == 3  # and the warning on the sample
         assert [done.stdout.count(str(lab / name)) for name in ("a.lvm", "b.lvm", "c.lvm")] == [2, 7, 0]
     done = here("inspect", lab / "c.lvm", "--out", tmp_path / "out.csv")
     assert_refused(done.exit_code, done.stderr, "c.lvm", "line 4", "acc", "'broken'")

@@ -19,7 +19,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled", "witho
 
 GOOD = ("DynamicS(0)20-30(1).lvm", "DynamicS(0)30-20(1).lvm")
 #: Too few draws for a verdict of `pass`, which asks for 100 effective ones a chain.
-FEW = ["--chains", 2, "--warmup", 150, "--draws", 100, "--workers", 1]
+FEW = ["--chains", 2, "--warmup", 150, "--draws", 100, "--workers", 1, "--target-accept", 0.8]
 LAWS = ("fancher", "maxwell_slip")
 PARAMETERS = ["k", "settled", "beta", "m", "c", "energy_per_cycle"]
 
@@ -28,7 +28,7 @@ PARAMETERS = ["k", "settled", "beta", "m", "c", "energy_per_cycle"]
 def raw(tmp_path_factory):
     """Return a folder of two recordings simulated with Fancher's law."""
     folder = tmp_path_factory.mktemp("raw")
-    plan = [r._replace(duration_s=2.5, step_between_s=(1.0, 1.1)) for r in thesis_plan(5000.0) if r.file in GOOD]
+    plan = [r._replace(duration_s=2.5, step_between_s=(1.0, 1.1)) for r in thesis_plan(4000.0) if r.file in GOOD]
     write_simulated(plan, {"single": load_rig("single")}, 0, folder, lambda done: None)
     return folder
 

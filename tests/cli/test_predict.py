@@ -1,6 +1,7 @@
 """What predict prints and writes: curves as CSV, parameters as TOML, both or none; and what it refuses."""
 
 import json
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from helpers.command_line import assert_refused, finish, here, installed, start, tree_of
+from helpers.command_line import assert_refused, here, installed, tree_of
 from helpers.hand_made_posteriors import fixed, grid, posterior, scattered
 
 from bayes_tyre.formats.netcdf import write_tree
@@ -34,13 +35,17 @@ def a_fit(folder: Path, configurations: tuple[str, ...] = ("single", "dual"), ve
     return folder
 
 
+@pytest.fixture(scope="module")
+def written_once(tmp_path_factory) -> Path:
+    return a_fit(tmp_path_factory.mktemp("written") / "fit")
+
+
 @pytest.fixture
-def fitted(tmp_path) -> Path:
-    return a_fit(tmp_path / "fit")
+def fitted(written_once, tmp_path) -> Path:
+    return shutil.copytree(written_once, tmp_path / "fit")
 
 
-def test_the_installed_command_writes_curves_and_parameters_into_the_fits_folder(tmp_path):
-    a_fit(tmp_path / "fit")
+def test_the_installed_command_writes_curves_and_parameters_into_the_fits_folder(fitted, tmp_path):
     done = installed("predict", "fit", "--case", "dual (0)20-30", "--displacement", "0:4:5", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout == (
@@ -207,8 +212,7 @@ WRONG = {
 
 
 @pytest.fixture
-def beside_a_file(tmp_path, monkeypatch) -> Path:
-    a_fit(tmp_path / "fit")
+def beside_a_file(fitted, tmp_path, monkeypatch) -> Path:
     (tmp_path / "file").write_text("", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -224,16 +228,12 @@ def test_what_is_no_folder_and_no_case_is_refused_in_one_line(said, beside_a_fil
     assert tree_of(beside_a_file) == before
 
 
-def test_the_installed_command_refuses_with_3_and_answers_usage_errors_with_2(beside_a_file):
+def test_a_case_that_is_not_there_ends_with_3_and_none_at_all_with_2(beside_a_file):
     before = tree_of(beside_a_file)
-    refused, asked = (
-        start("predict", "fit", "--case", "x", cwd=beside_a_file),
-        start("predict", "fit", cwd=beside_a_file),
-    )
-    done = finish(refused)
-    assert_refused(done.returncode, done.stderr, "no case matches x; there are 8")
-    done = finish(asked)
-    assert done.returncode == 2
+    done = here("predict", "fit", "--case", "x")
+    assert_refused(done.exit_code, done.stderr, "no case matches x; there are 8")
+    done = here("predict", "fit")
+    assert done.exit_code == 2
     assert "there are 8: single (0)20-30" in done.stderr
     assert "Traceback" not in done.stderr
     assert tree_of(beside_a_file) == before
@@ -245,7 +245,7 @@ def test_the_installed_command_refuses_with_3_and_answers_usage_errors_with_2(be
         ([], "--case"),
         ([], "there are 8: single (0)20-30"),
         (["--case", " "], "there are 8: single (0)20-30"),
-        (["--case", "speed=0"], "'speed' is no word"),
+        (["--case", "speed=0"], "'speed' is no factor"),
         (["--case", "direction=up"], "loading or unloading"),
         (["--case", "single (0)20-30", "--case", "speed_km_h=0"], "side by side"),
         (["--case", "single (0)20-30", "--of", "records"], "--of"),

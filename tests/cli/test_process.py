@@ -83,6 +83,7 @@ def test_the_number_of_processes_changes_nothing(done, raw, tmp_path):
         assert (tmp_path / name).read_bytes() == (out / name).read_bytes()
 
 
+@pytest.mark.slow
 def test_inertia_brings_k_back_and_the_source_does_not(raw, done, tmp_path):
     """k of three records within 5 %: each has a standard error of some 1 % from noise, and of 1 % from the mass."""
     out, _, _ = done

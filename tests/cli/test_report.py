@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from helpers.command_line import assert_refused, here, tree_of
 from helpers.reported_motions import write_motions
-from helpers.reported_results import IMAGE, SCRIPT, printed_words, write_fitted, write_made
+from helpers.reported_results import IMAGE, SCRIPT, printed_factors, write_fitted, write_made
 
 from bayes_tyre.report.figures.catalogue import ALWAYS, OF_MOTIONS, OF_RECORDS
 from bayes_tyre.report.html.figures import HEADINGS
@@ -25,7 +25,7 @@ def fitted(tmp_path_factory) -> Path:
 @pytest.fixture
 def quick(monkeypatch) -> None:
     """Draw no figures where they are not what is tested."""
-    monkeypatch.setattr("bayes_tyre.report.figures.catalogue.draw", lambda _: iter(()))
+    monkeypatch.setattr("bayes_tyre.report.figures.catalogue.draw", lambda *_: iter(()))
 
 
 def test_one_page_with_every_figure(fitted, tmp_path):
@@ -40,6 +40,21 @@ def test_one_page_with_every_figure(fitted, tmp_path):
     assert SCRIPT not in page
     assert IMAGE not in page
     assert len(page) < 5e6
+
+
+def test_a_figure_that_fails_is_named_and_the_page_has_the_others(fitted, tmp_path, monkeypatch):
+    def fails(*_: object) -> None:
+        raise ZeroDivisionError("nothing to draw")
+
+    figures = {"rank_plot": fails, "forest_of_cases": ALWAYS["forest_of_cases"]}
+    monkeypatch.setattr("bayes_tyre.report.figures.catalogue.ALWAYS", figures)
+    monkeypatch.setattr("bayes_tyre.report.figures.catalogue.OF_RECORDS", {})
+    done = here("report", fitted, "--out", tmp_path / "page.html", "--quiet")
+    assert done.exit_code == 4
+    assert "rank_plot.png failed: ZeroDivisionError: nothing to draw; " in done.stderr
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert page.count("data:image/svg+xml;base64,") == 2  # odd repeats
+    assert "rank_plot.png failed" in page
 
 
 def test_a_result_of_motions_is_drawn_anew_and_its_energy_and_loop_with_it(tmp_path, monkeypatch):
@@ -84,7 +99,7 @@ def test_figures_of_records_are_those_of_the_fit_where_its_input_is_gone(fitted,
 
 
 def test_the_page_goes_into_the_first_folder_or_where_out_says(tmp_path, quick):
-    factors = printed_words("x")
+    factors = printed_factors("x")
     one, two = (
         write_made(tmp_path / name, {"x": 1.0}, factor_table=factors, seed=i) for i, name in enumerate(("one", "two"))
     )
@@ -98,7 +113,7 @@ def test_the_page_goes_into_the_first_folder_or_where_out_says(tmp_path, quick):
 
 
 def test_a_failed_verdict_is_written_and_ends_with_code_4(tmp_path, quick):
-    factors = printed_words("x")
+    factors = printed_factors("x")
     good = write_made(tmp_path / "good", {"x": 1.0}, factor_table=factors)
     bad = write_made(tmp_path / "bad", {"x": 1.0}, verdict="fail", factor_table=factors, seed=4)
     done = here("report", good, bad, "--out", tmp_path / "page.html")

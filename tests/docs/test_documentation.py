@@ -119,6 +119,23 @@ def test_every_command_and_every_prior_has_its_place_in_the_reference():
     assert rows[0][:3] == ("k_group", "LogNormal(0, 1)", "1 (0.14 to 7.1) kN/mm")
 
 
+def test_every_law_has_its_place_in_the_reference():
+    modules = {path.stem for path in (ROOT / "bayes_tyre" / "laws").glob("*.py")} - {"__init__"}
+    assert set(re.findall(r"automodule:: bayes_tyre\.laws\.(\w+)", text("reference/laws.md"))) == modules
+
+
+def test_files_and_names_in_contributing_are_there():
+    page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rooms = ("bayes_tyre", "tests", "docs", "benchmarks")
+    files = [path for room in rooms for path in (ROOT / room).glob("**/*.*")]
+    ends = "\n".join(f"{path.as_posix()}\n" for path in [*files, ROOT / "README.md"])
+    named = {name for name in re.findall(r"`([\w/]+\.(?:py|md))`", page) if "NAME" not in name}
+    assert {name for name in named if f"/{name}\n" not in ends} == set()
+    code = "\n".join(path.read_text(encoding="utf-8") for path in files if path.suffix == ".py")
+    constants = set(re.findall(r"`(_?[A-Z]+_?[A-Z_]+)`", page))
+    assert {name for name in constants if not re.search(rf"^{name}\b", code, re.MULTILINE)} == set()
+
+
 def test_columns_and_exit_codes_are_the_programs():
     page = text("reference/files.md")
     named = set(re.findall(r"`([A-Za-z_0-9]+)`", page))

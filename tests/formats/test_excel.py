@@ -51,7 +51,7 @@ def test_columns_by_the_names_above(path):
     assert channels[1].values.tolist() == [1.5, -2.5]  # shorter: its last cell is blank
     assert channels[2].values.tolist() == [30, 29.5, 29]
     assert len(channels[0].values) == 0
-    assert raw.remarks == ("X 'Time (ms)' turned into seconds",)
+    assert raw.warnings == ("X 'Time (ms)' turned into seconds",)
 
 
 def test_a_column_of_text_is_left_out_and_said(path):
@@ -60,7 +60,7 @@ def test_a_column_of_text_is_left_out_and_said(path):
         raw = read_excel(written(path, [NAMES, *rows]))
         assert [one.name for one in raw.segments[0]] == ["Acc m/s^2", "Load [kN]"]
         assert raw.segments[0][1].values.tolist() == [30, 29.5, 29]
-        assert raw.remarks[0] == "column 'note' is text: left out"
+        assert raw.warnings[0] == "column 'note' is text: left out"
 
 
 @pytest.mark.parametrize("title", [[], [["a title"]], [["day", "Monday"]], [["rate", 1000]]])
@@ -71,7 +71,7 @@ def test_units_below_the_names_are_units_and_said(path, title):
         ("acc", "m/s^2", [0.0, 0.01]),
         ("acc", "g", [0.0, 0.01]),
     ]
-    assert raw.remarks == (
+    assert raw.warnings == (
         f"row {2 + len(title)} is taken for the units of the names above it",
         "column 'note' is text: left out",
         "X 'time' turned into seconds",
@@ -130,7 +130,7 @@ def test_errors_are_missing_and_text_is_refused(path):
 def test_no_names_no_rows_and_other_sheets(path):
     raw = read_excel(written(path, [], [[0.0, 5.0], [0.5, 6.0]], [["notes"]]))
     assert [(one.name, one.values.tolist()) for one in raw.segments[0]] == [("column 2", [5.0, 6.0])]
-    assert raw.remarks == ("sheet 'Sheet1' read, 2 others left out",)
+    assert raw.warnings == ("sheet 'Sheet1' read, 2 others left out",)
     with pytest.raises(BadInput, match="holds nothing"):
         read_excel(written(path, []))
     with pytest.raises(BadInput, match="no row of numbers"):

@@ -45,7 +45,7 @@ def test_text_by_suffix(tmp_path, suffix):
 def test_csv_with_x_by_name_or_first(tmp_path, content):
     raw = read_raw(put(tmp_path / "step.csv", content))
     assert listed(raw) == [("acc (g)", "g", TIMES, ACC), ("load", "", TIMES, LOAD)]
-    assert [("turned into seconds" in remark) for remark in raw.remarks] == [True] * ("ms" in content)
+    assert [("turned into seconds" in warning) for warning in raw.warnings] == [True] * ("ms" in content)
 
 
 @pytest.mark.parametrize("content", [SAME["comma"], SAME["tab"], OTHERS["plain comma"], OTHERS["plain semicolon"]])
@@ -59,7 +59,7 @@ def test_csv_with_gaps_text_and_faults(tmp_path):
     assert [one.name for one in raw.segments[0]] == ["acc", "load"]
     np.testing.assert_array_equal(raw.segments[0][0].values, [1, np.nan, np.nan, 2])
     np.testing.assert_array_equal(raw.segments[0][1].values, [np.nan, 5, 6])
-    assert raw.remarks == ("column 'note' is text: left out",)
+    assert raw.warnings == ("column 'note' is text: left out",)
     for content, message in [
         ("time,acc\n0,1\n1,x\n", "row 2, column acc: 'x' is no number"),
         ("time,acc\n", "holds no numbers"),
@@ -101,7 +101,7 @@ def test_parquet(tmp_path):
     pd.DataFrame({"time": stamps, "acc": [1, 2], "on": [True, False], "note": ["a", None]}).to_parquet(path)
     raw = read_raw(path)
     assert listed(raw) == [("acc", "", [0.0, 2.0], [1.0, 2.0])]
-    assert raw.remarks == ("column 'on' is text: left out", "column 'note' is text: left out")
+    assert raw.warnings == ("column 'on' is text: left out", "column 'note' is text: left out")
     put(path, b"PAR1 and no more")
     with pytest.raises(BadInput, match="cannot be read as parquet"):
         read_raw(path)
@@ -110,7 +110,7 @@ def test_parquet(tmp_path):
 def test_no_x_at_all_is_said(tmp_path):
     raw = read_raw(put(tmp_path / "step.csv", "acc,load\n5,1\n3,2\n4,2\n"))
     assert [one.time_s.tolist() for one in raw.segments[0]] == [[0.0, 1.0, 2.0]] * 2
-    assert raw.remarks == ("'acc', 'load': no X and no Delta_X: its time counts samples, not seconds",)
+    assert raw.warnings == ("'acc', 'load': no X and no Delta_X: its time counts samples, not seconds",)
 
 
 @pytest.mark.parametrize("suffix", READERS)

@@ -7,10 +7,11 @@ import pandas as pd
 import pytest
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.tables import read_table, write_table
+from bayes_tyre.formats.tables import READERS, read_table, write_table
 from bayes_tyre.record_table import check_record_table
 
 HEADER = "record,displacement_mm,force_kN\n"
+every_format = pytest.mark.parametrize("name", [f"records{suffix}" for suffix in READERS])
 
 
 def refusal(path: Path) -> str:
@@ -47,7 +48,7 @@ def test_a_folder_is_refused(tmp_path):
     assert "is a folder" in refusal(tmp_path / "records.csv")
 
 
-@pytest.mark.parametrize("name", ["records.csv", "records.parquet"])
+@every_format
 def test_an_empty_file_is_refused(tmp_path, name):
     assert "is empty" in refusal(write(tmp_path / name, b""))
 
@@ -68,7 +69,7 @@ def test_another_kind_of_file_is_refused_and_told_the_kinds_that_are_read(tmp_pa
     assert remedy in message
 
 
-@pytest.mark.parametrize("name", ["records.csv", "records.parquet"])
+@every_format
 def test_binary_garbage_is_refused(tmp_path, name):
     garbage = bytes(range(255, -1, -1)) * 8
     assert f"cannot be read as {name[8:]}" in refusal(write(tmp_path / name, garbage))
@@ -95,10 +96,10 @@ def test_a_byte_order_mark_and_windows_line_ends_are_read(tmp_path):
     assert table.to_dict("list") == {"record": ["r"], "displacement_mm": [1.5], "force_kN": [2]}
 
 
-def test_round_trips_through_csv_and_parquet_are_exact(tmp_path, hard_numbers):
+def test_round_trips_through_every_format_are_exact(tmp_path, hard_numbers):
     table = hard_numbers
-    for name in ("1.csv", "2.parquet", "3.csv"):
-        table = read_table(write_table(table, tmp_path / name))
+    for i, suffix in enumerate((*READERS, ".csv")):
+        table = read_table(write_table(table, tmp_path / f"{i}{suffix}"))
     assert list(table.columns) == list(hard_numbers.columns)
     assert table["record"].to_list() == hard_numbers["record"].to_list()
     assert table["repeat"].to_list() == hard_numbers["repeat"].to_list()
@@ -109,7 +110,7 @@ def test_round_trips_through_csv_and_parquet_are_exact(tmp_path, hard_numbers):
         )
 
 
-@pytest.mark.parametrize("name", ["records.csv", "records.parquet"])
+@every_format
 @pytest.mark.parametrize("record", ["NA", "1e5", "007", "nan", "None", "true", 'a "quoted", one', "Reifen ⌀", " x "])
 def test_a_record_s_name_stays_as_it_is_written(tmp_path, name, record):
     written = pd.DataFrame({"record": [record], "displacement_mm": [1.0], "force_kN": [2.0]})

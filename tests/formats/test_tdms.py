@@ -37,7 +37,7 @@ def test_groups_are_segments_and_times_come_from_the_waveform(path):
     assert [one.unit for one in (first, second, third)] == ["kN", "kN", "g"]
     assert second.values.tolist() == [1.0, 2.0]
     np.testing.assert_array_equal(third.values, [np.nan, 9.0])
-    assert raw.remarks == ()
+    assert raw.warnings == ()
 
 
 def test_what_was_written_in_pieces_is_one(path):
@@ -53,7 +53,7 @@ def test_channels_without_waveform_take_a_channel_of_times_or_count(path):
     (a,), (b,) = raw.segments
     np.testing.assert_allclose(a.time_s, [0.0, 0.01, 0.02])
     assert b.time_s.tolist() == [0.0, 1.0]
-    assert raw.remarks == ("group 'h': 'b': no wf_increment: its time counts samples, not seconds",)
+    assert raw.warnings == ("group 'h': 'b': no wf_increment: its time counts samples, not seconds",)
 
 
 def test_time_stamps_are_times_and_text_is_left_out(path):
@@ -64,7 +64,7 @@ def test_time_stamps_are_times_and_text_is_left_out(path):
     raw = read_tdms(written(path, stamps, notes, ChannelObject("g", "a", np.arange(2.0))))
     assert [one.name for one in raw.segments[0]] == ["a"]
     assert raw.segments[0][0].time_s.tolist() == [0.0, 2.0]
-    assert raw.remarks == ("group 'g': 'notes': text or time stamps: left out",)
+    assert raw.warnings == ("group 'g': 'notes': text or time stamps: left out",)
 
 
 def test_a_file_that_was_not_finished_is_read_and_said_on_no_stream(path, capfd):
@@ -72,7 +72,7 @@ def test_a_file_that_was_not_finished_is_read_and_said_on_no_stream(path, capfd)
     path.write_bytes(path.read_bytes()[:-80])
     raw = read_tdms(path)
     assert len(raw.segments[0][0].values) == 90
-    assert "less data than expected" in raw.remarks[0]
+    assert "less data than expected" in raw.warnings[0]
     assert capfd.readouterr() == ("", "")
 
 

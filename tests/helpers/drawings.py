@@ -44,14 +44,14 @@ OF_CONFIGURATIONS = (
 ALL = (*OF_CONFIGURATIONS, "contrasts", "rank_plot", "prior_and_posterior_of_scales")
 
 
-def words_of_cases(configurations=("single", "dual"), speeds=(0.0, 25.0)) -> pd.DataFrame:
+def factors_of_cases(configurations=("single", "dual"), speeds=(0.0, 25.0)) -> pd.DataFrame:
     steps = (("loading", 10.0, 5.0), ("loading", 20.0, 10.0), ("unloading", 30.0, -10.0))
     rows = [(c, d, v, load, step) for c in configurations for v in speeds for d, load, step in steps]
     return pd.DataFrame(rows, columns=FACTORS)
 
 
 def printed_values(**factor_table) -> pd.DataFrame:
-    table = words_of_cases(**factor_table)
+    table = factors_of_cases(**factor_table)
     return table.assign(k_kN_per_mm=np.linspace(1.4, 2.6, len(table)), beta_mm=np.geomspace(0.005, 0.1, len(table)))
 
 
@@ -68,7 +68,7 @@ def cases(**factor_table) -> pd.DataFrame:
 def contrasts(configurations=("single", "dual")) -> pd.DataFrame:
     """Return ratios of the first two configurations, and of the directions of each."""
     both, blank = " / ".join(configurations[:2]), dict.fromkeys(FACTORS, np.nan)
-    of_cases = words_of_cases(configurations[:1]).assign(configuration=np.nan, contrast=both, matching="same case")
+    of_cases = factors_of_cases(configurations[:1]).assign(configuration=np.nan, contrast=both, matching="same case")
     average = pd.DataFrame([{**blank, "contrast": both, "matching": "same case"}])
     factor_table = {"contrast": "loading / unloading", "matching": "same span"}
     directions = pd.DataFrame([{**blank, **factor_table, "configuration": name} for name in configurations])
@@ -91,7 +91,7 @@ def cells(configurations=("single", "dual"), spread=0.05, draws=200) -> pd.DataF
 
 
 def repeats(**factor_table) -> pd.DataFrame:
-    table = words_of_cases(**factor_table).loc[lambda t: t.index.repeat(3)].reset_index(drop=True)
+    table = factors_of_cases(**factor_table).loc[lambda t: t.index.repeat(3)].reset_index(drop=True)
     probability = np.linspace(0.001, 0.2, len(table))
     probability[4] = 0.97
     names = [f"record {i}" for i in range(len(table))]

@@ -96,7 +96,7 @@ def outcome(data: bytes, path: Path) -> str:
     for channel in (channel for segment in raw.segments for channel in segment):
         assert channel.values.dtype == channel.time_s.dtype == np.float64
         assert channel.values.shape == channel.time_s.shape == (len(channel.values),)
-    assert all(remark.isprintable() and remark for remark in raw.remarks), raw.remarks
+    assert all(warning.isprintable() and warning for warning in raw.warnings), raw.warnings
     return "read"
 
 

@@ -1,19 +1,29 @@
 """An axle on a tyre for tests of its motion, and what diffrax and scipy make of it, written out in plain numbers."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 from scipy.integrate import solve_ivp
 
 from bayes_tyre.laws.base import ScalarLike, StatefulLaw
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import load_rig
-from bayes_tyre.rig.motion import Body, Drive, Motion, Start, move, node_times, rest_displacement, substeps_for
+from bayes_tyre.rig.motion import (
+    KN_PER_KG_MM_PER_S2,
+    Body,
+    Drive,
+    Motion,
+    Start,
+    move,
+    node_times,
+    rest_displacement,
+    substeps_for,
+)
 
 RIG = load_rig("single")
 K, C, X, BETA, M, DAMPING = 1.7, 0.3, 0.4, 0.06, 285.0, 0.0013
@@ -65,6 +75,32 @@ def motion(
     drive, substeps = driven(rate_Hz, duration_s, amplitude, max_step_s)
     whole = moved(body, drive, Start(at_rest() - jnp.asarray(drive.runout_mm)[0]))
     return body, drive, whole, whole.at_samples(substeps)
+
+
+class Energies(NamedTuple):
+    """Energies from the first node to the last, at the wheel centre, J = kN mm; applied = the sum of the others."""
+
+    applied: Float[Array, ""]
+    kinetic: Float[Array, ""]
+    tyre: Float[Array, ""]
+    damping: Float[Array, ""]
+
+
+def energies(body: Body, drive: Drive, motion: Motion) -> Energies:
+    """Return the energy account of a motion, by Simpson's rule over the nodes: what it does not close is its error.
+
+    ``applied`` is the work of the applied force, ``kinetic`` the gain of kinetic energy, ``tyre`` the work that the
+    axle does on the tyre (kept and lost; runout does work of its own on the tyre), ``damping`` the viscous loss.
+    """
+    dt = jnp.diff(jnp.asarray(drive.time_s, float)[::2])
+    F, v = jnp.asarray(drive.applied_kN, float), motion.velocity_mm_per_s
+
+    def over_time(power: Array) -> Array:
+        return jnp.sum(dt / 6 * (power[:-2:2] + 4 * power[1::2] + power[2::2]))
+
+    kinetic = jnp.asarray(KN_PER_KG_MM_PER_S2 * body.m_kg / 2 * (v[-1] ** 2 - v[0] ** 2))
+    damping = over_time(jnp.asarray(body.c_kN_s_per_mm * v**2))
+    return Energies(over_time(F * v), kinetic, over_time(motion.tyre_force_kN * v), damping)
 
 
 # What others integrate is written out here anew, in plain numbers.

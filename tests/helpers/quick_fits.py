@@ -9,6 +9,7 @@ from helpers.command_line import here, small, written
 from helpers.hand_made_posteriors import posterior, scattered
 
 from bayes_tyre.record_table import record_factors
+from bayes_tyre.report.figures import catalogue
 from bayes_tyre.workflow import fit as workflow
 
 
@@ -22,10 +23,12 @@ def put_draws_for_the_sampler(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workflow, "fit_hierarchical", drawn)
 
 
-def write_result(folder: Path) -> Path:
-    """Write what `fit` writes of the small table into a folder; return it."""
+def write_result(folder: Path, figures: bool = False) -> Path:
+    """Write what `fit` writes of the small table into a folder, figures (some seconds) if asked for; return it."""
     with pytest.MonkeyPatch.context() as monkeypatch:
         put_draws_for_the_sampler(monkeypatch)
+        if not figures:
+            monkeypatch.setattr(catalogue, "draw", lambda *_: iter(()))
         table = written(small(), folder.with_name(f"{folder.name}.csv"))
         done = here("fit", table, "--out", folder, "--quiet")
     assert done.exit_code == 4, done.stderr

@@ -14,10 +14,10 @@ PARAMETERS = 2
 
 
 class Numbers(NamedTuple):
-    """Values of what `summed_out.marginalise` takes, in its order and as it describes them."""
+    """Records' values, and what `marginal_mixture.RepeatsOfCases` takes, as it describes them."""
 
-    deviation: Float[np.ndarray, "records parameters"]
-    offset: Float[np.ndarray, "parameters cases"]
+    records: Float[np.ndarray, "records parameters"]
+    mean: Float[np.ndarray, "parameters cases"]
     scatter: Float[np.ndarray, "parameters cases"]
     remainder: Float[np.ndarray, "parameters 1"]
     weight: Float[np.ndarray, ""]
@@ -28,21 +28,35 @@ def some_numbers(factors: Factors, seed: int, ratio: float = 1.0) -> Numbers:
     random, cases = np.random.default_rng(seed), len(factors.cases)
     scatter = ratio * random.uniform(0.05, 0.2, (PARAMETERS, cases))
     deviation = random.normal(0.0, 0.2, (len(factors.of_record), PARAMETERS)) * ratio
-    offset = random.normal(0.0, 0.3, (PARAMETERS, cases))
+    mean, level = random.normal(0.0, 0.3, (2, PARAMETERS, cases))
     remainder = random.uniform(0.0, 0.5, (PARAMETERS, 1)) * random.integers(0, 2, (PARAMETERS, 1))
-    return Numbers(deviation, offset, scatter, remainder, np.array(random.uniform(0.01, 0.4)))
+    return Numbers(
+        level.T[factors.of_record] + deviation, mean, scatter, remainder, np.array(random.uniform(0.01, 0.4))
+    )
 
 
 def by_hand(numbers: Numbers, factors: Factors, case: int) -> dict[tuple[bool, ...], float]:
     """Return the log density of a case's repeats together with each choice of discordant ones."""
     members = np.flatnonzero(factors.of_record == case)
-    found = {}
+    log_joint = {}
     for choice in product((False, True), repeat=len(members)):
-        odd = np.array(choice)
-        total = np.sum(np.where(odd, np.log(numbers.weight), np.log1p(-numbers.weight)))
+        discordant = np.array(choice)
+        total = np.sum(np.where(discordant, np.log(numbers.weight), np.log1p(-numbers.weight)))
         for i in range(PARAMETERS):
-            own = np.diag((np.where(odd, DISCORDANT_WIDENING, 1.0) * numbers.scatter[i, case]) ** 2)
-            case_distribution = numbers.offset[i, case] + numbers.deviation[members, i]
-            total += stats.multivariate_normal.logpdf(case_distribution, cov=own + numbers.remainder[i, 0] ** 2)
-        found[choice] = float(total)
-    return found
+            own = np.diag((np.where(discordant, DISCORDANT_WIDENING, 1.0) * numbers.scatter[i, case]) ** 2)
+            deviation = numbers.records[members, i] - numbers.mean[i, case]
+            total += stats.multivariate_normal.logpdf(deviation, cov=own + numbers.remainder[i, 0] ** 2)
+        log_joint[choice] = float(total)
+    return log_joint
+
+
+def case_by_hand(
+    numbers: Numbers, factors: Factors, case: int, discordant: np.ndarray, parameter: int
+) -> tuple[float, float]:
+    """Return mean and standard deviation of a case's value given its repeats and which records are discordant."""
+    members = np.flatnonzero(factors.of_record == case)
+    sd = np.where(discordant[members], DISCORDANT_WIDENING, 1.0) * numbers.scatter[parameter, case]
+    precision = 1.0 / numbers.remainder[parameter, 0] ** 2 + np.sum(sd**-2.0)
+    total = numbers.mean[parameter, case] / numbers.remainder[parameter, 0] ** 2
+    total += np.sum(numbers.records[members, parameter] / sd**2)
+    return total / precision, precision**-0.5

@@ -29,8 +29,9 @@ def write_motions(folder: Path, configurations: tuple[str, ...] = ("single", "du
     given = folder / "given.txt"
     given.write_text(str(folder))
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(catalogue, "draw", lambda _: iter(()))
+        monkeypatch.setattr(catalogue, "draw", lambda *_: iter(()))
         options = {"amplitude_mm": 2.0}
         run = begin_run("bayes-tyre motion raw --out made", options, 3, [given], "simulated")
-        write_fit(tree, diagnose(tree), run, folder)
+        judged = diagnose(tree)
+        write_fit(catalogue.Result(tree, judged.verdict), judged, run, folder)
     return folder

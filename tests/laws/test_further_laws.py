@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from bayes_tyre.laws.bouc_wen import BoucWen
-from bayes_tyre.laws.fancher import Fancher, loop_energy
+from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.laws.kelvin_voigt import KelvinVoigt
+from bayes_tyre.laws.loop_energy import loop_energy
 from bayes_tyre.laws.maxwell_slip import MaxwellSlip, yields
 
 K, C, SETTLED, BETA = 1.8, 10.0, 0.2, 0.05

@@ -7,43 +7,39 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers.moving_axle import DAMPING, RIG, C, M, at_rest, driven
+from helpers.law_in_time import force_in_time
+from helpers.moving_axle import DAMPING, RIG, C, M, at_rest, driven, energies
 
-from bayes_tyre.laws.base import Law, StatefulLaw
+from bayes_tyre.laws.base import StatefulLaw
 from bayes_tyre.laws.bouc_wen import BoucWen
-from bayes_tyre.laws.envelopes import LinearEnvelope
-from bayes_tyre.laws.fancher import Fancher, OneStep, Recursion
+from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.laws.kelvin_voigt import KelvinVoigt
 from bayes_tyre.laws.maxwell_slip import MaxwellSlip
 from bayes_tyre.laws.rigid_ring import RigidRing
-from bayes_tyre.rig.motion import Body, Start, energies, move
+from bayes_tyre.rig.motion import Body, Start, move
 
-LINES = LinearEnvelope(k=1.8, C=10.0, x=0.3)
 STATEFUL = {
     "fancher": Fancher(k=1.8, C=10.0, x=0.3, beta=0.05),
-    "recursion": Recursion(upper=LINES.upper, lower=LINES.lower, beta=0.05),
     "kelvin_voigt": KelvinVoigt(k=1.8, C=10.0),
     "bouc_wen": BoucWen(k=1.8, C=10.0, settled=0.2, beta=0.05, n=1.5),
     "maxwell_slip": MaxwellSlip(k=1.8, C=10.0, settled=0.2, beta=0.05),
     "rigid_ring": RigidRing(k=1.8, C=10.0, belt_frequency=60.0, belt_damping=0.05, sidewall_ratio=4.0),
 }
-#: How far one move instead of many may be off, kN; the recursion depends on its points by its nature.
+#: How far one move instead of many may be off, kN.
 ONE_MOVE_KN = {"fancher": 1e-13, "kelvin_voigt": 1e-13, "bouc_wen": 4e-4 * 0.2, "maxwell_slip": 1e-13}
 ONE_MOVE_KN["rigid_ring"] = 1e-12
 #: The law to which time matters: its force along a path without times is that of a slow one.
 OF_TIME = "rigid_ring"
-LAWS = {**STATEFUL, "one step": OneStep(k=1.8, C=10.0, beta=0.05)}
 PATH = np.array([0.2, 0.2, 0.3, 1.0, 1.0, 0.9, -0.4, -0.4, 0.1])
 
-every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
+every_law = pytest.mark.parametrize("law", STATEFUL.values(), ids=STATEFUL.keys())
 whatever_the_points = pytest.mark.parametrize(
     ("law", "tolerance"), [(STATEFUL[name], most) for name, most in ONE_MOVE_KN.items()], ids=ONE_MOVE_KN.keys()
 )
-every_stateful_law = pytest.mark.parametrize("law", STATEFUL.values(), ids=STATEFUL.keys())
 
 
 @every_law
-def test_path_starts_at_its_force(law: Law):
+def test_path_starts_at_its_force(law: StatefulLaw):
     force = law.force(PATH, 9.7)
     assert force.shape == PATH.shape
     assert force[0] == 9.7
@@ -51,24 +47,24 @@ def test_path_starts_at_its_force(law: Law):
 
 
 @every_law
-def test_jit_changes_nothing(law: Law):
+def test_jit_changes_nothing(law: StatefulLaw):
     np.testing.assert_allclose(jax.jit(lambda path, F: law.force(path, F))(PATH, 9.7), law.force(PATH, 9.7), rtol=1e-14)
 
 
 @every_law
-def test_a_single_point_is_a_path(law: Law):
+def test_a_single_point_is_a_path(law: StatefulLaw):
     np.testing.assert_array_equal(law.force(PATH[:1], 9.7), [9.7])
 
 
 @every_law
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_dtype_follows_the_inputs(law: Law, dtype):
+def test_dtype_follows_the_inputs(law: StatefulLaw, dtype):
     assert law.force(PATH.astype(dtype), 9.7).dtype == dtype
     double = jax.tree.map(lambda leaf: leaf if callable(leaf) else jnp.asarray(leaf, np.float64), law)
     assert double.force(PATH.astype(dtype), 9.7).dtype == np.float64
 
 
-@every_stateful_law
+@every_law
 def test_steps_are_the_force_along_the_path(law: StatefulLaw):
     state, forces = law.init(PATH[0], 9.7), []
     for d in PATH:
@@ -77,7 +73,7 @@ def test_steps_are_the_force_along_the_path(law: StatefulLaw):
     np.testing.assert_allclose(jnp.stack(forces), law.force(PATH, 9.7), rtol=1e-14)
 
 
-@every_stateful_law
+@every_law
 def test_no_move_changes_nothing(law: StatefulLaw):
     force = np.asarray(law.force(PATH, 9.7))
     stays = np.flatnonzero(np.diff(PATH) == 0)
@@ -85,7 +81,7 @@ def test_no_move_changes_nothing(law: StatefulLaw):
 
 
 @every_law
-def test_inputs_are_left_alone(law: Law):
+def test_inputs_are_left_alone(law: StatefulLaw):
     path = PATH.copy()
     law.force(path, 9.7)
     np.testing.assert_array_equal(path, PATH)
@@ -99,13 +95,13 @@ def test_a_move_is_the_same_in_one_step_or_in_many(law: StatefulLaw, tolerance):
     np.testing.assert_allclose(law.force(turns, 10.4), many, rtol=0, atol=tolerance)
 
 
-@every_stateful_law
+@every_law
 def test_a_law_of_displacement_alone_is_the_same_at_any_pace(law: StatefulLaw):
-    slow, quick = law.force(PATH, 9.7), law.force(PATH, 9.7, 1e-3)
+    slow, quick = law.force(PATH, 9.7), force_in_time(law, PATH, 9.7, 1e-3)
     assert bool(jnp.all(quick == slow)) == (law is not STATEFUL[OF_TIME])
 
 
-@every_stateful_law
+@every_law
 def test_a_move_in_no_time_to_the_same_place_changes_nothing(law: StatefulLaw):
     state, F = law.step_in(law.init(0.2, 9.7), 0.3, 1e-3, 40.0)
     again, same = law.step_in(state, 0.3, 0.0, 40.0)
@@ -115,7 +111,7 @@ def test_a_move_in_no_time_to_the_same_place_changes_nothing(law: StatefulLaw):
 
 
 @every_law
-def test_derivatives_are_those_of_finite_differences(law: Law):
+def test_derivatives_are_those_of_finite_differences(law: StatefulLaw):
     # Off the points where a path turns or an element yields, so that both sides have one derivative.
     path, start = np.array([0.2, 0.23, 0.31, 0.71, 0.64, 0.655]), 10.41
     numbers = [leaf for leaf in jax.tree.leaves(law) if not callable(leaf)]
@@ -135,7 +131,7 @@ def test_derivatives_are_those_of_finite_differences(law: Law):
 
 
 @pytest.mark.parametrize("amplitude", [0.0, 0.3], ids=["standing", "rolling"])
-@pytest.mark.parametrize("name", ["fancher", "kelvin_voigt", "bouc_wen", "maxwell_slip", "rigid_ring"])
+@pytest.mark.parametrize("name", ONE_MOVE_KN)
 def test_an_axle_on_it_closes_its_energy_account(name, amplitude):
     law = replace(STATEFUL[name], C=C)
     drive, _ = driven(1000.0, 0.4, amplitude)

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from bayes_tyre.laws.fancher import Fancher, dissipated_energy_per_cycle, loop_energy
+from bayes_tyre.laws.fancher import Fancher
+from bayes_tyre.laws.loop_energy import dissipated_energy_per_cycle, loop_energy
 
 K, C, BETA = 1.8, 10.0, 0.05
 

@@ -4,10 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.law_in_time import force_in_time
 from helpers.moving_axle import motion
 from scipy.integrate import solve_ivp
 
-from bayes_tyre.laws.fancher import loop_energy
+from bayes_tyre.laws.loop_energy import loop_energy
 from bayes_tyre.laws.rigid_ring import RigidRing
 
 K, C, FREQUENCY, DAMPING, RATIO = 1.8, 10.0, 60.0, 0.05, 4.0
@@ -54,7 +55,7 @@ def test_force_is_scipys_whatever_the_sampling_rate(rate_Hz, most_kN):
 def test_rates_of_a_path_are_found_from_its_points():
     """By parabolas through three points, which are off by h^2 / 6 times the third derivative."""
     times = np.arange(0.0, 0.3, 2e-4)
-    force = LAW.force(travel(times)[0], K * 10.0 + C, 2e-4)
+    force = force_in_time(LAW, travel(times)[0], K * 10.0 + C, 2e-4)
     np.testing.assert_allclose(force, by_scipy(times), rtol=0, atol=1e-4)
 
 
@@ -77,7 +78,7 @@ def test_a_steady_cycle_has_the_frequency_response(frequency_Hz):
     a, omega, turn = 0.5, 2 * np.pi * frequency_Hz, 400
     times = np.arange(round(0.6 * frequency_Hz) * turn + turn) / (turn * frequency_Hz)
     d = 10.0 + a * np.sin(omega * times)
-    force = np.asarray(LAW.force(d, K * 10.0 + C, float(times[1])))[-turn:]
+    force = np.asarray(force_in_time(LAW, d, K * 10.0 + C, float(times[1])))[-turn:]
     stiffness = complex(LAW.dynamic_stiffness(omega))
     found = 2j * np.mean((force - force.mean()) * np.exp(-1j * omega * times[-turn:])) / a
     # What is left of the start after 0.6 s is exp(-0.05 2 pi 60 0.6), 1e-5.
@@ -112,7 +113,7 @@ def test_derivatives_along_a_path_in_time_are_those_of_finite_differences():
 
     @jax.jit
     def forces(values):
-        return RigidRing(*values).force(d, 28.0, 1e-3)
+        return force_in_time(RigidRing(*values), d, 28.0, 1e-3)
 
     exact = np.asarray(jax.jit(jax.jacfwd(forces))(values))
     for i, h in enumerate(1e-5 * np.asarray(values)):

@@ -7,10 +7,10 @@ from helpers.drawings import said, sticking_out
 from helpers.hand_made_posteriors import TYRE
 from matplotlib.figure import Figure
 from support import motion_figures
-from support.motion_truth import beside_truth, true_loop
+from support.motion_truth import beside_truth, losses_of_logs, true_loop
 
-from bayes_tyre.inference.motion.record.energy import losses_of_logs
-from bayes_tyre.laws.fancher import Fancher, dissipated_energy_per_cycle, loop_energy
+from bayes_tyre.laws.fancher import Fancher
+from bayes_tyre.laws.loop_energy import dissipated_energy_per_cycle, loop_energy
 from bayes_tyre.rig.axle import load_rig
 
 TRUTH = np.array([1.8, 0.45, 0.08, 280.0, 0.0015])

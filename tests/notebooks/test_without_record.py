@@ -8,7 +8,8 @@ from support.without_record import case_without
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
-from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_factors
+from bayes_tyre.inference.model.prepared_records import prepare_records
+from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.record_table import check_record_table, record_factors
 
 #: Of log k: the posterior's standard deviation, the repeats' scatter, the record's distance from the posterior's mean.
@@ -21,7 +22,7 @@ def made():
     table, _ = simulate(Plan(("x",), (0.0,), (20.0,), (10.0,), repeats=3, points=60), seed=3)
     table = check_record_table(table)
     table = table[table["direction"] == table["direction"].iloc[0]].reset_index(drop=True)
-    batch, _, _ = batch_and_factors(table, ModelSettings())
+    batch = prepare_records(table, ModelSettings()).batch
     log_k, log_beta = np.asarray(estimate_records(batch, "iid", None).centre)[0, 2:]
     rng = np.random.default_rng(8)
 

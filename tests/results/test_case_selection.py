@@ -4,7 +4,7 @@ import pytest
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.record import Case
-from bayes_tyre.results.case_selection import Choice, Wish, choose, listed, parse_wish, sign_of
+from bayes_tyre.results.case_selection import CaseQuery, Choice, case_list, choose, parse_query, sign_of
 
 #: Steps of 10 kN from 20 kN up and down, of 5 kN down alone, of two configurations.
 CASES = [
@@ -15,7 +15,7 @@ CASES = [
 
 
 def chosen(texts: list[str], cases: list[Case] = CASES) -> Choice:
-    return choose(parse_wish(texts, cases), cases)
+    return choose(parse_query(texts, cases), cases)
 
 
 def labels(indices: tuple[int, ...]) -> list[str]:
@@ -85,8 +85,8 @@ def test_what_matches_no_case_is_told_what_cases_there_are(texts, said):
 @pytest.mark.parametrize(
     ("texts", "said"),
     [
-        (["speed=0"], "'speed' is no word"),
-        (["configuration=single,repeat=1"], "'repeat' is no word"),
+        (["speed=0"], "'speed' is no factor"),
+        (["configuration=single,repeat=1"], "'repeat' is no factor"),
         (["speed_km_h=fast"], "speed_km_h=fast"),
         (["speed_km_h="], "speed_km_h= is no finite number"),
         (["step_kN=nan"], "step_kN=nan"),
@@ -96,15 +96,15 @@ def test_what_matches_no_case_is_told_what_cases_there_are(texts, said):
 )
 def test_words_that_cannot_be_are_refused(texts, said):
     with pytest.raises(BadInput, match=r".*;.*") as refused:
-        parse_wish(texts, CASES)
+        parse_query(texts, CASES)
     assert said in str(refused.value)
 
 
 def test_long_lists_are_cut_and_odd_characters_do_not_reach_the_terminal():
-    assert listed(["a", "b"]) == "a, b"
-    assert listed([str(i) for i in range(20)]) == "0, 1, 2, 3, 4, 5 and 14 more"
-    assert listed(["two\nlines\x1b[31m"]) == "two lines\\x1b[31m"
-    assert len(listed(["x" * 1000])) == 60
+    assert case_list(["a", "b"]) == "a, b"
+    assert case_list([str(i) for i in range(20)]) == "0, 1, 2, 3, 4, 5 and 14 more"
+    assert case_list(["two\nlines\x1b[31m"]) == "two lines\\x1b[31m"
+    assert len(case_list(["x" * 1000])) == 60
 
 
 @pytest.mark.parametrize(
@@ -125,4 +125,4 @@ def test_steps_of_binary_fractions_are_still_opposite():
     up = Case("a", "loading", 0.0, 0.1 + 0.2, 10.1)
     down = Case("a", "unloading", 0.0, 0.3, -(30.3 - 20.2))
     assert up.step_kN != -down.step_kN
-    assert choose(Wish((up.label,), {}), [down, up]).cases == (1, 0)
+    assert choose(CaseQuery((up.label,), {}), [down, up]).cases == (1, 0)

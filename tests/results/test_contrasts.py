@@ -208,9 +208,17 @@ def test_a_ratio_of_draws_has_their_quantiles_and_the_share_above_one():
         tails = np.quantile(ratio, [(1 - interval) / 2, 0.5, (1 + interval) / 2])
         np.testing.assert_allclose([k["lower"], k["median"], k["upper"]], tails, rtol=1e-12)
         assert k["interval"] == interval
-        assert k["p_greater_than_1"] == pytest.approx(np.mean(ratio > 1), abs=1e-12)
-        assert beta["p_greater_than_1"] == pytest.approx(np.mean(ratio < 1), abs=1e-12)
+        assert k["p_greater_than_1"] == pytest.approx((np.sum(ratio > 1) + 0.5) / 1201, abs=1e-12)
+        assert beta["p_greater_than_1"] == pytest.approx((np.sum(ratio < 1) + 0.5) / 1201, abs=1e-12)
         assert 0.2 < beta["p_greater_than_1"] < 0.8
+
+
+def test_draws_on_one_side_of_1_do_not_make_it_certain():
+    factor_table = pd.DataFrame([("single", "loading"), ("dual", "loading")], columns=FACTORS[:2])
+    table = contrasts(posterior({"k_case": fixed([1.0, 1.4]), "beta_case": fixed([1.4, 1.0])}, factor_table), "pass")
+    found = table.groupby("parameter")["p_greater_than_1"].first()
+    assert found["k"] == pytest.approx(16.5 / 17, abs=1e-12)
+    assert found["beta"] == pytest.approx(0.5 / 17, abs=1e-12)
 
 
 def test_a_common_factor_on_displacement_leaves_every_ratio_as_it_is():

@@ -19,8 +19,8 @@ def table(**columns: list) -> pd.DataFrame:
 def test_numbers_are_averaged_over_a_record_and_text_that_varies_is_named_and_left_out():
     n = 2 * len(FACTORS)
     columns = {"pressure_bar": [7.25] * n, "temperature_C": list(range(n)), "operator": ["A"] * n}
-    with pytest.warns(UserWarning, match="^column remark: text that varies within a record, left out"):
-        extras = record_extras(table(**columns, remark=list("xy") * (n // 2)))
+    with pytest.warns(UserWarning, match="^column warning: text that varies within a record, left out"):
+        extras = record_extras(table(**columns, warning=list("xy") * (n // 2)))
     assert extras.columns.tolist() == ["record", "pressure_bar", "temperature_C", "operator"]
     assert extras["record"].tolist() == FACTORS["record"].tolist()
     assert extras["temperature_C"].tolist() == [0.5 + 2 * i for i in range(len(FACTORS))]

@@ -13,10 +13,9 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.motion.record.window import Window
 from bayes_tyre.report.figures.colours import Setting, looks
 from bayes_tyre.report.figures.motion import motion_figure
-from bayes_tyre.report.html.figures import picture
+from bayes_tyre.report.html.figures import embedded_figure
 from bayes_tyre.results.motion_traces import COLUMNS, check_readings, places, readings_table
-from bayes_tyre.workflow.raw.motion_estimates import MISFIT, READINGS
-from bayes_tyre.workflow.raw.motions_shown import shown_motions
+from bayes_tyre.workflow.raw.motion_estimates import MISFIT, READINGS, shown_motions
 
 SCRIPT = "<script>alert(1)</script>"
 
@@ -94,7 +93,7 @@ def test_the_picture_is_in_the_configurations_colour_and_its_labels_are_text():
     assert {"acceleration (m/s²)", "laser (mm)", "cylinder load (kN)"} <= set(texts)
     assert "data: simulated, not measured" in texts
     assert not sticking_out(figure)
-    shown = picture("motion_worst", figure)
+    shown = embedded_figure("motion_worst", figure)
     assert shown.heading == "The motion of the record that the fit follows worst"
     assert SCRIPT in shown.alternative.replace("\n", " ")  # text, which the template escapes
     assert "Check of the estimate: Pareto k 1.1" in shown.alternative

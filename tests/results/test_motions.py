@@ -69,7 +69,7 @@ def test_the_truth_is_set_beside_all_five(tree):
 
 
 def test_a_figure_of_motions_is_taken_by_name_and_those_of_records_are_not_there(tree):
-    figure = chosen_figure(tree, "pass", "energy_per_cycle")
+    figure = chosen_figure(Result(tree, "pass"), "energy_per_cycle")
     assert "energy lost a cycle (J)" in [ax.get_xlabel() for ax in figure.get_axes()]
     with pytest.raises(BadInput, match=r"records_with_bands.*energy_per_cycle"):
-        chosen_figure(tree, "pass", "records_with_bands")
+        chosen_figure(Result(tree, "pass"), "records_with_bands")

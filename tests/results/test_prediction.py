@@ -11,7 +11,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.sampling.datatree import scale_displacement
 from bayes_tyre.record import Case
 from bayes_tyre.results import prediction
-from bayes_tyre.results.case_selection import parse_wish
+from bayes_tyre.results.case_selection import parse_query
 from bayes_tyre.results.prediction import Prediction, force_kN, predictable_cases
 
 FIGURES = ["mean", "sd", "lower", "upper"]
@@ -19,9 +19,9 @@ PARAMETERS = ["k_kN_per_mm", "beta_mm", "J_kN", "C_kN", "F_i_kN", "d_i_mm"]
 
 
 def predict(tree: xr.DataTree, *texts: str, u: object = None, **more: object) -> Prediction:
-    wish = parse_wish(texts, predictable_cases(tree))
+    query = parse_query(texts, predictable_cases(tree))
     asked = None if u is None else np.asarray(u, dtype=float)
-    return prediction.predict(tree, wish, asked, **{"verdict": "pass", **more})  # pyright: ignore[reportArgumentType]
+    return prediction.predict(tree, query, asked, **{"verdict": "pass", **more})  # pyright: ignore[reportArgumentType]
 
 
 def campaign(repeats: int = 3, **changed: tuple) -> xr.DataTree:
@@ -130,7 +130,7 @@ def test_cases_asked_for_come_loading_before_unloading_and_what_has_no_opposite_
     steps = made.curves[["direction", "step_kN"]].drop_duplicates()
     assert steps.to_numpy().tolist() == [["loading", 10.0], ["unloading", -10.0], ["unloading", -5.0]]
     assert [one["step_kN"] for one in made.parameters] == [10.0, -10.0, -5.0]
-    assert made.remarks == ("no opposite direction of single (0)20-15",)
+    assert made.warnings == ("no opposite direction of single (0)20-15",)
 
 
 @pytest.mark.parametrize(
@@ -148,7 +148,7 @@ def test_magnitudes_serve_both_directions_and_signed_displacements_each_its_own(
     by_direction = {d: rows.tolist() for d, rows in made.curves.groupby("direction")["displacement_mm"]}
     assert by_direction == {name: u for name, u in (("loading", up), ("unloading", down)) if u}
     left_out = ["no displacement has the sign of single (0)20-30"]
-    assert list(made.remarks) == ([] if up else left_out)
+    assert list(made.warnings) == ([] if up else left_out)
     assert len(made.parameters) == 1 + bool(up)
 
 
@@ -164,7 +164,7 @@ def test_a_case_without_direction_takes_displacements_as_they_are_and_needs_them
     assert made.curves["displacement_mm"].tolist() == [-2.0, 0.0, 2.0]
     assert made.curves[list(Case._fields)].isin(["", None]).all(axis=None)
     assert list(made.parameters[0]) == ["label", *PARAMETERS]
-    assert made.remarks == ()
+    assert made.warnings == ()
 
 
 def test_a_repeat_holds_new_records_at_the_stated_rate():

@@ -90,8 +90,8 @@ def test_records_without_a_truth_are_counted():
     [
         (TRUTH.drop(columns="beta_mm"), fits(), r"truth\.csv: has no column beta_mm"),
         (TRUTH, fits().drop(columns="repeat"), r"least_squares\.csv: has no column repeat"),
-        (TRUTH.assign(repeat=1), fits(), r"truth\.csv: the words of record 't2' stand twice"),
-        (TRUTH.assign(configuration="wide"), fits(), "has the words of no record"),
+        (TRUTH.assign(repeat=1), fits(), r"truth\.csv: the factors of record 't2' stand twice"),
+        (TRUTH.assign(configuration="wide"), fits(), "has the factors of no record"),
     ],
 )
 def test_tables_that_do_not_belong_together_are_refused(truth, table, said):

@@ -181,6 +181,21 @@ def test_the_summary_has_a_row_for_every_scalar_and_names_levels(tree):
     assert not table.duplicated(["record", *FACTORS, "parameter"]).any()
 
 
+def test_the_summary_has_no_row_for_what_is_zero_by_construction_but_one_for_what_does_not_vary():
+    printed = tables.case_means()
+    effects = [0.1, -0.1, -0.1, 0.1, 1e-17]  # loading 10, loading 5, unloading 10, unloading 5, unloading 7
+    draws = {"k_case": fixed(printed["k_kN_per_mm"]), "beta_case": fixed(printed["beta_mm"])}
+    draws |= {"log_beta_direction_step": fixed(effects), "log_k_speed": fixed([0.2, 0.0, -0.1, -0.1])}
+    made = posterior(draws, printed, origin="published")
+    table = summary.summary(made, "pass")
+    rows = table[table["parameter"].str.contains("direction_step")]
+    names = ("loading 10", "loading 5", "unloading 10", "unloading 5")
+    assert rows["parameter"].tolist() == [f"log_beta_direction_step[{name}]" for name in names]
+    np.testing.assert_allclose(rows["mean"], effects[:4], rtol=1e-12)
+    assert "log_k_speed[15]" in set(table["parameter"])  # zero in every draw, but a coordinate of its own
+    assert "unloading 7" not in made["posterior"]["direction_step"]
+
+
 def test_the_summary_gives_units_and_leaves_pure_numbers_without(tree):
     units = summary.summary(tree, "pass").set_index("parameter")["unit"].to_dict()
     expected = {"k": "kN/mm", "beta_case": "mm", "k_group[dual loading]": "kN/mm", "beta_mean": "mm", "sigma": "kN"}

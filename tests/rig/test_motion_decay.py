@@ -22,7 +22,6 @@ def test_closed_form_gives_back_its_spring_and_damper(ratio):
     assert found.k_kN_per_mm == pytest.approx(k, rel=1e-5)
     assert found.damping_ratio == pytest.approx(ratio, rel=1e-4, abs=1e-7)
     assert found.c_kN_s_per_mm == pytest.approx(2 * ratio * np.sqrt(k * mass), rel=1e-4, abs=1e-9)
-    assert found.natural_Hz == pytest.approx(omega / (2 * np.pi), rel=1e-5)
 
 
 def test_an_axle_on_a_spring_rings_with_its_stiffness_and_damper():

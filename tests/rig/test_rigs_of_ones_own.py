@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
-from bayes_tyre.rig import axle, geometry
+from bayes_tyre.rig import axle, beam, geometry
 from bayes_tyre.rig.axle import Rig, load_rig
 from bayes_tyre.rig.sensors import sensors_of
 
@@ -128,7 +128,7 @@ def test_a_beam_needs_a_lever(tmp_path):
 
 def test_the_formulas_of_the_beam_say_what_they_miss(rigs):
     with pytest.raises(BadInput, match=r"rig 'flat_ground', key beam: is missing; add it"):
-        axle.beam_weight_N(rigs["flat_ground"])
+        beam.beam_weight_N(rigs["flat_ground"])
 
 
 def test_sensors_know_their_keys_and_those_without_a_line_have_none(rigs):

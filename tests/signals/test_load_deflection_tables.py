@@ -6,9 +6,12 @@ import pytest
 from helpers.slow_tests import Tyre, campaign, on_flat_ground, path
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.signals.load_deflection import averaged, check_load_deflection, suspicious_units, with_deflection
+from bayes_tyre.record_table import suspicious_units
+from bayes_tyre.signals.load_deflection import averaged, check_load_deflection, with_deflection
 
 CYCLE = [0.0, 5.0, 10.0, 5.0, 0.0]
+#: What `suspicious_units` looks at: the name of a test, its loads, and what they are called.
+COLUMNS = ("test", "load_kN", "load")
 
 
 def readings(loads=CYCLE, **columns) -> pd.DataFrame:
@@ -92,18 +95,18 @@ def test_a_column_that_stands_twice_is_refused():
 
 
 def test_newtons_and_metres_are_suspected():
-    assert suspicious_units(check_load_deflection(readings())) == []
+    assert suspicious_units(check_load_deflection(readings()), *COLUMNS) == []
     newtons = check_load_deflection(readings().assign(load_kN=lambda t: 1000 * t["load_kN"]))
-    assert [said.split(":")[0] for said in suspicious_units(newtons)] == ["column load_kN"]
+    assert [said.split(":")[0] for said in suspicious_units(newtons, *COLUMNS)] == ["column load_kN"]
     metres = check_load_deflection(readings().assign(displacement_mm=lambda t: t["displacement_mm"] / 1000))
-    assert "multiply by 1000" in suspicious_units(metres)[0]
+    assert "multiply by 1000" in suspicious_units(metres, *COLUMNS)[0]
 
 
 def test_repeats_are_averaged_reading_by_reading_and_those_read_elsewhere_are_not():
     table = check_load_deflection(campaign(noise_kN=0.2))
     placed = with_deflection(table, dict.fromkeys(("single", "dual")))
-    means, remarks = averaged(placed)
-    assert remarks == []
+    means, warnings = averaged(placed)
+    assert warnings == []
     assert means["test"].unique().tolist() == [
         f"{name}, {speed} km/h, mean of 3" for name in ("single", "dual") for speed in (0, 25)
     ]
@@ -115,13 +118,13 @@ def test_repeats_are_averaged_reading_by_reading_and_those_read_elsewhere_are_no
     assert set(means["origin"]) == {"simulated"}
     shifted = placed.copy()
     shifted.loc[shifted["test"] == "dual (25) slow 2", "load_kN"] += 12.0
-    means, remarks = averaged(shifted)
+    means, warnings = averaged(shifted)
     assert means["test"].nunique() == 3
-    assert remarks == ["dual, 25 km/h: its 3 tests were not read at the same loads, so no average of them"]
+    assert warnings == ["dual, 25 km/h: its 3 tests were not read at the same loads, so no average of them"]
 
 
 def test_tests_without_words_are_no_repeats_of_each_other():
     table = check_load_deflection(on_flat_ground(Tyre(), d=path()))
-    means, remarks = averaged(with_deflection(table, {"": None}))
+    means, warnings = averaged(with_deflection(table, {"": None}))
     assert means.empty
-    assert remarks == []
+    assert warnings == []

@@ -2,11 +2,12 @@
 
 import jax.numpy as jnp
 import numpy as np
+from helpers.quick_design import quick_design
 
-from bayes_tyre.inference.model.repeat_distribution import repeat_density
+from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
+from bayes_tyre.inference.model.repeat_distribution import MixtureRepeats
 from bayes_tyre.studies.calibration import log_likelihood, log_repeats, rank_truths
-from bayes_tyre.studies.design import quick_design
-from bayes_tyre.studies.truths import Planted, draw_truths, simulate_forces, study_priors
+from bayes_tyre.studies.truths import draw_truths, noiseless_forces, study_priors
 
 
 def test_elements_of_a_parameter_take_turns():
@@ -21,11 +22,8 @@ def test_elements_of_a_parameter_take_turns():
 
 def test_the_log_likelihood_of_truths_is_that_of_their_noise():
     design = quick_design()
-    truths = draw_truths(design, 5, np.random.default_rng(0), study_priors(), Planted())
-    force = simulate_forces(design, truths, np.random.default_rng(1))
-    z = (force - simulate_forces(design, truths, np.random.default_rng(1), Planted(noise=0.0))) / truths["sigma"][
-        ..., None
-    ]
+    truths, force = draw_truths(design, 5, 0, study_priors())
+    z = (force - noiseless_forces(design, truths)) / truths["sigma"][..., None]
     expected = -0.5 * (z**2).sum((1, 2)) - design.u.shape[1] * np.log(truths["sigma"]).sum(1)
     expected -= 0.5 * design.u.size * np.log(2 * np.pi)
     np.testing.assert_allclose(log_likelihood(design, truths, force), expected)
@@ -33,13 +31,25 @@ def test_the_log_likelihood_of_truths_is_that_of_their_noise():
 
 def test_the_density_of_repeats_at_truths_is_that_of_the_model():
     design = quick_design()
-    truths = draw_truths(design, 3, np.random.default_rng(0), study_priors(), Planted())
+    truths, _ = draw_truths(design, 3, 0, study_priors())
     case = design.factors.of_record
     speed = design.factors.speed.of_case[case]
     for i, found in enumerate(log_repeats(design, truths)):
         both = ("k", "beta")
-        deviation = np.stack([np.log(truths[name][i] / truths[f"{name}_case"][i][case]) for name in both], axis=1)
+        records, cases = (
+            np.stack([np.log(truths[name][i]) for name in both], axis=1),
+            np.stack([np.log(truths[f"{name}_case"][i][case]) for name in both], axis=1),
+        )
         scatter = np.stack([truths[f"sd_log_{name}_repeat_by_speed"][i][speed] for name in both], axis=1)
-        hyperparameters = {"discordant_weight": jnp.asarray(truths["discordant_weight"][i])}
-        of_model = repeat_density(jnp.asarray(deviation), jnp.asarray(scatter), "mixture", hyperparameters)
-        np.testing.assert_allclose(found, jnp.sum(of_model.log_density), rtol=1e-9)
+        weight = jnp.asarray(truths["discordant_weight"][i])
+        about = MixtureRepeats(jnp.asarray(cases), jnp.asarray(scatter), weight, DISCORDANT_WIDENING)
+        np.testing.assert_allclose(found, jnp.sum(about.log_prob(jnp.asarray(records))), rtol=1e-9)
+
+
+def test_draws_of_many_sets_are_weighed_as_truths_are():
+    design = quick_design()
+    truths, force = draw_truths(design, 4, 1, study_priors())
+    draws = {name: np.stack([values, values], axis=1) for name, values in truths.items()}
+    np.testing.assert_allclose(log_repeats(design, draws)[:, 1], log_repeats(design, truths))
+    both = log_likelihood(design, draws, force[:, None])
+    np.testing.assert_allclose(both[:, 0], log_likelihood(design, truths, force))

@@ -7,7 +7,7 @@ from helpers.law_rankings import ranked
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.motion.laws import MOTION_LAWS
 from bayes_tyre.rig.axle import load_rig
-from bayes_tyre.studies.law_ranking import CONTAINS, in_words, planned, rank_laws, ranked_correctly, simulated
+from bayes_tyre.studies.law_ranking import CONTAINS, planned, rank_laws, ranked_correctly, sentences, simulated
 
 pytestmark = pytest.mark.usefixtures("fully_compiled")
 
@@ -53,6 +53,6 @@ def test_another_law_first_is_told():
     right, wrong = ranked(["fancher", "rigid_ring"]).table, ranked(["fancher"], first="maxwell_slip").table
     assert ranked_correctly(right).all()
     assert not ranked_correctly(wrong).any()
-    assert in_words(right)[1].startswith("records of rigid_ring: rigid_ring first, then fancher (-10.0 ± 2.0)")
-    assert "should be first" in in_words(wrong)[0]
-    assert "should be first" not in "".join(in_words(right))
+    assert sentences(right)[1].startswith("records of rigid_ring: rigid_ring first, then fancher (-10.0 ± 2.0)")
+    assert "should be first" in sentences(wrong)[0]
+    assert "should be first" not in "".join(sentences(right))

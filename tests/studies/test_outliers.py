@@ -6,7 +6,7 @@ import pytest
 from scipy.stats import t
 
 from bayes_tyre.studies.design import outlier_design
-from bayes_tyre.studies.outliers import compare, draw_campaigns, in_words
+from bayes_tyre.studies.outliers import compare, draw_campaigns, sentences
 from bayes_tyre.studies.repeat_means import RULES, mean_of_repeats
 
 NEAR_PAIR, FAR = "rule: 3 x the others' difference", "rule: far from the others' mean"
@@ -76,4 +76,4 @@ def test_errors_and_coverage_are_counted_over_the_cases_of_each_group():
     assert table.loc["all cases", "coverage"] == 0.75
     assert table.loc["with a discordant repeat", "rmse"] == pytest.approx(0.2)
     assert table.loc["with a discordant repeat", "coverage"] == 0.0
-    assert "posterior 10.0 % (75 %)" in in_words(compare(told))[0]
+    assert "posterior 10.0 % (75 %)" in sentences(compare(told))[0]

@@ -33,6 +33,7 @@ def test_estimates_that_failed_their_check_are_named_and_half_of_them_fail_the_v
     assert named in said[-1]
     assert "3 times as wide" in said[-1]
     assert found.limitations[0] == "said before"
+    assert [row["kind"] for row in found.checks if not row["passed"]] == ["data"] * (found.verdict == "fail")
 
 
 def test_files_without_an_estimate_are_counted():

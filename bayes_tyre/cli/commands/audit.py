@@ -1,26 +1,18 @@
 """`audit`: bias and error of each method for known true parameters."""
 
-from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from bayes_tyre.cli.shell import Out, Quiet, Seed, progress, say
 
 
-class AuditPlan(StrEnum):
-    """How fine the grid is."""
-
-    QUICK = "quick"
-    FULL = "full"
-
-
 def audit(
     out: Out,
     plan: Annotated[
-        AuditPlan,
+        Literal["quick", "full"],
         typer.Option(help="quick: some minutes. full: twice as many truths, and more windows."),
-    ] = AuditPlan.QUICK,
+    ] = "quick",
     replicates: Annotated[
         int, typer.Option(min=1, help="Records a true parameter set, each with independent noise.")
     ] = 3,
@@ -40,13 +32,12 @@ def audit(
     from bayes_tyre.studies.audit import count_records
     from bayes_tyre.studies.audit_grid import PLANS
     from bayes_tyre.studies.audit_sentences import lines
-    from bayes_tyre.workflow.studies.audit import write_audit
+    from bayes_tyre.workflow.studies import write_audit
 
-    options = {"plan": plan.value, "replicates": replicates, "seed": seed}
-    with progress("auditing records", count_records(PLANS[plan.value], replicates), quiet) as on_progress:
-        written = write_audit(out, plan.value, replicates, seed, options, on_progress)
+    with progress("auditing records", count_records(PLANS[plan], replicates), quiet) as on_progress:
+        overview, conclusion = write_audit(out, plan, replicates, seed, on_progress)
     say(f"wrote {out / 'audit.csv'} (simulated, not measured)", quiet)
-    for line in lines(written.overview):
+    for line in lines(overview):
         say(f"  {line}", quiet)
-    for paragraph in written.conclusion:
+    for paragraph in conclusion:
         say(f"\n{paragraph}", quiet)

@@ -6,18 +6,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bayes_tyre.cli.messages import LONGEST_LINE
+from bayes_tyre.cli import suffixes
+from bayes_tyre.cli.messages import LONGEST_LINE, print_table
 from bayes_tyre.cli.shell import NoSeed, Quiet, say, warn
-from bayes_tyre.report.wording import one_line
+from bayes_tyre.plain_text import one_line
 
 if TYPE_CHECKING:
     from bayes_tyre.workflow.calibrate import Fitted
 
 
 def calibrate(
-    raw: Annotated[
-        Path, typer.Argument(metavar="RAW", help="Raw file (.lvm, .tdms, .xlsx, .csv, .parquet) with volts and units.")
-    ],
+    raw: Annotated[Path, typer.Argument(metavar="RAW", help=f"Raw file ({suffixes.RAW}) with volts and units.")],
     rig: Annotated[
         str | None,
         typer.Option(help="Rig whose [channels] say which channel is which: single, dual, or a TOML file."),
@@ -54,29 +53,20 @@ def calibrate(
 
 
 def _print(lines: Sequence["Fitted"]) -> None:
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
+    numbers = ("slope", "intercept", "residual rms", "step, V", "step", "rows")
+    of_numbers = {name: {"justify": "right", "no_wrap": True} for name in numbers}
+    print_table({"sensor": {}, **of_numbers, "channels": {"overflow": "fold"}}, map(_cells, lines))
 
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
-    table.add_column("sensor")
-    for name in ("slope", "intercept", "residual rms", "step, V", "step", "rows"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("channels", overflow="fold")
-    for fitted in lines:
-        sensor, line, unit = fitted.sensor, fitted.line, fitted.sensor.unit
-        cells = [
-            sensor.quantity,
-            f"{line.slope:.7g} {unit}/V",
-            f"{line.intercept:.7g} {unit}",
-            f"{fitted.residual_rms:.2g} {unit}",
-            f"{fitted.volts_step:.4g}",
-            f"{fitted.unit_step:.4g} {unit}",
-            str(fitted.rows),
-            one_line(f"{sensor.voltage} -> {sensor.channel}", LONGEST_LINE),
-        ]
-        table.add_row(*map(Text, cells))
-    console = Console()
-    # Without a terminal the table is not cut.
-    (console if console.is_terminal else Console(width=10_000)).print(table)
+
+def _cells(fitted: "Fitted") -> list[str]:
+    sensor, line, unit = fitted.sensor, fitted.line, fitted.sensor.unit
+    return [
+        sensor.quantity,
+        f"{line.slope:.7g} {unit}/V",
+        f"{line.intercept:.7g} {unit}",
+        f"{fitted.residual_rms:.2g} {unit}",
+        f"{fitted.volts_step:.4g}",
+        f"{fitted.unit_step:.4g} {unit}",
+        str(fitted.rows),
+        one_line(f"{sensor.voltage} -> {sensor.channel}", LONGEST_LINE),
+    ]

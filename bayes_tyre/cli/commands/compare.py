@@ -50,7 +50,10 @@ def compare(
     say(done.sentence, quiet)
     for path in done.paths:
         say(f"wrote {path}", quiet)
+    for failure in done.failed:
+        warn(failure)
     if (done.table["verdict"] != "pass").any():
         worst = done.table.loc[done.table["verdict"] != "pass", "model"].iloc[0]
         warn(f"{worst}: posterior or estimate is not to be trusted; its diagnostics.json and pareto_k_max say why")
+    if done.failed or (done.table["verdict"] != "pass").any():
         raise typer.Exit(NOT_TRUSTED)

@@ -8,38 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bayes_tyre.cli.model_options import (
-    DisplacementScaleOption,
-    InitialLoad,
-    InitialLoadOption,
-    Likelihood,
-    LikelihoodOption,
-    Noise,
-    NoiseOption,
-    NoiseWindowOption,
-    PriorsOption,
-    Region,
-    RegionOption,
-    Repeats,
-    RepeatsOption,
-)
-from bayes_tyre.cli.shell import (
-    RECORD_TABLE,
-    Chains,
-    Draws,
-    Interval,
-    Out,
-    Quiet,
-    Resume,
-    Seed,
-    Warmup,
-    conclude,
-    note,
-    progress,
-    read_records,
-    say,
-    warn,
-)
+from bayes_tyre.cli import model_options, shell
 from bayes_tyre.errors import BadInput
 
 if TYPE_CHECKING:
@@ -53,28 +22,29 @@ BESIDE_FROM = ("out", "from_run", "resume", "quiet")
 
 def fit(
     context: typer.Context,
-    out: Out,
-    records: Annotated[Path | None, RECORD_TABLE] = None,
-    region: RegionOption = Region.all,
-    initial_load: InitialLoadOption = InitialLoad.nominal,
-    displacement_scale_sd: DisplacementScaleOption = 0.0,
-    likelihood: LikelihoodOption = Likelihood.compressed,
-    repeats: RepeatsOption = Repeats.mixture,
-    noise: NoiseOption = Noise.iid,
-    noise_window: NoiseWindowOption = 1,
-    priors: PriorsOption = None,
-    chains: Chains = 4,
-    warmup: Warmup = 600,
-    draws: Draws = 1500,
-    seed: Seed = 0,
-    interval: Interval = 0.95,
+    out: shell.Out,
+    records: Annotated[Path | None, shell.RECORD_TABLE] = None,
+    region: model_options.RegionOption = "all",
+    initial_load: model_options.InitialLoadOption = "nominal",
+    displacement_scale_sd: model_options.DisplacementScaleOption = 0.0,
+    likelihood: model_options.LikelihoodOption = "compressed",
+    repeats: model_options.RepeatsOption = "mixture",
+    noise: model_options.NoiseOption = "iid",
+    noise_window: model_options.NoiseWindowOption = 1,
+    priors: model_options.PriorsOption = None,
+    chains: shell.Chains = 4,
+    warmup: shell.Warmup = 600,
+    draws: shell.Draws = 1500,
+    target_accept: shell.TargetAccept = None,
+    seed: shell.Seed = 0,
+    interval: shell.Interval = 0.95,
     units_checked: Annotated[bool, typer.Option("--units-checked", help="The forces are kN, travel is mm.")] = False,
-    resume: Resume = False,
+    resume: shell.Resume = False,
     from_run: Annotated[
         Path | None,
         typer.Option("--from", metavar="RUN.JSON", help="Repeat the run that wrote this run.json, to the byte."),
     ] = None,
-    quiet: Quiet = False,
+    quiet: shell.Quiet = False,
 ) -> None:
     """Fit all records together, hierarchically: posteriors of k, beta, J, C and sigma (kN, mm), none dropped.
 
@@ -89,35 +59,36 @@ def fit(
     if from_run is not None:
         from bayes_tyre.workflow.fit import planned_in
 
-        _run(planned_in(from_run, warn), out, resume, quiet)
+        _run(planned_in(from_run, shell.warn), out, resume, quiet)
         return
-    from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings
+    from bayes_tyre.inference.model.settings import ModelSettings
     from bayes_tyre.inference.sampling.run import SamplerSettings
     from bayes_tyre.workflow.fit import Plan, read_priors
 
     model = ModelSettings(
-        *(region.value, initial_load.value, displacement_scale_sd, likelihood.value),
-        *(repeats.value, noise.value, noise_window, read_priors(priors)),
+        *(region, initial_load, displacement_scale_sd, likelihood, repeats, noise, noise_window),
+        read_priors(priors),
     )
-    plan = Plan(Path(records or ""), SamplerSettings(chains, warmup, draws, seed), model, interval, units_checked)
+    sampler = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
+    plan = Plan(Path(records or ""), sampler, model, interval, units_checked)
     _run(plan, out, resume, quiet)
 
 
 def _run(plan: "Plan", out: Path, resume: bool, quiet: bool) -> None:
-    """Fit as planned, tell how it goes, and end as the verdict says."""
+    """Fit as planned, print its progress, and end as the verdict says."""
     from bayes_tyre.record_table import origin_of
     from bayes_tyre.runtime import prepare_jax
     from bayes_tyre.workflow.fit import Callbacks, fit_table  # imports JAX, which starts only when it computes
 
     table, sampler = _checked_table(plan), plan.sampler
     prepare_jax(sampler.chains)
-    say(f"fitting {table['record'].nunique()} records (data: {origin_of(table)}), {sampler.chains} chains", quiet)
+    shell.say(f"fitting {table['record'].nunique()} records (data: {origin_of(table)}), {sampler.chains} chains", quiet)
     began = time.monotonic()
-    with progress("fit", sampler.warmup + sampler.draws, quiet) as advance:
-        callbacks = Callbacks(partial(note, quiet=quiet), warn, advance)
+    with shell.progress("fit", sampler.warmup + sampler.draws, quiet) as advance:
+        callbacks = Callbacks(partial(shell.note, quiet=quiet), shell.warn, advance)
         diagnostics = fit_table(table, plan, out, sys.argv[1:], callbacks, resume=resume)
-    say(f"done in {time.monotonic() - began:.0f} s", quiet)
-    conclude(diagnostics, out, quiet)
+    shell.say(f"done in {time.monotonic() - began:.0f} s", quiet)
+    shell.conclude(diagnostics, out, quiet)
 
 
 def _check_usage(context: typer.Context, records: Path | None, from_run: Path | None) -> None:
@@ -136,7 +107,7 @@ def _check_usage(context: typer.Context, records: Path | None, from_run: Path | 
 def _checked_table(plan: "Plan") -> "pd.DataFrame":
     from bayes_tyre.record_table import suspicious_units
 
-    table = read_records(plan.records)
+    table = shell.read_records(plan.records)
     suspicions = suspicious_units(table)
     if suspicions and not plan.units_checked:
         raise BadInput(f"{plan.records}: {suspicions[0]}; or say --units-checked")

@@ -5,20 +5,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from bayes_tyre.cli import suffixes
+from bayes_tyre.cli.messages import print_table
 from bayes_tyre.cli.shell import NoSeed, Quiet, progress, say, warn
-from bayes_tyre.report.wording import one_line
+from bayes_tyre.plain_text import one_line
 
 if TYPE_CHECKING:
     import pandas as pd
-
-#: Characters of a table's line where stdout is no terminal, so that nothing is cut.
-_WIDE = 10_000
 
 
 def inspect(
     raw: Annotated[
         list[Path],
-        typer.Argument(metavar="RAW", help="Raw files (.lvm, .tdms, .xlsx, .csv, .parquet), or folders of them."),
+        typer.Argument(metavar="RAW", help=f"Raw files ({suffixes.RAW}), or folders of them."),
     ],
     out: Annotated[
         Path | None, typer.Option(help="File to write (.csv or .parquet); default: to the terminal.")
@@ -56,21 +55,9 @@ def inspect(
 
 
 def _print(channels: "pd.DataFrame") -> None:
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_WIDE)
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
     texts = ("file", "channel", "unit")
-    for name in channels.columns:
-        table.add_column(name, justify="left" if name in texts else "right", overflow="fold")
-    for row in channels.itertuples(index=False):
-        table.add_row(*(Text(_cell(value)) for value in row))
-    console.print(table)
+    columns = {name: {"justify": "left" if name in texts else "right", "overflow": "fold"} for name in channels.columns}
+    print_table(columns, ([_cell(value) for value in row] for row in channels.itertuples(index=False)))
 
 
 def _cell(value: object) -> str:

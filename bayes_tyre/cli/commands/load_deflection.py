@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from bayes_tyre.cli import suffixes
 from bayes_tyre.cli.shell import NoSeed, Out, Quiet, say, warn
 
 
@@ -12,7 +13,7 @@ def load_deflection(
     table: Annotated[
         Path,
         typer.Argument(
-            help="Table of readings (.csv or .parquet), a row a reading, in measured order: test (a name), load_kN of "
+            help=f"Table of readings ({suffixes.TABLE}), a row a reading, in measured order: test (a name), load_kN of "
             "the cylinder, displacement_mm at the measurement point since first touch; optional configuration, "
             "speed_km_h, repeat, direction (loading or unloading), origin."
         ),
@@ -52,15 +53,14 @@ def load_deflection(
     del seed
     if beta is not None and not 0 < beta < float("inf"):
         raise typer.BadParameter(f"{beta:g} is no length; beta is in mm, above 0", param_hint="--beta")
-    from bayes_tyre.record_table import origin_of
+    from bayes_tyre.record_table import origin_of, suspicious_units
     from bayes_tyre.runtime import prepare_jax
-    from bayes_tyre.signals.load_deflection import suspicious_units
 
     prepare_jax()
     from bayes_tyre.workflow.load_deflection import fit_load_deflection, read_load_deflection
 
     readings = read_load_deflection(table)
-    for warning in suspicious_units(readings):
+    for warning in suspicious_units(readings, "test", "load_kN", "load"):
         warn(f"{table}: {warning}")
     written = fit_load_deflection(readings, out, rig=rig, beta_mm=beta, steps=steps)
     for text in written.notes:

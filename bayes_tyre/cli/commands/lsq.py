@@ -1,11 +1,10 @@
 """`lsq`: Equation 2 fitted to each record separately."""
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
-from bayes_tyre.cli.model_options import Region
 from bayes_tyre.cli.shell import NoSeed, Out, Quiet, Records, assignments, progress, read_records, say, warn
 from bayes_tyre.errors import BadInput
 
@@ -32,9 +31,9 @@ def lsq(
     records: Records,
     out: Out,
     region: Annotated[
-        Region,
+        Literal["all", "thesis"],
         typer.Option(help="all points, starts found from the data; or the thesis's first 70 % and its starts."),
-    ] = Region.all,
+    ] = "all",
     fix: Annotated[list[str] | None, typer.Option(help="NAME=VALUE held fixed: k, C, beta, d_i or F_i.")] = None,
     free: Annotated[list[str] | None, typer.Option(help="d_i or F_i: fit it; else it is the first point.")] = None,
     start: Annotated[list[str] | None, typer.Option(help="NAME=VALUE to start from (kN/mm, kN, mm).")] = None,
@@ -57,7 +56,7 @@ def lsq(
     del seed
     fixed, starts = assignments(fix or [], "--fix"), assignments(start or [], "--start")
     try:
-        settings = FitSettings(region.value, fixed, tuple(free or ()), starts, _bounds(bounds or []))
+        settings = FitSettings(region, fixed, tuple(free or ()), starts, _bounds(bounds or []))
     except BadInput as error:
         raise typer.BadParameter(str(error)) from None
     table = read_records(records)

@@ -9,29 +9,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bayes_tyre.cli.model_options import PriorsOption, Repeats, RepeatsOption
+from bayes_tyre.cli import shell
+from bayes_tyre.cli.model_options import PriorsOption, RepeatsOption
 from bayes_tyre.cli.raw import CasesTable, Cluster, RawFiles, RigName, Workers, check_machines
-from bayes_tyre.cli.shell import (
-    Chains,
-    Draws,
-    Interval,
-    Out,
-    Quiet,
-    Seed,
-    Warmup,
-    conclude,
-    note,
-    progress,
-    say,
-    warn,
-)
 
 if TYPE_CHECKING:
     from bayes_tyre.workflow.execution.batch import Machines
     from bayes_tyre.workflow.raw.motion import MotionPlan
 
 
-class Law(StrEnum):
+class Law(StrEnum):  # Typer takes no list of Literal, which `study laws` needs
     """Force laws of a tyre that a motion can be fitted with."""
 
     fancher = "fancher"
@@ -43,7 +30,7 @@ class Law(StrEnum):
 
 def motion(
     raw: RawFiles,
-    out: Out,
+    out: shell.Out,
     rig: RigName = None,
     cases: CasesTable = None,
     law: Annotated[Law, typer.Option(help="Force law of the tyre.")] = Law.fancher,
@@ -53,16 +40,17 @@ def motion(
             min=1e-3, max=100.0, help="Half the stroke at the wheel centre (mm) of the cycle that loses energy."
         ),
     ] = 1.0,
-    repeats: RepeatsOption = Repeats.mixture,
+    repeats: RepeatsOption = "mixture",
     priors: PriorsOption = None,
     figures: Annotated[
-        Path | None, typer.Option(help="Folder for a picture a record: readings, fitted motion, what is left over.")
+        Path | None, typer.Option(help="Folder for a figure a record: readings, fitted motion, what is left over.")
     ] = None,
-    chains: Chains = 4,
-    warmup: Warmup = 600,
-    draws: Draws = 1500,
-    seed: Seed = 0,
-    interval: Interval = 0.95,
+    chains: shell.Chains = 4,
+    warmup: shell.Warmup = 600,
+    draws: shell.Draws = 1500,
+    target_accept: shell.TargetAccept = None,
+    seed: shell.Seed = 0,
+    interval: shell.Interval = 0.95,
     workers: Workers = None,
     cluster: Cluster = None,
     resume: Annotated[
@@ -73,7 +61,7 @@ def motion(
             "--draws, --amplitude and the like the hierarchy is fitted anew.",
         ),
     ] = False,
-    quiet: Quiet = False,
+    quiet: shell.Quiet = False,
 ) -> None:
     """Identify k, x, beta (kN/mm, kN, mm), m (kg), c (kN s/mm) and energy lost (J) from the axle's own motion.
 
@@ -97,15 +85,15 @@ def motion(
     from bayes_tyre.workflow.fit import read_priors
     from bayes_tyre.workflow.raw.motion import MotionPlan
 
-    for remark in passed_over:
-        warn(remark)
-    sampler = SamplerSettings(chains, warmup, draws, seed)
-    plan = MotionPlan(sampler, rig, cases, figures, law.value, amplitude, repeats.value, interval, read_priors(priors))
+    for warning in passed_over:
+        shell.warn(warning)
+    sampler = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
+    plan = MotionPlan(sampler, rig, cases, figures, law.value, amplitude, repeats, interval, read_priors(priors))
     _run(files, plan, Machines(workers, cluster, resume), out, quiet)
 
 
 def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path, quiet: bool) -> None:
-    """Estimate each file, fit the estimates as planned, tell how it goes, and end as the verdict says."""
+    """Estimate each file, fit the estimates as planned, print its progress, and end as the verdict says."""
     from bayes_tyre.runtime import prepare_jax
     from bayes_tyre.workflow.execution.resume import Callbacks
     from bayes_tyre.workflow.raw.motion import estimate_files, fit_estimates
@@ -113,12 +101,12 @@ def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path,
     sampler = plan.sampler
     prepare_jax(sampler.chains)
     began = time.monotonic()
-    with progress("motion", len(files), quiet) as advance:
+    with shell.progress("motion", len(files), quiet) as advance:
         estimated = estimate_files(files, plan, machines, out, advance)
-    found, lost = len(estimated.table), len(estimated.rejected)
-    say(f"{found} records, {lost} rejected (data: {estimated.origin}), {sampler.chains} chains", quiet)
-    with progress("hierarchy", sampler.warmup + sampler.draws, quiet) as advance:
-        callbacks = Callbacks(partial(note, quiet=quiet), warn, advance)
+    counts = f"{len(estimated.table)} records, {len(estimated.rejected)} rejected"
+    shell.say(f"{counts} (data: {estimated.origin}), {sampler.chains} chains", quiet)
+    with shell.progress("hierarchy", sampler.warmup + sampler.draws, quiet) as advance:
+        callbacks = Callbacks(partial(shell.note, quiet=quiet), shell.warn, advance)
         diagnostics = fit_estimates(estimated, plan, out, sys.argv[1:], callbacks, resume=machines.resume)
-    say(f"done in {time.monotonic() - began:.0f} s", quiet)
-    conclude(diagnostics, out, quiet)
+    shell.say(f"done in {time.monotonic() - began:.0f} s", quiet)
+    shell.conclude(diagnostics, out, quiet)

@@ -1,8 +1,7 @@
 """`predict`: force against displacement for a vehicle model, from a fit on disk."""
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -13,16 +12,9 @@ if TYPE_CHECKING:
     import numpy as np
 
     from bayes_tyre.record import Case
-    from bayes_tyre.results.case_selection import Wish
+    from bayes_tyre.results.case_selection import CaseQuery
 
 MOST_POINTS, FARTHEST_MM = 100_000, 1e6
-
-
-class Of(StrEnum):
-    """What is predicted."""
-
-    case = "case"
-    repeat = "repeat"
 
 
 def predict(
@@ -44,8 +36,9 @@ def predict(
         ),
     ] = None,
     of: Annotated[
-        Of, typer.Option(help="The mean curve of the case; or one more repeat, its deviation and noise included.")
-    ] = Of.case,
+        Literal["case", "repeat"],
+        typer.Option(help="The mean curve of the case; or one more repeat, its deviation and noise included."),
+    ] = "case",
     interval: Interval = 0.95,
     out: Annotated[Path | None, typer.Option(help="Folder, or a .csv file; default: DIR.")] = None,
     seed: Seed = 0,
@@ -62,12 +55,10 @@ def predict(
     from bayes_tyre.workflow.predict import read_result, target, write_prediction
 
     result = read_result(folder)
-    wish = _wish(case or [], result.cases)
+    query = _query(case or [], result.cases)
     path = target(folder, out)
-    prediction, paths = write_prediction(
-        result, wish, path, displacement_mm=grid, of=of.value, interval=interval, seed=seed
-    )
-    for text in prediction.remarks:
+    prediction, paths = write_prediction(result, query, path, displacement_mm=grid, of=of, interval=interval, seed=seed)
+    for text in prediction.warnings:
         say(text, quiet)
     for written in paths:
         say(f"wrote {written} (data: {result.tree.attrs['origin']}, verdict {result.verdict})", quiet)
@@ -78,15 +69,15 @@ def predict(
         raise typer.Exit(NOT_TRUSTED)
 
 
-def _wish(texts: list[str], cases: list["Case"]) -> "Wish":
+def _query(texts: list[str], cases: list["Case"]) -> "CaseQuery":
     """Return what --case asks for; nothing, and what cannot be understood, is a usage error."""
-    from bayes_tyre.results.case_selection import listed, parse_wish
+    from bayes_tyre.results.case_selection import case_list, parse_query
 
     if not any(text.strip() for text in texts):
         labels = [case.label for case in cases]
-        raise typer.BadParameter(f"name a case; there are {len(cases)}: {listed(labels)}", param_hint="--case")
+        raise typer.BadParameter(f"name a case; there are {len(cases)}: {case_list(labels)}", param_hint="--case")
     try:
-        return parse_wish(texts, cases)
+        return parse_query(texts, cases)
     except BadInput as error:
         raise typer.BadParameter(str(error), param_hint="--case") from None
 

@@ -1,8 +1,7 @@
 """`process`: records from raw files."""
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -10,22 +9,15 @@ from bayes_tyre.cli.raw import CasesTable, Cluster, RawFiles, RigName, Workers, 
 from bayes_tyre.cli.shell import NoSeed, Quiet, progress, say, warn
 
 
-class Method(StrEnum):
-    """How raw signals become a record."""
-
-    INERTIA = "inertia"
-    THESIS = "thesis"
-
-
 def process(
     raw: RawFiles,
     out: Annotated[Path, typer.Option(help="Record table to write (.csv or .parquet); rejected.csv goes beside it.")],
     method: Annotated[
-        Method,
+        Literal["inertia", "thesis"],
         typer.Option(
             help="inertia: unsmoothed, applied load less m d''; thesis: the source's smoothing, for comparison."
         ),
-    ] = Method.INERTIA,
+    ] = "inertia",
     rig: RigName = None,
     cases: CasesTable = None,
     figures: Annotated[
@@ -54,10 +46,10 @@ def process(
 
     check_machines(workers, cluster)
     files, skipped = raw_files(raw)
-    settings = Settings(rig, cases, method.value, figures)
+    settings = Settings(rig, cases, method, figures)
     with progress("process", len(files), quiet) as advance:
         records, rejected = process_files(files, settings, Machines(workers, cluster, resume), out, advance)
     for text in skipped:
         warn(text)
-    say(f"wrote {out} and {out.parent / REJECTED} (method {method.value})", quiet)
+    say(f"wrote {out} and {out.parent / REJECTED} (method {method})", quiet)
     say(f"{records} records, {rejected} rejected", quiet)

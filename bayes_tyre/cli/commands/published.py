@@ -1,37 +1,27 @@
 """`published` and `campaign`: the source's numbers recomputed, and records reconstructed from them."""
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from bayes_tyre.cli import shell
 from bayes_tyre.cli.model_options import PriorsOption
-from bayes_tyre.cli.shell import (
-    NOT_TRUSTED,
-    Chains,
-    Draws,
-    Interval,
-    Out,
-    Quiet,
-    Seed,
-    Warmup,
-    progress,
-    report_verdict,
-    say,
-)
 
 
 def published(
-    out: Out,
+    out: shell.Out,
     posterior: Annotated[bool, typer.Option("--posterior", help="Also fit Tables 9 and 11 themselves.")] = False,
-    chains: Chains = 4,
-    warmup: Warmup = 1000,
-    draws: Draws = 2000,
-    seed: Seed = 0,
-    interval: Interval = 0.95,
+    chains: shell.Chains = 4,
+    warmup: shell.Warmup = 1000,
+    draws: shell.Draws = 2000,
+    target_accept: shell.TargetAccept = None,
+    seed: shell.Seed = 0,
+    interval: shell.Interval = 0.95,
     priors: PriorsOption = None,
-    quiet: Quiet = False,
+    quiet: shell.Quiet = False,
 ) -> None:
     """Recompute what the source prints and can be recomputed; --posterior fits its Tables 9 and 11 (kN/mm, mm).
 
@@ -46,28 +36,32 @@ def published(
 
     check = check_published(out)
     counts = check.groupby("kind", sort=False)["agrees"].agg(["sum", "size"])
-    say(f"wrote {out / 'published_check.csv'}", quiet)
+    shell.say(f"wrote {out / 'published_check.csv'}", quiet)
     for kind, (agree, size) in counts.iterrows():
-        say(f"  {kind}: {agree} of {size} agree", quiet)
+        shell.say(f"  {kind}: {agree} of {size} agree", quiet)
     trusted = bool(check["agrees"].all())
     if posterior:
         from bayes_tyre.inference.sampling.run import SamplerSettings
         from bayes_tyre.workflow.fit import fit_published_tables, read_priors
 
-        own = read_priors(priors)
-        with progress("fit", warmup + draws, quiet) as advance:
-            settings = SamplerSettings(chains, warmup, draws, seed, advance)
-            diagnostics = fit_published_tables(out / "posterior", settings, interval, sys.argv[1:], own)
-        report_verdict(diagnostics, out / "posterior", quiet)
+        priors_given = read_priors(priors)
+        with shell.progress("fit", warmup + draws, quiet) as advance:
+            settings = SamplerSettings(
+                *(chains, warmup, draws, seed, advance),
+                target_accept=target_accept,
+                on_note=partial(shell.note, quiet=quiet),
+            )
+            diagnostics = fit_published_tables(out / "posterior", settings, interval, sys.argv[1:], priors_given)
+        shell.report_verdict(diagnostics, out / "posterior", quiet)
         trusted = trusted and diagnostics.verdict == "pass"
     if not trusted:
-        raise typer.Exit(NOT_TRUSTED)
+        raise typer.Exit(shell.NOT_TRUSTED)
 
 
 def campaign(
     out: Annotated[Path, typer.Option(help="Record table to write (.csv or .parquet); its truth goes beside it.")],
     seed: Annotated[int | None, typer.Option(min=0, help="Another campaign than the one in data/campaign.")] = None,
-    quiet: Quiet = False,
+    quiet: shell.Quiet = False,
 ) -> None:
     """Reconstruct records from the published tables: 48 cases x 3 repeats (mm, kN). Nothing in it was measured.
 
@@ -78,4 +72,4 @@ def campaign(
     from bayes_tyre.workflow.published import write_campaign
 
     for path in write_campaign(out, seed):
-        say(f"wrote {path} (reconstructed, not measured)", quiet)
+        shell.say(f"wrote {path} (reconstructed, not measured)", quiet)

@@ -28,7 +28,7 @@ def report(
 
     One file that opens from disk without a network. Several DIRs are compared, each with the first: single against
     dual, or this year's campaign against last year's. Results of motion include friction x (kN) and the energy lost
-    (J). Ends with code 4 where a verdict is fail.
+    (J). Ends with code 4 where a verdict is fail or a figure could not be drawn.
 
     Example: bayes-tyre report results/fit --out report.html
     """
@@ -39,9 +39,9 @@ def report(
     from bayes_tyre.workflow.report import write_report
 
     with progress("report", len(folders), quiet) as advance:
-        written = write_report(folders, out, lambda text: note(text, quiet), advance, kept_figures=kept_figures)
-    say(f"wrote {written.path}", quiet)
-    for name in written.failed:
-        warn(f"{name}: the posterior is not to be trusted; its report says why")
-    if written.failed:
+        path, warnings = write_report(folders, out, lambda text: note(text, quiet), advance, kept_figures=kept_figures)
+    say(f"wrote {path}", quiet)
+    for warning in warnings:
+        warn(warning)
+    if warnings:
         raise typer.Exit(NOT_TRUSTED)

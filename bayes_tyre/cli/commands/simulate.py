@@ -1,33 +1,24 @@
 """`simulate`: raw files with known true parameters."""
 
-from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
+from bayes_tyre.cli.raw import RigName
 from bayes_tyre.cli.shell import Out, Quiet, Seed, progress, say
-
-
-class Plan(StrEnum):
-    """What to simulate."""
-
-    QUICK = "quick"
-    THESIS = "thesis"
 
 
 def simulate(
     out: Out,
     plan: Annotated[
-        Plan,
+        Literal["quick", "thesis"],
         typer.Option(
             help="quick: 24 stationary records of 4.5 s. thesis: the test plan, 288 of 15 s (3 GB at 10 kHz)."
         ),
-    ] = Plan.QUICK,
+    ] = "quick",
     seed: Seed = 0,
     rate: Annotated[float, typer.Option(min=1000, max=100_000, help="Sampling rate, Hz.")] = 10_000.0,
-    rig: Annotated[
-        str | None, typer.Option(help="Rig: single, dual, or a TOML file; default: the one the configuration names.")
-    ] = None,
+    rig: RigName = None,
     quiet: Quiet = False,
 ) -> None:
     """Simulate step-load tests: raw files (V, m/s^2, mm, kN) of an axle moving on tyres of known k (kN/mm), x, beta.
@@ -44,7 +35,7 @@ def simulate(
     from bayes_tyre.simulate.plan import PLANS
     from bayes_tyre.workflow.raw.simulate import size_of, write_simulated
 
-    records = PLANS[plan.value](rate)
+    records = PLANS[plan](rate)
     rigs = {record.case.configuration: load_rig(rig or record.case.configuration) for record in records}
     say(f"simulating {len(records)} records, about {size_of(records) / 1e6:.0f} MB", quiet)
     with progress("simulating", len(records), quiet) as on_progress:

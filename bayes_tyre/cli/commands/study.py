@@ -35,11 +35,10 @@ def calibration(
     from bayes_tyre.runtime import prepare_jax
 
     prepare_jax(DEVICES)
-    from bayes_tyre.workflow.studies.study import write_calibration
+    from bayes_tyre.workflow.studies import write_calibration
 
-    options = {"datasets": datasets, "seed": seed}
     with progress("calibrating", datasets, quiet) as on_progress:
-        result = write_calibration(out, datasets, seed, options, on_progress)
+        result = write_calibration(out, datasets, seed, on_progress)
     failed = result.datasets["sampling"] != "ok"
     say(f"wrote {out / 'calibration.csv'} (simulated, not measured)", quiet)
     say(f"  sampling failed in {failed.sum()} of {datasets} data sets; they are included", quiet)
@@ -68,16 +67,15 @@ def outliers(
     from bayes_tyre.runtime import prepare_jax
 
     prepare_jax(DEVICES)
-    from bayes_tyre.studies.outliers import SHARES, in_words
-    from bayes_tyre.workflow.studies.study import write_outliers
+    from bayes_tyre.studies.outliers import SHARES, sentences
+    from bayes_tyre.workflow.studies import write_outliers
 
-    options = {"campaigns": campaigns, "seed": seed}
     with progress("fitting campaigns", len(SHARES) * campaigns, quiet) as on_progress:
-        result = write_outliers(out, campaigns, seed, options, on_progress)
+        result = write_outliers(out, campaigns, seed, on_progress)
     failed = result.datasets["sampling"] != "ok"
     say(f"wrote {out / 'outliers.csv'} (simulated, not measured)", quiet)
     say(f"  sampling failed in {failed.sum()} of {len(failed)} campaigns; they are included", quiet)
-    for line in in_words(result.table):
+    for line in sentences(result.table):
         say(f"  {line}", quiet)
 
 
@@ -108,15 +106,14 @@ def motion(
     from bayes_tyre.runtime import prepare_jax
 
     prepare_jax()
-    from bayes_tyre.studies.motion_study import in_words, study_records
-    from bayes_tyre.workflow.studies.study import write_motion_study
+    from bayes_tyre.studies.motion_study import sentences, study_records
+    from bayes_tyre.workflow.studies import write_motion_study
 
-    options = {"stationary": stationary, "rolling": rolling, "mismatch": mismatch, "seed": seed}
-    records = study_records(stationary, rolling, seed, mismatch)
-    with progress("fitting motions", len(records), quiet) as on_progress:
-        result = write_motion_study(out, records, seed, options, on_progress)
+    count = len(study_records(stationary, rolling, seed, mismatch))
+    with progress("fitting motions", count, quiet) as on_progress:
+        result = write_motion_study(out, stationary, rolling, mismatch, seed, on_progress)
     say(f"wrote {out / 'motion_study.csv'} (simulated, not measured)", quiet)
-    for line in in_words(result.table):
+    for line in sentences(result.table):
         say(f"  {line}", quiet)
 
 
@@ -144,15 +141,14 @@ def laws(
 
     prepare_jax(DEVICES)
     from bayes_tyre.inference.motion.laws import MOTION_LAWS
-    from bayes_tyre.studies.law_ranking import in_words, ranked_correctly
-    from bayes_tyre.workflow.studies.study import write_law_ranking
+    from bayes_tyre.studies.law_ranking import ranked_correctly, sentences
+    from bayes_tyre.workflow.studies import write_law_ranking
 
     names = list(dict.fromkeys(one.value for one in law)) if law else list(MOTION_LAWS)
-    options = {"laws": names, "records": records, "seed": seed}
     with progress("ranking laws", len(names) * len(MOTION_LAWS), quiet) as on_progress:
-        result = write_law_ranking(out, names, records, seed, options, on_progress)
+        result = write_law_ranking(out, names, records, seed, on_progress)
     say(f"wrote {out / 'law_ranking.csv'} (simulated, not measured)", quiet)
-    for line in in_words(result.table):
+    for line in sentences(result.table):
         say(f"  {line}", quiet)
     if not ranked_correctly(result.table).all():
         raise typer.Exit(NOT_TRUSTED)

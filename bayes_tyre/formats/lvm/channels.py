@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bayes_tyre.formats.lvm.source import shown
+from bayes_tyre.plain_text import listed, quoted
 from bayes_tyre.record import Channel
 
 _LONGEST_NUMBER = 60
@@ -63,10 +63,10 @@ def channel_headers(header: dict[str, list[str]], roles: Roles) -> list[ChannelH
     def cells(tag: str) -> list[str]:
         written = header.get(tag, [])
         at = [i - 1 + roles.shift for i in roles.channels]
-        found = [written[i] if 0 <= i < len(written) else "" for i in at]
+        names = [written[i] if 0 <= i < len(written) else "" for i in at]
         given = [cell for cell in written if cell]
         # With an X column each, some recorders write the header without the blank cells above those columns.
-        return given if not all(found) and len(set(roles.x)) > 1 and len(given) == len(found) else found
+        return given if not all(names) and len(set(roles.x)) > 1 and len(given) == len(names) else names
 
     tags = ("Y_Unit_Label", "Samples", "X0", "Delta_X")
     return [
@@ -95,7 +95,7 @@ def _step(text: str) -> float:
 def build_channels(
     names: Sequence[str], roles: Roles, columns: Sequence[np.ndarray], headers: Sequence[ChannelHeader], valid_for: str
 ) -> tuple[tuple[Channel, ...], list[str]]:
-    """Return the channels of one table, and remarks on them.
+    """Return the channels of one table, and warnings on them.
 
     Parameters
     ----------
@@ -108,16 +108,16 @@ def build_channels(
     """
     written = max((one.samples for one in headers if one.samples is not None), default=None)
     labels = [names[i] for i in roles.channels]
-    own = len(set(roles.x)) > 1
+    x_columns = len(set(roles.x)) > 1
     reference = headers[labels.index(valid_for)] if valid_for in labels else (headers[0] if headers else None)
-    channels, remarks = [], []
+    channels, warnings = [], []
     for name, i, x, one in zip(labels, roles.channels, roles.x, headers, strict=True):
         times = None if x is None or np.isnan(columns[x]).all() else columns[x]
-        rows = _rows_of(columns[i], times if own else None, one.samples, written)
-        time_s, remark = _times(rows, times, one, one if own or reference is None else reference, written)
-        remarks.append((name, remark))
+        rows = _rows_of(columns[i], times if x_columns else None, one.samples, written)
+        time_s, warning = _times(rows, times, one, one if x_columns or reference is None else reference, written)
+        warnings.append((name, warning))
         channels.append(Channel(name, one.unit, time_s, columns[i][rows], one.samples))
-    return tuple(channels), [*grouped_remarks(remarks), *_backwards(columns, roles)]
+    return tuple(channels), [*grouped_warnings(warnings), *_backwards(columns, roles)]
 
 
 type _Rows = slice | np.ndarray
@@ -148,7 +148,7 @@ def _last(readings: np.ndarray) -> int:
 def _times(
     rows: _Rows, x: np.ndarray | None, header: ChannelHeader, reference: ChannelHeader, written: int | None
 ) -> tuple[np.ndarray, str]:
-    """Return X of a channel's samples, and a remark on it, which may be empty."""
+    """Return X of a channel's samples, and a warning on it, which may be empty."""
     if x is None:
         if math.isnan(header.delta):
             return _index(rows).astype(float), "no X and no Delta_X: its time counts samples, not seconds"
@@ -179,31 +179,26 @@ def _counted(rows: _Rows, header: ChannelHeader) -> np.ndarray:
 
 
 def _backwards(columns: Sequence[np.ndarray], roles: Roles) -> list[str]:
-    """Return remarks on where X decreases: another table follows in the same rows, or the clock was set."""
-    remarks = []
+    """Return warnings on where X decreases: another table follows in the same rows, or the clock was set."""
+    warnings = []
     for x in sorted({x for x in roles.x if x is not None}):
         back = np.flatnonzero(np.diff(columns[x]) < 0)
         if len(back):
             times = "once" if len(back) == 1 else f"{len(back)} times"
-            remarks.append(f"X goes back {times}, first in row {back[0] + 2}")
-    return remarks
+            warnings.append(f"X goes back {times}, first in row {back[0] + 2}")
+    return warnings
 
 
-def grouped_remarks(remarks: Sequence[tuple[str, str]]) -> list[str]:
-    """Return each remark once, with the channels that share it, from pairs of a name and a remark or an empty text."""
+def grouped_warnings(warnings: Sequence[tuple[str, str]]) -> list[str]:
+    """Return each warning once, with the channels that share it, from pairs of a name and a text, perhaps empty."""
     by_text: dict[str, list[str]] = {}
-    for name, text in remarks:
+    for name, text in warnings:
         if text:
             by_text.setdefault(text, []).append(name)
-    return [f"{_listed(names)}: {text}" for text, names in by_text.items()]
+    return [f"{listed(names, 3, quoted)}: {text}" for text, names in by_text.items()]
 
 
 def named_twice(channels: Sequence[Channel]) -> list[str]:
-    """Return a remark on names that several channels have."""
+    """Return a warning on names that several channels have."""
     twice = sorted(name for name, count in Counter(one.name for one in channels).items() if count > 1)
-    return [f"several channels have the name {', '.join(map(shown, twice[:3]))}"] if twice else []
-
-
-def _listed(names: list[str]) -> str:
-    few = ", ".join(shown(name) for name in names[:3])
-    return few if len(names) <= 3 else f"{few} and {len(names) - 3} more"
+    return [f"several channels have the name {', '.join(map(quoted, twice[:3]))}"] if twice else []

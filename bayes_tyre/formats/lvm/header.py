@@ -7,7 +7,8 @@ printed sample and some recorders leave out the asterisks, the first line, or on
 import re
 from typing import NamedTuple
 
-from bayes_tyre.formats.lvm.source import MOST_COLUMNS, Source, as_text, shown
+from bayes_tyre.formats.lvm.source import MOST_COLUMNS, Source, as_text
+from bayes_tyre.plain_text import quoted
 
 _END, _SPECIAL, _SPECIAL_END = b"End_of_Header", b"***Start_Special***", b"***End_Special***"
 _FIRST = "LabVIEW Measurement"
@@ -29,7 +30,7 @@ _LONGEST_TAG_LINE = 200
 #: Lines; notes may be long.
 _LONGEST_HEADER = 10_000
 _NOT_BLANK = re.compile(rb"[^\t,; \r\n]")
-#: Bytes that are searched for the whole word.
+#: Bytes that are searched for the whole mark.
 _NEAR = 1 << 16
 
 
@@ -82,27 +83,27 @@ def without_special_blocks(source: Source) -> Source:
 
 def header_ends(data: bytes) -> list[tuple[int, int]]:
     """Return the bytes at which the lines that end a header begin and end."""
-    found, at = [], _find(data, _END, 0)
+    positions, at = [], _find(data, _END, 0)
     while at >= 0:
         before = data[max(0, at - 16) : at].rpartition(b"\n")
         stop = data.find(b"\n", at)
         stop = len(data) if stop < 0 else stop + 1
         if not before[2].strip(b'* \t"') and (before[1] or at <= 16):
-            found.append((at - len(before[2]), stop))
+            positions.append((at - len(before[2]), stop))
         at = _find(data, _END, stop)
-    return found
+    return positions
 
 
-def _find(data: bytes, word: bytes, start: int) -> int:
-    """Return what `data.find` does, for a word with an underscore: no row of numbers holds one.
+def _find(data: bytes, mark: bytes, start: int) -> int:
+    """Return what `data.find` does, for a mark with an underscore: no row of numbers holds one.
 
-    Searching for one byte is ten times as fast as searching for the word.
+    Searching for one byte is ten times as fast as searching for the mark.
     """
-    near = data.find(word, start, start + _NEAR)
+    near = data.find(mark, start, start + _NEAR)
     if near >= 0:
         return near
-    underscore = data.find(b"_", start + _NEAR - len(word))
-    return -1 if underscore < 0 else data.find(word, max(start, underscore - len(word)))
+    underscore = data.find(b"_", start + _NEAR - len(mark))
+    return -1 if underscore < 0 else data.find(mark, max(start, underscore - len(mark)))
 
 
 def find_sections(source: Source, ends: list[tuple[int, int]]) -> list[Section]:
@@ -140,7 +141,7 @@ def _check_begins(source: Source, begin: int, mark: int) -> None:
         start = source.data.rfind(b"\n", 0, first.start()) + 1
         line = as_text(source.line(start)[0][:_LONGEST_TAG_LINE])
         if re.split(r"[\t,;]", line)[0].strip().strip('"') not in TAGS:
-            raise source.fault(start, f"{shown(line)} is neither a row nor of a header; mend the line")
+            raise source.fault(start, f"{quoted(line)} is neither a row nor of a header; mend the line")
 
 
 def _section(source: Source, header: dict[str, list[str]], below: int, stop: int, valid_for: str) -> Section:

@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.lvm.header import TAGS, Section
-from bayes_tyre.formats.lvm.source import MOST_COLUMNS, Source, as_text, shown
+from bayes_tyre.formats.lvm.source import MOST_COLUMNS, Source, as_text
+from bayes_tyre.plain_text import quoted
 
 _LINES = 20
 _START = 1 << 20
@@ -37,13 +38,15 @@ def find_plain_table(source: Source) -> Section:
     if max(line.count(one) for line in lines for one in (b"\t", b",", b";", b" ")) >= MOST_COLUMNS:
         raise source.fault(start, f"has over {MOST_COLUMNS} columns; give a file with a column a channel")
     # Where no dialect suits all lines, one that suits the first shows which of the others is at fault.
-    found = next((found for some in (lines, lines[:2]) for one in _DIALECTS if (found := _dialect(some, *one))), None)
-    if found is None:
+    dialect = next(
+        (dialect for some in (lines, lines[:2]) for one in _DIALECTS if (dialect := _dialect(some, *one))), None
+    )
+    if dialect is None:
         line = as_text(lines[min(1, len(lines) - 1)].strip())
-        raise source.fault(start, f"no header, and no rows of numbers below: {shown(line)}; give a recording")
-    if found.names is not None:
+        raise source.fault(start, f"no header, and no rows of numbers below: {quoted(line)}; give a recording")
+    if dialect.names is not None:
         start = source.line(start)[1]
-    return Section({}, found.names, start, len(source.data), found.separator, "")
+    return Section({}, dialect.names, start, len(source.data), dialect.separator, "")
 
 
 def _dialect(lines: list[bytes], separator: str, decimals: str) -> _Dialect | None:

@@ -17,7 +17,7 @@ from bayes_tyre.formats.lvm.channels import (
     build_channels,
     channel_headers,
     find_roles,
-    grouped_remarks,
+    grouped_warnings,
     is_x,
     named_twice,
 )
@@ -31,10 +31,11 @@ from bayes_tyre.formats.lvm.header import (
     without_special_blocks,
 )
 from bayes_tyre.formats.lvm.plain import find_plain_table
-from bayes_tyre.formats.lvm.source import Source, shown
+from bayes_tyre.formats.lvm.source import Source
 from bayes_tyre.formats.lvm.table import Numbers, Rows, read_numbers
 from bayes_tyre.formats.lvm.tail import end_of_whole_rows
 from bayes_tyre.formats.x_column import grows, is_time
+from bayes_tyre.plain_text import quoted
 from bayes_tyre.record import Channel, RawSignals
 
 COMMENT = "comment"
@@ -50,7 +51,7 @@ def read_lvm(path: Path) -> RawSignals:
     """Return what a LabVIEW measurement file holds, or a text file of numbers without a header.
 
     X comes from the X column (s); in files without one, or with other rates than its own, from X0 and Delta_X.
-    Channels of a table without names are `column 2` and so on. `remarks` says what differs from the header, where X
+    Channels of a table without names are `column 2` and so on. `warnings` says what differs from the header, where X
     decreases, and whether a half-written last row was left out.
 
     Raises
@@ -62,22 +63,22 @@ def read_lvm(path: Path) -> RawSignals:
     ends = header_ends(source.data)
     if not ends:
         section = find_plain_table(source)
-        channels, remarks = _read(source, section, is_last=True)
+        channels, warnings = _read(source, section, is_last=True)
         if not channels:
             raise BadInput(f"{path}: holds no whole row of numbers; the recording may have been cut short")
-        return RawSignals((channels,), tuple(remarks))
+        return RawSignals((channels,), tuple(warnings))
     if len(ends) > 2 * _MOST_SEGMENTS:
         raise BadInput(f"{path}: has {len(ends)} headers, more than {2 * _MOST_SEGMENTS}; cut it in pieces")
     sections = find_sections(source, ends)
-    segments, remarks = [], []
+    segments, warnings = [], []
     for i, section in enumerate(sections, start=1):
-        channels, found = _read(source, section, is_last=i == len(sections))
-        remarks += [f"segment {i}: {text}" if len(sections) > 1 else text for text in found]
+        channels, own_warnings = _read(source, section, is_last=i == len(sections))
+        warnings += [f"segment {i}: {text}" if len(sections) > 1 else text for text in own_warnings]
         segments += [channels] if channels else []
     if not segments:
         raise BadInput(f"{path}: a header and no rows below it; the recording may have been cut short")
     notes = [note for section in sections for note in section.header.get("Notes", []) if note]
-    return RawSignals(tuple(segments), tuple(remarks), tuple(dict.fromkeys(notes)))
+    return RawSignals(tuple(segments), tuple(warnings), tuple(dict.fromkeys(notes)))
 
 
 def _load(path: Path) -> Source:
@@ -94,19 +95,19 @@ def _load(path: Path) -> Source:
 
 
 def _read(source: Source, section: Section, is_last: bool) -> tuple[tuple[Channel, ...], list[str]]:
-    """Return the channels of one table, none if it has no rows, and remarks on it."""
-    remarks: list[str] = []
+    """Return the channels of one table, none if it has no rows, and warnings on it."""
+    warnings: list[str] = []
     stop, names = section.stop, section.names
     if is_last:
         stop, unfinished = cut_header(source, section.start, stop)
-        remarks += ["the file ends in an unfinished header: left out"] if unfinished else []
+        warnings += ["the file ends in an unfinished header: left out"] if unfinished else []
     if names is None and section.start < stop:
         names = _numbered(source, section.start, stop, section.separator)
     names = names or []
     text_from = next((i for i in range(len(names) - 1, 0, -1) if names[i].lower() == COMMENT), None)
-    if not remarks:
+    if not warnings:
         stop, half = end_of_whole_rows(source, section.start, stop, section.separator, text_from)
-        remarks += ["the last row is half written: left out"] if half else []
+        warnings += ["the last row is half written: left out"] if half else []
     last = len(names) if text_from is None else text_from
     if not last or is_blank(source.data, section.start, stop):
         return (), ["a header and no rows below it: left out"]
@@ -119,9 +120,9 @@ def _read(source: Source, section: Section, is_last: bool) -> tuple[tuple[Channe
     numbers = _without_blank_end(numbers)
     declared = _declared_sign(section)
     if declared in set(_SIGNS) and declared != numbers.decimal:
-        remarks.append(f"the header says decimals have a {declared!r}, the rows have a {numbers.decimal!r}")
+        warnings.append(f"the header says decimals have a {declared!r}, the rows have a {numbers.decimal!r}")
     channels, more = _channels(source, section, names[:last], numbers)
-    return channels, remarks + more
+    return channels, warnings + more
 
 
 def _numbered(source: Source, start: int, stop: int, separator: str) -> list[str]:
@@ -169,7 +170,7 @@ def _without_blank_end(numbers: Numbers) -> Numbers:
 def _channels(
     source: Source, section: Section, names: list[str], numbers: Numbers
 ) -> tuple[tuple[Channel, ...], list[str]]:
-    header, columns, remarks = section.header, numbers.columns, []
+    header, columns, warnings = section.header, numbers.columns, []
     if header:
         roles = find_roles(names, len(names), (header.get("X_Columns") or [""])[0])
     else:
@@ -177,9 +178,9 @@ def _channels(
     if None in roles.x and is_x(names[0]) and not np.isnan(columns[0]).all():
         if np.isnan(columns[-1]).all() and len(columns) > 1:
             raise source.fault(section.start, "rows lack the blank X cell that the header promises; mend the file")
-        remarks.append("the header says there is no X, yet its column holds numbers: time is from X0 and Delta_X")
+        warnings.append("the header says there is no X, yet its column holds numbers: time is from X0 and Delta_X")
     channels, more = build_channels(names, roles, columns, channel_headers(header, roles), section.valid_for)
-    return channels, [*remarks, *more, *_against_header(header, channels)]
+    return channels, [*warnings, *more, *_against_header(header, channels)]
 
 
 def _plain_roles(names: list[str], columns: list[np.ndarray]) -> Roles:
@@ -193,17 +194,17 @@ def _plain_roles(names: list[str], columns: list[np.ndarray]) -> Roles:
 
 
 def _against_header(header: dict[str, list[str]], channels: tuple[Channel, ...]) -> list[str]:
-    """Return remarks on where the table differs from its header."""
+    """Return warnings on where the table differs from its header."""
     promised = (header.get("Channels") or [""])[0]
-    remarks = []
+    warnings = []
     if promised.isdigit() and promised != str(len(channels)):
-        remarks.append(f"the header promises {promised} channels, the table has {len(channels)}")
+        warnings.append(f"the header promises {promised} channels, the table has {len(channels)}")
     differ = [(one, one.declared_samples) for one in channels if one.declared_samples not in (None, len(one.values))]
-    remarks += grouped_remarks(
+    warnings += grouped_warnings(
         [(one.name, f"{len(one.values)} samples, the header promises {count}") for one, count in differ]
     )
     other = sorted({cell for cell in header.get("X_Dimension", []) if cell.lower() not in ("", "time")})
-    remarks += [f"X is {', '.join(map(shown, other[:3]))}, not time"] if other else []
+    warnings += [f"X is {', '.join(map(quoted, other[:3]))}, not time"] if other else []
     infinite = [(one.name, int(np.isinf(one.values).sum())) for one in channels]
-    remarks += grouped_remarks([(name, f"infinite readings: {count}" if count else "") for name, count in infinite])
-    return remarks + named_twice(channels)
+    warnings += grouped_warnings([(name, f"infinite readings: {count}" if count else "") for name, count in infinite])
+    return warnings + named_twice(channels)

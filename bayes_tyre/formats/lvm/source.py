@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.plain_text import quoted
 
 #: More columns than any recorder has; a line with more is another kind of file.
 MOST_COLUMNS = 10_000
@@ -21,7 +22,7 @@ class Source(NamedTuple):
 
     def fault_in_line(self, line: int, what: str, column: str = "") -> BadInput:
         """Return the error that names this line, counted from 1, and the column if one is given."""
-        where = f", column {column if column.isprintable() and len(column) <= 60 else shown(column)}" if column else ""
+        where = f", column {column if column.isprintable() and len(column) <= 60 else quoted(column)}" if column else ""
         return BadInput(f"{self.path}: line {line}{where}: {what}")
 
     def line(self, at: int) -> tuple[bytes, int]:
@@ -37,14 +38,3 @@ def as_text(data: bytes) -> str:
         return data.decode("utf-8")
     except UnicodeDecodeError:
         return data.decode("latin-1")
-
-
-def shown(text: str) -> str:
-    """Return text for a message: printable, in quotes, at most about 60 characters."""
-    return repr(text if len(text) <= 60 else text[:57] + "...")
-
-
-def reason(error: object) -> str:
-    """Return a library's error text for a message: one printable line, at most 200 characters."""
-    line = " ".join(str(error).split())[:200] or type(error).__name__
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in line)

@@ -12,7 +12,8 @@ import pyarrow.csv as pa_csv
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.lvm.commas import spill_over, spilt
-from bayes_tyre.formats.lvm.source import Source, as_text, shown
+from bayes_tyre.formats.lvm.source import Source, as_text
+from bayes_tyre.plain_text import quoted
 
 _BLOCK = 1 << 20
 _LARGEST_BLOCK = (1 << 31) - 1
@@ -227,9 +228,9 @@ def _shortened(text: bytes, long: np.ndarray, mark: bytes, first_line: int, rows
         if runs_on and spill_over(lines[i].split(mark), rows.columns - 1):
             raise spilt(rows.source, first_line + int(i))
         if beyond.strip(mark + b" ") and not runs_on:
-            found = lines[i].count(mark) + 1
+            cells = lines[i].count(mark) + 1
             raise rows.source.fault_in_line(
-                first_line + int(i), f"has {found} cells under {rows.columns} columns; mend the row"
+                first_line + int(i), f"has {cells} cells under {rows.columns} columns; mend the row"
             )
         lines[i] = mark.join(cells)
     return b"\n".join(lines)
@@ -269,6 +270,6 @@ def _numbers(column: pa.ChunkedArray, decimal: str, name: str, lines: np.ndarray
         elif len(cell) <= _LONGEST_CELL and (infinite := _INFINITE.fullmatch(cell)):
             numbers[i] = float(f"{infinite[1]}inf")
         elif cell and not (len(cell) <= _LONGEST_CELL and _NO_NUMBER.fullmatch(cell)):
-            wrong = f"{shown(cell)} is no number; mend the cell"
+            wrong = f"{quoted(cell)} is no number; mend the cell"
             raise source.fault_in_line(int(lines[i]), wrong, name or "without a name")
     return numbers

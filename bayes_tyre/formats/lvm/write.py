@@ -1,7 +1,7 @@
 """Writer of `.lvm` files in LabVIEW's format, in the layout of the source's appendix B1."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -20,12 +20,12 @@ _SCALE = 10**DECIMALS
 #: Above it a number times the scale is no int64; such columns are written number by number.
 _LARGEST = 9e12
 _FIXED = {"Writer_Version": "2", "Reader_Version": "2", "Separator": "Tab", "Decimal_Separator": "."}
-#: Date and time are LabVIEW's epoch unless given: nothing that could be taken for a time of recording.
+#: Date and time are LabVIEW's epoch: nothing that could be taken for a time of recording.
 _HEADER = {"Time_Pref": "Relative", "Operator": "bayes-tyre", "Date": "1904/01/01", "Time": "00:00:00"}
 _END = "***End_of_Header***"
 
 
-def write_lvm(raw: RawSignals, path: Path, notes: str = "", header: Mapping[str, str] | None = None) -> Path:
+def write_lvm(raw: RawSignals, path: Path, notes: str = "") -> Path:
     """Write raw signals as an `.lvm` file, whole or not at all; return the path.
 
     Parameters
@@ -37,26 +37,21 @@ def write_lvm(raw: RawSignals, path: Path, notes: str = "", header: Mapping[str,
         The file; tab separated, one X column, six decimals; NaN is written as such.
     notes:
         One line that every segment's header carries, such as where simulated signals come from.
-    header:
-        Further tags of the file's header, such as Operator, Date, Time, Description; they replace those written.
 
     Raises
     ------
     ValueError
-        If there is no channel, channels cannot share an X column, or a tag belongs to the layout.
+        If there is no channel, or channels cannot share an X column.
     """
-    tags = {**_HEADER, **(header or {})}
     layout = {**_FIXED, "Multi_Headings": "Yes" if len(raw.segments) > 1 else "No", "X_Columns": "One"}
-    if taken := sorted(layout.keys() & tags.keys()):
-        raise ValueError(f"header tag {taken[0]} belongs to the layout")
     if not raw.segments or not all(raw.segments):
         raise ValueError("a segment without a channel cannot be written")
-    lines = ["LabVIEW Measurement\t", *(f"{_line(tag)}\t{_line(text)}" for tag, text in (layout | tags).items())]
+    lines = ["LabVIEW Measurement\t", *(f"{tag}\t{text}" for tag, text in (layout | _HEADER).items())]
     with whole_file(path) as beside, beside.open("wb") as file:
         file.write("\n".join([*lines, f"{_END}\t", "\t", ""]).encode())
         for i, segment in enumerate(raw.segments):
             file.write(b"\t\n" if i else b"")
-            _write_segment(file, segment, notes, tags)
+            _write_segment(file, segment, notes)
     return path
 
 
@@ -65,13 +60,13 @@ def _line(text: str) -> str:
     return " ".join(text.split())
 
 
-def _write_segment(file: BinaryIO, segment: Sequence[Channel], notes: str, tags: Mapping[str, str]) -> None:
+def _write_segment(file: BinaryIO, segment: Sequence[Channel], notes: str) -> None:
     longest = max(segment, key=lambda channel: len(channel.values))
     rows = len(longest.values)
     base = longest.dt_s if rows > 1 else 1.0
     steps = [_step(channel, longest, base) for channel in segment]
     columns = [_x_column(longest.time_s, base), *(_value_column(channel.values, rows) for channel in segment)]
-    file.write("\n".join(_header_lines(segment, longest, steps, notes, tags)).encode())
+    file.write("\n".join(_header_lines(segment, longest, steps, notes)).encode())
     if rows:
         table = pa.table(columns, names=[str(i) for i in range(len(columns))])
         options = pa_csv.WriteOptions(include_header=False, delimiter="\t", quoting_style="none")
@@ -95,9 +90,7 @@ def _step(channel: Channel, longest: Channel, base: float) -> float:
     return step
 
 
-def _header_lines(
-    segment: Sequence[Channel], longest: Channel, steps: Sequence[float], notes: str, tags: Mapping[str, str]
-) -> Iterator[str]:
+def _header_lines(segment: Sequence[Channel], longest: Channel, steps: Sequence[float], notes: str) -> Iterator[str]:
     texts = [_line(notes)] if notes.strip() else []
     if any(len(channel.values) != len(longest.values) for channel in segment):
         texts.append(f"X values guaranteed valid only for {_line(longest.name)}")
@@ -105,8 +98,8 @@ def _header_lines(
         **({"Notes": ["; ".join(texts), *[""] * (len(segment) - 1)]} if texts else {}),
         "Channels": [str(len(segment)), *[""] * (len(segment) - 1)],
         "Samples": [str(len(channel.values)) for channel in segment],
-        "Date": [_line(tags["Date"])] * len(segment),
-        "Time": [_line(tags["Time"])] * len(segment),
+        "Date": [_HEADER["Date"]] * len(segment),
+        "Time": [_HEADER["Time"]] * len(segment),
         "Y_Unit_Label": [_line(channel.unit) for channel in segment],
         "X_Dimension": ["Time"] * len(segment),
         "X0": [f"{channel.time_s[0] if len(channel.time_s) else 0.0:.16E}" for channel in segment],

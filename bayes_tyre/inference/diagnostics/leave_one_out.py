@@ -7,7 +7,8 @@ without the record.
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 
 import arviz as az
 import numpy as np
@@ -16,31 +17,33 @@ import xarray as xr
 from arviz_stats import ELPDData
 from jaxtyping import Float
 
-from bayes_tyre.batch import Batch
 from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.diagnostics.attempts import Attempt, directly
 from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
 from bayes_tyre.inference.diagnostics.record_marginal import (
     RecordDensity,
     hyperparameters,
     record_density,
     standard_points,
+    unknowns,
 )
-from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
-from bayes_tyre.inference.record_data import record_data
-from bayes_tyre.inference.sampling.hierarchical_fit import (
-    ModelSettings,
-    batch_and_factors,
-    fit_batch,
-    likelihood_of,
-    whitening_for,
-)
+from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
+from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.hierarchical_fit import fit_prepared
 from bayes_tyre.inference.sampling.run import SamplerSettings
 
 #: Draws of the posterior at which each record's density is taken.
 DRAWS = 500
 #: Least effective number of points of the integral over a record's own parameters.
 EFFECTIVE_LEAST = 20.0
+#: Of the noise of records: its typical value, its standard deviation among records, to the scale on which it is normal,
+#: and back.
+_NOISE = (
+    ("sigma_typical", "sd_log_sigma", np.log, np.exp),
+    ("atanh_rho_typical", "sd_atanh_rho", np.positive, np.positive),
+)
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,7 @@ def leave_one_record_out(
     model: ModelSettings,
     refit: SamplerSettings | None = None,
     on_refit: Callable[[str], None] = lambda _: None,
+    attempt: Attempt = directly,
 ) -> LeaveOneOut:
     """Return how well a fitted model predicts each record from the others.
 
@@ -90,24 +94,27 @@ def leave_one_record_out(
         Sampler settings of the refit where importance sampling fails; None: no refit, the estimate stays as it is.
     on_refit:
         Called with the record's name before each refit.
+    attempt:
+        Runs each refit; without the one that fails the estimate stays as it is.
 
     Raises
     ------
     BadInput
         With a single record: there is nothing to predict it from.
     """
-    batch, factor_table, factors = batch_and_factors(table, model)
-    if len(batch.records) < 2:
+    records = prepare_records(table, model)
+    names = records.batch.records
+    if len(names) < 2:
         raise BadInput("one record cannot be predicted from others; models are compared on two or more")
-    densities = _densities(as_measured(thinned(tree)), batch, factors, factors.of_record, model)
+    densities = _densities(as_measured(thinned(tree)), records, model)
     chains = tree["posterior"].sizes["chain"]
-    by_chain = np.asarray(densities.log_density).reshape(chains, -1, len(batch.records))
+    by_chain = np.asarray(densities.log_density).reshape(chains, -1, len(names))
     effective = np.median(np.asarray(densities.effective_points), axis=0)
 
     def refit_without(record: int) -> float:
-        return _refit_without(record, batch, factor_table, factors, refit or SamplerSettings(), model)
+        return _refit_without(record, records, refit or SamplerSettings(), model)
 
-    return left_out(by_chain, batch.records, effective, refit_without if refit is not None else None, on_refit)
+    return left_out(by_chain, names, effective, refit_without if refit is not None else None, on_refit, attempt)
 
 
 def left_out(
@@ -116,6 +123,7 @@ def left_out(
     effective: Float[np.ndarray, " records"],
     refit_without: Callable[[int], float] | None,
     on_refit: Callable[[str], None],
+    attempt: Attempt = directly,
 ) -> LeaveOneOut:
     """Return the log predictive densities of records left out, from those at draws of the posterior with them.
 
@@ -132,6 +140,8 @@ def left_out(
         no refit.
     on_refit:
         Called with the record's name before each refit.
+    attempt:
+        Runs each refit.
     """
     tree = az.from_dict(
         {"posterior": {"level": by_chain.mean(axis=2)}, "log_likelihood": {"record_force": by_chain}},
@@ -148,7 +158,9 @@ def left_out(
         failed = pareto_k > PARETO_K_MOST
         for record in map(int, np.flatnonzero(failed)):
             on_refit(records[record])
-            values[record] = refit_without(record)
+            refitted = attempt(f"fit without {records[record]}", partial(refit_without, record), None)
+            failed[record] = refitted is not None
+            values[record] = values[record] if refitted is None else refitted
     elpd.elpd_i, elpd.elpd = values, float(values.sum())
     elpd.se = float(np.sqrt(len(values) * values.var()))
     return LeaveOneOut(elpd, pareto_k, failed, effective)
@@ -161,35 +173,45 @@ def thinned(tree: xr.DataTree) -> xr.Dataset:
     return posterior.isel(draw=slice(None, None, every))
 
 
-def _densities(
-    posterior: xr.Dataset, batch: Batch, factors: Factors, cases: np.ndarray, model: ModelSettings
-) -> RecordDensity:
-    """Return the density of the records of a batch, whose cases are given, under a posterior's hyperparameters."""
-    data, whitening = record_data(batch), whitening_for(batch, model)
-    estimates = estimate_records(batch, model.noise, whitening)
-    draws = hyperparameters(posterior, factors, cases)
-    z = standard_points(6 if model.noise == "ar1" else 5, seed=0)
-    likelihood, widening = likelihood_of(data, model, whitening), model.priors.discordant_widening
-    return record_density(likelihood, data, estimates, draws, z, widening)
+def with_noise_of_records(posterior: xr.Dataset, priors: Priors, seed: int) -> xr.Dataset:
+    """Return the posterior of a single record with what another record's noise is drawn from; any other as it is.
+
+    The model of one record has its noise alone, not that of records in general. How much these differ is then as the
+    prior has it, and their typical value follows from the record's own, by a normal prior and a normal likelihood.
+
+    Parameters
+    ----------
+    posterior:
+        Dims chain, draw, ...
+    priors:
+        That it was fitted with.
+    seed:
+        Of what is drawn.
+    """
+    random, added = np.random.default_rng(seed), {}
+    for typical, sd_name, log, exp in _NOISE:
+        if typical in posterior and sd_name not in posterior:
+            of_one, (centre, width) = posterior[typical], priors[typical].parameters
+            own, sd = log(of_one.to_numpy()), priors[sd_name].scipy().rvs(of_one.shape, random_state=random)
+            share = width**2 / (width**2 + sd**2)
+            drawn = centre + share * (own - centre) + sd * np.sqrt(share) * random.standard_normal(own.shape)
+            added |= {typical: of_one.copy(data=exp(drawn)), sd_name: of_one.copy(data=sd)}
+    return posterior.assign(added)
 
 
-def _refit_without(
-    record: int,
-    batch: Batch,
-    factor_table: pd.DataFrame,
-    factors: Factors,
-    settings: SamplerSettings,
-    model: ModelSettings,
-) -> float:
+def _densities(posterior: xr.Dataset, records: PreparedRecords, model: ModelSettings) -> RecordDensity:
+    """Return the density of records under a posterior's hyperparameters."""
+    estimates = estimate_records(records.batch, model.noise, records.whitening)
+    draws = hyperparameters(posterior, records.factors, records.factors.of_record)
+    z = standard_points(unknowns(model.noise), seed=0)
+    return record_density(records.likelihood, records.data, estimates, draws, z, model.priors.discordant_widening)
+
+
+def _refit_without(record: int, records: PreparedRecords, settings: SamplerSettings, model: ModelSettings) -> float:
     """Return the log predictive density of a record from a fit without it; its case stays, if only by its factors."""
-    others = np.arange(len(batch.records)) != record
-    without = replace(factors, of_record=factors.of_record[others])
-    posterior = fit_batch(_select(batch, others), factor_table[others].reset_index(drop=True), without, settings, model)
-    densities = _densities(thinned(posterior), _select(batch, ~others), factors, factors.of_record[~others], model)
+    others = np.arange(len(records.batch.records)) != record
+    posterior = thinned(fit_prepared(records.only(others, model), settings, model))
+    posterior = with_noise_of_records(posterior, model.priors, settings.seed)
+    densities = _densities(posterior, records.only(~others, model), model)
     log_density = np.asarray(densities.log_density)[:, 0]
     return float(np.logaddexp.reduce(log_density) - np.log(len(log_density)))
-
-
-def _select(batch: Batch, mask: np.ndarray) -> Batch:
-    names = tuple(name for name, is_selected in zip(batch.records, mask, strict=True) if is_selected)
-    return Batch(names, batch.displacement_mm[mask], batch.force_kN[mask], batch.present[mask])

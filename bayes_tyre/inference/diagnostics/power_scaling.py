@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from bayes_tyre.inference.diagnostics.attempts import Attempt, directly
 from bayes_tyre.inference.diagnostics.log_densities import (
     log_likelihood_of_print,
     log_likelihood_of_records,
@@ -16,17 +17,13 @@ from bayes_tyre.inference.diagnostics.log_densities import (
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.hyperparameters import prior_sites, published_sites
-from bayes_tyre.inference.model.prior_predictive import RecordStarts, prior_quantities
+from bayes_tyre.inference.model.models import published_model, records_model
+from bayes_tyre.inference.model.prepared_records import PreparedRecords
+from bayes_tyre.inference.model.prior_predictive import draw_prior, usual_repeats, without_points
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.record_data import record_data
-from bayes_tyre.inference.sampling.datatree import to_datatree
+from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.datatree import QUANTITIES, to_datatree
 from bayes_tyre.inference.sampling.group_means import named_group_means
-from bayes_tyre.inference.sampling.hierarchical_fit import (
-    ModelSettings,
-    batch_and_factors,
-    likelihood_of,
-    whitening_for,
-)
 from bayes_tyre.record import CASE_FACTORS
 
 #: The group of a posterior's tree that holds all this, and what stands along its dimension `measure`.
@@ -38,6 +35,8 @@ CONTRACTION_LEAST = 0.5
 SENSITIVE = 0.05
 #: Draws of the prior, fewer where there are many records: a ratio of variances is then off by 2 or 3 % of itself.
 PRIOR_DRAWS, _PRIOR_NUMBERS = 4000, 4_000_000
+#: What is drawn of the prior: all that a posterior holds, but that which is a probability itself.
+PRIOR_SITES = tuple(name for name in QUANTITIES if name != "outlier_probability")
 #: Draws of the posterior that sensitivities rest on, evenly taken; and quantities of pure noise beside them.
 DRAWS, _NOISES = 2000, 20
 
@@ -82,7 +81,8 @@ def sensitivity(quantities: xr.Dataset, log_prior: xr.Dataset, log_likelihood: x
 
     Keys ``prior_sensitivity`` and ``likelihood_sensitivity``; each dataset's attribute `floor` is the largest of
     `_NOISES` quantities that depend on nothing, so what Monte Carlo error alone gives. Where a density is no number
-    there is nothing to weigh, and nothing is returned; quantities that are none are left out.
+    there is nothing to weigh, and nothing is returned; quantities that are none are left out. Where the largest weights
+    are equal, as stuck chains leave them, ArviZ raises ValueError.
 
     In a hierarchy only the top-level priors are scaled, those that `log_prior` holds. The likelihood of many records
     has much in it that bears on no case: its floor is then above most sensitivities, which are then not significant.
@@ -135,29 +135,33 @@ def identified(tree: xr.DataTree, name: str) -> pd.DataFrame:
     return table.assign(decided_by=[decided_by(*pair, of_prior) for pair in figures])
 
 
-def identify_records(tree: xr.DataTree, table: pd.DataFrame, model: ModelSettings) -> xr.DataTree:
+def identify_records(
+    tree: xr.DataTree, records: PreparedRecords, model: ModelSettings, attempt: Attempt = directly
+) -> xr.DataTree:
     """Return the posterior of a record table with the group `GROUP`: each quantity along the dimension `measure`.
 
     Parameters
     ----------
-    tree, table, model:
-        The posterior, the checked table it was fitted to, and the model's other settings.
+    tree, records, model:
+        The posterior, the records that it was fitted to, and the model's other settings.
+    attempt:
+        Runs the power scaling; where that fails, the contraction stands alone.
     """
-    batch, factor_table, factors = batch_and_factors(table, model)
-    data = record_data(batch)
-    sites = prior_sites(factors, model.repeats, model.noise)
-    draws = max(PRIOR_DRAWS // 10, min(PRIOR_DRAWS, _PRIOR_NUMBERS // len(factor_table)))
-    start = RecordStarts(*(np.asarray(values) for values in (data.F_0, data.span, data.d_0)))
-    prior = prior_tree(
-        prior_quantities(factors, sites, draws, seed=0, start=start, priors=model.priors), factors, factor_table
-    )
+    data, factors = records.data, records.factors
+    draws = max(PRIOR_DRAWS // 10, min(PRIOR_DRAWS, _PRIOR_NUMBERS // len(records.factor_table)))
+    without_data = {"data": without_points(data), "likelihood": None, "observed": False}
+    drawn = draw_prior(records_model, records.arguments(model) | without_data, PRIOR_SITES, draws, seed=0)
+    prior = prior_tree(drawn | usual_repeats(drawn, factors, seed=0), factors, records.factor_table)
     some = thinned(tree["posterior"].to_dataset())
-    likelihood = likelihood_of(data, model, whitening_for(batch, model))
-    densities = log_prior(some, sites, data, model.priors), log_likelihood_of_records(some, likelihood)
-    return with_identifiability(tree, prior, *densities, model.priors)
+    of_prior = log_prior(some, prior_sites(factors, model.repeats, model.noise), data, model.priors)
+    return with_identifiability(
+        tree, prior, of_prior, log_likelihood_of_records(some, records.likelihood), model.priors, attempt
+    )
 
 
-def identify_published(tree: xr.DataTree, table: pd.DataFrame, priors: Priors = PRIORS) -> xr.DataTree:
+def identify_published(
+    tree: xr.DataTree, table: pd.DataFrame, priors: Priors = PRIORS, attempt: Attempt = directly
+) -> xr.DataTree:
     """Return the posterior of printed case means with the group that `identify_records` adds.
 
     Parameters
@@ -168,10 +172,13 @@ def identify_published(tree: xr.DataTree, table: pd.DataFrame, priors: Priors = 
     factors = find_factors(table[list(CASE_FACTORS)])
     sites = published_sites(factors)
     printed = {"k": table["k_kN_per_mm"].to_numpy(dtype=float), "beta": table["beta_mm"].to_numpy(dtype=float)}
-    drawn = prior_quantities(factors, sites, PRIOR_DRAWS, seed=0, priors=priors)
+    arguments = {"values": printed, "factors": factors, "priors": priors}
+    drawn = draw_prior(published_model, arguments, PRIOR_SITES, PRIOR_DRAWS, seed=0)
     some = thinned(tree["posterior"].to_dataset())
     densities = log_prior(some, sites, priors=priors), log_likelihood_of_print(some, printed)
-    return with_identifiability(tree, prior_tree(drawn, factors, pd.DataFrame({"record": []})), *densities, priors)
+    return with_identifiability(
+        tree, prior_tree(drawn, factors, pd.DataFrame({"record": []})), *densities, priors, attempt
+    )
 
 
 def prior_tree(drawn: Mapping[str, np.ndarray], factors: Factors, factor_table: pd.DataFrame) -> xr.DataTree:
@@ -191,6 +198,7 @@ def with_identifiability(
     log_prior: xr.Dataset,
     log_likelihood: xr.Dataset,
     priors: Priors,
+    attempt: Attempt = directly,
 ) -> xr.DataTree:
     """Return the tree with `GROUP`; a measure that a quantity does not have is NaN.
 
@@ -199,10 +207,14 @@ def with_identifiability(
     """
     posterior, of_prior = (_quantities(each) for each in (tree, prior))
     above_records = posterior.drop_vars([name for name in posterior.data_vars if "record" in posterior[name].dims])
-    found = {
-        "contraction": contraction(posterior, of_prior, priors),
-        **sensitivity(thinned(above_records), log_prior, log_likelihood),
-    }
+    found = {"contraction": contraction(posterior, of_prior, priors)}
+    found |= attempt(
+        "power scaling",
+        lambda: sensitivity(thinned(above_records), log_prior, log_likelihood),
+        dict[str, xr.Dataset](),
+        kind="sampling",
+        remedy="too few different draws have no tail to weigh: raise --warmup and --draws",
+    )
     measured = {}
     for name in (str(name) for name in posterior.data_vars):
         like = posterior[name].isel(chain=0, draw=0, drop=True).astype(float)

@@ -3,7 +3,7 @@
 Leave-one-out with a record's own k and beta in the model is not informative, because they adapt to the record. The
 predictive density of an unseen record is the integral over its parameters: by importance sampling about the Gaussian
 posterior of the record's Laplace approximation and each draw's hyperparameters, with the same quasi-random points for
-every draw.
+every draw. F_i and J are integrated out in closed form.
 """
 
 from typing import NamedTuple
@@ -17,11 +17,16 @@ from jax.scipy.special import gammaln, logsumexp
 from jaxtyping import Array, Float
 from scipy.stats import chi2, norm, qmc
 
+from bayes_tyre.inference.model.coordinates.laplace import RecordEstimates
+from bayes_tyre.inference.model.coordinates.reparameterisation import (
+    Gaussian,
+    Reparameterised,
+    reparameterise,
+    reparameterise_by_slope,
+)
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.coordinates.laplace import RecordEstimates
 from bayes_tyre.inference.model.likelihood import Likelihood
-from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian, Reparameterised, reparameterise
 from bayes_tyre.inference.record_data import RecordData
 
 #: Points of each integral (a power of two, for Sobol's sequence), and degrees of freedom of the t they are drawn from.
@@ -105,9 +110,14 @@ class RecordDensity(NamedTuple):
     effective_points: Float[Array, "*draws records"]
 
 
-def standard_points(dimensions: int, seed: int, points: int = POINTS) -> Float[Array, "points dimensions"]:
+def unknowns(noise: str) -> int:
+    """Return over how many of its unknowns a record is integrated by points: log k, log beta, sigma, and rho."""
+    return 4 if noise == "ar1" else 3
+
+
+def standard_points(of_each: int, seed: int, points: int = POINTS) -> Float[Array, "points dimensions"]:
     """Return quasi-random points of a standard t with `TAILS` degrees of freedom (Owen's scrambled Sobol sequence)."""
-    uniform = qmc.Sobol(dimensions + 1, rng=np.random.default_rng(seed)).random(points)
+    uniform = qmc.Sobol(of_each + 1, rng=np.random.default_rng(seed)).random(points)
     uniform = np.clip(uniform, 1e-12, 1.0 - 1e-12)
     mixing = np.sqrt(TAILS / chi2(TAILS).ppf(uniform[:, -1:]))
     return jnp.asarray(norm.ppf(uniform[:, :-1]) * mixing)
@@ -117,15 +127,6 @@ def _log_standard(z: Float[Array, "*points dimensions"]) -> Float[Array, "*point
     dimensions = z.shape[-1]
     volume = gammaln(0.5 * (TAILS + dimensions)) - gammaln(0.5 * TAILS) - 0.5 * dimensions * jnp.log(TAILS * jnp.pi)
     return volume - 0.5 * (TAILS + dimensions) * jnp.log1p(jnp.sum(z**2, axis=-1) / TAILS)
-
-
-def _information(estimates: RecordEstimates) -> Float[Array, "records 4 4"]:
-    """Return the information on (F_i, J, log k, log beta) of each record's Laplace approximation."""
-    inverse = jnp.linalg.inv(estimates.factor)
-    level = jnp.einsum("rji,rjk->rik", inverse, inverse)
-    both = -level @ estimates.slope
-    shape = estimates.precision - jnp.einsum("rji,rjk->rik", estimates.slope, both)
-    return jnp.block([[level, both], [jnp.swapaxes(both, 1, 2), shape]])
 
 
 @eqx.filter_jit
@@ -146,21 +147,27 @@ def record_density(
     of:
         The draws.
     z:
-        As `standard_points` gives them; six dimensions for autoregressive noise, five without.
+        As `standard_points` gives them, of `unknowns` dimensions.
     widening:
         How many times the usual standard deviation that of discordant repeats is.
     """
-    information, log_z = _information(estimates), _log_standard(z)
+    log_z = _log_standard(z)
 
     def given(population: Hyperparameters) -> RecordDensity:
+        sd_of_offsets = jnp.stack([data.span, jnp.broadcast_to(population.sd_J, data.span.shape)], axis=1)
+
+        def forces_at(log_values: Array, log_sigma: Array, rho: Array | None) -> Array:
+            of_offsets = likelihood.of_offsets(log_values, jnp.exp(log_sigma), rho)
+            return of_offsets.about(data.F_0 - likelihood.first_force).with_prior(sd_of_offsets).log_marginal
+
         def integral(log_widening: float) -> tuple[Array, Array]:
             wide = population._replace(log_scatter=population.log_scatter + log_widening)
-            theta, volume = _theta(z[:, :4], data, estimates, information, wide)
-            log_sigma, atanh_rho, narrow = _noise(z[:, 4:], estimates, population)
+            placed = _log_values(z[:, :2], estimates, wide)
+            log_sigma, atanh_rho, narrow = _noise(z[:, 2:], estimates, population)
             rho = None if atanh_rho is None else jnp.tanh(atanh_rho)
-            forces = jax.vmap(likelihood, in_axes=(0, 0, None if rho is None else 0))(theta, jnp.exp(log_sigma), rho)
-            prior = _log_prior(theta, log_sigma, atanh_rho, data, population)
-            weight = forces + prior + _about_case(theta[..., 2:], wide) + volume + narrow - log_z[:, None]
+            forces = jax.vmap(forces_at, in_axes=(0, 0, None if rho is None else 0))(placed.value, log_sigma, rho)
+            prior = _log_prior_of_noise(log_sigma, atanh_rho, population) + _about_case(placed.value, wide)
+            weight = forces + prior + placed.log_volume + narrow - log_z[:, None]
             total = logsumexp(weight, axis=0)
             return total - jnp.log(len(z)), jnp.exp(2.0 * total - logsumexp(2.0 * weight, axis=0))
 
@@ -176,28 +183,18 @@ def record_density(
     return jax.lax.map(given, of)
 
 
-def _theta(
-    z: Float[Array, "points 4"],
-    data: RecordData,
-    estimates: RecordEstimates,
-    information: Float[Array, "records 4 4"],
-    of: Hyperparameters,
-) -> tuple[Float[Array, "points records 4"], Float[Array, " records"]]:
-    """Return (F_i, J, log k, log beta) about each record's posterior given hyperparameters; the map's log volume."""
-    widen = 0.0 if of.student_nu is None else jnp.log(_STUDENT_WIDENING)
-    log_J = jnp.broadcast_to(jnp.log(of.sd_J), data.span.shape)
-    log_scale = jnp.stack([jnp.log(data.span), log_J, *(of.log_scatter + widen).T], axis=1)
-    above = jnp.stack([data.F_0, jnp.zeros_like(data.F_0), *of.log_case.T], axis=1)
-    # In units of the scales above, which may be anything between nothing and far more than the data know.
-    scale = jnp.exp(log_scale)
-    scaled = information * scale[:, :, None] * scale[:, None, :]
-    pull = scale * jnp.einsum("rij,rj->ri", information, estimates.centre - above)
-    lower = jnp.linalg.cholesky(jnp.eye(4) + scaled)
-    inverse = jax.scipy.linalg.solve_triangular(lower, jnp.broadcast_to(jnp.eye(4), lower.shape), lower=True)
-    mean = jnp.einsum("rki,rkj,rj->ri", inverse, inverse, pull)
-    deviation = mean + jnp.einsum("rji,pj->pri", inverse, z)
-    volume = jnp.sum(log_scale, axis=1) - jnp.sum(jnp.log(jnp.diagonal(lower, axis1=1, axis2=2)), axis=1)
-    return above + scale * deviation, volume
+def _log_values(z: Float[Array, "points 2"], estimates: RecordEstimates, of: Hyperparameters) -> Reparameterised:
+    """Return (log k, log beta) about each record's posterior given hyperparameters; leading axis points."""
+    quadratic = estimates.of_log_values(of.sd_J)
+    slope = quadratic.slope_at(of.log_case)
+    scatter = jnp.exp(of.log_scatter) * (1.0 if of.student_nu is None else _STUDENT_WIDENING)
+
+    def at(z: Float[Array, "2"]) -> Reparameterised:
+        return reparameterise_by_slope(
+            jnp.broadcast_to(z, slope.shape), slope, quadratic.precision, of.log_case, scatter
+        )
+
+    return jax.vmap(at)(z)
 
 
 def _noise(
@@ -229,16 +226,11 @@ def _log_normal(value: Array, centre: Array | float, log_scale: Array) -> Array:
     return -0.5 * ((value - centre) * jnp.exp(-log_scale)) ** 2 - log_scale - 0.5 * jnp.log(2.0 * jnp.pi)
 
 
-def _log_prior(
-    theta: Float[Array, "points records 4"],
-    log_sigma: Float[Array, "points records"],
-    atanh_rho: Float[Array, "points records"] | None,
-    data: RecordData,
-    of: Hyperparameters,
+def _log_prior_of_noise(
+    log_sigma: Float[Array, "points records"], atanh_rho: Float[Array, "points records"] | None, of: Hyperparameters
 ) -> Float[Array, "points records"]:
-    """Return the log density of F_i, J and the noise of each record, as `hierarchical` has them."""
-    prior = _log_normal(theta[..., 0], data.F_0, jnp.log(data.span)) + _log_normal(theta[..., 1], 0.0, jnp.log(of.sd_J))
-    prior = prior + _log_normal(log_sigma, of.log_sigma, jnp.log(of.sd_log_sigma))
+    """Return the log density of the noise of each record, as `records_model` has it."""
+    prior = _log_normal(log_sigma, of.log_sigma, jnp.log(of.sd_log_sigma))
     if atanh_rho is None:
         return prior
     assert of.atanh_rho is not None

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float
 from bayes_tyre.inference.least_squares.beta_grid import grid_minima
 from bayes_tyre.inference.least_squares.bounded_levenberg_marquardt import BoxLevenbergMarquardt
 from bayes_tyre.inference.least_squares.parameters import BETA, D_I, F_I, C, K
-from bayes_tyre.inference.least_squares.scaled_problem import OwnProblem, Problem, in_own_units
+from bayes_tyre.inference.least_squares.scaled_problem import Problem, ScaledProblem, scale_problem
 from bayes_tyre.inference.least_squares.small_linear_algebra import r_factor
 from bayes_tyre.inference.least_squares.starting_values import solve_linear, starting_values
 from bayes_tyre.inference.least_squares.variable_projection import ends, optimum, profile_of, solve
@@ -78,12 +78,12 @@ def _mask(indices: tuple[int, ...]) -> Bool[Array, "5"]:
     return jnp.array([i in indices for i in range(5)])
 
 
-def _fit(value: Float[Array, "5"], own: OwnProblem, free: tuple[int, ...], steps: int = MAX_STEPS) -> _Fit:
+def _fit(value: Float[Array, "5"], scaled: ScaledProblem, free: tuple[int, ...], steps: int = MAX_STEPS) -> _Fit:
     """Return the optimum over the free parameters from `value`."""
     index = jnp.array(free)
-    two_sided = jnp.isfinite(own.low) & jnp.isfinite(own.high)
+    two_sided = jnp.isfinite(scaled.low) & jnp.isfinite(scaled.high)
     bends = _mask((K, C)) & ~two_sided
-    side = jnp.where(jnp.isfinite(own.low), own.low, jnp.where(jnp.isfinite(own.high), own.high, 0.0))
+    side = jnp.where(jnp.isfinite(scaled.low), scaled.low, jnp.where(jnp.isfinite(scaled.high), scaled.high, 0.0))
     anchor = jnp.where(bends, side, 0.0)
 
     # Log beta, because steps in beta would leave its range. k and C less their bound, times the rise at full travel:
@@ -92,47 +92,47 @@ def _fit(value: Float[Array, "5"], own: OwnProblem, free: tuple[int, ...], steps
         return jnp.where(bends, -jnp.expm1(-1.0 / beta), 1.0)
 
     def to_value(unknown: Float[Array, " free"]) -> Float[Array, "5"]:
-        packed = own.base.at[index].set(unknown)
+        packed = scaled.base.at[index].set(unknown)
         if BETA in free:
             packed = packed.at[BETA].set(jnp.exp(packed[BETA]))
-        return jnp.where(_mask(free), anchor + packed / rise(packed[BETA]), own.base)
+        return jnp.where(_mask(free), anchor + packed / rise(packed[BETA]), scaled.base)
 
     def to_unknown(value: Float[Array, "5"]) -> Float[Array, " free"]:
         packed = (value - anchor) * rise(value[BETA])
         return packed.at[BETA].set(jnp.log(packed[BETA]))[index]
 
-    ends = jnp.log(jnp.stack(own.beta_ends))
+    ends = jnp.log(jnp.stack(scaled.beta_ends))
     low, high = (
-        (bound - anchor).at[BETA].set(end)[index] for bound, end in zip((own.low, own.high), ends, strict=True)
+        (bound - anchor).at[BETA].set(end)[index] for bound, end in zip((scaled.low, scaled.high), ends, strict=True)
     )
     solution = optx.least_squares(
-        lambda unknown, _: own.residual(to_value(unknown)),
+        lambda unknown, _: scaled.residual(to_value(unknown)),
         BoxLevenbergMarquardt(low=low, high=high, rtol=TOLERANCE, atol=TOLERANCE),
         jnp.clip(to_unknown(value), low, high),
         max_steps=steps,
         throw=False,
     )
     estimate = to_value(solution.value)
-    rss = jnp.sum(own.residual(estimate) ** 2)
+    rss = jnp.sum(scaled.residual(estimate) ** 2)
     finite = jnp.all(jnp.isfinite(estimate)) & jnp.isfinite(rss)
     return _Fit(estimate, jnp.where(finite, rss, jnp.inf), finite & (solution.result == optx.RESULTS.successful))
 
 
-def _best_fit(starts: Float[Array, "starts 5"], own: OwnProblem, free: tuple[int, ...]) -> _Fit:
+def _best_fit(starts: Float[Array, "starts 5"], scaled: ScaledProblem, free: tuple[int, ...]) -> _Fit:
     """Return the best of the fits from several starts: of those that converged, if any did."""
     # lax.map, not vmap: memory stays at one batch whatever the number of starts.
     if D_I not in free:
-        return _best(jax.lax.map(lambda start: _fit(start, own, free), starts))
+        return _best(jax.lax.map(lambda start: _fit(start, scaled, free), starts))
     # The RSS has a kink where d_i passes a point, near which the solver is slow: short fits choose among the starts.
-    short = jax.lax.map(lambda start: _fit(start, own, free, SHORT_STEPS), starts)
-    fits = [_fit(short.value[jnp.argmin(short.rss)], own, free)]
+    short = jax.lax.map(lambda start: _fit(start, scaled, free, SHORT_STEPS), starts)
+    fits = [_fit(short.value[jnp.argmin(short.rss)], scaled, free)]
     others = tuple(i for i in free if i != D_I)
     if others:
         # Where a kink is a minimum, the solver stops on the way into it.
         value = fits[0].value
-        point = own.d[jnp.argmin(jnp.where(own.used, jnp.abs(own.d - value[D_I]), jnp.inf))]
-        kink = jnp.clip(point, own.low[D_I], own.high[D_I])
-        fits.append(_fit(value.at[D_I].set(kink), own._replace(base=own.base.at[D_I].set(kink)), others))
+        point = scaled.d[jnp.argmin(jnp.where(scaled.used, jnp.abs(scaled.d - value[D_I]), jnp.inf))]
+        kink = jnp.clip(point, scaled.low[D_I], scaled.high[D_I])
+        fits.append(_fit(value.at[D_I].set(kink), scaled._replace(base=scaled.base.at[D_I].set(kink)), others))
     return _best(jax.tree.map(lambda *fields: jnp.stack(fields), *fits))
 
 
@@ -143,7 +143,7 @@ def _best(fits: _Fit) -> _Fit:
 
 
 def _errors(
-    tangents: list[Float[Array, " points"]], own: OwnProblem, fitted: Bool[Array, "5"], free: tuple[int, ...]
+    tangents: list[Float[Array, " points"]], scaled: ScaledProblem, fitted: Bool[Array, "5"], free: tuple[int, ...]
 ) -> tuple[Float[Array, "5"], Bool[Array, "5"]]:
     """Return standard errors over that of a point, and which parameters are in the null space of the Jacobian.
 
@@ -159,8 +159,8 @@ def _errors(
     root = jnp.zeros((5, len(free))).at[index].set(vectors.T * inverse / scale[:, None])
     lost = jnp.zeros(5, bool).at[index].set(jnp.max(jnp.abs(vectors) * ~nonzero[:, None], axis=0) > 0.1) & fitted
     # Away from zero displacement C is the line's force less k times the distance: no better known than k.
-    lost = lost.at[C].set(lost[C] | (fitted[C] & lost[K] & (own.units.origin != 0)))
-    return jnp.where(fitted & ~lost, own.units.deviations(root), jnp.nan), lost
+    lost = lost.at[C].set(lost[C] | (fitted[C] & lost[K] & (scaled.units.origin != 0)))
+    return jnp.where(fitted & ~lost, scaled.units.deviations(root), jnp.nan), lost
 
 
 def _exact_at_bounds(
@@ -182,13 +182,13 @@ class _Solution(NamedTuple):
 
 
 def _solve_profile(
-    given: Float[Array, "starts 5"], own: OwnProblem, free: tuple[int, ...], axis_name: str | None
+    given: Float[Array, "starts 5"], scaled: ScaledProblem, free: tuple[int, ...], axis_name: str | None
 ) -> _Solution:
     """Return the best of the fits from several betas (mm; NaN: estimated from the data), all else being linear."""
-    profile = profile_of(own)
+    profile = profile_of(scaled)
     at_ends = [optimum(profile, beta, free) for beta in ends(profile)]
     low, second_counts = grid_minima(profile, at_ends[0], free, axis_name)
-    log_given = jnp.log((given[:, BETA] - own.units.zero[BETA]) / own.units.unit[BETA])
+    log_given = jnp.log((given[:, BETA] - scaled.units.zero[BETA]) / scaled.units.unit[BETA])
     missing = jnp.isnan(log_given)[:, None]
     starts = jnp.where(missing, low, log_given[:, None]).ravel()
     wanted = jnp.where(missing, jnp.stack([jnp.array(True), second_counts]), jnp.array([True, False])).ravel()
@@ -197,7 +197,7 @@ def _solve_profile(
         solution = solve(profile, *start, free, TOLERANCE, MAX_STEPS)
         rss = 2.0 * solution.state.f
         finite = jnp.isfinite(solution.value) & jnp.isfinite(rss)
-        value = own.base.at[BETA].set(jnp.exp(solution.value))
+        value = scaled.base.at[BETA].set(jnp.exp(solution.value))
         return _Fit(value, jnp.where(finite, rss, jnp.inf), finite & (solution.result == optx.RESULTS.successful))
 
     best = _best(jax.lax.map(fit, (starts, wanted)))
@@ -210,12 +210,12 @@ def _solve_profile(
     return _Solution(result, [point.tangents[i] for i in free], [end.rss for end in at_ends])
 
 
-def _solve_full(given: Float[Array, "starts 5"], own: OwnProblem, free: tuple[int, ...]) -> _Solution:
+def _solve_full(given: Float[Array, "starts 5"], scaled: ScaledProblem, free: tuple[int, ...]) -> _Solution:
     """Return the best of the fits from several starts (kN, mm; NaN: estimated from the data), within bounds."""
-    fit = _best_fit(starting_values(given, own, free), own, free)
+    fit = _best_fit(starting_values(given, scaled, free), scaled, free)
     units = jnp.eye(5)
-    tangents = [jax.jvp(own.residual, (fit.value,), (units[i],))[1] for i in free]
-    ends = [solve_linear(beta, fit.value, own, free)[1] for beta in own.beta_ends] if BETA in free else []
+    tangents = [jax.jvp(scaled.residual, (fit.value,), (units[i],))[1] for i in free]
+    ends = [solve_linear(beta, fit.value, scaled, free)[1] for beta in scaled.beta_ends] if BETA in free else []
     return _Solution(fit, tangents, ends)
 
 
@@ -239,26 +239,26 @@ def estimate_record(
     Source: Equation 2; Newton's method on the profile over log beta, or bounded Levenberg-Marquardt; errors from
     RSS / (points - fitted), where a parameter at its bound is not counted as fitted.
     """
-    own = in_own_units(problem, free)
+    scaled = scale_problem(problem, free)
     given = problem.start
-    solution = _solve_profile(given, own, free, axis_name) if beta_alone else _solve_full(given, own, free)
+    solution = _solve_profile(given, scaled, free, axis_name) if beta_alone else _solve_full(given, scaled, free)
     (value, rss, converged), tangents, rss_at_ends = solution
     near = AT_BOUND * jnp.where(_mask((BETA,)), value, 1.0 + jnp.abs(value))
-    at_bound = _mask(free) & ((value <= own.low + near) | (value >= own.high - near))
+    at_bound = _mask(free) & ((value <= scaled.low + near) | (value >= scaled.high - near))
     fitted = _mask(free) & ~at_bound
     spare = jnp.sum(problem.used) - jnp.sum(fitted)
     # Exact data have no residual: the variance is then that of rounding.
-    rounding = 1e-12 * jnp.max(jnp.where(problem.used, jnp.abs(problem.F), 0.0)) / own.units.span
+    rounding = 1e-12 * jnp.max(jnp.where(problem.used, jnp.abs(problem.F), 0.0)) / scaled.units.span
     variance = jnp.maximum(rss / jnp.maximum(spare, 1), rounding**2)
-    errors, lost = _errors(tangents, own, fitted, free)
+    errors, lost = _errors(tangents, scaled, fitted, free)
     below = above = jnp.zeros((), bool)
     if rss_at_ends:
         ends = [at_end - rss < CHI2_95 * variance for at_end in rss_at_ends]
-        below, above = ends[0] & ~(own.low[BETA] > 0), ends[1] & ~jnp.isfinite(own.high[BETA])
+        below, above = ends[0] & ~(scaled.low[BETA] > 0), ends[1] & ~jnp.isfinite(scaled.high[BETA])
     return Estimate(
-        value=_exact_at_bounds(own.units.given(value), at_bound, problem, free),
+        value=_exact_at_bounds(scaled.units.given(value), at_bound, problem, free),
         standard_error=errors * jnp.sqrt(jnp.where(spare > 0, variance, jnp.nan)),
-        rss=rss * own.units.span**2,
+        rss=rss * scaled.units.span**2,
         at_bound=at_bound,
         undetermined=lost,
         beta_open_below=below,

@@ -84,13 +84,13 @@ class OwnUnits(NamedTuple):
         nothing = jnp.zeros(())
         return jnp.stack([nothing, self.force, nothing, self.origin, self.force])
 
-    def own(self, value: Float[Array, "5"]) -> Float[Array, "5"]:
+    def scaled(self, value: Float[Array, "5"]) -> Float[Array, "5"]:
         """Return parameters in scaled units; C becomes the line's force at `origin`."""
         return (value.at[C].add(value[K] * self.origin) - self.zero) / self.unit
 
-    def given(self, own: Float[Array, "5"]) -> Float[Array, "5"]:
+    def given(self, scaled: Float[Array, "5"]) -> Float[Array, "5"]:
         """Return parameters in the units that they were given in, kN and mm."""
-        value = own * self.unit + self.zero
+        value = scaled * self.unit + self.zero
         return value.at[C].add(-value[K] * self.origin)
 
     def deviations(self, root: Float[Array, "5 n"]) -> Float[Array, "5"]:
@@ -99,7 +99,7 @@ class OwnUnits(NamedTuple):
         return self.unit * jnp.linalg.norm(rows, axis=1)
 
 
-class OwnProblem(NamedTuple):
+class ScaledProblem(NamedTuple):
     """A record with its fixed parameters and bounds, in scaled units.
 
     Attributes
@@ -138,7 +138,7 @@ class OwnProblem(NamedTuple):
         return jnp.where(self.used, force - self.F, 0.0)
 
 
-def in_own_units(problem: Problem, free: tuple[int, ...]) -> OwnProblem:
+def scale_problem(problem: Problem, free: tuple[int, ...]) -> ScaledProblem:
     """Return a problem, without a leading axis, in scaled units; `free`: indices of the parameters to fit."""
     d, F, used = problem.d, problem.F, problem.used
     low, high = problem.bounds
@@ -147,12 +147,12 @@ def in_own_units(problem: Problem, free: tuple[int, ...]) -> OwnProblem:
     keep_zero = jnp.isfinite(low[C]) | jnp.isfinite(high[C]) | (C not in free)
     origin = jnp.where(keep_zero, 0.0, d[0])
     units = OwnUnits(origin, jnp.where(travel > 0, travel, 1.0), jnp.where(span > 0, span, 1.0), F[0])
-    return OwnProblem(
+    return ScaledProblem(
         units,
         (d - origin) / units.travel,
         (F - units.force) / units.span,
         used,
-        units.own(problem.base),
+        units.scaled(problem.base),
         (low - units.zero) / units.unit,
         (high - units.zero) / units.unit,
     )

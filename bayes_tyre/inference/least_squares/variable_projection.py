@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from bayes_tyre.inference.least_squares.parameters import BETA, D_I, F_I, C, K
 from bayes_tyre.inference.least_squares.scalar_newton import Derivatives, ScalarNewton
-from bayes_tyre.inference.least_squares.scaled_problem import OwnProblem
+from bayes_tyre.inference.least_squares.scaled_problem import ScaledProblem
 from bayes_tyre.inference.least_squares.small_linear_algebra import orthogonalised, solve_transposed, solve_upper
 from bayes_tyre.inference.least_squares.starting_values import LINEAR
 
@@ -42,7 +42,7 @@ class Profile(NamedTuple):
         Sum of squares below which residuals are rounding.
     """
 
-    own: OwnProblem
+    scaled: ScaledProblem
     distance: Float[Array, " points"]
     one: Float[Array, " points"]
     d: Float[Array, " points"]
@@ -55,20 +55,21 @@ class Profile(NamedTuple):
 
     def offset(self, columns: dict[int, Float[Array, " points"]], free: tuple[int, ...]) -> Float[Array, " points"]:
         """Return the force less the part of the linear parameters that are fixed."""
-        return self.F - sum((columns[i] * self.own.base[i] for i in LINEAR if i not in free), jnp.zeros(()))
+        return self.F - sum((columns[i] * self.scaled.base[i] for i in LINEAR if i not in free), jnp.zeros(()))
 
 
-def profile_of(own: OwnProblem) -> Profile:
+def profile_of(scaled: ScaledProblem) -> Profile:
     """Return a record prepared for its profile."""
     distance, one, d, F = (
-        jnp.where(own.used, row, 0.0) for row in (jnp.abs(own.d - own.base[D_I]), jnp.ones_like(own.d), own.d, own.F)
+        jnp.where(scaled.used, row, 0.0)
+        for row in (jnp.abs(scaled.d - scaled.base[D_I]), jnp.ones_like(scaled.d), scaled.d, scaled.F)
     )
-    return Profile(own, distance, one, d, F, _EXACT**2 * jnp.sum(F**2))
+    return Profile(scaled, distance, one, d, F, _EXACT**2 * jnp.sum(F**2))
 
 
 def ends(profile: Profile) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """Return the least and the largest beta to search: the record's limits, and none too small to change a force."""
-    low, high = profile.own.beta_ends
+    low, high = profile.scaled.beta_ends
     nearest = jnp.min(jnp.where(profile.distance > 0, profile.distance, jnp.inf))
     return jnp.clip(_LEAST_BETA * nearest, low, high), high
 
@@ -132,7 +133,7 @@ def _at(profile: Profile, beta: Float[Array, ""], free: tuple[int, ...]) -> tupl
     basis = orthogonalised([*(columns[i] for i in names), profile.offset(columns, free)])
     residual = -basis.rest[-1]
     upper = [row[:-1] for row in basis.rows[:-1]]
-    value = profile.own.base.at[jnp.array(names)].set(solve_upper(upper, [row[-1] for row in basis.rows[:-1]]))
+    value = profile.scaled.base.at[jnp.array(names)].set(solve_upper(upper, [row[-1] for row in basis.rows[:-1]]))
 
     change = reach * (profile.one - rise)
     over = value[F_I] * profile.one - value[K] * profile.d - value[C] * profile.one

@@ -16,7 +16,8 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from bayes_tyre.inference.least_squares.bounded_levenberg_marquardt import BoxLevenbergMarquardt
-from bayes_tyre.laws.fancher import Fancher, dissipated_energy_per_cycle
+from bayes_tyre.laws.fancher import Fancher
+from bayes_tyre.laws.loop_energy import dissipated_energy_per_cycle
 
 MAX_STEPS, TOLERANCE = 256, 1e-11
 #: Least noise of a reading over the change of force; also the rounding of equal displacements, over the travel.
@@ -134,7 +135,7 @@ def _lagging(cycle: Cycle, beta: Float[Array, ""]) -> Float[Array, ""]:
     return jnp.sum(moves & (lag > 2 * jnp.exp(-2.0)), dtype=float)
 
 
-def _in_own_units(cycle: Cycle) -> _Scaled:
+def _scale_cycle(cycle: Cycle) -> _Scaled:
     def ends(values: Float[Array, " readings"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         low = jnp.min(jnp.where(cycle.used, values, jnp.inf))
         return low, jnp.max(jnp.where(cycle.used, values, -jnp.inf))
@@ -151,13 +152,13 @@ def _in_own_units(cycle: Cycle) -> _Scaled:
             jnp.stack([zero, zero, zero, one]),
         ]
     )
-    own = cycle._replace(d=(cycle.d - origin) / travel, F=(cycle.F - level) / span, betas=cycle.betas / travel)
-    return _Scaled(own, travel, span, to_given, level)
+    scaled = cycle._replace(d=(cycle.d - origin) / travel, F=(cycle.F - level) / span, betas=cycle.betas / travel)
+    return _Scaled(scaled, travel, span, to_given, level)
 
 
-def _given_beta(own: _Scaled, beta: Float[Array, ""]) -> tuple[Float[Array, "4"], Float[Array, ""]]:
+def _given_beta(scaled: _Scaled, beta: Float[Array, ""]) -> tuple[Float[Array, "4"], Float[Array, ""]]:
     """Return the best k, C and x - k beta >= 0 at a beta, with its logarithm, and their residual sum of squares."""
-    cycle = own.cycle
+    cycle = scaled.cycle
     columns = jnp.stack([cycle.d, jnp.ones_like(cycle.d), _shape(cycle, beta)], axis=1) * cycle.used[:, None]
     F = jnp.where(cycle.used, cycle.F, 0.0)
     # Normal equations are far faster for thousands of small systems, and accurate, because the columns are of order 1
@@ -170,13 +171,13 @@ def _given_beta(own: _Scaled, beta: Float[Array, ""]) -> tuple[Float[Array, "4"]
     return jnp.append(best, jnp.log(beta)), jnp.sum((columns @ best - F) ** 2)
 
 
-def _optimum(own: _Scaled, start: Float[Array, "4"]) -> tuple[Float[Array, "4"], Bool[Array, ""]]:
+def _optimum(scaled: _Scaled, start: Float[Array, "4"]) -> tuple[Float[Array, "4"], Bool[Array, ""]]:
     """Return the optimum near the best beta of the grid, and whether the solver converged."""
-    ends = jnp.log(own.cycle.betas[jnp.array([0, -1])])
+    ends = jnp.log(scaled.cycle.betas[jnp.array([0, -1])])
     low = jnp.array([-jnp.inf, -jnp.inf, 0.0, 0.0]).at[3].set(ends[0])
     high = jnp.array([jnp.inf, jnp.inf, jnp.inf, 0.0]).at[3].set(ends[1])
     solution = optx.least_squares(
-        lambda unknown, _: own.residual(unknown),
+        lambda unknown, _: scaled.residual(unknown),
         BoxLevenbergMarquardt(low=low, high=high, rtol=TOLERANCE, atol=TOLERANCE),
         jnp.clip(start, low, high),
         max_steps=MAX_STEPS,
@@ -185,71 +186,107 @@ def _optimum(own: _Scaled, start: Float[Array, "4"]) -> tuple[Float[Array, "4"],
     return solution.value, solution.result == optx.RESULTS.successful
 
 
+class _Open(NamedTuple):
+    """Which betas of the grid the readings leave possible, and whether those reach its ends."""
+
+    within: Bool[Array, " grid"]
+    below: Bool[Array, ""]
+    above: Bool[Array, ""]
+
+
 def _estimate(cycle: Cycle) -> CycleEstimate:
-    own = _in_own_units(cycle)
-    on_grid, sums = jax.vmap(lambda beta: _given_beta(own, beta))(own.cycle.betas)
-    best, converged = _optimum(own, on_grid[jnp.argmin(sums)])
-    rss = jnp.sum(own.residual(best) ** 2)
-    known = cycle.betas[0] == cycle.betas[-1]
-    spare = jnp.sum(cycle.used) - jnp.where(known, 3, 4)
+    scaled = _scale_cycle(cycle)
+    on_grid, sums = jax.vmap(lambda beta: _given_beta(scaled, beta))(scaled.cycle.betas)
+    best, converged = _optimum(scaled, on_grid[jnp.argmin(sums)])
+    rss = jnp.sum(scaled.residual(best) ** 2)
+    beta_is_given = cycle.betas[0] == cycle.betas[-1]
+    spare = jnp.sum(cycle.used) - jnp.where(beta_is_given, 3, 4)
     variance = jnp.maximum(rss / jnp.maximum(spare, 1), ROUNDING**2)
-    excess = (sums - jnp.minimum(rss, jnp.min(sums))) / variance
-    within = excess < cycle.rise
-    # One reading near a reversal fits some beta whatever its noise: below the spacing there is only an upper bound.
-    unidentified = ~known & ((_lagging(own.cycle, jnp.exp(best[3])) < FEWEST_LAGGING) | (excess[0] < cycle.refuted))
-    within |= unidentified & (own.cycle.betas <= jnp.max(jnp.where(within, own.cycle.betas, jnp.exp(best[3]))))
-    open_below, open_above = within[0] & ~known, within[-1] & ~known
+    left = _left_open(cycle, scaled, best, (sums - jnp.minimum(rss, jnp.min(sums))) / variance)
     # Where no reading identifies beta, rounding and noise would choose it: the least is taken.
-    at = jnp.where(open_below, on_grid[0], best)
-    determined = ~open_below & ~open_above & ~known
+    at = jnp.where(left.below, on_grid[0], best)
+    determined = ~left.below & ~left.above & ~beta_is_given
     fitted = jnp.stack([jnp.array(True), jnp.array(True), at[2] > 0, determined])
-    jacobian = jax.jacfwd(own.residual)(at) * fitted
-    information = jacobian.T @ jacobian + jnp.diag(jnp.where(fitted, 0.0, 1.0))
-    covariance = jnp.where(fitted[:, None] & fitted, jnp.linalg.inv(information), 0.0)
-    covariance = own.to_given @ covariance @ own.to_given.T * jnp.where(spare > 0, variance, jnp.nan)
-    theta = own.given(at)
-
-    def with_error(quantity: Callable[[Theta], Float[Array, ""]]) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        value, slope = jax.value_and_grad(quantity)(theta)
-        return value, jnp.sqrt(slope @ covariance @ slope)
-
-    x, x_se = with_error(_friction)
-    energy, energy_se = with_error(lambda theta: _energy(theta, own.travel / 2))
-    frictions = jax.vmap(lambda unknown: _friction(own.given(unknown)))(on_grid)
+    covariance = _covariance(scaled, at, fitted) * jnp.where(spare > 0, variance, jnp.nan)
+    theta = scaled.given(at)
+    x, x_se = _with_error(_friction, theta, covariance)
+    energy, energy_se = _with_error(lambda theta: _energy(theta, scaled.travel / 2), theta, covariance)
     errors = jnp.where(fitted, jnp.sqrt(jnp.diag(covariance)), jnp.nan)
     beta = jnp.exp(theta[3])
-    least, greatest = _ends(own, best, rss, cycle.rise * variance, sums)
-    least = jnp.where(open_below, own.cycle.betas[0], least)
-    at_ends = [_friction(own.given(_given_beta(own, end)[0])) for end in (least, greatest)]
-    candidates = jnp.append(within & ~known, True), jnp.append(frictions, x)
+    least, greatest = _ends(scaled, best, rss, cycle.rise * variance, sums)
+    ends = jnp.where(left.below, scaled.cycle.betas[0], least), greatest
     margin = jnp.sqrt(cycle.rise) * jnp.nan_to_num(errors[2])
-    low, high = jnp.min(jnp.where(*candidates, jnp.inf)), jnp.max(jnp.where(*candidates, -jnp.inf))
     return CycleEstimate(
         value=theta.at[3].set(beta),
         standard_error=errors.at[3].multiply(beta),
         x=x,
-        x_se=jnp.where(fitted[2] & (determined | known), x_se, jnp.nan),
+        x_se=jnp.where(fitted[2] & (determined | beta_is_given), x_se, jnp.nan),
         energy=energy,
         energy_se=jnp.where(fitted[2], energy_se, jnp.nan),
-        x_range=jnp.stack(
-            [jnp.maximum(jnp.minimum(low, at_ends[0]) - margin, 0.0), jnp.maximum(high, at_ends[1]) + margin]
-        ),
-        beta_range=own.travel * jnp.stack([least, jnp.where(open_above, jnp.inf, greatest)]),
-        rss=jnp.sum(own.residual(at) ** 2) * own.span**2,
-        open_below=open_below,
-        open_above=open_above,
+        x_range=_friction_range(scaled, on_grid, left.within & ~beta_is_given, ends, x, margin),
+        beta_range=scaled.travel * jnp.stack([ends[0], jnp.where(left.above, jnp.inf, greatest)]),
+        rss=jnp.sum(scaled.residual(at) ** 2) * scaled.span**2,
+        open_below=left.below,
+        open_above=left.above,
         converged=converged & jnp.all(jnp.isfinite(theta)) & jnp.isfinite(rss),
     )
 
 
-def _ends(
-    own: _Scaled, best: Float[Array, "4"], rss: Float[Array, ""], rise: Float[Array, ""], sums: Float[Array, " betas"]
+def _left_open(cycle: Cycle, scaled: _Scaled, best: Float[Array, "4"], excess: Float[Array, " grid"]) -> _Open:
+    """Return what the readings leave open of beta; `excess`: sums of squares above the least, over the variance."""
+    within, betas, beta_is_given = excess < cycle.rise, scaled.cycle.betas, cycle.betas[0] == cycle.betas[-1]
+    # One reading near a reversal fits some beta whatever its noise: below the spacing there is only an upper bound.
+    unidentified = ~beta_is_given & (
+        (_lagging(scaled.cycle, jnp.exp(best[3])) < FEWEST_LAGGING) | (excess[0] < cycle.refuted)
+    )
+    within |= unidentified & (betas <= jnp.max(jnp.where(within, betas, jnp.exp(best[3]))))
+    return _Open(within, within[0] & ~beta_is_given, within[-1] & ~beta_is_given)
+
+
+def _covariance(scaled: _Scaled, at: Float[Array, "4"], fitted: Bool[Array, "4"]) -> Float[Array, "4 4"]:
+    """Return the covariance of the unknowns as given for a variance of 1; 0 for what is not fitted."""
+    jacobian = jax.jacfwd(scaled.residual)(at) * fitted
+    information = jacobian.T @ jacobian + jnp.diag(jnp.where(fitted, 0.0, 1.0))
+    covariance = jnp.where(fitted[:, None] & fitted, jnp.linalg.inv(information), 0.0)
+    return scaled.to_given @ covariance @ scaled.to_given.T
+
+
+def _with_error(
+    quantity: Callable[[Theta], Float[Array, ""]], theta: Theta, covariance: Float[Array, "4 4"]
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Return the betas, in own units, at which the profile has risen by `rise`; the ends of the grid where it has not.
+    """Return a quantity of the unknowns and its standard error."""
+    value, slope = jax.value_and_grad(quantity)(theta)
+    return value, jnp.sqrt(slope @ covariance @ slope)
+
+
+def _friction_range(
+    scaled: _Scaled,
+    on_grid: Float[Array, "grid 4"],
+    within: Bool[Array, " grid"],
+    ends: tuple[Array, Array],
+    x: Float[Array, ""],
+    margin: Float[Array, ""],
+) -> Float[Array, "2"]:
+    """Return the least and the greatest friction (kN) of the betas left possible, and of the ends of their range."""
+    frictions = jax.vmap(lambda unknown: _friction(scaled.given(unknown)))(on_grid)
+    at_ends = [_friction(scaled.given(_given_beta(scaled, end)[0])) for end in ends]
+    candidates = jnp.append(within, True), jnp.append(frictions, x)
+    low, high = jnp.min(jnp.where(*candidates, jnp.inf)), jnp.max(jnp.where(*candidates, -jnp.inf))
+    return jnp.stack([jnp.maximum(jnp.minimum(low, at_ends[0]) - margin, 0.0), jnp.maximum(high, at_ends[1]) + margin])
+
+
+def _ends(
+    scaled: _Scaled,
+    best: Float[Array, "4"],
+    rss: Float[Array, ""],
+    rise: Float[Array, ""],
+    sums: Float[Array, " betas"],
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Return the betas, in scaled units, where the profile has risen by `rise`; the ends of the grid if it has not.
 
     Between grid points the root of the rise is interpolated linearly over log beta, as near an optimum.
     """
-    log_betas = jnp.append(jnp.log(own.cycle.betas), best[3])
+    log_betas = jnp.append(jnp.log(scaled.cycle.betas), best[3])
     order = jnp.argsort(log_betas)
     at = log_betas[order]
     root = jnp.sqrt(jnp.maximum(jnp.append(sums, rss)[order] - rss, 0.0) / rise)

@@ -11,7 +11,8 @@ from jaxtyping import Float
 from scipy import stats
 
 from bayes_tyre.inference.load_deflection.cycle_fit import Cycle, CycleEstimate, estimate_cycles
-from bayes_tyre.laws.fancher import Fancher, loop_energy
+from bayes_tyre.laws.fancher import Fancher
+from bayes_tyre.laws.loop_energy import loop_energy
 
 LINES = ("loading", "unloading")
 #: Where a test's readings are: the columns of displacement (mm) and force (kN).

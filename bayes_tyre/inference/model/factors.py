@@ -6,13 +6,15 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.linalg import helmert, null_space
 
 from bayes_tyre.record import CASE_FACTORS, Case
 
 #: A slope over the initial force is given per this many kN: the distance of the source's nominal loads.
 SLOPE_UNIT_KN = 10.0
+#: Largest number in an orthonormal basis that is rounding error.
+_ZERO = 1e-9
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,15 @@ class Factor:
     def varies(self) -> bool:
         """Whether levels can differ: with one level a group the term would not be identified, and vanishes."""
         return self.basis.shape[1] > 0
+
+    @property
+    def free(self) -> Bool[np.ndarray, " levels"]:
+        """Which levels have an effect that data can change; that of the others is zero, whatever the data.
+
+        A size of step that was driven in one direction only has no interaction with the direction: the size's own
+        effect holds all of it, and nothing is left that would be that direction's.
+        """
+        return np.abs(self.basis).max(axis=1, initial=0.0) > _ZERO
 
     @property
     def matrix(self) -> Float[np.ndarray, "cases coordinates"]:
@@ -130,7 +141,7 @@ def find_factors(factor_table: pd.DataFrame, initial_force_kN: Float[np.ndarray,
     Parameters
     ----------
     factor_table:
-        As `bayes_tyre.record.record_factors` gives them. A word that the table lacks is one level: all records
+        As `bayes_tyre.record_table.record_factors` gives them. A word that the table lacks is one level: all records
         then share it. `repeat` is not used: records with the same factors are repeats of one case.
     initial_force_kN:
         The force each record really started from. Where given, `load` is a slope over its mean in each case,

@@ -9,25 +9,25 @@ from collections.abc import Iterable, Mapping, Sequence
 import jax.numpy as jnp
 import numpy as np
 import numpyro
-from jaxtyping import Array
+from jaxtyping import Array, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.half_normal import HalfNormal
 from bayes_tyre.inference.model.priors import Priors
+
+#: Sampled values by name: hyperparameters, and what else is one for the level below.
+Hyperparameters = Mapping[str, Array]
 
 #: What a case has a value of, in the order in which arrays hold them.
 PARAMETERS = ("k", "beta")
 #: The same where records are motions on Fancher's law: `settled` is x - k beta, above 0 in a law that loses energy; x
-#: follows from it. Other laws have other parameters (`motion_laws.MotionLaw.parameters`).
+#: follows from it. Other laws have other parameters (`inference.motion.laws.MotionLaw.parameters`).
 MOTION_PARAMETERS = ("k", "settled", "beta", "m", "c")
 #: Repeats that a case needs before one of them can be called discordant.
 JUDGEABLE_REPEATS = 3
 #: Names that end so are sampled where their level is, in coordinates that follow what is below it.
 _PLACED = ("_group", "_typical")
-#: Laws that NUTS walks in coordinates other than NumPyro's.
-_SAMPLED_AS: Mapping[type[dist.Distribution], type[dist.Distribution]] = {dist.HalfNormal: HalfNormal}
 #: Sites that every record's prior goes through, whatever its factors.
 _OF_RECORDS = ("sd_J", "sigma_typical")
 
@@ -72,31 +72,44 @@ def effect_scales(parameter: str, factors: Factors) -> list[str]:
     return [f"sd_log_{parameter}_{name}" for name in factors.effects(parameter)]
 
 
+def deterministic(name: str, value: Array) -> Array:
+    """Return the value, after adding it to the posterior as a deterministic site."""
+    numpyro.deterministic(name, value)
+    return value
+
+
+def deterministic_each(name: str, parameters: Sequence[str], values: Array) -> None:
+    """Add the values of each parameter as deterministic sites, its name in place of the asterisk."""
+    for parameter, value in zip(parameters, values, strict=True):
+        deterministic(name.replace("*", parameter), value)
+
+
+def of_each(name: str, parameters: Sequence[str], hyperparameters: Hyperparameters) -> Float[Array, "parameters 1"]:
+    """Return a hyperparameter for each parameter, its name in place of the asterisk."""
+    return jnp.stack([hyperparameters[name.replace("*", parameter)] for parameter in parameters])[:, None]
+
+
 def sample_hyperparameters(sites: Iterable[str], priors: Priors = PRIORS) -> dict[str, Array]:
     """Sample the priors of these names, and keep each among the posterior's quantities; those of `_PLACED` are not."""
-    found: dict[str, Array] = {}
-    for site, names in _by_family(sites, priors).items():
-        family, parameters = priors[names[0]].family, np.transpose([priors[name].parameters for name in names])
-        sampled = _SAMPLED_AS.get(family, family)
-        # Parameters stay NumPy's: a law's support keeps them, and outlives the trace it is looked up in.
-        values = jnp.asarray(numpyro.sample(site, sampled(*parameters)))
-        found |= dict(zip(names, values, strict=True))
-    for name, value in found.items():
+    values: dict[str, Array] = {}
+    for site, names in by_family(sites, priors).items():
+        sampled = jnp.asarray(numpyro.sample(site, family_of(names, priors)))
+        values |= dict(zip(names, sampled, strict=True))
+    for name, value in values.items():
         numpyro.deterministic(name, value)
-    return found
+    return values
 
 
-def hyperparameter_starts(
-    sites: Iterable[str], values: Mapping[str, np.ndarray], priors: Priors = PRIORS
-) -> dict[str, np.ndarray]:
-    """Return values by name of the prior as the starts of the sites of `sample_hyperparameters`."""
-    return {site: np.stack([values[name] for name in names]) for site, names in _by_family(sites, priors).items()}
-
-
-def _by_family(sites: Iterable[str], priors: Priors) -> dict[str, Sequence[str]]:
+def by_family(sites: Iterable[str], priors: Priors) -> dict[str, Sequence[str]]:
     """Return the names by the site that samples them."""
     grouped: dict[type[dist.Distribution], list[str]] = {}
     for name in sites:
         if not name.endswith(_PLACED):
             grouped.setdefault(priors[name].family, []).append(name)
-    return {f"populations_{family.__name__}": names for family, names in grouped.items()}
+    return {f"hyperparameters_{family.__name__}": names for family, names in grouped.items()}
+
+
+def family_of(names: Sequence[str], priors: Priors) -> dist.Distribution:
+    """Return the priors of these names, all of one family, as one distribution."""
+    # Parameters stay NumPy's: a distribution's support keeps them, and outlives the trace it is looked up in.
+    return priors[names[0]].family(*np.transpose([priors[name].parameters for name in names]))

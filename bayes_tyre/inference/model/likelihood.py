@@ -1,15 +1,12 @@
-"""The likelihood of records under Equation 2: directly, and compressed without loss.
+"""The likelihood of records under Equation 2: its contract, and the direct one, point by point.
 
-Given beta the force is linear in (F_i, J, k). A record's log-likelihood therefore needs its points only through
-inner products of `1`, `g` and `u g` (g = 1 - exp(-|u| / beta)) with each other and with the force: seven smooth
-functions of log beta, and three numbers. Tabulated once as piecewise Chebyshev polynomials, they make one evaluation
-independent of the number of points.
-
-Noise is normal: independent; autoregressive of order one, whose exponent is a quadratic in its coefficient rho with
-the same products, of neighbours too; or independent and then smoothed by a known moving average (`noise.Whitening`).
+Noise is normal: independent; autoregressive of order one; or independent and then smoothed by a known moving average
+(`bayes_tyre.inference.correlated_noise.Whitening`). Given beta the force is linear in (F_i, J, k).
 """
 
 from abc import abstractmethod
+from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -17,22 +14,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from bayes_tyre.inference.correlated_noise import Whitening
+from bayes_tyre.inference.correlated_noise import Whitening, innovations
+from bayes_tyre.inference.model.offsets import OffsetsLikelihood
 from bayes_tyre.inference.record_data import RecordData, force_curve
-
-#: Cells in log beta, and the degree in each: the table is then off by 1e-7 in the log density (see the tests).
-CELLS, DEGREE = 48, 12
-#: The table reaches from where even the first point has left (|u| = 40 beta) to a nearly straight line.
-_FIRST_POINT_OVER_BETA, _BETA_OVER_TRAVEL = 40.0, 100.0
-_SMALLEST_STEP_OVER_TRAVEL = 1e-9
-#: Products of a form that depend on beta: g, u g with 1, with each other, and with y.
-_PRODUCTS = 7
 
 Records = Float[Array, " records"]
 
 
 class Likelihood(eqx.Module):
-    """The contract: the log density of each record's forces."""
+    """The contract: the log density of each record's forces, at given F_i and J or as a function of these."""
+
+    @property
+    @abstractmethod
+    def first_force(self) -> Records:
+        """The force (kN) of each record from which `of_offsets` counts F_i."""
 
     @abstractmethod
     def __call__(self, theta: Float[Array, "records 4"], sigma: Records, rho: Records | None = None) -> Records:
@@ -46,6 +41,20 @@ class Likelihood(eqx.Module):
             Standard deviation of the noise of a point, kN.
         rho:
             Lag-1 autocorrelation of the noise, inside (-1, 1); None: 0.
+        """
+
+    @abstractmethod
+    def of_offsets(
+        self, log_values: Float[Array, "records 2"], sigma: Records, rho: Records | None = None
+    ) -> OffsetsLikelihood:
+        """Return the log density of each record as a function of its offsets F_i - F_0 and J.
+
+        Parameters
+        ----------
+        log_values:
+            log k (kN/mm), log beta (mm).
+        sigma, rho:
+            As when called.
         """
 
 
@@ -63,6 +72,11 @@ class DirectLikelihood(Likelihood):
     data: RecordData
     whitening: Whitening | None = None
 
+    @property
+    def first_force(self) -> Records:
+        """The first force (kN) of each record."""
+        return self.data.F_0
+
     def __call__(self, theta: Float[Array, "records 4"], sigma: Records, rho: Records | None = None) -> Records:
         """Return the log density of each record at theta = (F_i, J, log k, log beta), shape (records,)."""
         present = self.data.present
@@ -78,75 +92,64 @@ class DirectLikelihood(Likelihood):
         rss = (1.0 - rho**2) * residual[:, 0] ** 2 + jnp.sum(new**2, axis=1)
         return _log_autoregressive(rss, points, sigma, rho)
 
+    def of_offsets(
+        self, log_values: Float[Array, "records 2"], sigma: Records, rho: Records | None = None
+    ) -> OffsetsLikelihood:
+        """Return the log density of each record as a function of its offsets, given (log k, log beta)."""
+        present, u = self.data.present, self.data.u
+        k, beta = jnp.exp(log_values[:, :1]), jnp.exp(log_values[:, 1:])
+        g = -jnp.expm1(-jnp.abs(u) / beta)
+        columns = jnp.stack([jnp.ones_like(u), g, self.data.F - self.data.F_0[:, None] - k * u * g], axis=1)
+        columns = jnp.where(present[:, None], columns, 0.0)
+        log_volume = jnp.zeros(len(u))
+        if self.whitening is not None:
+            columns = _each_column(self.whitening.whiten)(columns, present)
+            log_volume = self.whitening.log_volume(jnp.sum(present, axis=1))
+        elif rho is not None:
+            columns = _each_column(innovations)(columns, present, rho)
+        products = jnp.einsum("rip,rjp->rij", columns, columns)
+        form = ResidualForm(
+            products[:, 2, 2], products[:, :2, 2], products[:, np.array([0, 0, 1]), np.array([0, 1, 1])]
+        )
+        return offsets_of_form(form, jnp.sum(present, axis=1), sigma, rho, log_volume)
 
-class CompressedLikelihood(Likelihood):
-    """The same likelihood from a table of inner products; build it with `compress`.
 
-    A form is a bilinear form in the residual: the sum of squares, and for autoregressive noise the sum over neighbours.
+class ResidualForm(NamedTuple):
+    """A bilinear form of the residual left - level - J g with itself, as a polynomial in level and J.
 
     Attributes
     ----------
-    table:
-        Shape (records, cells, degree + 1, 7 forms): Chebyshev coefficients of the products in each cell of log beta.
-    low, width:
-        Shape (records,): log beta (mm) at which the table starts, and the width of a cell.
-    constants:
-        Shape (records, forms, 3): the form of 1 with 1, of 1 with y = F - F_0 (kN), and of y with y.
-    points, F_0, log_volume:
-        Shape (records,): number of points, first force (kN), log volume of the whitening (0 without).
-    last:
-        Shape (records, 2): u (mm) and y (kN) of the last point, whose square the quadratic in rho sets apart.
+    square:
+        Of what is left at offsets of zero.
+    slope:
+        Last axis: of 1 and of g with it.
+    precision:
+        Last axis: of 1 with 1, of 1 with g, of g with g.
     """
 
-    table: Float[Array, "records cells coefficients products"]
-    low: Records
-    width: Records
-    constants: Float[Array, "records forms 3"]
-    points: Records
-    F_0: Records
-    log_volume: Records
-    last: Float[Array, "records 2"]
+    square: Float[Array, "records *forms"]
+    slope: Float[Array, "records *forms 2"]
+    precision: Float[Array, "records *forms 3"]
 
-    def __call__(self, theta: Float[Array, "records 4"], sigma: Records, rho: Records | None = None) -> Records:
-        """Return the log density of each record at theta = (F_i, J, log k, log beta), shape (records,).
 
-        Beyond the table's ends in log beta the density stays as it is there.
+def offsets_of_form(
+    form: ResidualForm, points: Array, sigma: Records, rho: Records | None, log_volume: Records
+) -> OffsetsLikelihood:
+    """Return the log density from the sum of squares of whitened residuals, the noise's variance not yet taken out."""
+    constant = _log_normal(form.square, points, sigma) + log_volume
+    if rho is not None:
+        constant = constant - 0.5 * (points - 1) * jnp.log(1.0 - rho**2)
+    variance = sigma[:, None] ** 2
+    return OffsetsLikelihood(constant, form.slope / variance, form.precision / variance)
 
-        Raises
-        ------
-        ValueError
-            For a rho where the table holds no products of neighbours.
-        """
-        if rho is None:
-            return _log_normal(self._forms(theta)[:, 0], self.points, sigma) + self.log_volume
-        if self.constants.shape[1] < 2:
-            raise ValueError("autoregressive noise needs the products of neighbours: compress(..., neighbours=True)")
-        squares, neighbours = self._forms(theta).T
-        level, J, k = theta[:, 0] - self.F_0, theta[:, 1], jnp.exp(theta[:, 2])
-        u, y = self.last.T
-        end = y - level + (J + k * u) * jnp.expm1(-jnp.abs(u) / jnp.exp(self._inside(theta[:, 3])))
-        # u = 0 and y = 0 at the first point: its residual is the level alone.
-        inner = squares - level**2 - end**2
-        return _log_autoregressive(squares - 2.0 * rho * neighbours + rho**2 * inner, self.points, sigma, rho)
 
-    def _forms(self, theta: Float[Array, "records 4"]) -> Float[Array, "records forms"]:
-        """Return each form of the residual y - level - J g - k u g."""
-        level, J, k = theta[:, :1] - self.F_0[:, None], theta[:, 1:2], jnp.exp(theta[:, 2:3])
-        products = self._products(theta[:, 3]).reshape(len(theta), -1, _PRODUCTS)
-        g, ug, gg, ugg, uugg, yg, yug = jnp.moveaxis(products, 2, 0)
-        one, y, yy = jnp.moveaxis(self.constants, 2, 0)
-        squares = one * level**2 + J**2 * gg + 2.0 * J * k * ugg + k**2 * uugg + 2.0 * level * (J * g + k * ug)
-        return yy - 2.0 * (level * y + J * yg + k * yug) + squares
+def _each_column(whiten: Callable[..., Array]) -> Callable[..., Array]:
+    """Return a function of the points of a record as one of several columns of each record."""
 
-    def _inside(self, log_beta: Records) -> Records:
-        return jnp.clip(log_beta, self.low, self.low + self.table.shape[1] * self.width)
+    def columns(values: Array, *of_record: Array) -> Array:
+        return jax.vmap(lambda column: whiten(column, *of_record))(values)
 
-    def _products(self, log_beta: Records) -> Float[Array, "records products"]:
-        cells = self.table.shape[1]
-        place = (self._inside(log_beta) - self.low) / self.width
-        cell = jnp.clip(jnp.floor(place), 0, cells - 1).astype(int)
-        coefficients = jax.vmap(lambda rows, i: rows[i])(self.table, cell)
-        return jnp.einsum("rmq,rm->rq", coefficients, _chebyshev(2.0 * (place - cell) - 1.0, self.table.shape[2]))
+    return jax.vmap(columns)
 
 
 def _log_normal(rss: Records, points: Array, sigma: Records) -> Records:
@@ -157,83 +160,3 @@ def _log_autoregressive(rss: Records, points: Array, sigma: Records, rho: Record
     """Return the log density from the sum (1 - rho^2) r_1^2 + sum (r_t - rho r_(t-1))^2."""
     new = 1.0 - rho**2
     return _log_normal(rss / new, points, sigma) - 0.5 * (points - 1) * jnp.log(new)
-
-
-def _chebyshev(t: Records, count: int) -> Float[Array, "records count"]:
-    """Return the Chebyshev polynomials T_0 to T_(count - 1) at t in [-1, 1]."""
-    values = [jnp.ones_like(t), t]
-    while len(values) < count:
-        values.append(2.0 * t * values[-1] - values[-2])
-    return jnp.stack(values[:count], axis=1)
-
-
-def _form_products(columns: Float[Array, "4 points"], other: Float[Array, "4 points"]) -> Float[Array, "4 4"]:
-    """Return the symmetric form of (1, g, u g, y) that pairs each point of `columns` with one of `other`."""
-    products = columns @ other.T
-    return 0.5 * (products + products.T)
-
-
-def _all_products(
-    log_beta: Float[Array, ""], data: RecordData, whitening: Whitening | None, neighbours: bool
-) -> Float[Array, "forms 4 4"]:
-    """Return the forms of (1, g, u g, y) of one record at log beta (mm): sums over its points."""
-    y = jnp.where(data.present, data.F - data.F_0, 0.0)
-    g = jnp.where(data.present, -jnp.expm1(-jnp.abs(data.u) / jnp.exp(log_beta)), 0.0)
-    columns = jnp.stack([data.present.astype(y.dtype), g, data.u * g, y])
-    if whitening is not None:
-        columns = jax.vmap(whitening.whiten, in_axes=(0, None))(columns, data.present)
-    forms = [_form_products(columns, columns)]
-    if neighbours:
-        # Padding is zero in every column, and follows the points.
-        forms.append(_form_products(columns[:, 1:], columns[:, :-1]))
-    return jnp.stack(forms)
-
-
-@eqx.filter_jit
-def compress(data: RecordData, *, neighbours: bool = False, whitening: Whitening | None = None) -> CompressedLikelihood:
-    """Return the compressed likelihood of the records, off by 1e-7 at most inside its range of beta.
-
-    The range of each record is from a fortieth of its smallest displacement to a hundred times its travel.
-
-    Parameters
-    ----------
-    data:
-        The records.
-    neighbours:
-        Whether to tabulate products of neighbours too, for autoregressive noise.
-    whitening:
-        Of noise smoothed by a known moving average.
-    """
-    distance = jnp.where(data.present, jnp.abs(data.u), 0.0)
-    travel = jnp.max(distance, axis=1)
-    least = jnp.min(jnp.where(distance > 0, distance, jnp.inf), axis=1)
-    low = jnp.log(jnp.maximum(least / _FIRST_POINT_OVER_BETA, _SMALLEST_STEP_OVER_TRAVEL * travel))
-    width = (jnp.log(_BETA_OVER_TRAVEL * travel) - low) / CELLS
-    count = DEGREE + 1
-    angle = np.pi * (np.arange(count) + 0.5) / count
-    places = (jnp.arange(CELLS)[:, None] + 0.5 * (jnp.asarray(np.cos(angle)) + 1.0)).ravel()
-
-    def at(place: Float[Array, ""]) -> Float[Array, "records forms 4 4"]:
-        return jax.vmap(lambda log_beta, record: _all_products(log_beta, record, whitening, neighbours))(
-            low + width * place, data
-        )
-
-    # lax.map keeps memory at one value of beta for all records, however many nodes there are.
-    forms = jax.lax.map(at, places)
-    # The order in which `_forms` takes them; (1, g, u g, y) are numbered 0 to 3.
-    left, right = np.array([(0, 1), (0, 2), (1, 1), (1, 2), (2, 2), (1, 3), (2, 3)]).T
-    values = forms[..., left, right].reshape(CELLS, count, len(low), -1)
-    to_coefficients = np.cos(np.outer(np.arange(count), angle)) * 2.0 / count
-    to_coefficients[0] /= 2.0
-    points = jnp.sum(data.present, axis=1)
-    rows, end = jnp.arange(len(low)), points - 1
-    return CompressedLikelihood(
-        table=jnp.einsum("mj,cjrq->rcmq", jnp.asarray(to_coefficients), values),
-        low=low,
-        width=width,
-        constants=forms[0][..., np.array([0, 0, 3]), np.array([0, 3, 3])],
-        points=points.astype(low.dtype),
-        F_0=data.F_0,
-        log_volume=jnp.zeros_like(low) if whitening is None else whitening.log_volume(points),
-        last=jnp.stack([data.u[rows, end], data.F[rows, end] - data.F_0], axis=1),
-    )

@@ -1,21 +1,22 @@
-"""A case and its repeats with the case's value integrated out and the choice of discordant repeats summed out.
+"""The repeats of cases with the case's value integrated out and the choice of discordant repeats summed out.
 
-Where one of three repeats is odd, the value of the case has a mode for each answer to which one it is, and NUTS crosses
-from one to the other too seldom. Given the repeats' own values both are known in closed form: a normal for each choice.
-So the sampler never meets them. Each draw of the repeats is given its case and its choice afterwards, exactly: by
-standard normals that are sampled beside the rest and depend on nothing.
+Where one of three repeats is discordant, the value of the case has a mode for each answer to which one it is, and NUTS
+crosses from one to the other too seldom. Given the repeats' own values both are known in closed form: a normal for each
+choice. So the sampler never meets them. Each draw of the repeats is given its case afterwards, exactly, by standard
+normals that depend on nothing.
 """
 
 from itertools import product
-from typing import NamedTuple
+from typing import NamedTuple, override
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import logsumexp, ndtr, xlog1py, xlogy
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
+from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
+from numpyro.distributions import constraints
 
-from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import Factors
 
 #: With more repeats in a case the choices, two to their number, are too many.
@@ -67,89 +68,135 @@ class ChoicePosterior(NamedTuple):
 
     Attributes
     ----------
+    log_density:
+        Log density of the repeats' values, over all choices.
     log_choice:
         Log probability of each choice.
     mean, sd:
         Of the logarithm of the case's value about its linear predictor, given the choice.
     """
 
+    log_density: Float[Array, " cases"]
     log_choice: Float[Array, "choices cases"]
     mean: Float[Array, "choices parameters cases"]
     sd: Float[Array, "choices parameters cases"]
 
 
-def marginalise(
-    deviation: Float[Array, "records parameters"],
-    offset: Float[Array, "parameters cases"],
-    scatter: Float[Array, "parameters cases"],
-    remainder: Float[Array, "parameters #cases"],
-    weight: Float[Array, ""],
-    members: Members,
-    widening: float = DISCORDANT_WIDENING,
-) -> ChoicePosterior:
-    """Return what the values of the repeats say of each choice with the case's value integrated out, and of that.
+class RepeatsOfCases(dist.Distribution):
+    """The logarithms of the values of all records, as repeats of cases that are normal about their linear predictor.
+
+    Each record is discordant with the same probability, and then scatters more widely about its case. Event shape
+    (records, parameters).
 
     Parameters
     ----------
-    deviation, offset:
-        The logarithms of the records' values about a level of their case, and that level about what the case's words
-        predict: apart, for scatter may be far smaller than what lies between the two.
-    scatter, remainder:
-        Standard deviation of usual repeats about their case; and of cases about their linear predictor, 0 where a
-        case is no more than these.
+    mean, remainder:
+        The linear predictor of each case, and the standard deviation of cases about it: 0 where a case is no more.
+    scatter:
+        Standard deviation of usual repeats about their case.
     weight:
-        Prior probability that a repeat is discordant.
-    members:
-        Of the cases.
+        Probability that a repeat is discordant.
     widening:
         How many times `scatter` discordant repeats scatter.
+    of_record, members:
+        The case of each record, and the records of each case.
 
-    Source: the normal hierarchy with known scales, Gelman et al. (2013), Bayesian Data Analysis, section 5.4, for each
-    choice; the choices weigh as in any mixture of normals.
+    Source: the normal hierarchy with known standard deviations, Gelman et al. (2013), Bayesian Data Analysis, section
+    5.4, for each choice of discordant repeats; the choices weigh as in any mixture of normals.
     """
-    own = jnp.where(jnp.asarray(members.present), deviation.T[:, members.records], 0.0)
-    widenings = np.where(members.choices, widening, 1.0)
-    # Axes: choices, parameters, cases, repeats. A repeat counts as so many usual ones.
-    counts = (members.present / widenings[:, None, :] ** 2)[:, None]
-    count = counts.sum(axis=-1)
-    mean = jnp.sum(counts * own, axis=-1) / np.where(count > 0, count, 1.0)
-    within = jnp.sum(counts * (own - mean[..., None]) ** 2, axis=-1)
-    precision = count / scatter**2
-    gain = 1.0 + remainder**2 * precision
-    middle = offset + mean
-    of_each = -0.5 * (within / scatter**2 + precision * middle**2 / gain + jnp.log(gain))
-    # Counted beforehand: as a product of two matrices XLA 0.12 got it wrong on CPUs when a hundred draws went together.
-    discordant, usual = (choices.astype(float) @ members.present.T for choices in (members.choices, ~members.choices))
-    log_widening = len(scatter) * np.log(widening) * discordant
-    # A repeat that is not there is never discordant.
-    impossible = np.where((members.choices @ (~members.present).T) > 0, -np.inf, 0.0)
-    prior = xlogy(discordant, weight) + xlog1py(usual, -weight)
-    log_joint = jnp.sum(of_each, axis=1) + prior + (impossible - log_widening)
-    variance = remainder**2 / gain
-    return ChoicePosterior(log_joint - logsumexp(log_joint, axis=0), variance * precision * middle, jnp.sqrt(variance))
+
+    support = constraints.real_matrix  # pyright: ignore[reportAssignmentType]  (as all of NumPyro's)
+
+    def __init__(
+        self,
+        mean: Float[Array, "parameters cases"],
+        remainder: Float[Array, "parameters #cases"],
+        scatter: Float[Array, "parameters cases"],
+        weight: Float[Array, ""],
+        widening: float,
+        of_record: Int[np.ndarray, " records"],
+        members: Members,
+    ) -> None:
+        self.mean_of_cases, self.remainder, self.scatter = mean, remainder, scatter
+        self.weight, self.widening, self.of_record, self.members = weight, widening, of_record, members
+        super().__init__(event_shape=(len(of_record), len(mean)), validate_args=False)
+
+    @override
+    def sample(self, key: Array, sample_shape: tuple[int, ...] = ()) -> Float[Array, "*sample records parameters"]:
+        """Draw the cases, which of their repeats are discordant, and the repeats."""
+        of_case, which, of_repeat = jax.random.split(key, 3)
+        cases = self.remainder * jax.random.normal(of_case, (*sample_shape, *self.mean_of_cases.shape))
+        cases = jnp.moveaxis(self.mean_of_cases + cases, -1, -2)[..., self.of_record, :]
+        discordant = jax.random.bernoulli(which, self.weight, (*sample_shape, len(self.of_record), 1))
+        sd = jnp.where(discordant, self.widening, 1.0) * self.scatter.T[self.of_record]
+        return cases + sd * jax.random.normal(of_repeat, cases.shape)
+
+    @override
+    def log_prob(self, value: ArrayLike) -> Float[Array, ""]:
+        """Return the log density of all records' values, cases and choices summed out."""
+        return jnp.sum(self.given(jnp.asarray(value)).log_density)
+
+    def given(self, value: Float[Array, "records parameters"]) -> ChoicePosterior:
+        """Return the density of the repeats' values, and what they leave open of their cases."""
+        members = self.members
+        deviation = (value - self.mean_of_cases.T[self.of_record]).T
+        own = jnp.where(jnp.asarray(members.present), deviation[:, members.records], 0.0)
+        widenings = np.where(members.choices, self.widening, 1.0)
+        # Axes: choices, parameters, cases, repeats. A repeat counts as so many usual ones.
+        counts = (members.present / widenings[:, None, :] ** 2)[:, None]
+        count = counts.sum(axis=-1)
+        mean = jnp.sum(counts * own, axis=-1) / np.where(count > 0, count, 1.0)
+        within = jnp.sum(counts * (own - mean[..., None]) ** 2, axis=-1)
+        precision = count / self.scatter**2
+        gain = 1.0 + self.remainder**2 * precision
+        log_each = -0.5 * (within / self.scatter**2 + precision * mean**2 / gain + jnp.log(gain))
+        log_joint = jnp.sum(log_each, axis=1) + self._log_prior()
+        log_total = logsumexp(log_joint, axis=0)
+        # What all choices share.
+        log_volume = members.present.sum(axis=1) * jnp.sum(jnp.log(self.scatter) + 0.5 * np.log(2.0 * np.pi), axis=0)
+        # No root of a variance: its slope is infinite where a case is no more than its linear predictor.
+        sd = self.remainder / jnp.sqrt(gain)
+        return ChoicePosterior(log_total - log_volume, log_joint - log_total, sd**2 * precision * mean, sd)
+
+    def _log_prior(self) -> Float[Array, "choices cases"]:
+        """Return the log probability of each choice beforehand, less the volume by which it widens its repeats."""
+        choices, present = self.members.choices, self.members.present
+        # Counted in numpy: XLA 0.12 got a product of two matrices wrong on CPUs when a hundred draws went together.
+        discordant, usual = (of_choice.astype(float) @ present.T for of_choice in (choices, ~choices))
+        log_widening = len(self.scatter) * np.log(self.widening) * discordant
+        # A repeat that is not there is never discordant.
+        impossible = np.where((choices @ (~present).T) > 0, -np.inf, 0.0)
+        return xlogy(discordant, self.weight) + xlog1py(usual, -self.weight) + (impossible - log_widening)
 
 
-def chosen(found: ChoicePosterior, discordant: Bool[Array, " records"], members: Members) -> Float[Array, " cases"]:
-    """Return the log probability of the choice that calls just these records discordant, given the repeats' values."""
+def choice_number(discordant: Bool[Array, " records"], members: Members) -> Int[Array, " cases"]:
+    """Return which choice calls just these records discordant, in each case."""
     here = jnp.asarray(members.present) & discordant[members.records]
-    number = here @ 2 ** np.arange(here.shape[1])[::-1]  # choices count up as binary numbers do
-    return jnp.take_along_axis(found.log_choice, number[None, :], axis=0)[0]
+    return here @ 2 ** np.arange(here.shape[1])[::-1]  # choices count up as binary numbers do
+
+
+def case_given_choice(
+    posterior: ChoicePosterior, choice: Int[Array, " cases"]
+) -> tuple[Float[Array, "parameters cases"], Float[Array, "parameters cases"]]:
+    """Return mean and standard deviation of the cases about their linear predictor, given a choice in each."""
+    mean, sd = (jnp.take_along_axis(each, choice[None, None], axis=0)[0] for each in (posterior.mean, posterior.sd))
+    return mean, sd
 
 
 def draw_cases(
-    found: ChoicePosterior, choosing: Float[Array, " cases"], z: Float[Array, "parameters cases"]
+    posterior: ChoicePosterior, choosing: Float[Array, " cases"], z: Float[Array, "parameters cases"]
 ) -> Float[Array, "parameters cases"]:
     """Return the logarithms of the cases' values about their linear predictor, drawn given the repeats'.
 
     `choosing` and `z` are standard normals: one picks the choice, the others the values.
     """
-    upto = jnp.cumsum(jnp.exp(found.log_choice), axis=0)
-    chosen = jnp.minimum(jnp.sum(upto < ndtr(choosing), axis=0), len(upto) - 1)
-    mean, sd = (jnp.take_along_axis(each, chosen[None, None, :], axis=0)[0] for each in (found.mean, found.sd))
+    up_to = jnp.cumsum(jnp.exp(posterior.log_choice), axis=0)
+    choice = jnp.minimum(jnp.sum(up_to < ndtr(choosing), axis=0), len(up_to) - 1)
+    mean, sd = case_given_choice(posterior, choice)
     return mean + sd * z
 
 
-def outlier_probability(found: ChoicePosterior, members: Members, factors: Factors) -> Float[Array, " records"]:
+def outlier_probability(posterior: ChoicePosterior, members: Members, factors: Factors) -> Float[Array, " records"]:
     """Return the probability that each record is discordant, given the values of all repeats of its case."""
-    by_place = jnp.sum(jnp.exp(found.log_choice)[:, :, None] * members.choices[:, None, :], axis=0)
+    by_place = jnp.sum(jnp.exp(posterior.log_choice)[:, :, None] * members.choices[:, None, :], axis=0)
     return jax.lax.stop_gradient(by_place)[factors.of_record, members.place]

@@ -1,7 +1,7 @@
 """The force laws that a motion can be fitted with: their parameters, the priors, and how to build the law.
 
 To add a law, write a file of `bayes_tyre.laws` and an entry here: its parameters, all positive, and their priors.
-Priors of the cases are in `bayes_tyre.inference.model.priors`, by the same names.
+Priors of the cases are in `bayes_tyre.inference.model.default_priors`, by the same names.
 """
 
 from collections.abc import Callable
@@ -20,6 +20,7 @@ from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.laws.kelvin_voigt import KelvinVoigt
 from bayes_tyre.laws.maxwell_slip import MaxwellSlip
 from bayes_tyre.laws.rigid_ring import RigidRing
+from bayes_tyre.record import AXLE_PARAMETERS
 
 
 class NormalPrior(NamedTuple):
@@ -46,8 +47,6 @@ TYRE_PRIORS: dict[str, NormalPrior] = {
     "belt_damping": NormalPrior(np.log(0.05), 0.7, "1.3 to 20 % of critical: rubber, as the axle's own damper"),
     "sidewall_ratio": NormalPrior(np.log(4.0), 0.7, "1 to 16: most of the deflection is beneath the belt"),
 }
-#: Parameters of the axle; they follow those of the tyre.
-AXLE_PARAMETERS = ("m", "c")
 
 
 class MotionLaw(eqx.Module):

@@ -17,7 +17,7 @@ _IDENTITY, _FORMAT, _STATE, _DRAWS, _STATISTICS = "identity", "format", "state",
 _NAME = "chunk-{:06d}.npz"
 #: Raised when a state or a draw comes to mean something else, such as other coordinates: these are kept as they are
 #: sampled.
-FORMAT = 4
+FORMAT = 5
 _OTHER_FORMAT = "was saved by a version whose states and draws mean something else"
 
 
@@ -33,11 +33,14 @@ class Checkpoints:
         What the draws follow from: inputs, options, seed, versions; of what JSON can say.
     on_trouble:
         Told, in a line, what kept a checkpoint from being written or read; the run goes on without it.
+    first:
+        Number that the first chunk has in its file's name: 0, but for a run repeated, which goes on counting.
     """
 
     folder: Path
     identity: Mapping[str, Any]
     on_trouble: Callable[[str], None] = lambda _: None
+    first: int = 0
     _refused: bool = field(default=False, init=False)
 
     def save(self, number: int, chunk: Chunk) -> None:
@@ -50,7 +53,7 @@ class Checkpoints:
         arrays |= {f"{_DRAWS}/{name}": values for name, values in chunk.unconstrained.items()}
         arrays |= {f"{_STATISTICS}/{name}": values for name, values in chunk.statistics.items()}
         try:
-            write_arrays(arrays, self.folder / _NAME.format(number))
+            write_arrays(arrays, self._path(number))
         except OSError as error:
             self._refused = True
             why = f"{error.filename or self.folder}: {error.strerror or error}"
@@ -94,7 +97,7 @@ class Checkpoints:
         """
         chunks: list[Chunk] = []
         for number, length in enumerate(lengths):
-            path = self.folder / _NAME.format(number)
+            path = self._path(number)
             if not path.exists():
                 break
             try:
@@ -112,6 +115,9 @@ class Checkpoints:
             path.unlink(missing_ok=True)
         if not any(self.folder.iterdir()):
             self.folder.rmdir()
+
+    def _path(self, number: int) -> Path:
+        return self.folder / _NAME.format(self.first + number)
 
     def _chunk(self, path: Path, like: Any, length: int) -> Chunk:
         arrays = read_arrays(path)

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from itertools import compress
 
 import arviz as az
 import numpy as np
@@ -11,19 +12,19 @@ import xarray as xr
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.record import CASE_FACTORS, FACTORS, Case
+from bayes_tyre.record import (
+    AXLE_PARAMETERS,
+    CASE_FACTORS,
+    ENERGY,
+    FACTORS,
+    LAW_PARAMETERS,
+    RECORD_UNITS,
+    Case,
+)
 
-#: Units by parameter; the parameters that a record has. Those after `sigma` are of motions; `settled` is x - k beta.
-RECORD_UNITS = {
-    **{"k": "kN/mm", "beta": "mm", "J": "kN", "C": "kN", "F_i": "kN", "sigma": "kN"},
-    **{"x": "kN", "settled": "kN", "n": "1", "m": "kg", "c": "kN s/mm", "energy_per_cycle": "J"},
-    **{"belt_frequency": "Hz", "belt_damping": "1", "sidewall_ratio": "1"},
-}
-#: Parameters that every case has; those that a case of motions on Fancher's law has; on whichever law.
+#: Parameters that every case has; those that a case of motions on Fancher's law has.
 CASE_PARAMETERS = ("k", "beta")
-MOTION_CASE_PARAMETERS = ("k", "x", "beta", "m", "c", "energy_per_cycle")
-_BELT = ("belt_frequency", "belt_damping", "sidewall_ratio")
-_CASE_PARAMETERS_OF_LAWS = ("k", "x", "settled", "beta", "n", *_BELT, "m", "c", "energy_per_cycle")
+MOTION_CASE_PARAMETERS = ("k", "x", "beta", *AXLE_PARAMETERS, ENERGY)
 #: Powers with which k and beta follow a factor on displacement.
 _POWERS = {"k": -1.0, "beta": 1.0}
 
@@ -33,7 +34,9 @@ def _quantities() -> dict[str, tuple[str | None, str]]:
     kept: dict[str, tuple[str | None, str]] = {name: ("record", unit) for name, unit in RECORD_UNITS.items()}
     kept |= {"outlier_probability": ("record", ""), "rho": ("record", "")}
     kept["x_case"] = ("case", "kN")
-    for name in (*CASE_PARAMETERS, "settled", "n", *_BELT, "m", "c"):
+    for name in dict.fromkeys((*CASE_PARAMETERS, *LAW_PARAMETERS, *AXLE_PARAMETERS)):
+        if name == "x":  # follows from `settled`, k and beta
+            continue
         kept[f"{name}_case"] = ("case", RECORD_UNITS[name])
         kept[f"{name}_group"] = ("group", RECORD_UNITS[name])
         for factor in ("speed", "load", "step", "direction_step"):
@@ -55,7 +58,7 @@ QUANTITIES = _quantities()
 
 def case_parameters(posterior: xr.Dataset) -> tuple[str, ...]:
     """Return the parameters that the cases of a posterior have: what its model is follows from what it holds."""
-    return shown_parameters(posterior, _CASE_PARAMETERS_OF_LAWS, "_case")
+    return shown_parameters(posterior, (*LAW_PARAMETERS, *AXLE_PARAMETERS, ENERGY), "_case")
 
 
 def shown_parameters(posterior: xr.Dataset, among: Sequence[str], ending: str = "") -> tuple[str, ...]:
@@ -78,6 +81,10 @@ def to_datatree(
 ) -> xr.DataTree:
     """Return draws as an ArviZ DataTree with named dimensions, labels, words and units.
 
+    Along `direction_step` it has the levels with an effect to be known. That of the others
+    (`bayes_tyre.inference.model.factors.Factor.free`) is zero by construction: no unknown, and with no place in tables,
+    figures and diagnostics. What is sampled stays, even if it happens to be constant.
+
     Parameters
     ----------
     draws:
@@ -90,8 +97,11 @@ def to_datatree(
     attributes:
         Put on the root: origin of the data, the model.
     """
+    free = factors.direction_step.free
     kept = {name: np.asarray(draws[name]) for name in QUANTITIES if name in draws}
-    groupings = {name: getattr(factors, name).labels for name in ("group", "speed", "load", "step", "direction_step")}
+    kept |= {name: kept[name][..., free] for name in kept if QUANTITIES[name][0] == "direction_step"}
+    groupings = {name: getattr(factors, name).labels for name in ("group", "speed", "load", "step")}
+    groupings["direction_step"] = tuple(compress(factors.direction_step.labels, free))
     coordinates = {"case": [case.label for case in factors.cases], "record": list(factor_table["record"]), **groupings}
     tree = az.from_dict(
         {"posterior": kept, "sample_stats": dict(statistics)},

@@ -5,7 +5,7 @@ is a chunk of iterations, warmup and draws alike: the adaptation follows the ite
 compiled once, and a run cut anywhere and continued from its state gives the bits of a run left alone.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from functools import partial
@@ -20,7 +20,7 @@ from jaxtyping import Array, ArrayLike
 from numpyro import handlers
 from numpyro.distributions import biject_to
 from numpyro.infer.hmc import HMCState, hmc
-from numpyro.infer.initialization import init_to_feasible, init_to_uniform
+from numpyro.infer.initialization import init_to_feasible
 from numpyro.infer.util import constrain_fn, potential_energy
 
 from bayes_tyre.inference.sampling.parameter_vector import DENSE, Blocks
@@ -28,12 +28,12 @@ from bayes_tyre.inference.sampling.parameter_vector import DENSE, Blocks
 #: Iterations in a call, at most: between two calls a run can be watched, saved and continued.
 CHUNK = 100
 #: About the best of Hoffman and Gelman (2014, The No-U-Turn Sampler). Stan and NumPyro take 0.8 for models with necks;
-#: in the coordinates of `reparameterisation` and `half_normal` none is left that would need shorter steps.
+#: in the coordinates of `bayes_tyre.inference.model.coordinates` none is left that would need shorter steps.
 TARGET_ACCEPTANCE = 0.65
 #: For motions, whose posteriors bend, one by itself and a few in a hierarchy: with longer steps one trajectory of a
 #: few thousand diverged.
 CAREFUL_ACCEPTANCE = 0.8
-#: Standard deviation of the starts' logarithm about the values given; half the range, unconstrained, of the others.
+#: Standard deviation of the starts about the values given; half the range of the others. All unconstrained.
 START_SPREAD, START_RADIUS = 0.2, 0.5
 #: Starts tried before a density that is zero at all of them is the sampler's to say.
 _STARTS_TRIED = 20
@@ -72,17 +72,6 @@ class Chunk(NamedTuple):
     statistics: dict[str, np.ndarray]
 
 
-def start_near(values: Mapping[str, Any], site: dict | None = None) -> Any:
-    """Start the named sites near their values and the others around zero, spread from chain to chain."""
-    if site is None:
-        return partial(start_near, values)
-    if site["type"] == "sample" and not site["is_observed"] and site["name"] in values:
-        value = jnp.asarray(values[site["name"]])
-        spread = jax.random.normal(site["kwargs"]["rng_key"], site["fn"].shape())
-        return value * jnp.exp(START_SPREAD * spread)
-    return init_to_uniform(site, radius=START_RADIUS)  # pyright: ignore[reportArgumentType]  (says int, takes float)
-
-
 def off_resonance(step_size: ArrayLike) -> Array:
     """Return steps of which no tree of eight points or more goes round and round.
 
@@ -97,6 +86,11 @@ def off_resonance(step_size: ArrayLike) -> Array:
     step = jnp.asarray(step_size)
     resonant = (step[..., None] > shortest) & (step[..., None] < longest)
     return jnp.maximum(step, jnp.max(jnp.where(resonant, longest, 0.0), axis=-1))
+
+
+def draw_keys(seed: Sequence[int], chains: int) -> np.ndarray:
+    """Return a raw key for each draw of a chunk, shape (chains, CHUNK, 2)."""
+    return np.random.SeedSequence(seed).generate_state(chains * CHUNK * 2).reshape(chains, CHUNK, 2)
 
 
 def leave_resonance(state: HMCState) -> HMCState:
@@ -119,8 +113,8 @@ class Chains:
     chains, warmup:
         Number of chains; iterations of each to adapt.
     starts:
-        Positive values near which the sites of the populations start. These, correlated, share one dense block of the
-        mass matrix.
+        Unconstrained values near which the sites of the hyperparameters start. These, correlated, share one dense block
+        of the mass matrix.
     acceptance:
         Mean acceptance that steps are adapted to.
     """
@@ -136,15 +130,15 @@ class Chains:
     ) -> None:
         self.chains, self._warmup = chains, warmup
         self._data, self._fixed = eqx.partition(dict(arguments), lambda leaf: isinstance(leaf, jax.Array))
-        self._model, self._starts, self._acceptance = model, starts, acceptance
+        self._model, self._starts, self.acceptance = model, starts, acceptance
         # Traced once for all that is compiled: tracing a hierarchy takes as long as compiling many a model.
         self._potential = jax.jit(self._potential_energy)
         self._init_kernel, self._sample_kernel = hmc(potential_fn_gen=lambda data: partial(self._potential, data))
         devices = jax.local_devices()
         self._together = max(n for n in range(1, min(chains, len(devices)) + 1) if chains % n == 0)
         self._mesh = Mesh(np.asarray(devices[: self._together]), (_CHAINS,))
-        self._latent = self._find_latent()
-        self._blocks = Blocks({name: shape for name, (shape, _) in self._latent.items()}, tuple(starts))
+        self._shapes = self._find_shapes()
+        self._blocks = Blocks(self._shapes, tuple(starts))
         self._begin, self._advance, self._constrain = self._compile_together()
 
     def given(self, arguments: Mapping[str, Any], starts: Mapping[str, Any]) -> "Chains":
@@ -153,6 +147,10 @@ class Chains:
         other._data = eqx.filter(dict(arguments), lambda leaf: isinstance(leaf, jax.Array))
         other._starts = starts
         return other
+
+    def at_acceptance(self, acceptance: float) -> "Chains":
+        """Return chains of the same model, data and starts that adapt to another acceptance; they are compiled anew."""
+        return Chains(self._model, self._arguments(self._data), self.chains, self._warmup, self._starts, acceptance)
 
     def begin(self, seed: int) -> HMCState:
         """Return the state before the first iteration."""
@@ -165,15 +163,14 @@ class Chains:
 
     def starts(self, seed: int, tried: int = 0) -> dict[str, np.ndarray]:
         """Return where each chain starts, unconstrained: the sites named near their values, the others around zero."""
-        random, found = np.random.default_rng([seed, tried]), {}
-        for name, (shape, transform) in self._latent.items():
+        random, starts = np.random.default_rng([seed, tried]), {}
+        for name, shape in self._shapes.items():
             of_chains = (self.chains, *shape)
             if name in self._starts:
-                values = self._starts[name] * np.exp(START_SPREAD * random.standard_normal(of_chains))
-                found[name] = np.asarray(transform.inv(values))
+                starts[name] = self._starts[name] + START_SPREAD * random.standard_normal(of_chains)
             else:
-                found[name] = random.uniform(-START_RADIUS, START_RADIUS, of_chains)
-        return found
+                starts[name] = random.uniform(-START_RADIUS, START_RADIUS, of_chains)
+        return starts
 
     def advance(self, state: HMCState, iterations: int) -> Chunk:
         """Return what so many iterations, at most `CHUNK`, leave."""
@@ -181,30 +178,33 @@ class Chains:
         draws, statistics = jax.tree.map(lambda values: np.asarray(values)[:, :iterations], kept)
         return Chunk(state, draws, statistics)
 
-    def constrain(self, unconstrained: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return a chunk's draws of every site of the model, deterministic ones included."""
+    def constrain(self, unconstrained: Mapping[str, np.ndarray], seed: Sequence[int]) -> dict[str, np.ndarray]:
+        """Return a chunk's draws of every site of the model, deterministic ones included.
+
+        What the model draws given the sampled sites (`DrawnReparam`) it draws from this seed.
+        """
         length = next(iter(unconstrained.values())).shape[1]
 
         def filled(values: np.ndarray) -> np.ndarray:
             room = [(0, 0), (0, CHUNK - length)] + [(0, 0)] * (values.ndim - 2)
             return np.pad(values, room, mode="edge")
 
-        sites = self._in_turns(self._constrain, jax.tree.map(filled, dict(unconstrained)), self._data)
+        given = jax.tree.map(filled, dict(unconstrained)), draw_keys(seed, self.chains)
+        sites = self._in_turns(self._constrain, given, self._data)
         return {name: np.asarray(values)[:, :length] for name, values in sites.items()}
 
-    def _find_latent(self) -> dict[str, tuple[tuple[int, ...], Any]]:
-        """Return the shape of each sampled site, unconstrained, and the transform from there."""
-        found = {}
+    def _find_shapes(self) -> dict[str, tuple[int, ...]]:
+        """Return the shape of each sampled site, unconstrained."""
+        shapes = {}
 
         def look(key: jax.Array, data: Any) -> None:
             seeded = handlers.substitute(handlers.seed(self._model, key), substitute_fn=init_to_feasible())
             for name, site in handlers.trace(seeded).get_trace(**self._arguments(data)).items():
                 if site["type"] == "sample" and not site["is_observed"]:
-                    transform = biject_to(site["fn"].support)
-                    found[name] = transform.inverse_shape(site["fn"].shape()), transform
+                    shapes[name] = biject_to(site["fn"].support).inverse_shape(site["fn"].shape())
 
         jax.eval_shape(look, jax.random.PRNGKey(0), self._data)
-        return found
+        return shapes
 
     def _compile_together(self) -> list[Callable[[Any, Any], Any]]:
         """Return what begins, advances and constrains, compiled side by side: half of a run's seconds go into it."""
@@ -224,7 +224,8 @@ class Chains:
             advancing = pool.submit(advance.lower(state, (self._data, np.int64(0))).compile)
             lowered = begin.lower(jax.tree.map(together, fresh), self._data)
             beginning = pool.submit(lowered.compile, compiler_options=_RUN_ONCE)
-            constraining = pool.submit(constrain.lower(chunk, self._data).compile)
+            keys = jax.ShapeDtypeStruct((self._together, CHUNK, 2), np.uint32)
+            constraining = pool.submit(constrain.lower((chunk, keys), self._data).compile)
         return [compiling.result() for compiling in (beginning, advancing, constraining)]
 
     def _potential_energy(self, data: Any, z: dict[str, jax.Array]) -> jax.Array:
@@ -236,7 +237,7 @@ class Chains:
             start,
             self._warmup,
             dense_mass=[(DENSE,)] if DENSE in start else [],  # pyright: ignore[reportArgumentType]
-            target_accept_prob=self._acceptance,
+            target_accept_prob=self.acceptance,
             max_tree_depth=DEEPEST,  # pyright: ignore[reportArgumentType]
             model_args=(data,),
             rng_key=jax.random.split(key)[0],  # as NumPyro's own kernel does: the draws are then the same
@@ -252,12 +253,12 @@ class Chains:
         room = jax.tree.map(lambda one: jnp.zeros((CHUNK, *one.shape), one.dtype), _kept(state))
         return jax.lax.fori_loop(0, iterations, step, (state, room))
 
-    def _constrained(self, unconstrained: Any, data: Any) -> Any:
-        def one(z: dict[str, jax.Array]) -> dict[str, jax.Array]:
-            at = self._blocks.unpack(z)
-            return constrain_fn(self._model, (), self._arguments(data), at, return_deterministic=True)
+    def _constrained(self, unconstrained_and_keys: tuple[dict[str, jax.Array], jax.Array], data: Any) -> Any:
+        def one(z: dict[str, jax.Array], key: jax.Array) -> dict[str, jax.Array]:
+            model, at = handlers.seed(self._model, key), self._blocks.unpack(z)
+            return constrain_fn(model, (), self._arguments(data), at, return_deterministic=True)
 
-        return jax.vmap(one)(unconstrained)
+        return jax.vmap(one)(*unconstrained_and_keys)
 
     def _arguments(self, data: Any) -> Any:
         return eqx.combine(data, self._fixed)

@@ -9,7 +9,6 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from scipy.stats import binomtest
 
 from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.colours import INK, PALE, Look, Setting, looks_of_none
@@ -22,31 +21,25 @@ _IDENTITY = {"color": INK, "linewidth": 0.8, "linestyle": "--"}
 #: Of all figures here: each keeps its look where others are not shown.
 _METHODS = ("inertia", "motion", "thesis")
 #: What has no name of its own in `labels`.
-_SAID = {"energy_with_true_x": "energy with the true x"}
+_NAMES = {"energy_with_true_x": "energy with the true x"}
 #: An axis of beta ends at so many times the largest truth.
 _TIMES = 10.0
 
 
 def draw(
-    table: pd.DataFrame, shown: pd.DataFrame, factors: Mapping[str, tuple[str, str]], typical: Mapping[str, float]
+    table: pd.DataFrame,
+    bias_of_k: pd.DataFrame,
+    shown: pd.DataFrame,
+    windows: pd.DataFrame,
+    factors: Mapping[str, tuple[str, str]],
+    typical: Mapping[str, float],
 ) -> Iterator[tuple[str, Figure]]:
-    """Yield the name and the figure of each picture of an audit.
-
-    Parameters
-    ----------
-    table:
-        As `audit.csv`.
-    shown:
-        A row a method and parameter: `coverage_95`, `intervals`.
-    factors:
-        Name and unit by column.
-    typical:
-        The level of each that others are varied about; of the window, the source's.
-    """
-    yield "beta_returned", beta_returned(table, int(typical["window_samples"]))
-    yield "k_bias", k_bias(table, factors, typical)
+    """Yield the name and the figure of each kind: `audit.csv`, then the tables that each function below takes."""
+    source_window = int(typical["window_samples"])
+    yield "beta_returned", beta_returned(table, source_window)
+    yield "k_bias", k_bias(bias_of_k, factors, typical)
     yield "coverage", coverage(shown)
-    yield "beta_window", beta_window(table, factors, typical)
+    yield "beta_window", beta_window(windows, source_window)
 
 
 @matplotlib.style.context(STYLE)
@@ -66,13 +59,13 @@ def beta_returned(table: pd.DataFrame, source_window: int) -> Figure:
     axes = figure.subplots(1, len(methods), sharex=True, sharey=True, squeeze=False)[0]
     appearance = method_looks(methods)
     for ax, method in zip(axes, methods, strict=True):
-        of, look = rows[rows["method"] == method], appearance[method]
-        window = of["window_samples"].to_numpy(float, na_value=np.nan)  # a method without one has none
+        mine, look = rows[rows["method"] == method], appearance[method]
+        window = mine["window_samples"].to_numpy(float, na_value=np.nan)  # a method without one has none
         other = ~np.isnan(window) & (window != source_window)
-        ax.plot(of["truth"][other], of["median"][other], ".", color=PALE, markersize=3, zorder=1)
-        ax.plot(of["truth"][~other], of["median"][~other], look.marker, color=look.colour, markersize=4, zorder=2)
+        ax.plot(mine["truth"][other], mine["median"][other], ".", color=PALE, markersize=3, zorder=1)
+        ax.plot(mine["truth"][~other], mine["median"][~other], look.marker, color=look.colour, markersize=4, zorder=2)
         for part, colour in ((other, PALE), (~other, look.colour)):
-            _arrows(ax, of["truth"][part], of["median"][part], top, colour)
+            _arrows(ax, mine["truth"][part], mine["median"][part], top, colour)
         ends = [rows["truth"].min(), rows["truth"].max()] if len(rows) else [0.01, 0.1]
         layout.log_axis(ax, 0.8 * ends[0], 1.25 * ends[1], crowd=2.0)
         _log_up_to(ax, rows["median"], top)
@@ -95,17 +88,26 @@ def beta_returned(table: pd.DataFrame, source_window: int) -> Figure:
 
 
 @matplotlib.style.context(STYLE)
-def k_bias(table: pd.DataFrame, factors: Mapping[str, tuple[str, str]], typical: Mapping[str, float]) -> Figure:
-    """Return the bias of k by method against each factor, the others typical; arguments as of `draw`."""
-    rows = table[table["parameter"] == "k"].dropna(subset=["bias_percent"])
-    appearance = method_looks(table["method"])
+def k_bias(rows: pd.DataFrame, factors: Mapping[str, tuple[str, str]], typical: Mapping[str, float]) -> Figure:
+    """Return the bias of k by method against each factor, the others typical.
+
+    Parameters
+    ----------
+    rows:
+        `method, factor, level, bias_percent`; the level is NaN where the method has no such factor.
+    factors:
+        Name and unit by factor, a panel each.
+    typical:
+        The level of each factor that the others are varied about.
+    """
+    appearance = method_looks(rows["method"])
     figure = layout.page(WIDTH, 4.8)
     axes = figure.subplots(2, math.ceil(len(factors) / 2), sharey=True, squeeze=False)
     for ax in axes.ravel()[len(factors) :]:
         ax.set_visible(False)
     for ax, (factor, (name, unit)) in zip(axes.ravel(), factors.items(), strict=False):
         for method, look in appearance.items():
-            _draw_against(ax, _varied(rows[rows["method"] == method], factor, typical), factor, look)
+            _draw_against(ax, rows[(rows["method"] == method) & (rows["factor"] == factor)], look)
         ax.axhline(0.0, **_IDENTITY)
         ax.set_xlabel(f"{name} ({unit})", fontsize=7)
     for ax in axes[:, 0]:
@@ -121,18 +123,9 @@ def k_bias(table: pd.DataFrame, factors: Mapping[str, tuple[str, str]], typical:
     return layout.finish(figure, _SETTING, note)
 
 
-def _varied(rows: pd.DataFrame, but: str, typical: Mapping[str, float]) -> pd.DataFrame:
-    """Return the rows at the typical level of all factors but one; an empty cell is at every level."""
-    kept = np.ones(len(rows), dtype=bool)
-    for factor, level in typical.items():
-        values = rows[factor].astype(float).to_numpy()
-        kept &= (factor == but) | np.isnan(values) | np.isclose(values, level)
-    return rows[kept].sort_values(but)
-
-
-def _draw_against(ax: Axes, rows: pd.DataFrame, factor: str, look: Look) -> None:
+def _draw_against(ax: Axes, rows: pd.DataFrame, look: Look) -> None:
     style = {"color": look.colour, "linestyle": look.line, "linewidth": 1}
-    at = rows[factor].astype(float).to_numpy()
+    at = rows["level"].to_numpy()
     if len(rows) and np.isnan(at).all():  # the method has no such factor
         ax.axhline(float(rows["bias_percent"].iloc[0]), **style)
     else:
@@ -141,21 +134,22 @@ def _draw_against(ax: Axes, rows: pd.DataFrame, factor: str, look: Look) -> None
 
 @matplotlib.style.context(STYLE)
 def coverage(shown: pd.DataFrame) -> Figure:
-    """Return the share of 95 % intervals that hold the truth, by parameter and method, with its own 95 % interval."""
+    """Return the share of 95 % intervals that hold the truth, by parameter and method, with its own 95 % interval.
+
+    Of `shown`: `method, parameter, intervals, coverage_95, coverage_low, coverage_high`, the last three shares.
+    """
     rows = shown[shown["intervals"] > 0].reset_index(drop=True)
     appearance = method_looks(shown["method"])
     figure = layout.page(WIDTH, 1.4 + 0.25 * max(4, len(rows)))
     ax = figure.subplots()
     for i, (_, row) in enumerate(rows.iterrows()):
-        look, intervals = appearance[row["method"]], int(row["intervals"])
-        share = row["coverage_95"]
-        around = binomtest(round(share * intervals), intervals).proportion_ci(0.95, method="exact")
-        ax.plot([100 * around.low, 100 * around.high], [i, i], color=look.colour, linewidth=1.6)
-        ax.plot(100 * share, i, look.marker, color=look.colour, markersize=5)
+        look = appearance[row["method"]]
+        ax.plot([100 * row["coverage_low"], 100 * row["coverage_high"]], [i, i], color=look.colour, linewidth=1.6)
+        ax.plot(100 * row["coverage_95"], i, look.marker, color=look.colour, markersize=5)
     ax.axvline(95.0, **_IDENTITY)
     ax.set_yticks(
         range(len(rows)),
-        [f"{_SAID.get(p, text_name(p))}, {m}" for p, m in zip(rows["parameter"], rows["method"], strict=True)],
+        [f"{_NAMES.get(p, text_name(p))}, {m}" for p, m in zip(rows["parameter"], rows["method"], strict=True)],
     )
     ax.set_ylim(max(1, len(rows)) - 0.5, -0.5)
     ax.set_xlim(-3, 103)
@@ -169,35 +163,37 @@ def coverage(shown: pd.DataFrame) -> Figure:
 
 
 @matplotlib.style.context(STYLE)
-def beta_window(table: pd.DataFrame, factors: Mapping[str, tuple[str, str]], typical: Mapping[str, float]) -> Figure:
-    """Return beta by `thesis` against its smoothing window, a line a rise time and a panel a true beta."""
-    of = _positive(table[(table["parameter"] == "beta") & (table["method"] == "thesis")])
-    for name in ("k_kN_per_mm", "x_kN", "damping_ratio", "step_kN"):
-        of = of[np.isclose(of[name].to_numpy(dtype=float), typical[name])]
-    of = of[of.groupby(["beta_mm", "rise_s"])["window_samples"].transform("nunique") > 1]
-    betas = sorted(set(of["truth"]))
-    rises, top = sorted(set(of["rise_s"])), _top(of)
+def beta_window(rows: pd.DataFrame, source_window: int) -> Figure:
+    """Return beta by `thesis` against its smoothing window, a line a rise time and a panel a true beta.
+
+    Of `rows`: `truth` and `median` (mm), `rise_s`, `window_samples`; `source_window` as of `beta_returned`.
+    """
+    determined = _positive(rows)
+    betas = sorted(set(determined["truth"]))
+    rises, top = sorted(set(determined["rise_s"])), _top(determined)
     by_rise = dict(zip(rises, looks_of_none(map(str, rises)).values(), strict=True))
     figure = layout.page(WIDTH, 3.4)
     axes = figure.subplots(1, max(1, len(betas)), sharex=True, sharey=True, squeeze=False)[0]
     for ax, beta in zip(axes, betas, strict=False):
         for rise, look in by_rise.items():
-            line = of[(of["truth"] == beta) & (of["rise_s"] == rise)].sort_values("window_samples")
+            line = determined[(determined["truth"] == beta) & (determined["rise_s"] == rise)].sort_values(
+                "window_samples"
+            )
             style = {"color": look.colour, "marker": look.marker, "linestyle": look.line, "markersize": 3}
             ax.plot(line["window_samples"].astype(float), line["median"], linewidth=1, **style)
             _arrows(ax, line["window_samples"].astype(float), line["median"], top, look.colour)
         ax.axhline(beta, **_IDENTITY)
-        _log_up_to(ax, of["median"], top)
+        _log_up_to(ax, determined["median"], top)
         ax.set_title(f"true beta {beta:g} mm", fontsize=8)
-        ax.set_xlabel(f"{factors['window_samples'][0]} ({factors['window_samples'][1]})", fontsize=7)
+        ax.set_xlabel("window (samples)", fontsize=7)
         ax.tick_params(labelsize=6)
     axes[0].set_ylabel("beta by thesis, median\n(mm, log scale)", fontsize=8)
     handles = [(look.interval_handle, f"rise {1e3 * rise:g} ms") for rise, look in by_rise.items()]
     layout.legend(figure, [*handles, (Line2D([], [], **_IDENTITY), "the truth")])
     note = (
         "Simulated records of a stationary axle, 10 kHz; only the moving mean's length is changed, all else as the "
-        f"source has it (its own: {typical['window_samples']:g} samples; 1: not smoothed). "
-        f"No point where records do not determine beta.{_beyond(of['median'], top)}"
+        f"source has it (its own: {source_window} samples; 1: not smoothed). "
+        f"No point where records do not determine beta.{_beyond(determined['median'], top)}"
     )
     return layout.finish(figure, _SETTING, note)
 

@@ -27,10 +27,12 @@ def direction_rank(direction: str) -> tuple[int, str]:
     return (rank if direction else rank + 1), direction
 
 
-def case_words(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the five words of a case (km/h, kN) for each row, "" or NaN where the table does not say."""
+def case_factors(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the five factors of a case (km/h, kN) for each row, "" or NaN where the table does not say."""
     text = ("configuration", "direction")
-    return pd.DataFrame({word: texts(table, word) if word in text else numbers(table, word) for word in CASE_FACTORS})
+    return pd.DataFrame(
+        {factor: texts(table, factor) if factor in text else numbers(table, factor) for factor in CASE_FACTORS}
+    )
 
 
 def in_order(table: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
@@ -44,12 +46,12 @@ def in_order(table: pd.DataFrame, columns: Sequence[str]) -> pd.DataFrame:
 
 
 def numbered(factors: pd.DataFrame) -> pd.DataFrame:
-    """Return the table with a column `nth` that counts the rows sharing all their words, from 0."""
+    """Return the table with a column `nth` that counts the rows sharing all their factors, from 0."""
     return factors.assign(nth=factors.groupby(list(factors.columns), dropna=False).cumcount())
 
 
 def case_label(speed_km_h: float, initial_load_kN: float, step_kN: float) -> str:
-    """Return the source's way of writing a case, such as ``(0)30-20``, as far as the words are known."""
+    """Return the source's way of writing a case, such as ``(0)30-20``, as far as the factors are given."""
     speed = "" if math.isnan(speed_km_h) else f"({speed_km_h:g})"
     if math.isnan(initial_load_kN):
         return speed if math.isnan(step_kN) else f"{speed}{step_kN:+g}"
@@ -85,10 +87,10 @@ def list_lines(headings: Sequence[str], labels: Sequence[str]) -> list[Line]:
 
 
 def grouped_lines(rows: pd.DataFrame) -> list[Line]:
-    """Return the lines that list cases (their words and `nth`) under their configuration and direction."""
+    """Return the lines that list cases (their factors and `nth`) under their configuration and direction."""
     headings, labels = [], []
     for i, row in enumerate(rows.to_dict("records")):
-        headings.append(", ".join(plain(row[word], 24) for word in ("configuration", "direction") if row[word]))
+        headings.append(", ".join(plain(row[factor], 24) for factor in ("configuration", "direction") if row[factor]))
         label = case_label(row["speed_km_h"], row["initial_load_kN"], row["step_kN"])
         labels.append(f"{label} #{row['nth'] + 1}" if label and row["nth"] else label or f"case {i + 1}")
     return list_lines(headings, labels)
@@ -115,14 +117,14 @@ def parameter_panels(count: int, spare: float, line: float, room: int) -> tuple[
 def name_lines(ax: Axes, lines: Sequence[Line], inches: float, room: int) -> None:
     """Write the lines' texts on the y axis, downwards; as many as fit when a line, of `room` in all, has few inches."""
     apart = max(1, math.ceil(LABEL / inches))
-    kept: list[Line] = []
+    shown: list[Line] = []
     for line in lines:
-        if kept and line.heads and line.y - kept[-1].y < apart and not kept[-1].heads:
-            kept.pop()
-        if not kept or line.y - kept[-1].y >= apart:
-            kept.append(line)
-    ax.set_yticks([line.y for line in kept], [line.text for line in kept])
-    for line, tick in zip(kept, ax.yaxis.get_major_ticks(), strict=True):
+        if shown and line.heads and line.y - shown[-1].y < apart and not shown[-1].heads:
+            shown.pop()
+        if not shown or line.y - shown[-1].y >= apart:
+            shown.append(line)
+    ax.set_yticks([line.y for line in shown], [line.text for line in shown])
+    for line, tick in zip(shown, ax.yaxis.get_major_ticks(), strict=True):
         tick.label1.set_fontweight("bold" if line.heads else "normal")
     ax.set_ylim(max(1, room) - 0.2, -0.8)
     ax.tick_params(axis="y", length=0)

@@ -2,16 +2,18 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import pandas as pd
 import xarray as xr
 from matplotlib.figure import Figure
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.diagnostics.attempts import Attempt, directly
 from bayes_tyre.inference.diagnostics.verdict import AUTOCORRELATION_MOST
-from bayes_tyre.inference.sampling.datatree import RECORD_UNITS, is_of_motions, priors_of, tree_cases
+from bayes_tyre.inference.sampling.datatree import is_of_motions, priors_of, tree_cases
 from bayes_tyre.inference.sampling.group_means import group_means
+from bayes_tyre.record import RECORD_UNITS
 from bayes_tyre.report.figures.colours import Setting
 from bayes_tyre.report.figures.contrast import contrasts_by_case
 from bayes_tyre.report.figures.densities import posteriors_by_direction, prior_and_posterior_of_scales
@@ -32,8 +34,8 @@ from bayes_tyre.results.prior_posterior import prior_posteriors
 from bayes_tyre.results.ranks import ranks
 
 ENERGY, CONTRASTS = "energy_per_cycle", "contrasts"
-OUTLIERS = "outlier_probabilities"
-#: Before the place of a record's picture among those shown.
+OUTLIERS, LOOPS = "outlier_probabilities", "loops_by_direction"
+#: Before the place of a record's figure among those shown.
 MOTION = "motion_"
 #: What the intervals of cases and contrasts are of, where a reader could take them for something else, by model.
 ABOUT_CASES = {"published": "They are of the value to expect; single printed values scatter about it."}
@@ -77,7 +79,7 @@ class Result:
 
     @cached_property
     def judged(self) -> pd.DataFrame:
-        """The words of each record, and the probability that it is discordant."""
+        """The factors of each record, and the probability that it is discordant."""
         return summary.judged_records(self.tree)
 
     @property
@@ -107,41 +109,59 @@ class Result:
         return posterior_predictive.records_to_show(self.tree)
 
 
-def draw(result: Result) -> Iterator[tuple[str, Figure]]:
-    """Yield the name and the figure of everything that can be drawn of a result, one after the other."""
+def draw(result: Result, attempt: Attempt = directly) -> Iterator[tuple[str, Figure]]:
+    """Yield the name and the figure of everything that can be drawn of a result, one after the other.
+
+    Parameters
+    ----------
+    result:
+        What is drawn.
+    attempt:
+        Draws each figure, by the name of its file; one that fails is passed over.
+    """
+    for name, drawing in _drawings(result):
+        if (figure := attempt(f"{name}.png", drawing, None)) is not None:
+            yield name, figure
+
+
+def _drawings(result: Result) -> Iterator[tuple[str, Callable[[], Figure | None]]]:
+    """Yield the name of each figure with what draws it: None where the result has nothing to show by it."""
     for name, figure in {**ALWAYS, **(OF_MOTIONS if result.of_motions else {})}.items():
-        if name != CONTRASTS or len(result.contrasts):  # without cases that match its panels would be empty
-            yield name, figure(result)
-    yield from _loops(result)
+        yield name, partial(_contrasts_if_any if name == CONTRASTS else figure, result)
+    yield LOOPS, lambda: _loops(result)
     if result.table is not None:
         for name, figure_of_records in OF_RECORDS.items():
-            yield name, figure_of_records(result, result.table)
-    if result.judges:
-        yield OUTLIERS, OF_REPEATS[OUTLIERS](result)
+            yield name, partial(figure_of_records, result, result.table)
+    yield OUTLIERS, lambda: OF_REPEATS[OUTLIERS](result) if result.judges else None
     if result.motions is not None:
         for place, readings in result.motions.groupby("shown", sort=False):
-            yield f"{MOTION}{place}", motion_figure(readings, result.setting)
+            yield f"{MOTION}{place}", lambda readings=readings: motion_figure(readings, result.setting)
+
+
+def _contrasts_if_any(result: Result) -> Figure | None:
+    """Return the figure of ratios; None without cases that match: its panels would be empty."""
+    return ALWAYS[CONTRASTS](result) if len(result.contrasts) else None
 
 
 def _posteriors(result: Result) -> Figure:
-    draws = _cell_draws(result.tree)
+    draws = _group_draws(result.tree)
     return posteriors_by_direction(draws[draws["parameter"] != ENERGY], result.setting, result.interval)
 
 
 def _energy(result: Result) -> Figure:
-    draws = _cell_draws(result.tree)
+    draws = _group_draws(result.tree)
     return posteriors_by_direction(
         draws[draws["parameter"] == ENERGY], result.setting, result.interval, _about_energy(result)
     )
 
 
-def _loops(result: Result) -> Iterator[tuple[str, Figure]]:
-    """Yield the loop of a cycle, where the posterior is of motions on the law whose loop is known."""
+def _loops(result: Result) -> Figure | None:
+    """Return the loop of a cycle, where the posterior is of motions on the law whose loop is known."""
     attributes = result.tree.attrs
-    if result.of_motions and "amplitude_mm" in attributes and attributes.get("law", LAW) == LAW:
-        loops = friction_loops(result.tree, result.interval)
-        amplitude = float(attributes["amplitude_mm"])
-        yield "loops_by_direction", loops_by_direction(loops, result.setting, amplitude, result.interval)
+    if not (result.of_motions and "amplitude_mm" in attributes and attributes.get("law", LAW) == LAW):
+        return None
+    amplitude = float(attributes["amplitude_mm"])
+    return loops_by_direction(friction_loops(result.tree, result.interval), result.setting, amplitude, result.interval)
 
 
 def _about_energy(result: Result) -> str:
@@ -149,13 +169,13 @@ def _about_energy(result: Result) -> str:
     return "" if amplitude is None else f"Energy: of a cycle of {amplitude:g} mm amplitude at the wheel centre."
 
 
-def _cell_draws(tree: xr.DataTree) -> pd.DataFrame:
-    """Return the draws of the cell means in long form: configuration, direction, parameter, unit, value."""
+def _group_draws(tree: xr.DataTree) -> pd.DataFrame:
+    """Return the draws of the group means in long form: configuration, direction, parameter, unit, value."""
     means = group_means(tree)
     long = means.stack(sample=("chain", "draw", "group")).reset_index("sample", drop=True)
-    factor_table = {word: long[word].to_numpy() for word in ("configuration", "direction")}
+    factors = {factor: long[factor].to_numpy() for factor in ("configuration", "direction")}
     blocks = [
-        pd.DataFrame({**factor_table, "parameter": name, "unit": RECORD_UNITS[str(name)], "value": draws.to_numpy()})
+        pd.DataFrame({**factors, "parameter": name, "unit": RECORD_UNITS[str(name)], "value": draws.to_numpy()})
         for name, draws in long.data_vars.items()
     ]
     return pd.concat(blocks, ignore_index=True)
@@ -195,8 +215,8 @@ def _bands(result: Result, table: pd.DataFrame) -> Figure:
 
 
 def _residuals(result: Result, table: pd.DataFrame) -> Figure:
-    found = posterior_predictive.residuals(result.tree, table)
-    points, records = posterior_predictive.residual_tables(found, table, result.shown)
+    residuals = posterior_predictive.residuals(result.tree, table)
+    points, records = posterior_predictive.residual_tables(residuals, table, result.shown)
     return residuals_against_displacement(points, records, result.setting, AUTOCORRELATION_MOST)
 
 
@@ -225,45 +245,26 @@ OF_RECORDS: Mapping[str, Callable[[Result, pd.DataFrame], Figure]] = {
 OF_REPEATS: Mapping[str, Callable[[Result], Figure]] = {OUTLIERS: _outliers}
 
 
-def chosen_figure(
-    tree: xr.DataTree,
-    verdict: str,
-    name: str,
-    table: pd.DataFrame | None = None,
-    printed: pd.DataFrame | None = None,
-    interval: float = 0.95,
-) -> Figure:
-    """Return a figure that `bayes_tyre.report.figures.catalogue` knows.
-
-    Parameters
-    ----------
-    tree, verdict:
-        A posterior, and ``pass`` or ``fail``.
-    name:
-        Of its file, without suffix.
-    table:
-        The points it was fitted to; figures of records need them.
-    printed:
-        Printed `k_kN_per_mm` and `beta_mm` by case, shown beside the posterior where given.
-    interval:
-        Probability of every interval, equal-tailed.
+def chosen_figure(result: Result, name: str) -> Figure:
+    """Return a figure that `bayes_tyre.report.figures.catalogue` knows, by the name of its file without suffix.
 
     Raises
     ------
     BadInput
-        For a name that there is not, a figure of records without records, and one of odd repeats where none is judged.
+        For a name that there is not, a figure of records without records, and one of discordant repeats where none is
+        judged.
     """
-    result = Result(tree, verdict, table, printed, interval)
+    of_records = "record" in result.tree["posterior"].dims
     of_tree = {**ALWAYS, **OF_MOTIONS} if result.of_motions else ALWAYS
-    known = [*of_tree, *([] if result.of_motions else OF_RECORDS), *OF_REPEATS]
-    if name not in known:
-        raise BadInput(f"figure {name!r} is unknown; use one of {', '.join(known)}")
+    names = [*of_tree, *([] if result.of_motions else OF_RECORDS), *OF_REPEATS]
+    if name not in names:
+        raise BadInput(f"figure {name!r} is unknown; use one of {', '.join(names)}")
     if name in of_tree:
         return of_tree[name](result)
     if name in OF_REPEATS and result.judges:
         return OF_REPEATS[name](result)
-    if name in OF_RECORDS and table is not None and "record" in tree["posterior"].dims:
-        return OF_RECORDS[name](result, table)
-    if name in OF_REPEATS and "record" in tree["posterior"].dims:
+    if name in OF_RECORDS and result.table is not None and of_records:
+        return OF_RECORDS[name](result, result.table)
+    if name in OF_REPEATS and of_records:
         raise BadInput(f"figure {name}: this posterior judges no record; that takes repeats mixture, three of a case")
     raise BadInput(f"figure {name} shows records; give the posterior of records, and their table")

@@ -94,6 +94,6 @@ class Setting(NamedTuple):
 
     def looks(self, shown: Iterable[str]) -> dict[str, Look]:
         """Return the look of each configuration shown, in sorted order; a label the result has not comes after all."""
-        wanted, known = set(shown), sorted(set(self.configurations))
-        places = _places([*known, *sorted(wanted.difference(known))])
+        wanted, configurations = set(shown), sorted(set(self.configurations))
+        places = _places([*configurations, *sorted(wanted.difference(configurations))])
         return {label: _look(places[label]) for label in sorted(wanted)}

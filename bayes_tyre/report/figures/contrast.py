@@ -14,13 +14,13 @@ from bayes_tyre.report.figures import case_axis, layout
 from bayes_tyre.report.figures.colours import INK, Setting
 from bayes_tyre.report.figures.labels import interval_name, plain
 from bayes_tyre.report.figures.layout import STYLE
-from bayes_tyre.report.wording import PARAMETERS, panels, text_name
+from bayes_tyre.report.wording import AXIS_NAMES, panels, probability_text, text_name
 from bayes_tyre.results.columns import numbers, texts
 
 #: Height of a line, inches; the room of the shortest list, lines.
 _LINE, _LEAST = 0.17, 8
 # Ratios that reach so many times as far stand on a logarithmic axis; share of the axis kept free for probabilities.
-_LOG_FROM, _ROOM = 3.0, 0.25
+_LOG_FROM, _ROOM = 3.0, 0.33
 
 
 @matplotlib.style.context(STYLE)
@@ -33,21 +33,21 @@ def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting, about: str = ""
     Parameters
     ----------
     contrasts:
-        As `contrasts.csv` has them: `contrast`, `matching`, the words held fixed, `parameter`, `median`, `lower`,
+        As `contrasts.csv` has them: `contrast`, `matching`, the factors held fixed, `parameter`, `median`, `lower`,
         `upper`, `interval`, `p_greater_than_1`; no unit.
     setting:
         What all figures of the result share.
     about:
         A sentence on what the ratios are of, where it is not plain; it joins the note.
     """
-    rows = case_axis.case_words(contrasts)
+    rows = case_axis.case_factors(contrasts)
     for column in ("contrast", "matching", "parameter"):
         rows[column] = texts(contrasts, column)
     for column in ("median", "lower", "upper", "interval", "p_greater_than_1"):
         rows[column] = numbers(contrasts, column)
     rows["of_case"] = ~rows["initial_load_kN"].isna() | ~rows["step_kN"].isna()
     between_directions = rows["contrast"].str.contains("loading")
-    rows = rows[rows["parameter"].isin(list(PARAMETERS)) & ~(between_directions & rows["of_case"])]
+    rows = rows[rows["parameter"].isin(list(AXIS_NAMES)) & ~(between_directions & rows["of_case"])]
     listed = rows.drop_duplicates(["contrast", "matching", *CASE_FACTORS]).reset_index(drop=True)
     headings = [plain(f"{row['contrast']}, {row['matching']}", 60) for row in listed.to_dict("records")]
     lines = case_axis.list_lines(headings, [_label(row) for row in listed.to_dict("records")])
@@ -72,9 +72,9 @@ def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting, about: str = ""
 def _label(row: Mapping[Hashable, Any]) -> str:
     """Return what a ratio is of: its case, or which cases it averages."""
     if row["of_case"]:
-        case = case_axis.case_label(*(row[word] for word in CASE_FACTORS[2:]))
+        case = case_axis.case_label(*(row[factor] for factor in CASE_FACTORS[2:]))
         return " ".join(plain(part, 24) for part in (row["configuration"], row["direction"], case) if part)
-    fixed = [plain(row[word], 24) for word in CASE_FACTORS[:2] if row[word]]
+    fixed = [plain(row[factor], 24) for factor in CASE_FACTORS[:2] if row[factor]]
     return ", ".join(["average", *fixed])
 
 
@@ -86,7 +86,7 @@ def _panel(ax: Axes, rows: pd.DataFrame, parameter: str) -> None:
         ax.plot(mine["median"], mine["y"], "o", color=INK, markersize=size)
     for row in rows.to_dict("records"):
         place = {"xycoords": ax.get_yaxis_transform(), "ha": "right", "va": "center", "fontsize": 6.5}
-        ax.annotate(_probability(row["p_greater_than_1"]), (0.99, row["y"]), **place)
+        ax.annotate(probability_text(row["p_greater_than_1"], 2), (0.99, row["y"]), **place)
     values = rows[["lower", "upper"]].to_numpy().ravel()
     values = np.append(values[np.isfinite(values)], 1.0)
     low, high = values.min(), values.max()
@@ -96,10 +96,3 @@ def _panel(ax: Axes, rows: pd.DataFrame, parameter: str) -> None:
     else:
         ax.set_xlim(low - 0.05 * (high - low or 1.0), high + _ROOM * (high - low or 1.0))
     ax.set_xlabel(f"ratio of {text_name(parameter)} (no unit{', log scale' if log else ''})")
-
-
-def _probability(p: float) -> str:
-    """Return a probability with two decimals; what only rounds to 0 or 1 does not claim it."""
-    if not np.isfinite(p):
-        return ""
-    return "> 0.99" if p > 0.995 else "< 0.01" if p < 0.005 else f"{p:.2f}"

@@ -1,8 +1,5 @@
 """Densities: of k and beta by direction, and of each hyperparameter with its prior; drawn by kernel estimates."""
 
-import math
-
-import arviz as az
 import matplotlib.style
 import numpy as np
 import pandas as pd
@@ -15,8 +12,9 @@ from bayes_tyre.report.figures import case_axis, layout
 from bayes_tyre.report.figures.colours import INK, PALE, Look, Setting
 from bayes_tyre.report.figures.labels import configuration_label, decimals, interval_name, plain, unit_name
 from bayes_tyre.report.figures.layout import STYLE, WIDTH
-from bayes_tyre.report.wording import PARAMETERS, WIDE, panels
+from bayes_tyre.report.wording import AXIS_NAMES, WIDE, panels
 from bayes_tyre.results.columns import numbers, texts
+from bayes_tyre.results.density import density
 from bayes_tyre.results.prior_posterior import PriorPosterior
 
 #: Panels side by side, the height of a row of them (inches), the most panels.
@@ -29,13 +27,15 @@ _PRIOR = {"facecolor": (PALE, 0.35), "edgecolor": PALE, "linewidth": 0.8}
 
 
 @matplotlib.style.context(STYLE)
-def posteriors_by_direction(cells: pd.DataFrame, setting: Setting, interval: float = 0.95, about: str = "") -> Figure:
+def posteriors_by_direction(
+    group_draws: pd.DataFrame, setting: Setting, interval: float = 0.95, about: str = ""
+) -> Figure:
     """Return the posterior densities of k, beta and more, a panel a direction, the configurations in each.
 
     Parameters
     ----------
-    cells:
-        Draws, long: `configuration`, `direction`, `parameter` (of `labels.PARAMETERS`), `unit`, `value`.
+    group_draws:
+        Draws, long: `configuration`, `direction`, `parameter` (of `wording.AXIS_NAMES`), `unit`, `value`.
     setting:
         What all figures of the result share.
     interval:
@@ -43,9 +43,11 @@ def posteriors_by_direction(cells: pd.DataFrame, setting: Setting, interval: flo
     about:
         A sentence that joins the note.
     """
-    draws = pd.DataFrame({word: texts(cells, word) for word in ("configuration", "direction", "parameter", "unit")})
-    draws["value"] = numbers(cells, "value")
-    draws = draws[draws["value"].notna() & draws["parameter"].isin(list(PARAMETERS))]
+    draws = pd.DataFrame(
+        {column: texts(group_draws, column) for column in ("configuration", "direction", "parameter", "unit")}
+    )
+    draws["value"] = numbers(group_draws, "value")
+    draws = draws[draws["value"].notna() & draws["parameter"].isin(list(AXIS_NAMES))]
     directions = sorted(set(draws["direction"]), key=case_axis.direction_rank) or [""]
     parameters = panels(draws["parameter"])
     appearance = setting.looks(draws["configuration"])
@@ -90,15 +92,13 @@ def _density_row(
 
 def _density(ax: Axes, values: np.ndarray, look: Look, log: bool, interval: float, bar: float) -> float:
     """Draw one density, and its interval at height `bar` of the panel; return the density's highest point."""
-    lower, median, upper = np.quantile(values, [(1 - interval) / 2, 0.5, (1 + interval) / 2])
+    x, height, lower, median, upper = density(values, interval, decades=log)
     below = ax.get_xaxis_transform()
     ax.plot([lower, upper], [bar, bar], color=look.colour, linewidth=2, transform=below, solid_capstyle="butt")
     ax.plot([median], [bar], color=look.colour, marker=look.marker, markersize=5.5, transform=below)
-    if np.ptp(values) == 0:
+    if not len(x):
         ax.axvline(median, color=look.colour, linestyle=look.line)
         return 0.0
-    x, height, _ = az.kde(np.log10(values) if log else values)
-    x = 10**x if log else x
     ax.plot(x, height, color=look.colour, linestyle=look.line)
     ax.fill_between(x, height, where=((x >= lower) & (x <= upper)).tolist(), **look.shade)
     return float(height.max())
@@ -116,15 +116,10 @@ def prior_and_posterior_of_scales(hyperparameters: list[PriorPosterior], setting
         What all figures of the result share.
     """
     shown = hyperparameters[:MOST_SCALES]
-    across = max(1, min(ACROSS, len(shown)))
-    down = max(1, math.ceil(len(shown) / across))
-    figure = layout.page(WIDTH, 0.9 + ROW * down)
-    axes = figure.subplots(down, across, squeeze=False).ravel()
-    for ax, hyperparameter in zip(axes, shown, strict=False):
+    figure, axes, first_column = layout.panel_grid(len(shown), ACROSS, ROW, 0.9)
+    for ax, hyperparameter in zip(axes, shown, strict=True):
         _hyperparameter_panel(ax, hyperparameter)
-    for ax in axes[len(shown) :]:
-        ax.set_visible(False)
-    for ax in axes[: len(shown) : across]:
+    for ax in first_column:
         ax.set_ylabel("density / highest\n(no unit)", fontsize=7)
     layout.legend(figure, [(Patch(**_PRIOR), "prior"), (Line2D([], [], color=INK), "posterior")])
     note = (

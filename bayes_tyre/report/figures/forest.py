@@ -10,13 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from bayes_tyre.record import CASE_FACTORS
+from bayes_tyre.record import CASE_FACTORS, parameter_column
 from bayes_tyre.report.figures import case_axis, layout
 from bayes_tyre.report.figures.case_axis import Line
 from bayes_tyre.report.figures.colours import INK, Look, Setting
 from bayes_tyre.report.figures.labels import configuration_label, interval_name, plain
 from bayes_tyre.report.figures.layout import STYLE, TALLEST, WIDTH
-from bayes_tyre.report.wording import PARAMETERS, USUAL, WIDE, panels
+from bayes_tyre.report.wording import AXIS_NAMES, USUAL, WIDE, panels
 from bayes_tyre.results.columns import numbers, texts
 
 #: Height of a line in a list, inches; the room of the shortest list, lines.
@@ -31,17 +31,17 @@ def forest_of_cases(cases: pd.DataFrame, printed: pd.DataFrame | None, setting: 
     Parameters
     ----------
     cases:
-        A row a case and parameter: the case's words, `parameter` (of `labels.PARAMETERS`), `unit`, `median`, `lower`,
-        `upper` (kN/mm | mm), `interval` (its content).
+        A row a case and parameter: the case's factors, `parameter` (of `wording.AXIS_NAMES`), `unit`, `median`,
+        `lower`, `upper` (kN/mm | mm), `interval` (its content).
     printed:
-        A row a case: the case's words, `k_kN_per_mm` (kN/mm), `beta_mm` (mm); None draws no printed values.
+        A row a case: the case's factors, `k_kN_per_mm` (kN/mm), `beta_mm` (mm); None draws no printed values.
     setting:
         What all figures of the result share.
     about:
         A sentence on what the intervals are of, where it is not plain; it joins the note.
     """
-    cases = cases[texts(cases, "parameter").isin(list(PARAMETERS))]
-    shown = case_axis.numbered(case_axis.case_words(cases).assign(parameter=texts(cases, "parameter")))
+    cases = cases[texts(cases, "parameter").isin(list(AXIS_NAMES))]
+    shown = case_axis.numbered(case_axis.case_factors(cases).assign(parameter=texts(cases, "parameter")))
     shown = shown.assign(**{column: numbers(cases, column) for column in ("median", "lower", "upper")})
     shown["unit"] = texts(cases, "unit")
     rows = case_axis.in_order(shown[[*CASE_FACTORS, "nth"]].drop_duplicates(), [*CASE_FACTORS, "nth"])
@@ -51,8 +51,8 @@ def forest_of_cases(cases: pd.DataFrame, printed: pd.DataFrame | None, setting: 
     appearance = setting.looks(rows["configuration"])
     entries = [(look.interval_handle, configuration_label(name)) for name, look in appearance.items()]
     if printed is not None:
-        values = {name: numbers(printed, PARAMETERS[name][2]) for name in USUAL}
-        rows = rows.merge(case_axis.numbered(case_axis.case_words(printed)).assign(**values), how="left")
+        values = {name: numbers(printed, parameter_column(name)) for name in USUAL}
+        rows = rows.merge(case_axis.numbered(case_axis.case_factors(printed)).assign(**values), how="left")
         entries.append((Line2D([], [], **_PRINTED), "printed value"))
     room = max(LEAST, len(lines))
     parameters = panels(shown["parameter"])
@@ -93,12 +93,12 @@ def outlier_probabilities(repeats: pd.DataFrame, setting: Setting) -> Figure:
     Parameters
     ----------
     repeats:
-        A row a record: `record`, the words (`speed_km_h`, km/h; `initial_load_kN`, `step_kN`, kN),
+        A row a record: `record`, the factors (`speed_km_h`, km/h; `initial_load_kN`, `step_kN`, kN),
         `outlier_probability` (no unit; NaN where a case has fewer than three repeats).
     setting:
         What all figures of the result share.
     """
-    records = case_axis.case_words(repeats).assign(record=texts(repeats, "record"), repeat=numbers(repeats, "repeat"))
+    records = case_axis.case_factors(repeats).assign(record=texts(repeats, "record"), repeat=numbers(repeats, "repeat"))
     records["p"] = numbers(repeats, "outlier_probability")
     records["own"] = records["record"].where(records[list(CASE_FACTORS[2:])].isna().all(axis=1), "")
     records = case_axis.in_order(records, ["configuration", "speed_km_h", *CASE_FACTORS, "own", "repeat", "record"])
@@ -134,12 +134,14 @@ def _outlier_panel(ax: Axes, cases: list[tuple[int, pd.DataFrame]], look: Look) 
     for y, case in cases:
         level = y + (np.arange(len(case)) - (len(case) - 1) / 2) * 0.5 / len(case)
         ax.plot(case["p"], level, look.marker, color=look.colour, markersize=3.5, alpha=0.8, clip_on=False)
-        odd = case[case["p"] > 0.5]
-        if len(odd):
-            named = odd["repeat"].map("repeat {:g}".format).where(odd["repeat"].notna(), odd["record"])
+        discordant = case[case["p"] > 0.5]
+        if len(discordant):
+            named = (
+                discordant["repeat"].map("repeat {:g}".format).where(discordant["repeat"].notna(), discordant["record"])
+            )
             place = {"xytext": (-6, 0), "textcoords": "offset points", "ha": "right", "va": "center"}
             white = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
-            ax.annotate(plain(", ".join(named), 30), (odd["p"].min(), y), fontsize=7, bbox=white, **place)
+            ax.annotate(plain(", ".join(named), 30), (discordant["p"].min(), y), fontsize=7, bbox=white, **place)
     ax.set(xlim=(-0.03, 1.03), xlabel="probability that the record is discordant (no unit)")
 
 

@@ -4,6 +4,7 @@ from functools import lru_cache
 
 from matplotlib import font_manager
 
+from bayes_tyre.plain_text import escaped
 from bayes_tyre.record import ORIGIN_UNKNOWN
 
 _ORIGINS = {
@@ -23,8 +24,7 @@ def plain(label: object, most: int = 40) -> str:
     text = " ".join(str(label).split())
     if len(text) > most:
         text = f"{text[: most - 10]}…{text[-9:]}"
-    shown = "".join(c if ord(c) in _glyphs() else c.encode("unicode_escape").decode() for c in text)
-    return shown.replace("$", r"\$")
+    return escaped(text, lambda c: ord(c) in _glyphs()).replace("$", r"\$")
 
 
 def configuration_label(name: str) -> str:

@@ -1,8 +1,10 @@
 """The page of a figure: its size, the notes at its foot, legend and axes, and how it is written."""
 
+import io
 import math
 import textwrap
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +18,10 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from bayes_tyre.formats.files import whole_file
+from bayes_tyre.record import RECORD_UNITS
 from bayes_tyre.report.figures.colours import Setting
 from bayes_tyre.report.figures.labels import origin_note, plain
-from bayes_tyre.report.wording import PARAMETERS
+from bayes_tyre.report.wording import AXIS_NAMES
 
 STYLE = str(Path(__file__).with_name("style.mplstyle"))
 #: Width of a figure, and the tallest, inches.
@@ -34,6 +37,8 @@ _STEPS = (
     (1.0, 1.2, 1.4, 1.6, 2.0, 2.5, 3.0, 4.0, 6.0, 8.0),
 )
 _LEAST_TICKS = 3
+#: Who holds it draws.
+_PEN = threading.Lock()
 
 
 def wide(panels: int) -> float:
@@ -46,6 +51,31 @@ def page(width: float, height: float) -> Figure:
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def panel_grid(
+    count: int, most_across: int, row: float, spare: float, **subplots: Any
+) -> tuple[Figure, list[Axes], list[Axes]]:
+    """Return a page of `count` panels, at most so many side by side; its panels, and those of the first column.
+
+    A row of panels is `row` inches high, and the page has `spare` inches besides; `subplots` goes to matplotlib.
+    """
+    across = max(1, min(most_across, count))
+    down = max(1, math.ceil(count / across))
+    figure = page(WIDTH, spare + row * down)
+    axes = list(figure.subplots(down, across, squeeze=False, **subplots).ravel())
+    for ax in axes[count:]:
+        ax.set_visible(False)
+    return figure, axes[:count], axes[:count:across]
+
+
+def rank_axes(axes: Sequence[Axes], first_column: Sequence[Axes], across: int) -> None:
+    """Label panels of ranks less the expected ones, which share their axes, on the left and below the lowest."""
+    for ax in first_column:
+        ax.set_ylabel("excess share\n(no unit)", fontsize=7)
+    for ax in axes[-across:]:
+        ax.set_xlabel("rank (share, no unit)", fontsize=7)
+        ax.tick_params(labelbottom=True)
 
 
 def finish(figure: Figure, setting: Setting, note: str) -> Figure:
@@ -84,9 +114,8 @@ def legend(figure: Figure, entries: Sequence[tuple[Any, str]]) -> None:
 
 def name_axis(ax: Axes, parameter: str, table: pd.DataFrame, log: bool) -> str:
     """Write the parameter and its unit on the x axis; return the unit."""
-    name, unit, _ = PARAMETERS[parameter]
-    unit = next((plain(stated) for stated in table["unit"] if stated), unit)
-    ax.set_xlabel(f"{name} ({unit}{', log scale' if log else ''})")
+    unit = next((plain(stated) for stated in table["unit"] if stated), RECORD_UNITS[parameter])
+    ax.set_xlabel(f"{AXIS_NAMES[parameter]} ({unit}{', log scale' if log else ''})")
     return unit
 
 
@@ -123,3 +152,11 @@ def save(figure: Figure, path: Path) -> Path:
     with whole_file(path) as beside:
         figure.savefig(beside, format="png", dpi=150, metadata={"Software": None})
     return path
+
+
+def png(draw: Callable[[], Figure]) -> bytes:
+    """Return the figure that `draw` returns as PNG; one thread at a time draws: matplotlib's style is the process's."""
+    written = io.BytesIO()
+    with _PEN:
+        draw().savefig(written, format="png")
+    return written.getvalue()

@@ -105,7 +105,7 @@ def _between(fit: Mapping[str, Any]) -> bool:
 
 def _both_lines(ax: Axes, panel: LoopPanel, colour: str) -> None:
     fit = panel.fit
-    said = []
+    stiffnesses = []
     for name in ("loading", "unloading"):
         d, F = _of(panel.readings, name)
         ax.plot(d, F, color=colour, **_READINGS[name])
@@ -114,9 +114,11 @@ def _both_lines(ax: Axes, panel: LoopPanel, colour: str) -> None:
             line = panel.readings.loc[panel.readings[f"on_{name}_line"], "flat_ground_mm"]
             ends = np.array([line.min(), line.max()])
             ax.plot(ends, C + k * ends, color=colour, linewidth=1.0, **_LINES[name])
-            said.append(f"{name} {k:.3f}")
+            stiffnesses.append(f"{name} {k:.3f}")
     ax.set_ylabel("force (kN)")
-    ax.set_title("\n".join([plain(panel.label), f"k {', '.join(said)} kN/mm" if said else "no line"]), fontsize=8)
+    ax.set_title(
+        "\n".join([plain(panel.label), f"k {', '.join(stiffnesses)} kN/mm" if stiffnesses else "no line"]), fontsize=8
+    )
 
 
 def _loop(ax: Axes, panel: LoopPanel, colour: str) -> None:

@@ -1,7 +1,5 @@
 """Figures of motions: a record's readings beside the fitted motion, and the loop that loses the energy."""
 
-import io
-
 import matplotlib.style
 import numpy as np
 import pandas as pd
@@ -14,7 +12,6 @@ from bayes_tyre.report.figures import case_axis, layout
 from bayes_tyre.report.figures.colours import INK, PALE, Look, Setting
 from bayes_tyre.report.figures.labels import configuration_label, interval_name, plain
 from bayes_tyre.report.figures.layout import STYLE, WIDTH
-from bayes_tyre.report.figures.process import PEN
 from bayes_tyre.results.motion_traces import CHANNELS
 
 #: Standard deviations on either side of 0 within which 95 % of normal residuals lie.
@@ -24,7 +21,7 @@ _EXPECTED = {"facecolor": (PALE, 0.25), "edgecolor": "none", "linewidth": 0}
 
 @matplotlib.style.context(STYLE)
 def motion_figure(readings: pd.DataFrame, setting: Setting) -> Figure:
-    """Return the picture of one record: readings and motion at the left, residuals in standard deviations at the right.
+    """Return the figure of one record: readings and motion at the left, residuals in standard deviations at the right.
 
     Parameters
     ----------
@@ -62,14 +59,6 @@ def motion_figure(readings: pd.DataFrame, setting: Setting) -> Figure:
         f"deviations. Check of the estimate: {status}."
     )
     return layout.finish(figure, setting, plain(note, 600))
-
-
-def motion_png(readings: pd.DataFrame, origin: str) -> bytes:
-    """Return the picture of `motion_figure` as PNG; one thread at a time draws."""
-    png = io.BytesIO()
-    with PEN:
-        motion_figure(readings, Setting(origin)).savefig(png, format="png")
-    return png.getvalue()
 
 
 @matplotlib.style.context(STYLE)

@@ -1,7 +1,4 @@
-"""A picture of how a recording became a record: raw channels, the step found, the resulting path."""
-
-import io
-import threading
+"""A figure of how a recording became a record: raw channels, the step found, the resulting path."""
 
 import matplotlib.style
 import numpy as np
@@ -21,13 +18,11 @@ _RAW, _USED, _MARK = "#9a9a9a", INK, "#009E73"
 # Long recordings are drawn as the extremes of so many stretches: nothing is lost to the eye.
 _STRETCHES = 1500
 _AROUND_S = 0.25
-#: Who holds it draws: matplotlib's style is the process's.
-PEN = threading.Lock()
 
 
 @matplotlib.style.context(STYLE)
 def record_figure(processed: Processed, origin: str) -> Figure:
-    """Return the picture of one record: three raw channels, all of it and about the step, and force over displacement.
+    """Return the figure of one record: three raw channels, all of it and about the step, and force over displacement.
 
     Parameters
     ----------
@@ -60,14 +55,6 @@ def record_figure(processed: Processed, origin: str) -> Figure:
     ax.set_ylabel("force, flat ground (kN)")
     figure.suptitle(plain(f"{processed.factors.record}, {processed.extras.get('method', '')}"), fontsize=9)
     return layout.finish(figure, Setting(origin), _note(processed))
-
-
-def record_png(processed: Processed, origin: str) -> bytes:
-    """Return the picture of one record as PNG; one thread at a time draws, for matplotlib's style is the process's."""
-    png = io.BytesIO()
-    with PEN:
-        record_figure(processed, origin).savefig(png, format="png")
-    return png.getvalue()
 
 
 def _draw_long(ax: Axes, time_s: Samples, values: Samples, colour: str) -> None:

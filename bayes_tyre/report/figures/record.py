@@ -186,15 +186,10 @@ def prior_predictive_curves(panels: list[PriorPanel], setting: Setting, interval
         Content of the bands.
     """
     shown = panels[:MOST_RECORDS]
-    across = 2 if len(shown) > 1 else 1
-    down = max(1, math.ceil(len(shown) / across))
-    figure = layout.page(WIDTH, 0.9 + 2.6 * down)
-    axes = figure.subplots(down, across, squeeze=False).ravel()
+    figure, axes, _ = layout.panel_grid(len(shown), 2, 2.6, 0.9)
     appearance = setting.looks(panel.configuration for panel in shown)
-    for ax, panel in zip(axes, shown, strict=False):
+    for ax, panel in zip(axes, shown, strict=True):
         _prior_panel(ax, panel, appearance[panel.configuration])
-    for ax in axes[len(shown) :]:
-        ax.set_visible(False)
     drawn = Line2D([], [], color=PALE, linewidth=0.6), "records drawn from the priors"
     layout.legend(figure, [drawn, (Patch(**_PRIOR), interval_name(interval)), *_entries(appearance, "data", _DATA)])
     note = "Prior records start and travel like the record named, one of median travel; the data are of its case."
@@ -211,5 +206,5 @@ def _prior_panel(ax: Axes, panel: PriorPanel, look: Look) -> None:
     seen = np.concatenate([band["lower_kN"], band["upper_kN"], panel.points["force_kN"]])
     room = 0.05 * np.ptp(seen)
     ax.set(xlabel=_DISPLACEMENT, ylabel=_FORCE, ylim=(seen.min() - room, seen.max() + room))
-    factors = ", ".join(plain(word, 24) for word in (panel.configuration, panel.direction) if word)
+    factors = ", ".join(plain(factor, 24) for factor in (panel.configuration, panel.direction) if factor)
     ax.set_title("\n".join([*([factors] if factors else []), f"like {plain(panel.like)}"]), fontsize=8)

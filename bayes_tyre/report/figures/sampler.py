@@ -1,9 +1,7 @@
 """Diagnostics of the sampler on the hyperparameters: ranks by chain, and a pair plot."""
 
-import math
 from typing import NamedTuple
 
-import arviz as az
 import matplotlib
 import matplotlib.style
 import numpy as np
@@ -19,6 +17,7 @@ from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.colours import INK, PALE, Look, Setting
 from bayes_tyre.report.figures.labels import decimals, plain, unit_name
 from bayes_tyre.report.figures.layout import STYLE, WIDTH
+from bayes_tyre.results.density import density
 from bayes_tyre.results.hyperparameters import Hyperparameter
 from bayes_tyre.results.ranks import BAND, Ranks
 
@@ -57,25 +56,16 @@ def rank_plot(ranks: list[Ranks], setting: Setting) -> Figure:
     """
     # Not ArviZ's rank plot: that one has no band for all chains together, and no fixed size for a page.
     shown = ranks[:MOST_RANKED]
-    across = max(1, min(ACROSS, len(shown)))
-    down = max(1, math.ceil(len(shown) / across))
-    figure = layout.page(WIDTH, 1.1 + ROW * down)
-    axes = figure.subplots(down, across, squeeze=False, sharex=True, sharey=True).ravel()
+    figure, axes, first_column = layout.panel_grid(len(shown), ACROSS, ROW, 1.1, sharex=True, sharey=True)
     chains = max((len(one.excess) for one in shown), default=1)
     colours = matplotlib.colormaps["viridis"](np.linspace(0, 0.9, chains))
-    for ax, one in zip(axes, shown, strict=False):
+    for ax, one in zip(axes, shown, strict=True):
         ax.fill_between(one.at, -one.band, one.band, **_BAND)
         for excess, colour in zip(one.excess, colours, strict=False):
             ax.plot(one.at, excess, color=colour, linewidth=0.9)
         ax.set_title(plain(one.name, 30), fontsize=7)
         ax.tick_params(labelsize=6.5, length=2, pad=1.5)
-    for ax in axes[::across]:
-        ax.set_ylabel("excess share\n(no unit)", fontsize=7)
-    for ax in axes[max(0, len(shown) - across) : len(shown)]:
-        ax.set_xlabel("rank (share, no unit)", fontsize=7)
-        ax.tick_params(labelbottom=True)
-    for ax in axes[len(shown) :]:
-        ax.set_visible(False)
+    layout.rank_axes(axes, first_column, ACROSS)
     entries = [(Line2D([], [], color=colour), f"chain {i + 1}") for i, colour in enumerate(colours)]
     band = Patch(**_BAND), f"{100 * BAND:g} % band"
     layout.legend(figure, [*(entries if chains <= 8 else []), band])
@@ -129,7 +119,7 @@ def _cloud(ax: Axes, right: np.ndarray, down: np.ndarray, divergent: np.ndarray,
 
 
 def _diagonal(ax: Axes, one: _Paired) -> None:
-    x, height, _ = az.kde(one.values.ravel())
+    x, height, *_ = density(one.values.ravel())
     look = one.look
     ax.fill_between(x, height, **look.band)
     ax.plot(x, height, color=look.colour, linestyle=look.line, linewidth=1)
@@ -170,7 +160,7 @@ def _name(one: Hyperparameter, log: bool) -> str:
     names = name.replace("_repeat", "\n_repeat").replace("_case", "\n_case").replace("_published", "\n_published")
     first, _, last = label.rpartition(" ")
     factors = [first, last] if last in DIRECTIONS else [label]
-    lines = ["log10 of" if log else "", names, *(plain(word, 12) for word in factors), f"({unit_name(one.unit)})"]
+    lines = ["log10 of" if log else "", names, *(plain(factor, 12) for factor in factors), f"({unit_name(one.unit)})"]
     return "\n".join(line for line in lines if line)
 
 

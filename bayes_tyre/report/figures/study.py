@@ -1,6 +1,5 @@
 """Figures of the studies: ranks of truths against uniform ones, and methods against ever more discordant repeats."""
 
-import math
 from typing import NamedTuple
 
 import matplotlib.style
@@ -54,21 +53,13 @@ class RankCurves(NamedTuple):
 def calibration_plot(curves: RankCurves) -> Figure:
     """Return the distribution of each parameter's ranks less the uniform one, with bands that hold for all together."""
     names = list(curves.excess)
-    down = math.ceil(len(names) / ACROSS)
-    figure = layout.page(WIDTH, 1.1 + ROW * down)
-    axes = figure.subplots(down, ACROSS, squeeze=False, sharex=True, sharey=True).ravel()
-    for ax, name in zip(axes, names, strict=False):
+    figure, axes, first_column = layout.panel_grid(len(names), ACROSS, ROW, 1.1, sharex=True, sharey=True)
+    for ax, name in zip(axes, names, strict=True):
         ax.fill_between(curves.at, curves.lower, curves.upper, step="mid", **_BAND)
         ax.plot(curves.at, curves.excess[name], color=INK if curves.calibrated[name] else _WRONG, linewidth=0.9)
         ax.set_title(plain(name.replace("repeat_scatter_by_speed", "scatter_by_speed"), 27), fontsize=6.5)
         ax.tick_params(labelsize=6, length=2, pad=1.5)
-    for ax in axes[::ACROSS]:
-        ax.set_ylabel("excess share\n(no unit)", fontsize=7)
-    for ax in axes[max(0, len(names) - ACROSS) : len(names)]:
-        ax.set_xlabel("rank (share, no unit)", fontsize=7)
-        ax.tick_params(labelbottom=True)
-    for ax in axes[len(names) :]:
-        ax.set_visible(False)
+    layout.rank_axes(axes, first_column, ACROSS)
     entries = [(Line2D([], [], color=INK), "calibrated"), (Line2D([], [], color=_WRONG), "not calibrated")]
     layout.legend(figure, [*entries, (Patch(**_BAND), f"{100 * curves.together:g} % band for all panels together")])
     note = (

@@ -30,14 +30,14 @@ SAME_TABLES = (
 NO_CASES = "{first} and {other} have no test case in common: no ratio of the two is given."
 
 
-class Across(NamedTuple):
-    """What two results say of each other: averaged ratios by parameter, or in words why there are none."""
+class Comparison(NamedTuple):
+    """Averaged ratios of two results by parameter, or a sentence on why there are none."""
 
     ratios: Mapping[str, Sequence[Ratio]]
-    remark: str = ""
+    limitation: str = ""
 
 
-class Side(NamedTuple):
+class ComparedResult(NamedTuple):
     """One of the results: name, posterior (None where it has none by case), hashes of its inputs, origin."""
 
     name: str
@@ -46,36 +46,36 @@ class Side(NamedTuple):
     origin: str
 
 
-def across(first: Side, other: Side, interval: float) -> Across:
+def compare_results(first: ComparedResult, other: ComparedResult, interval: float) -> Comparison:
     """Return the ratios of the first result over the other, averaged over the cases that both have.
 
     Draws of the two are paired at random, by a fixed seed: their posteriors are independent, whatever their seeds.
     """
     names = {"first": label(first.name), "other": label(other.name)}
     if first.inputs & other.inputs:
-        return Across({}, SAME_RECORDS.format(**names))
+        return Comparison({}, SAME_RECORDS.format(**names))
     if {first.origin, other.origin} == {"published", "reconstructed"}:
-        return Across({}, SAME_TABLES.format(**names))
+        return Comparison({}, SAME_TABLES.format(**names))
     if first.tree is None or other.tree is None:
-        return Across({}, NO_CASES.format(**names))
+        return Comparison({}, NO_CASES.format(**names))
     shared = _shared(first.tree, other.tree)
     one, two = (_flat(tree, shared, seed) for seed, tree in enumerate((first.tree, other.tree)))
     draws = min(one.sizes["draw"], two.sizes["draw"])
     mine, theirs = ({case.configuration for case in tree_cases(each)} for each in (one, two))
     pairs = [(c, c) for c in sorted(mine & theirs)] or list(product(sorted(mine), sorted(theirs)))
-    found: dict[str, list[Ratio]] = {}
+    ratios: dict[str, list[Ratio]] = {}
     for above, below in pairs:
         both = xr.concat(
             [_only(one, above, "0").isel(draw=slice(draws)), _only(two, below, "1").isel(draw=slice(draws))], "case"
         )
         for _, row in _averages(both, interval).iterrows():
             named = _named(above, first), _named(below, other)
-            found.setdefault(str(row["parameter"]), []).append(ratio_of(*named, row))
-    return Across(found) if found else Across({}, NO_CASES.format(**names))
+            ratios.setdefault(str(row["parameter"]), []).append(ratio_of(*named, row))
+    return Comparison(ratios) if ratios else Comparison({}, NO_CASES.format(**names))
 
 
-def _named(configuration: str, side: Side) -> str:
-    return f"{configuration} ({side.name})" if configuration else side.name
+def _named(configuration: str, result: ComparedResult) -> str:
+    return f"{configuration} ({result.name})" if configuration else result.name
 
 
 def has_cases(tree: xr.DataTree) -> bool:
@@ -93,18 +93,18 @@ def _shared(first: xr.DataTree, other: xr.DataTree) -> list[str]:
 def _flat(tree: xr.DataTree, parameters: Sequence[str], seed: int) -> xr.Dataset:
     """Return the draws of the cases as one chain, in random order."""
     posterior = tree["posterior"].to_dataset()
-    kept = posterior[[f"{name}_case" for name in parameters]].drop_vars("case")
-    flat = kept.stack(sample=("chain", "draw")).transpose("case", "sample")
+    of_cases = posterior[[f"{name}_case" for name in parameters]].drop_vars("case")
+    flat = of_cases.stack(sample=("chain", "draw")).transpose("case", "sample")
     order = np.random.default_rng(seed).permutation(flat.sizes["sample"])
     plain = flat.drop_vars(["sample", "chain", "draw"]).isel(sample=order).rename(sample="draw")
-    factor_table = {f"case_{word}": ("case", posterior[f"case_{word}"].to_numpy()) for word in CASE_FACTORS}
-    return plain.expand_dims("chain").transpose("chain", "draw", "case").assign_coords(factor_table)
+    coordinates = {f"case_{factor}": ("case", posterior[f"case_{factor}"].to_numpy()) for factor in CASE_FACTORS}
+    return plain.expand_dims("chain").transpose("chain", "draw", "case").assign_coords(coordinates)
 
 
 def _only(cases: xr.Dataset, configuration: str, name: str) -> xr.Dataset:
     """Return the cases of one configuration, which is called by another name."""
     labels = [case.configuration for case in tree_cases(cases)]
-    mine = cases.isel(case=[i for i, found in enumerate(labels) if found == configuration])
+    mine = cases.isel(case=[i for i, name in enumerate(labels) if name == configuration])
     return mine.assign_coords(case_configuration=("case", np.full(mine.sizes["case"], name, dtype=object)))
 
 
@@ -112,5 +112,5 @@ def _averages(both: xr.Dataset, interval: float) -> pd.DataFrame:
     tree = xr.DataTree.from_dict({"posterior": both})
     tree.attrs["origin"] = ""
     rows = contrasts(tree, "", interval)
-    # The average over all matched cases comes first, and stays where their words are missing.
+    # The average over all matched cases comes first, and stays where their factors are missing.
     return rows[rows["matching"] == SAME_CASE].drop_duplicates("parameter")

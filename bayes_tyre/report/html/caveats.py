@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator
 
+from bayes_tyre.plain_text import listed
 from bayes_tyre.record import ORIGIN_UNKNOWN
-from bayes_tyre.report.html.formatting import interval_words, label, probability, ratio_text
+from bayes_tyre.report.html.formatting import interval_name, label, probability, ratio_text
 from bayes_tyre.report.html.headline import STIFFNESS, prior_clause
 from bayes_tyre.report.html.load import Reported
 from bayes_tyre.report.html.losses import losses_caveats
@@ -28,7 +29,7 @@ _WEIGHT = {
     ORIGIN_UNKNOWN: "That these are measurements: the records do not say where they come from.",
 }
 #: Above this a record is more likely discordant than not; the most that are named.
-_ODD, _NAMED = 0.5, 5
+_DISCORDANT, _NAMED = 0.5, 5
 
 
 def origin_sentence(origin: str) -> str:
@@ -64,15 +65,15 @@ def _of_configurations(result: Reported) -> Iterator[str]:
 
 def _holds_1(ratio: Ratio) -> str:
     return (
-        f"the {interval_words(ratio.interval)} of their ratio, {ratio_text(ratio.lower)} to {ratio_text(ratio.upper)}, "
+        f"the {interval_name(ratio.interval)} of their ratio, {ratio_text(ratio.lower)} to {ratio_text(ratio.upper)}, "
         f"holds 1, and the probability that it is above 1 is {probability(ratio.p_greater_than_1)}"
     )
 
 
 def _of_directions(result: Reported) -> Iterator[str]:
-    found = between_directions(result, STIFFNESS)
-    if len(found) == 2:
-        span, load = (found[matching] for matching in (SAME_SPAN, SAME_LOAD))
+    ratios = between_directions(result, STIFFNESS)
+    if len(ratios) == 2:
+        span, load = (ratios[matching] for matching in (SAME_SPAN, SAME_LOAD))
         yield (
             f"One number for loading against unloading: it is {ratio_text(span.median)} over the same span of load and "
             f"{ratio_text(load.median)} from the same initial load, for load and direction change together."
@@ -86,18 +87,19 @@ def _of_directions(result: Reported) -> Iterator[str]:
 
 def _of_priors(result: Reported) -> Iterator[str]:
     for parameter in result.cases["parameter"].unique():
-        if doubt := prior_clause(result, str(parameter)):
-            yield f"That the data settle everything: {doubt}."
+        if clause := prior_clause(result, str(parameter)):
+            yield f"That the data settle everything: {clause}."
 
 
 def _of_repeats(result: Reported) -> Iterator[str]:
     records = result.repeats.drop_duplicates("record")
     if records.empty:
         return
-    odd = records[records["outlier_probability"] > _ODD].sort_values("outlier_probability", ascending=False)
-    if len(odd):
-        named = ", ".join(label(record, 40) for record in odd["record"].iloc[:_NAMED])
-        more = f" and {len(odd) - _NAMED} more" if len(odd) > _NAMED else ""
-        yield f"A record by itself that does not agree with the other repeats of its case: {named}{more}."
+    discordant = records[records["outlier_probability"] > _DISCORDANT].sort_values(
+        "outlier_probability", ascending=False
+    )
+    if len(discordant):
+        named = listed(discordant["record"].tolist(), _NAMED, lambda record: label(record, 40))
+        yield f"A record by itself that does not agree with the other repeats of its case: {named}."
     if records["outlier_probability"].isna().all():
-        yield "That no record is odd: no case has the three repeats, or the fit the model, that could tell."
+        yield "That no record is discordant: no case has the three repeats, or the fit the model, that could tell."

@@ -2,9 +2,11 @@
 
 import base64
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+from bayes_tyre.inference.diagnostics.attempts import Attempt, directly
 from bayes_tyre.report.figures import catalogue
 from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.report.figures.svg import Figure, notes, svg
@@ -27,7 +29,7 @@ HEADINGS = {
     ),
     "prior_and_posterior_of_scales": (
         "What was assumed before the data, and what is believed after them",
-        "Where both curves are alike, the data said nothing.",
+        "Where both curves are alike, the data do not determine it.",
     ),
     "rank_plot": (
         "Do the chains agree?",
@@ -65,7 +67,7 @@ HEADINGS = {
     "motion_second_worst": ("The motion of the record that the fit follows next worst", "Read as the figure above."),
     "motion_typical": ("The motion of a typical record", "Read as the figures of motions above it."),
     "outlier_probabilities": (
-        "Which repeats are odd",
+        "Which repeats are discordant",
         "A record near 1 does not agree with the other repeats of its test.",
     ),
 }
@@ -81,40 +83,43 @@ class EmbeddedFigure(NamedTuple):
     uri: str
 
 
-def pictures(result: Result, folder: Path) -> Iterator[EmbeddedFigure]:
+def embedded_figures(result: Result, folder: Path, attempt: Attempt = directly) -> Iterator[EmbeddedFigure]:
     """Yield every figure of a result: drawn anew as SVG, and what only the fit could draw as it left it in `folder`.
 
-    Figures of records need the records; where the input of the fit is gone, those that it drew are shown.
+    Figures of records need the records; where the input of the fit is gone, those that it drew are shown. A figure that
+    `attempt` cannot draw is left out.
     """
-    known = set()
-    for name, figure in catalogue.draw(result):
-        if name in known:
+    drawn = set()
+    for name, figure in catalogue.draw(result, attempt):
+        if name in drawn:
             continue
-        known.add(name)
-        yield picture(name, figure)
-    kept = set(catalogue.OF_RECORDS) if result.table is None else set()
-    yield from kept_pictures(folder, set(HEADINGS) - kept | known)
+        embedded = attempt(f"{name}.png", partial(embedded_figure, name, figure), None)
+        if embedded is not None:
+            drawn.add(name)
+            yield embedded
+    stored = set(catalogue.OF_RECORDS) if result.table is None else set()
+    yield from stored_figures(folder, set(HEADINGS) - stored | drawn)
 
 
-def kept_pictures(folder: Path, but: set[str]) -> Iterator[EmbeddedFigure]:
+def stored_figures(folder: Path, but: set[str]) -> Iterator[EmbeddedFigure]:
     """Yield the figures that a command left as PNG in `folder`, but those of the names given."""
-    known = list(HEADINGS)
+    order = list(HEADINGS)
     by_name = sorted(folder.glob("*.png"))
-    for path in sorted(by_name, key=lambda path: known.index(path.stem) if path.stem in known else len(known)):
+    for path in sorted(by_name, key=lambda path: order.index(path.stem) if path.stem in order else len(order)):
         if path.stem not in but:
-            heading, reading = _words(path.stem)
+            heading, reading = _heading_and_reading(path.stem)
             yield EmbeddedFigure(path.stem, heading, reading, heading, _uri("image/png", path.read_bytes()))
 
 
-def picture(name: str, figure: Figure) -> EmbeddedFigure:
+def embedded_figure(name: str, figure: Figure) -> EmbeddedFigure:
     """Return a figure as the page holds it; its text alternative is its heading and the notes at its foot."""
-    heading, reading = _words(name)
+    heading, reading = _heading_and_reading(name)
     return EmbeddedFigure(
         name, heading, reading, f"{heading}. {notes(figure)}", _uri("image/svg+xml", svg(figure, name))
     )
 
 
-def _words(name: str) -> tuple[str, str]:
+def _heading_and_reading(name: str) -> tuple[str, str]:
     return HEADINGS.get(name, (label(name.replace("_", " ").capitalize()), ""))
 
 

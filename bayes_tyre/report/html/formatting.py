@@ -2,7 +2,7 @@
 
 import math
 
-from bayes_tyre.report.wording import one_line
+from bayes_tyre.plain_text import one_line
 
 #: Significant digits in a table; the most letters of a label.
 DIGITS, LONGEST = 4, 80
@@ -43,14 +43,9 @@ def probability(p: float) -> str:
     return f"above 99{PERCENT}" if p > 0.995 else f"below 1{PERCENT}" if p < 0.005 else f"{100 * p:.0f}{PERCENT}"
 
 
-def interval_words(interval: float) -> str:
+def interval_name(interval: float) -> str:
     """Return an interval's name for a sentence, such as ``95 % interval``."""
     return f"{100 * interval:g}{PERCENT} interval"
-
-
-def probable(p: float) -> str:
-    """Return a probability for a table; what only rounds to 0 or 1 does not claim it."""
-    return "> 0.999" if p >= 0.9995 else "< 0.001" if p < 0.0005 else f"{p:.3f}"
 
 
 def label(text: object, most: int = LONGEST) -> str:

@@ -1,4 +1,4 @@
-"""What the document's words mean: a short glossary, with units."""
+"""What the document's terms mean: a short glossary, with units."""
 
 from collections.abc import Sequence
 
@@ -42,7 +42,8 @@ ALWAYS = {
     "Interval": "Given data and model, the value lies in it with the stated probability, as likely below as above it. "
     "It holds no error that the model does not know, such as that of a gauge.",
     "Ratio, P(ratio > 1)": "One value divided by another, 1 where they are equal; and the probability that the "
-    "first is larger.",
+    "first is larger: (count + 1/2) / (draws + 1), the count that of draws above 1. No number of draws shows that "
+    "it is 0 or 1, so near these a bound is stated.",
     "Matched by": "same case: two configurations in the same test. same span: the same two loads in opposite "
     "directions, such as 20-30 against 30-20 kN. same initial load: such as 20-30 against 20-10 kN. pooled as "
     "published: means over unlike cases, as the source compares them.",
@@ -50,13 +51,14 @@ ALWAYS = {
     "counts for less; none is dropped. Empty where fewer than three repeats leave nothing to judge by; no column where "
     "the model does not ask (--repeats student or normal).",
     "Prior": "What was taken to be possible before the data. Where the data say little, it speaks for them.",
-    "Verdict": "pass: R-hat at most 1.01 (chains agree), enough effective draws (ESS), no divergence, and no sign that "
-    "the records cannot carry the model. fail: at least one of these is missing, and the reasons say which.",
+    "Verdict": "pass: R-hat at most 1.01 (chains agree), enough effective draws (ESS), a Monte Carlo error of at most "
+    "0.01 in outlier probabilities, no divergence, and no sign that the records cannot carry the model. fail: at least "
+    "one of these is missing, and the reasons say which.",
 }
 
 
 def glossary(results: Sequence[Reported]) -> dict[str, str]:
-    """Return what the words of the results mean: the parameters that they have, and what all have."""
+    """Return what the terms of the results mean: the parameters that they have, and what all have."""
     shown = {parameter for result in results for parameter in result.parameters}
     shown |= {name for result in results if result.of_motions for name in LOSSES.values()}
     return {name: text for parameter, (name, text) in PARAMETERS.items() if parameter in shown} | ALWAYS

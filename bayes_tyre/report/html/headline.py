@@ -1,6 +1,6 @@
-"""The answer of a result in two sentences: which is stiffer, how sure; loading against unloading, or losses."""
+"""The headline of a result in two sentences: which is stiffer, how sure; loading against unloading, or losses."""
 
-from bayes_tyre.report.html.formatting import interval_words, label, percent_apart, probability, ratio_text, rounded
+from bayes_tyre.report.html.formatting import interval_name, label, percent_apart, probability, ratio_text, rounded
 from bayes_tyre.report.html.load import Reported
 from bayes_tyre.report.html.losses import losses_answer, of_group
 from bayes_tyre.report.html.ratios import (
@@ -24,11 +24,11 @@ _MATCHED = {SAME_SPAN: "over the same span of load", SAME_LOAD: "from the same i
 _FAILED = "Not to be relied on, for the fit failed its checks: "
 
 
-def answer(result: Reported) -> tuple[str, str]:
+def headline(result: Reported) -> tuple[str, str]:
     """Return the two sentences, plain text; hedged where the data do not tell, and where the verdict is fail."""
     first = _comparison(result) if len(result.configurations) > 1 else f"{_levels(result)}."
-    if doubt := prior_clause(result):
-        first = f"{first.removesuffix('.')}; but {doubt}."
+    if clause := prior_clause(result):
+        first = f"{first.removesuffix('.')}; but {clause}."
     second = losses_answer(result) if result.of_motions else _directions(result)
     return _FAILED + small(first) if result.verdict == "fail" else first, second
 
@@ -36,19 +36,19 @@ def answer(result: Reported) -> tuple[str, str]:
 def prior_clause(result: Reported, parameter: str = STIFFNESS) -> str:
     """Return which means of a parameter the data alone do not decide; nothing where they decide all."""
     rows = result.means(parameter)
-    found = [
+    clauses = [
         f"{parameter} of {of_group(row)} {DECIDED[row['decided_by']]}"
         for _, row in rows[rows["decided_by"].isin(list(DECIDED))].iterrows()
     ]
-    return ", ".join(found[:2]) + (f", and {len(found) - 2} more likewise" if len(found) > 2 else "")
+    return ", ".join(clauses[:2]) + (f", and {len(clauses) - 2} more likewise" if len(clauses) > 2 else "")
 
 
 def comparison_of(ratio: Ratio, over: str) -> str:
-    """Return one ratio of stiffness in words: the larger above, no claim where its interval holds 1.
+    """Return a sentence on one ratio of stiffness: the larger above, no claim where its interval holds 1.
 
     `over` says which cases it averages.
     """
-    ratio, size = ratio.upright, interval_words(ratio.interval)
+    ratio, size = ratio.upright, interval_name(ratio.interval)
     above, below = label(ratio.above), label(ratio.below)
     reach = f"{ratio_text(ratio.lower)} to {ratio_text(ratio.upper)}"
     if not ratio.clear:
@@ -76,29 +76,29 @@ def _comparison(result: Reported) -> str:
     shared = matched_cases(result, widest.above, widest.below)
     over = f"averaged over the {shared} test cases of both" if shared > 1 else "in the one test case of both"
     which = f"Two of {count} configurations are farthest apart: " if count > 2 else ""
-    said = comparison_of(widest, over)
-    return f"{which}{small(said)}" if which else said
+    comparison = comparison_of(widest, over)
+    return f"{which}{small(comparison)}" if which else comparison
 
 
 def small(sentence: str) -> str:
-    """Return a sentence that begins with a word of ours as it goes on behind another."""
+    """Return a sentence with a small first letter, to follow another."""
     return sentence[0].lower() + sentence[1:]
 
 
 def _levels(result: Reported) -> str:
-    """Return the stiffness of each configuration and direction, in words."""
+    """Return the stiffness of each configuration and direction, a clause."""
     rows = result.means(STIFFNESS)
     if rows.empty:
         return f"This result holds no mean stiffness {STIFFNESS}"
-    size = interval_words(result.interval)
-    said = [
+    size = interval_name(result.interval)
+    means = [
         f"{rounded(row['median'])} {label(row['unit'])} for {of_group(row)} ({size} {rounded(row['lower'])} to "
         f"{rounded(row['upper'])})"
         for _, row in rows.iterrows()
     ]
     cases = len(result.cases[result.cases["parameter"] == STIFFNESS])
     over = f", averaged over its {cases} test cases" if cases > len(rows) else ""
-    return f"The stiffness {STIFFNESS} is {', '.join(said)}{over}"
+    return f"The stiffness {STIFFNESS} is {', '.join(means)}{over}"
 
 
 def _directions(result: Reported) -> str:
@@ -107,16 +107,16 @@ def _directions(result: Reported) -> str:
         return "The records do not say which steps were loading, so loading and unloading are not compared."
     if len(directions) == 1:
         other = "unloading" if directions[0] == "loading" else "loading"
-        return f"All steps are {label(directions[0])}, so nothing is said about {other}."
-    found = between_directions(result, STIFFNESS)
-    if not found:
+        return f"All steps are {label(directions[0])}, so {other} cannot be compared."
+    ratios = between_directions(result, STIFFNESS)
+    if not ratios:
         return "Loading and unloading have neither a span of load nor an initial load in common: they are not compared."
-    said = [f"{_MATCHED[matching]} {_loading(ratio)}" for matching, ratio in found.items()]
-    return f"Loading against unloading: {'; '.join(said)}."
+    sentences = [f"{_MATCHED[matching]} {_loading(ratio)}" for matching, ratio in ratios.items()]
+    return f"Loading against unloading: {'; '.join(sentences)}."
 
 
 def _loading(ratio: Ratio) -> str:
-    reach = f"{interval_words(ratio.interval)} {ratio_text(ratio.lower)} to {ratio_text(ratio.upper)}"
+    reach = f"{interval_name(ratio.interval)} {ratio_text(ratio.lower)} to {ratio_text(ratio.upper)}"
     if not ratio.clear:
         return f"the data do not tell which is stiffer (ratio {ratio_text(ratio.median)}, {reach}, which holds 1)"
     way = "stiffer" if ratio.median > 1.0 else "softer"

@@ -47,7 +47,7 @@ class Reported:
     run, diagnostics:
         `run.json` and `diagnostics.json`.
     summary, cases, contrasts, repeats:
-        The tables of these names: words as text (empty where missing), numbers as float (NaN where missing).
+        The tables of these names: factors as text (empty where missing), numbers as float (NaN where missing).
     """
 
     name: str
@@ -92,10 +92,10 @@ class Reported:
         """Return the rows of `summary.csv` with a parameter's mean over cases, one a configuration and direction."""
         return self.summary[self.summary["parameter"] == f"{parameter}{MEAN}"]
 
-    def said(self, kind: str) -> list[str]:
+    def sentences(self, kind: str) -> list[str]:
         """Return the sentences in `diagnostics.json` under ``reasons`` or ``limitations``."""
-        found = self.diagnostics.get(kind)
-        return [each for each in found if isinstance(each, str)] if isinstance(found, list) else []
+        entries = self.diagnostics.get(kind)
+        return [each for each in entries if isinstance(each, str)] if isinstance(entries, list) else []
 
 
 def read_reported(folder: Path, name: str) -> Reported:
@@ -117,13 +117,15 @@ def read_reported(folder: Path, name: str) -> Reported:
 
 def _object(path: Path, needed: dict[str, Any]) -> dict[str, Any]:
     try:
-        said = json.loads(path.read_text(encoding="utf-8"))
-        complete = isinstance(said, dict) and all(isinstance(said.get(name), kind) for name, kind in needed.items())
+        content = json.loads(path.read_text(encoding="utf-8"))
+        complete = isinstance(content, dict) and all(
+            isinstance(content.get(name), kind) for name, kind in needed.items()
+        )
     except (OSError, ValueError, RecursionError):
         complete = False
     if not complete:
         raise BadInput(f"{path}: is not what fit writes; run fit again")
-    return said
+    return content
 
 
 def _table(path: Path, name: str) -> pd.DataFrame:
@@ -131,10 +133,13 @@ def _table(path: Path, name: str) -> pd.DataFrame:
     missing = [column for column in _NEEDED[name] if column not in read]
     if missing:
         raise BadInput(f"{path}: is not what fit writes: no column {missing[0]}; run fit again")
-    factor_table = ("record", *CASE_FACTORS[:2], "parameter", "unit", "contrast", "matching", "decided_by")
+    factor_names = ("record", *CASE_FACTORS[:2], "parameter", "unit", "contrast", "matching", "decided_by")
     measures = (*CASE_FACTORS[2:], "repeat", *_NUMBERS, "p_greater_than_1", "outlier_probability", "r_hat")
     table = pd.DataFrame(
-        {**{word: texts(read, word) for word in factor_table}, **{column: numbers(read, column) for column in measures}}
+        {
+            **{factor: texts(read, factor) for factor in factor_names},
+            **{column: numbers(read, column) for column in measures},
+        }
     )
     if name in ("summary", "cases") and not table[list(_NUMBERS)].notna().all(axis=1).any():
         raise BadInput(f"{path}: is not what fit writes: no numbers below the header; run fit again")

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from bayes_tyre.report.html.formatting import given, interval_words, label, rounded
+from bayes_tyre.report.html.formatting import given, interval_name, label, rounded
 from bayes_tyre.report.html.load import Reported
 
 ENERGY = "energy_per_cycle"
@@ -22,37 +22,37 @@ _WITH_INTERVAL = 2
 
 def losses_answer(result: Reported) -> str:
     """Return friction and energy lost of each configuration and direction, in one sentence."""
-    told = {name: f"{called} is" for name, called in FRICTION.items()}
+    clauses = {name: f"{called} is" for name, called in FRICTION.items()}
     parts, most = [], 0
-    for parameter, said in {**told, ENERGY: f"a cycle of {_amplitude(result)} loses"}.items():
+    for parameter, clause in {**clauses, ENERGY: f"a cycle of {_amplitude(result)} loses"}.items():
         rows = result.means(parameter)
         if not rows.empty:
             values = ", ".join(_value(row, result, len(rows) <= _WITH_INTERVAL) for _, row in rows.iterrows())
-            parts.append(f"{said} {values}")
+            parts.append(f"{clause} {values}")
             most = max(most, len(rows))
     if not parts:
         return "This result holds no mean friction and no energy lost."
     where = " (medians; their intervals stand in the table below)" if most > _WITH_INTERVAL else ""
-    said = "; ".join(parts)
-    return f"{said[0].upper()}{said[1:]}{where}."
+    sentence = "; ".join(parts)
+    return f"{sentence[0].upper()}{sentence[1:]}{where}."
 
 
 def _value(row: pd.Series, result: Reported, with_interval: bool) -> str:
-    size = f"{interval_words(result.interval)} {rounded(row['lower'])} to {rounded(row['upper'])}"
+    size = f"{interval_name(result.interval)} {rounded(row['lower'])} to {rounded(row['upper'])}"
     reach = f" ({size})" if with_interval else ""
     return f"{rounded(row['median'])} {label(row['unit'])} for {of_group(row)}{reach}"
 
 
 def of_group(row: pd.Series) -> str:
     """Return what a mean is of, such as ``single in loading``."""
-    known = [label(row[word]) for word in ("configuration", "direction") if row[word]]
-    return " in ".join(known) if known else "all records"
+    factors = [label(row[factor]) for factor in ("configuration", "direction") if row[factor]]
+    return " in ".join(factors) if factors else "all records"
 
 
 def amplitude_mm(result: Reported) -> float | None:
     """Return half the stroke of the cycle whose losses a result states, mm; None where it does not say."""
-    said = result.run["options"].get("amplitude_mm")
-    return float(said) if isinstance(said, int | float) else None
+    amplitude = result.run["options"].get("amplitude_mm")
+    return float(amplitude) if isinstance(amplitude, int | float) else None
 
 
 def _amplitude(result: Reported) -> str:

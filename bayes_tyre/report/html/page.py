@@ -12,15 +12,15 @@ from markupsafe import Markup
 
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.report.html import tables
-from bayes_tyre.report.html.between_results import Across
+from bayes_tyre.report.html.between_results import Comparison
 from bayes_tyre.report.html.caveats import caveats, origin_sentence
 from bayes_tyre.report.html.figures import EmbeddedFigure
-from bayes_tyre.report.html.formatting import interval_words, label, probable, rounded
+from bayes_tyre.report.html.formatting import interval_name, label, rounded
 from bayes_tyre.report.html.glossary import glossary
-from bayes_tyre.report.html.headline import STIFFNESS, answer, comparison_of
+from bayes_tyre.report.html.headline import STIFFNESS, comparison_of, headline
 from bayes_tyre.report.html.load import Reported
 from bayes_tyre.report.html.tables import Cell, Column, Table
-from bayes_tyre.report.wording import text_name
+from bayes_tyre.report.wording import probability_text, text_name
 
 TEMPLATES = Path(__file__).parents[1] / "templates"
 VERDICTS = {
@@ -43,19 +43,19 @@ class Part(NamedTuple):
     """A result for the document: its tables, its figures, and what to say of figures that are not there."""
 
     result: Reported
-    pictures: Sequence[EmbeddedFigure]
+    figures: Sequence[EmbeddedFigure]
     note: str = ""
 
 
-def document(parts: Sequence[Part], across: Sequence[Across] = ()) -> str:
+def document(parts: Sequence[Part], comparisons: Sequence[Comparison] = ()) -> str:
     """Return the page.
 
     Parameters
     ----------
     parts:
         The results, one or more; they stand side by side.
-    across:
-        What the first says against each of the others.
+    comparisons:
+        The ratios of the first to each of the others.
     """
     results = [part.result for part in parts]
     style, script = (Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("report.css", "sort.js"))
@@ -70,11 +70,11 @@ def document(parts: Sequence[Part], across: Sequence[Across] = ()) -> str:
         style=style,
         script=script,
         parts=[_shown(part) for part in parts],
-        across=_across_shown(across),
+        comparisons=_comparisons_shown(comparisons),
         means=means,
         tables=[table for table in long_tables if table.rows],
         without=[table.caption for table in long_tables if not table.rows],
-        interval=" or ".join(dict.fromkeys(interval_words(result.interval) for result in results)),
+        interval=" or ".join(dict.fromkeys(interval_name(result.interval) for result in results)),
         figures=_figures(parts),
         made=_made_table(results),
         glossary=glossary(results),
@@ -109,48 +109,50 @@ def _shown(part: Part) -> dict[str, Any]:
     return {
         "name": label(result.name),
         "verdict": result.verdict,
-        "said": VERDICTS[result.verdict],
-        "reasons": [label(each, _LONG) for each in result.said("reasons")],
-        "limitations": [label(each, _LONG) for each in result.said("limitations")],
+        "verdict_sentence": VERDICTS[result.verdict],
+        "reasons": [label(each, _LONG) for each in result.sentences("reasons")],
+        "limitations": [label(each, _LONG) for each in result.sentences("limitations")],
         "origins": [(each, origin_sentence(each)) for each in result.origins],
-        "answer": answer(result),
+        "headline": headline(result),
         "caveats": caveats(result),
         "note": part.note,
     }
 
 
-def _across_shown(across: Sequence[Across]) -> dict[str, Any]:
-    found = [(text_name(parameter), ratio) for each in across for parameter, of in each.ratios.items() for ratio in of]
+def _comparisons_shown(comparisons: Sequence[Comparison]) -> dict[str, Any]:
+    ratios = [
+        (text_name(parameter), ratio) for each in comparisons for parameter, of in each.ratios.items() for ratio in of
+    ]
     columns = [Column("", name, "", number=False) for name in ("parameter", "above", "below")]
     columns += [Column("", name, "", number=True) for name in ("ratio", "P(ratio > 1)")]
     rows = [
         [
             *(Cell(label(text), text) for text in (parameter, ratio.above, ratio.below)),
             tables.with_reach(ratio.median, ratio.lower, ratio.upper),
-            tables.number(ratio.p_greater_than_1, probable),
+            tables.number(ratio.p_greater_than_1, probability_text),
         ]
-        for parameter, ratio in found
+        for parameter, ratio in ratios
     ]
     sentences = [
         comparison_of(ratio, "averaged over the test cases of both")
-        for parameter, ratio in found
+        for parameter, ratio in ratios
         if parameter == STIFFNESS
     ]
     return {
         "sentences": sentences,
-        "remarks": [each.remark for each in across if each.remark],
+        "limitations": [each.limitation for each in comparisons if each.limitation],
         "table": Table("across", "Ratios between the results, averaged over the cases of both", columns, rows),
     }
 
 
 def _figures(parts: Sequence[Part]) -> list[dict[str, Any]]:
     """Return the figures by name, in the order of the first result that has each; those of one name stand together."""
-    found: dict[str, list[tuple[str, EmbeddedFigure]]] = {}
+    by_name: dict[str, list[tuple[str, EmbeddedFigure]]] = {}
     for part in parts:
-        for picture in part.pictures:
-            found.setdefault(picture.name, []).append((label(part.result.name), picture))
+        for figure in part.figures:
+            by_name.setdefault(figure.name, []).append((label(part.result.name), figure))
     return [
-        {"heading": shown[0][1].heading, "reading": shown[0][1].reading, "shown": shown} for shown in found.values()
+        {"heading": shown[0][1].heading, "reading": shown[0][1].reading, "shown": shown} for shown in by_name.values()
     ]
 
 

@@ -77,7 +77,7 @@ def ratio_of(above: str, below: str, row: pd.Series) -> Ratio:
 
 def matched_cases(result: Reported, one: str, other: str) -> int:
     """Return how many cases two configurations have in common."""
-    factor_table = [word for word in CASE_FACTORS if word != "configuration"]
-    cases = result.cases.drop_duplicates(["configuration", *factor_table])
-    mine, theirs = (cases.loc[cases["configuration"] == name, factor_table].fillna("") for name in (one, other))
+    factor_names = [factor for factor in CASE_FACTORS if factor != "configuration"]
+    cases = result.cases.drop_duplicates(["configuration", *factor_names])
+    mine, theirs = (cases.loc[cases["configuration"] == name, factor_names].fillna("") for name in (one, other))
     return len(mine.merge(theirs))

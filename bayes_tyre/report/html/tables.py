@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from bayes_tyre.record import CASE_FACTORS, FACTORS
-from bayes_tyre.report.html.formatting import given, label, probable, rounded
+from bayes_tyre.report.html.formatting import given, label, rounded
 from bayes_tyre.report.html.load import MEAN, Reported
 from bayes_tyre.report.html.losses import losses_tables
-from bayes_tyre.report.wording import text_name
+from bayes_tyre.report.wording import probability_text, text_name
 
-#: What words are called above a column, and their unit; whether they are numbers.
+#: What factors are called above a column, and their unit; whether they are numbers.
 HEADINGS = {
     "record": ("record", "", False),
     "configuration": ("configuration", "", False),
@@ -51,7 +51,7 @@ class Cell(NamedTuple):
 class Column(NamedTuple):
     """What stands above a column: which result it is of (empty for one), a heading, a unit, and if it holds numbers."""
 
-    of: str
+    of_result: str
     heading: str
     unit: str
     number: bool
@@ -67,9 +67,8 @@ class Table(NamedTuple):
 
 
 class _Measure(NamedTuple):
-    """A column of numbers: the parameter its rows have, what it is called, and the cell of a row."""
+    """A column of numbers: what it is called, and the cell of a row."""
 
-    parameter: str
     heading: str
     unit: str
     cell: Callable[[pd.Series], Cell]
@@ -98,9 +97,9 @@ def losses_table(results: Sequence[Reported]) -> Table:
 
 def contrasts_table(results: Sequence[Reported]) -> Table:
     """Return the ratios of each parameter, each with its probability to be above 1."""
-    caption = "Contrasts: ratios of matched cases; empty words are averaged over"
-    factor_table = ("contrast", "matching", *CASE_FACTORS)
-    return _table("contrasts", caption, results, [each.contrasts for each in results], factor_table, _ratios)
+    caption = "Contrasts: ratios of matched cases; empty factors are averaged over"
+    factor_names = ("contrast", "matching", *CASE_FACTORS)
+    return _table("contrasts", caption, results, [each.contrasts for each in results], factor_names, _ratios)
 
 
 def repeats_table(results: Sequence[Reported]) -> Table:
@@ -108,24 +107,24 @@ def repeats_table(results: Sequence[Reported]) -> Table:
     judged = [_judges(each.repeats) for each in results]
     caption = "Repeats: each record, and the probability that it does not agree with its repeats"
     if not any(judged):
-        caption = "Repeats: each record (nothing here says whether one is odd: see the glossary)"
+        caption = "Repeats: each record (nothing here says whether one is discordant: see the glossary)"
     return _table("repeats", caption, results, [each.repeats for each in results], ("record", *FACTORS), _of_repeats)
 
 
 def _values(parameter: str, rows: pd.DataFrame) -> list[_Measure]:
-    return [_Measure(parameter, text_name(parameter), rows["unit"].iloc[0], _with_interval)]
+    return [_Measure(text_name(parameter), rows["unit"].iloc[0], _with_interval)]
 
 
 def _ratios(parameter: str, _: pd.DataFrame) -> list[_Measure]:
     return [
-        _Measure(parameter, f"ratio of {text_name(parameter)}", "", _with_interval),
-        _Measure(parameter, f"P(> 1), {text_name(parameter)}", "", _only("p_greater_than_1")),
+        _Measure(f"ratio of {text_name(parameter)}", "", _with_interval),
+        _Measure(f"P(> 1), {text_name(parameter)}", "", _only("p_greater_than_1")),
     ]
 
 
 def _of_repeats(parameter: str, rows: pd.DataFrame) -> list[_Measure]:
-    odd = _Measure(parameter, "outlier probability", "", _only("outlier_probability"))
-    return [*([odd] if rows.attrs["first"] == parameter and _judges(rows) else []), *_values(parameter, rows)]
+    outlier = _Measure("outlier probability", "", _only("outlier_probability"))
+    return [*([outlier] if rows.attrs["first"] == parameter and _judges(rows) else []), *_values(parameter, rows)]
 
 
 def _judges(repeats: pd.DataFrame) -> bool:
@@ -134,7 +133,7 @@ def _judges(repeats: pd.DataFrame) -> bool:
 
 
 def _only(column: str) -> Callable[[pd.Series], Cell]:
-    return lambda row: number(row[column], probable)
+    return lambda row: number(row[column], probability_text)
 
 
 def _with_interval(row: pd.Series) -> Cell:
@@ -158,17 +157,20 @@ def _table(
     caption: str,
     results: Sequence[Reported],
     tables: Sequence[pd.DataFrame],
-    factor_table: Sequence[str],
+    factor_names: Sequence[str],
     measures: Callable[[str, pd.DataFrame], list[_Measure]],
 ) -> Table:
-    """Return long tables, one a result, as a wide one: rows by their words, in order of first appearance."""
-    factor_table = [word for word in factor_table if any(_known(table[word]) for table in tables)]
-    columns = [Column("", *HEADINGS[word]) for word in factor_table]
-    found: dict[tuple[Any, ...], dict[int, Cell]] = {}
-    place = len(factor_table)
+    """Return long tables, one a result, as a wide one: rows by their factors, in order of first appearance."""
+    factor_names = [factor for factor in factor_names if any(_is_given(table[factor]) for table in tables)]
+    columns = [Column("", *HEADINGS[factor]) for factor in factor_names]
+    cells_by_row: dict[tuple[Any, ...], dict[int, Cell]] = {}
+    place = len(factor_names)
     for result, table in zip(results, tables, strict=True):
         keys = list(
-            zip(*(table[word].astype(object).where(table[word].notna(), None) for word in factor_table), strict=True)
+            zip(
+                *(table[factor].astype(object).where(table[factor].notna(), None) for factor in factor_names),
+                strict=True,
+            )
         )
         parameters = list(table["parameter"].unique())
         for parameter in parameters:
@@ -176,26 +178,24 @@ def _table(
             rows = table[mine]
             rows.attrs["first"] = parameters[0]
             for measure in measures(str(parameter), rows):
-                of = result.name if len(results) > 1 else ""
-                columns.append(Column(of, label(measure.heading), label(measure.unit), number=True))
+                of_result = result.name if len(results) > 1 else ""
+                columns.append(Column(of_result, label(measure.heading), label(measure.unit), number=True))
                 of_rows = (key for key, one in zip(keys or [()] * len(table), mine, strict=True) if one)
                 for key, (_, row) in zip(of_rows, rows.iterrows(), strict=True):
-                    found.setdefault(key, {})[place] = measure.cell(row)
+                    cells_by_row.setdefault(key, {})[place] = measure.cell(row)
                 place += 1
-    rows = [[_word(*pair) for pair in zip(factor_table, key, strict=True)] + _filled(cells, len(factor_table), place)
-            for key, cells in found.items()]  # fmt: skip
+    rows = [
+        [*map(_factor_cell, factor_names, key), *(cells.get(i, Cell()) for i in range(len(factor_names), place))]
+        for key, cells in cells_by_row.items()
+    ]
     return Table(name, caption, columns, rows)
 
 
-def _known(column: pd.Series) -> bool:
+def _is_given(column: pd.Series) -> bool:
     return bool((column.notna() & (column != "")).any())
 
 
-def _filled(cells: dict[int, Cell], first: int, end: int) -> list[Cell]:
-    return [cells.get(i, Cell()) for i in range(first, end)]
-
-
-def _word(word: str, value: Any) -> Cell:
-    if HEADINGS[word][2]:
+def _factor_cell(factor: str, value: Any) -> Cell:
+    if HEADINGS[factor][2]:
         return number(math.nan if value is None else float(value), given)
     return Cell(label(value), str(value))

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables import read_table
-from bayes_tyre.report.wording import one_line
+from bayes_tyre.plain_text import one_line
 from bayes_tyre.results.recovery import (
     WHAT_IT_COMPARES,
     WHAT_MOTIONS_COMPARE,
@@ -36,16 +36,16 @@ def print_recovery(folders: list[Path], truth: Path, console: Console | None = N
         If a folder holds neither, or a table is not what these commands write; nothing is printed then.
     """
     true = read_table(truth)
-    found = [(folder, recover(folder, true)) for folder in folders]
+    recoveries = [(folder, recover(folder, true)) for folder in folders]
     console = console or Console()
-    for folder, recovery in found:
+    for folder, recovery in recoveries:
         console.print()
         console.print(Text(f"beside the truth: {_title(folder)}"), soft_wrap=True)
         beside = _table(recovery)
         (console if console.is_terminal else Console(file=console.file, width=10_000)).print(beside)
         for line in _said(recovery):
             console.print(Text(line), soft_wrap=True)
-    for line in dict.fromkeys(_compared(recovery) for _, recovery in found):
+    for line in dict.fromkeys(_compared(recovery) for _, recovery in recoveries):
         console.print()
         console.print(Text(line), soft_wrap=True)
 
@@ -74,8 +74,8 @@ def _title(folder: Path) -> str:
     if not (folder / REPEATS).is_file():
         return f"{one_line(folder, None)} (least squares)"
     try:
-        said = json.loads((folder / "diagnostics.json").read_text(encoding="utf-8"))
-        verdict = "; ".join([f"verdict: {said['verdict']}", *map(str, said["reasons"])])
+        diagnostics = json.loads((folder / "diagnostics.json").read_text(encoding="utf-8"))
+        verdict = "; ".join([f"verdict: {diagnostics['verdict']}", *map(str, diagnostics["reasons"])])
     except (OSError, ValueError, KeyError, TypeError):
         verdict = "no verdict: diagnostics.json is missing or not what fit writes"
     return f"{one_line(folder, None)} (posterior medians; {one_line(verdict, 500)})"
@@ -88,8 +88,8 @@ def _table(recovery: Recovery) -> Table:
     for name in recovery.parameters:
         for title in (f"{name} true, {_UNITS[name]}", name, "error, %", *(["in interval"] * with_interval[name])):
             table.add_column(title, justify="right")
-    odd = not recovery.records["status"].isin(["ok", ""]).all()
-    if odd:
+    with_status = not recovery.records["status"].isin(["ok", ""]).all()
+    if with_status:
         table.add_column("status")
     for row in recovery.records.to_dict("records"):
         cells = [one_line(row["record"])]
@@ -97,7 +97,7 @@ def _table(recovery: Recovery) -> Table:
             cells += [_number(row[f"{name}_true"]), _number(row[name]), _percent(row[f"{name}_error"])]
             cells += [{1.0: "yes", 0.0: "no"}.get(row[f"{name}_covered"], "")] * with_interval[name]
         status = "lost" if pd.isna(row["status"]) else row["status"]
-        table.add_row(*map(Text, [*cells, *([one_line(status)] if odd else [])]))
+        table.add_row(*map(Text, [*cells, *([one_line(status)] if with_status else [])]))
     return table
 
 

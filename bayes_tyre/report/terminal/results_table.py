@@ -14,7 +14,7 @@ from rich.text import Text
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables import read_table
-from bayes_tyre.report.wording import one_line
+from bayes_tyre.plain_text import one_line
 
 #: What each kind of data means for a reader who sees nothing but the table.
 WHAT_IT_IS = {
@@ -80,10 +80,10 @@ def print_overview(folders: list[Path], console: Console | None = None) -> None:
 def limitations(folder: Path) -> list[str]:
     """Return the limitations in a result's `diagnostics.json`: what is weakly identified; none where it has none."""
     try:
-        said = json.loads((folder / "diagnostics.json").read_text(encoding="utf-8"))["limitations"]
+        limitations = json.loads((folder / "diagnostics.json").read_text(encoding="utf-8"))["limitations"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return []
-    return [each for each in said if isinstance(each, str)] if isinstance(said, list) else []
+    return [each for each in limitations if isinstance(each, str)] if isinstance(limitations, list) else []
 
 
 def _beside(rows: pd.DataFrame) -> Table:
@@ -92,8 +92,8 @@ def _beside(rows: pd.DataFrame) -> Table:
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
     for name in ("", *configurations):
         table.add_column(Text(one_line(name)))
-    for name, of in _blocks(rows):
-        by_label = of.set_index(of["configuration"].astype(str))
+    for name, block in _blocks(rows):
+        by_label = block.set_index(block["configuration"].astype(str))
         cells = [_figures(by_label.loc[label]) if label in by_label.index else "" for label in configurations]
         table.add_row(*map(Text, [name, *cells]))
     return table
@@ -102,11 +102,11 @@ def _beside(rows: pd.DataFrame) -> Table:
 def _below(rows: pd.DataFrame) -> str:
     """Return one result as lines, a configuration below the other."""
     lines = []
-    for name, of in _blocks(rows):
-        of = of.set_index(of["configuration"].astype(str)).sort_index(ascending=False)
-        widest = max(cell_len(one_line(label)) for label in of.index)
+    for name, block in _blocks(rows):
+        block = block.set_index(block["configuration"].astype(str)).sort_index(ascending=False)
+        widest = max(cell_len(one_line(label)) for label in block.index)
         lines.append(f"  {name}")
-        for label, row in of.iterrows():
+        for label, row in block.iterrows():
             lines.append(f"    {one_line(label)}{' ' * (widest - cell_len(one_line(label)))}   {_figures(row)}")
     return "\n".join(lines)
 
@@ -114,9 +114,9 @@ def _below(rows: pd.DataFrame) -> str:
 def _blocks(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
     """Yield the rows of each parameter and direction, and what to call them."""
     for parameter in PARAMETERS:
-        block = rows[rows["parameter"] == parameter]
-        for direction, of in block.groupby(block["direction"].astype(str)):
-            yield one_line(f"{parameter.removesuffix('_mean')}, {of['unit'].iloc[0]} {direction}"), of
+        of_parameter = rows[rows["parameter"] == parameter]
+        for direction, block in of_parameter.groupby(of_parameter["direction"].astype(str)):
+            yield one_line(f"{parameter.removesuffix('_mean')}, {block['unit'].iloc[0]} {direction}"), block
 
 
 def _figures(row: pd.Series) -> str:

@@ -13,6 +13,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, cast
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.plain_text import reason
 from bayes_tyre.workflow.execution.executors import TASKS_PER_WORKER, Executors
 
 if TYPE_CHECKING:
@@ -78,9 +79,8 @@ def _client(address: str) -> "Client":
             warnings.simplefilter("ignore")
             return Client(address, timeout=_CONNECT_TIMEOUT, set_as_default=False)
     except Exception as error:  # each transport raises errors of its own
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise BadInput(
-            f"--cluster {address}: no scheduler can be reached ({reason}); give an address such as tcp://host:8786"
+            f"--cluster {address}: no scheduler can be reached ({reason(error)}); give an address such as tcp://host:8786"
         ) from None
 
 

@@ -4,13 +4,14 @@ import json
 import math
 import shlex
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
 from bayes_tyre.inference.sampling.checkpoint import Checkpoints
+from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.results.provenance import RUN_JSON, Run, difference, identity, read_run
 
 CHECKPOINTS = ".checkpoint"
@@ -31,6 +32,10 @@ class Callbacks:
     note: Callable[[str], None] = lambda _: None
     warn: Callable[[str], None] = lambda _: None
     on_progress: Callable[[int], None] = lambda _: None
+
+    def settings(self, sampler: SamplerSettings, checkpoints: Checkpoints) -> SamplerSettings:
+        """Return settings of a sampler that calls these and saves checkpoints."""
+        return replace(sampler, checkpoints=checkpoints, on_progress=self.on_progress, on_note=self.note)
 
 
 def open_checkpoints(

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -11,30 +10,15 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder
 from bayes_tyre.formats.raw import read_raw
 from bayes_tyre.formats.tables import write_table
+from bayes_tyre.plain_text import path_text
 from bayes_tyre.record import Channel, RawSignals
 
 COLUMNS = ("file", "segment", "channel", "unit", "samples", "dt_s", "first", "last", "min", "max", "missing")
 
 
-class Inspected(NamedTuple):
-    """The channels of raw files.
-
-    Attributes
-    ----------
-    table:
-        A row a channel and segment of the files that can be read.
-    notes:
-        How these differ from what is usual, such as missing samples, each with its file.
-    faults:
-        Why the others cannot be read, a line each.
-    """
-
-    table: pd.DataFrame
-    notes: list[str]
-    faults: list[str]
-
-
-def inspect_raw(files: Sequence[Path], out: Path | None, on_progress: Callable[[int], None]) -> Inspected:
+def inspect_raw(
+    files: Sequence[Path], out: Path | None, on_progress: Callable[[int], None]
+) -> tuple[pd.DataFrame, list[str], list[str]]:
     """Return the channels of raw files; write the table to `out`, if given, where all files can be read.
 
     Parameters
@@ -48,9 +32,10 @@ def inspect_raw(files: Sequence[Path], out: Path | None, on_progress: Callable[[
 
     Returns
     -------
-    The table, notes and faults. In the table `samples` counts a channel's rows, `missing` those without a reading;
-    `first`, `last`, `min`, `max` are readings in the unit of the file, `dt_s` the median step of X (s); NaN where there
-    are none.
+    A row a channel and segment of the files that can be read; notes on how these differ from what is usual, each with
+    its file; and why the others cannot be read, a line each. In the table `samples` counts a channel's rows, `missing`
+    those without a reading; `first`, `last`, `min`, `max` are readings in the unit of the file, `dt_s` the median step
+    of X (s); NaN where there are none.
 
     Raises
     ------
@@ -72,17 +57,12 @@ def inspect_raw(files: Sequence[Path], out: Path | None, on_progress: Callable[[
             faults.append(str(error))
         else:
             rows += ((name, *row) for row in _rows_of(raw))
-            notes += [f"{name}: {text}" for text in raw.remarks]
+            notes += [f"{name}: {text}" for text in raw.warnings]
         on_progress(1)
     table = pd.DataFrame(rows, columns=list(COLUMNS))
     if out is not None and not faults:
         write_table(table, out)
-    return Inspected(table, notes, faults)
-
-
-def path_text(path: Path) -> str:
-    """Return a path as text; bytes that are not text become escapes."""
-    return str(path).encode("utf-8", "backslashreplace").decode("utf-8")
+    return table, notes, faults
 
 
 def _rows_of(raw: RawSignals) -> Iterator[tuple[object, ...]]:

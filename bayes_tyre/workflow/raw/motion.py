@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
@@ -10,8 +10,9 @@ import pandas as pd
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder, remove_leftovers
 from bayes_tyre.formats.tables import write_table
-from bayes_tyre.inference.diagnostics.convergence import with_figures
-from bayes_tyre.inference.diagnostics.verdict import Diagnostics, diagnose
+from bayes_tyre.inference.diagnostics.attempts import Attempts
+from bayes_tyre.inference.diagnostics.judge import judge
+from bayes_tyre.inference.diagnostics.verdict import Diagnostics, data_checks
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.motion.hierarchy.leave_one_out import with_motions
@@ -21,15 +22,16 @@ from bayes_tyre.inference.motion.hierarchy.power_scaling import identify_motions
 from bayes_tyre.inference.motion.laws import motion_law
 from bayes_tyre.inference.motion.record.likelihood import WIDENED
 from bayes_tyre.inference.sampling.run import SamplerSettings
+from bayes_tyre.plain_text import listed
 from bayes_tyre.record_table import origin_of
+from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.results.provenance import RUN_JSON, begin_run, read_run
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.workflow.execution.batch import Machines, run_batch
 from bayes_tyre.workflow.execution.resume import Callbacks, open_checkpoints
 from bayes_tyre.workflow.execution.task_cache import TaskCache
 from bayes_tyre.workflow.fit import sampler_options
-from bayes_tyre.workflow.raw.motion_estimates import BY_LAW, OK, estimate_file, read_estimates
-from bayes_tyre.workflow.raw.motions_shown import shown_motions
+from bayes_tyre.workflow.raw.motion_estimates import BY_LAW, OK, estimate_file, read_estimates, shown_motions
 from bayes_tyre.workflow.raw.process_tasks import Settings, plan_tasks
 from bayes_tyre.workflow.raw.raw_records import REJECTED, none_usable, rejected
 from bayes_tyre.workflow.result_folder import write_fit
@@ -48,7 +50,7 @@ class MotionPlan:
     sampler:
         How much to sample.
     rig, cases, pictures:
-        Name or TOML file of the rig (None: the configuration's own), table of cases, folder of a picture a record.
+        Name or TOML file of the rig (None: the configuration's own), table of cases, folder of a figure a record.
     law:
         Name of the force law.
     amplitude_mm:
@@ -134,20 +136,22 @@ def estimate_files(
     cache = TaskCache(out / ESTIMATES)
     outcomes = run_batch(estimate_file, tasks, cache, machines, on_progress)
     rows = rejected(files, outcomes)
-    kept = [(file, task, end) for file, task, end in zip(files, tasks, outcomes, strict=True) if isinstance(end, Path)]
-    if not kept:
+    estimates = [
+        (file, task, end) for file, task, end in zip(files, tasks, outcomes, strict=True) if isinstance(end, Path)
+    ]
+    if not estimates:
         remove_leftovers([out / REJECTED])
         write_table(rows, out / REJECTED)
         cache.remove()
         (out / RUN_JSON).unlink(missing_ok=True)  # an earlier run's result is not of these files
         raise none_usable(out / REJECTED, rows, len(tasks))
-    table, motions = read_estimates([part for _, _, part in kept], law)
-    rigs = [task.rig for _, task, _ in kept]
+    table, motions = read_estimates([part for _, _, part in estimates], law)
+    rigs = [task.rig for _, task, _ in estimates]
     middles = [
         Middle(rig, float(d)) for rig, d in zip(rigs, table["displacement_mm"], strict=True) if isinstance(rig, Rig)
     ]
-    shown = shown_motions([part for _, _, part in kept])
-    return Estimated(table, motions, rows, [file for file, _, _ in kept], middles, shown)
+    shown = shown_motions([part for _, _, part in estimates])
+    return Estimated(table, motions, rows, [file for file, _, _ in estimates], middles, shown)
 
 
 def fit_estimates(
@@ -175,18 +179,27 @@ def fit_estimates(
     """
     callbacks, origin = callbacks or Callbacks(), estimated.origin
     call = shlex.join(["bayes-tyre", *command])
-    run = begin_run(call, plan.options, plan.sampler.seed, [*estimated.files, *_told_files(plan)], origin)
+    run = begin_run(call, plan.options, plan.sampler.seed, [*estimated.files, *_files_of_options(plan)], origin)
     checkpoints = open_checkpoints(out, run, callbacks, resume, overwrite=True)  # the estimates are cached
     if isinstance(checkpoints, Diagnostics):
         return checkpoints
-    settings = replace(plan.sampler, checkpoints=checkpoints, on_progress=callbacks.on_progress)
-    tree = fit_motions(estimated.motions, settings, plan.repeats, priors=plan.priors)
+    settings, motions, attempts = callbacks.settings(plan.sampler, checkpoints), estimated.motions, Attempts()
+    tree = fit_motions(motions, settings, plan.repeats, priors=plan.priors)
     tree.attrs["origin"] = origin
-    tree = with_losses(tree, estimated.motions.factor_table, estimated.middles, plan.amplitude_mm)
-    tree = with_motions(with_figures(identify_motions(tree, estimated.motions, plan.priors)), estimated.motions)
-    diagnostics = with_estimates(diagnose(tree), estimated)
+    tree = attempts(
+        "energy of a cycle",
+        lambda: with_losses(tree, motions.factor_table, estimated.middles, plan.amplitude_mm),
+        tree,
+    )
+    tree, diagnostics = judge(
+        with_motions(tree, motions),
+        lambda tree, attempt: identify_motions(tree, motions, plan.priors, attempt),
+        attempts,
+    )
+    diagnostics = with_estimates(diagnostics, estimated)
     beside = {ESTIMATES: estimated.table, REJECTED: estimated.rejected}
-    write_fit(tree, diagnostics, run, out, interval=plan.interval, beside=beside, motions=estimated.shown)
+    result = Result(tree, diagnostics.verdict, interval=plan.interval, motions=estimated.shown)
+    diagnostics = write_fit(result, diagnostics, run, out, beside)
     checkpoints.clear()
     return diagnostics
 
@@ -205,17 +218,17 @@ def _refuse_other_estimates(out: Path, plan: MotionPlan) -> None:
             )
 
 
-def _told_files(plan: MotionPlan) -> list[Path]:
-    """Return the files that decide a result beside the raw ones."""
+def _files_of_options(plan: MotionPlan) -> list[Path]:
+    """Return the files that options name: the table of cases, and the rig where it is a file."""
     named = [plan.cases, Path(plan.rig) if plan.rig is not None else None]
     return [path for path in named if path is not None and path.is_file()]
 
 
 def with_estimates(diagnostics: Diagnostics, estimated: Estimated) -> Diagnostics:
-    """Return the verdict with what is to be said of the records' estimates.
+    """Return the verdict with the limitations of the records' estimates.
 
     An estimate that failed its check is kept, for to drop records that do not fit is to choose the result; it is
-    widened instead, and told. Where that is half of them or more, the cases rest on what nobody checked.
+    widened instead, and named. Where that is half of them or more, the cases rest on what nobody checked.
     """
     bad = estimated.table[estimated.table["status"] != OK]
     limitations = list(diagnostics.limitations)
@@ -225,13 +238,15 @@ def with_estimates(diagnostics: Diagnostics, estimated: Estimated) -> Diagnostic
         )
     if bad.empty:
         return diagnostics._replace(limitations=tuple(limitations))
-    more = f" and {len(bad) - _NAMED} more" if len(bad) > _NAMED else ""
-    said = (
-        f"{', '.join(bad['record'][:_NAMED])}{more}: the estimate failed its check and counts with standard deviations "
+    limitation = (
+        f"{listed(bad['record'].tolist(), _NAMED)}: the estimate failed its check and counts with standard deviations "
         f"{WIDENED:g} times as wide; see status in {ESTIMATES}"
     )
     if 2 * len(bad) < len(estimated.table):
-        return diagnostics._replace(limitations=(*limitations, said))
+        return diagnostics._replace(limitations=(*limitations, limitation))
     share = f"these are {len(bad)} of {len(estimated.table)} records"
-    reason = f"{said}: {share}; record them again, check the rig file, or try another --law"
-    return diagnostics._replace(verdict="fail", reasons=(*diagnostics.reasons, reason), limitations=tuple(limitations))
+    reason = f"{limitation}: {share}; record them again, check the rig file, or try another --law"
+    checks = [*diagnostics.checks, *(check.row for check in data_checks([reason]))]
+    return diagnostics._replace(
+        verdict="fail", reasons=(*diagnostics.reasons, reason), limitations=tuple(limitations), checks=checks
+    )

@@ -1,6 +1,7 @@
 """Estimate of the motion in one raw file: a row of `estimates.csv`, cached as a part, and its picture."""
 
 import functools
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,8 @@ from bayes_tyre.inference.motion.record.forward_model import predicted, residual
 from bayes_tyre.inference.motion.record.likelihood import hierarchy_moments, likelihood_of
 from bayes_tyre.inference.motion.record.parameters import MotionParameters, in_units
 from bayes_tyre.inference.motion.record.window import Recorded, Window
-from bayes_tyre.record import FACTORS
-from bayes_tyre.results.motion_traces import COLUMNS, readings_table
+from bayes_tyre.record import FACTORS, parameter_column
+from bayes_tyre.results.motion_traces import COLUMNS, places, readings_table
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.motion import rest_displacement
@@ -29,17 +30,10 @@ from bayes_tyre.rig.motion_decay import ring_down
 from bayes_tyre.rig.sensors import columns_of
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.signals.process import prepare
-from bayes_tyre.signals.processed import Recording
 from bayes_tyre.workflow.execution.outcome import Done, Fault
 from bayes_tyre.workflow.raw.process_tasks import Task
 from bayes_tyre.workflow.raw.raw_records import attempted, origin_of_raw, usable
 
-#: What a law's parameters are called in the columns of estimates.
-_COLUMN = {
-    **{"k": "k_kN_per_mm", "x": "x_kN", "settled": "settled_kN", "beta": "beta_mm", "n": "n"},
-    **{"belt_frequency": "belt_frequency_Hz", "belt_damping": "belt_damping", "sidewall_ratio": "sidewall_ratio"},
-    **{"m": "m_kg", "c": "c_kN_s_per_mm"},
-}
 #: Spring and damper from the free vibration after the load's step, beside those fitted to the whole motion.
 _BY_DECAY = ("decay_k_kN_per_mm", "decay_c_kN_s_per_mm")
 OK = "ok"
@@ -50,12 +44,12 @@ _ROWS, _TARGET, _MEAN, _VARIANCE = "likelihood_rows", "likelihood_target", "log_
 _CONSTANT, _EFFECTIVE = "log_constant", "effective_draws"
 #: For the figures of a few motions: misfit, as a share of the limit of its check; the table of readings, flattened;
 #: and the columns shown with it.
-MISFIT, READINGS, TOLD = "misfit", "readings", ("record", "configuration", "status", "origin")
+MISFIT, READINGS, ROW_COLUMNS = "misfit", "readings", ("record", "configuration", "status", "origin")
 
 
 def parameter_columns(law: MotionLaw = FANCHER) -> tuple[str, ...]:
     """Return the columns of a law's `reported_parameters`, in their order; a standard error stands behind each."""
-    return tuple(_COLUMN[name] for name in law.reported_parameters)
+    return tuple(parameter_column(name) for name in law.reported_parameters)
 
 
 def columns(law: MotionLaw) -> list[str]:
@@ -68,8 +62,8 @@ def columns(law: MotionLaw) -> list[str]:
     """
     values = [column for name in parameter_columns(law) for column in (name, f"{name}_se")]
     values += _BY_DECAY if law is KELVIN_VOIGT else ()
-    told = ["displacement_mm", "method", "pareto_k", "log_evidence", "status", "origin"]
-    return ["record", *FACTORS, *values, *told]
+    statistics = ["displacement_mm", "method", "pareto_k", "log_evidence", "status", "origin"]
+    return ["record", *FACTORS, *values, *statistics]
 
 
 def estimate_file(task: Task) -> Done | Fault:
@@ -82,7 +76,7 @@ def _done(task: Task) -> Done:
     factors, rig = usable(task)
     raw = read_raw(task.file, columns_of(rig))
     law = motion_law(task.method.removeprefix(BY_LAW))
-    estimate = _estimate(rig, prepare(raw, rig, factors), law)
+    estimate = estimate_motion(rig, Recorded(*prepare(raw, rig, factors).for_motion()), law)
     # With a wrong law the solver need not converge, and laws are compared on the same records: the estimate is kept,
     # and its status says so.
     if law is FANCHER and not bool(estimate.map_estimate.converged):
@@ -95,9 +89,12 @@ def _done(task: Task) -> Done:
     )
     picture = None
     if task.picture is not None:
-        from bayes_tyre.report.figures.motion import motion_png
+        from bayes_tyre.report.figures.colours import Setting
+        from bayes_tyre.report.figures.layout import png
+        from bayes_tyre.report.figures.motion import motion_figure
 
-        picture = motion_png(readings.assign(**{name: row[name] for name in TOLD}), origin)
+        drawn = readings.assign(**{name: row[name] for name in ROW_COLUMNS})
+        picture = png(lambda: motion_figure(drawn, Setting(origin)))
     return Done(pd.DataFrame([row | _kept(readings, estimate)]), picture)
 
 
@@ -111,20 +108,9 @@ def _fitted(
     return expected, residuals(rig, standard, window)[: expected.size].reshape(expected.shape)
 
 
-def _estimate(rig: Rig, recording: Recording, law: MotionLaw) -> MotionEstimate:
-    """Return the estimate of a recording, of a standing or rolling tyre."""
-    read, step = recording.raw, recording.step
-    bodies = tuple((body.turn_Hz, body.harmonics) for body in recording.bodies)
-    ramp_s = step.ramp.start_s, step.ramp.end_s
-    channels = read.acceleration_m_per_s2, read.laser_mm, read.load_kN
-    return estimate_motion(
-        rig, Recorded(read.dt_s, *channels, pre_step=step.pre_step, ramp_s=ramp_s, bodies=bodies), law
-    )
-
-
 def _kept(readings: pd.DataFrame, estimate: MotionEstimate) -> dict[str, Any]:
-    found = estimate.map_estimate
-    shares = np.asarray(found.chi_squared) / (1 + MISFIT_MOST), np.asarray(found.correlation) / CORRELATION_MOST
+    fit = estimate.map_estimate
+    shares = np.asarray(fit.chi_squared) / (1 + MISFIT_MOST), np.asarray(fit.correlation) / CORRELATION_MOST
     return {MISFIT: float(np.nanmax(shares)), READINGS: readings[list(COLUMNS)].to_numpy(float).ravel().tolist()}
 
 
@@ -135,21 +121,21 @@ def _unknowns(rig: Rig, estimate: MotionEstimate) -> MotionParameters:
 
 def _columns(rig: Rig, estimate: MotionEstimate, unknowns: MotionParameters) -> dict[str, Any]:
     values, sd, law = estimate.value, np.sqrt(np.diag(estimate.log_covariance)), estimate.window.law
-    found: dict[str, Any] = {}
+    row: dict[str, Any] = {}
     for name, value, of_log in zip(parameter_columns(law), values, sd, strict=True):
-        found |= {name: float(value), f"{name}_se": float(value * of_log)}
+        row |= {name: float(value), f"{name}_se": float(value * of_log)}
     applied = geometry.tyre_load(rig, unknowns.load_kN.mean())
-    found["displacement_mm"] = float(rest_displacement(rig, applied, k=values[0], offset_kN=unknowns.law.C))
-    found |= {"method": estimate.method, "pareto_k": float(estimate.pareto_k), "status": estimate.status or OK}
-    found |= {"log_evidence": estimate.log_evidence, _EFFECTIVE: estimate.effective_draws}
+    row["displacement_mm"] = float(rest_displacement(rig, applied, k=values[0], offset_kN=unknowns.law.C))
+    row |= {"method": estimate.method, "pareto_k": float(estimate.pareto_k), "status": estimate.status or OK}
+    row |= {"log_evidence": estimate.log_evidence, _EFFECTIVE: estimate.effective_draws}
     moments = estimate.log_mean, estimate.log_covariance
     likelihood = likelihood_of(rig, *moments, np.asarray(estimate.window.prior), trusted=not estimate.status, law=law)
     mean, covariance = hierarchy_moments(*moments, law)
-    found[_CONSTANT] = log_constant(rig, likelihood, estimate.window, estimate.log_evidence)
+    row[_CONSTANT] = log_constant(rig, likelihood, estimate.window, estimate.log_evidence)
     if law is KELVIN_VOIGT:
-        found |= dict(zip(_BY_DECAY, _by_decay(estimate.window, unknowns), strict=True))
+        row |= dict(zip(_BY_DECAY, _by_decay(estimate.window, unknowns), strict=True))
     arrays = {_ROWS: likelihood.rows, _TARGET: likelihood.target, _MEAN: mean, _VARIANCE: np.diag(covariance)}
-    return found | {name: array.ravel().tolist() for name, array in arrays.items()}
+    return row | {name: array.ravel().tolist() for name, array in arrays.items()}
 
 
 def _by_decay(window: Window, unknowns: MotionParameters) -> tuple[float, float]:
@@ -160,10 +146,10 @@ def _by_decay(window: Window, unknowns: MotionParameters) -> tuple[float, float]
     if window.rolling is not None:
         return np.nan, np.nan
     try:
-        found = ring_down(time_s[free], readings[free], float(1 / np.median(weight[free])), float(unknowns.m_kg))
+        decay = ring_down(time_s[free], readings[free], float(1 / np.median(weight[free])), float(unknowns.m_kg))
     except ValueError:
         return np.nan, np.nan
-    return found.k_kN_per_mm, found.c_kN_s_per_mm
+    return decay.k_kN_per_mm, decay.c_kN_s_per_mm
 
 
 def read_estimates(parts: list[Path], law: MotionLaw = FANCHER) -> tuple[pd.DataFrame, Motions]:
@@ -175,3 +161,26 @@ def read_estimates(parts: list[Path], law: MotionLaw = FANCHER) -> tuple[pd.Data
     readings = Readings(table[_CONSTANT].to_numpy(float), table[_EFFECTIVE].to_numpy(float))
     motions = Motions(factors, rows, arrays[_TARGET], arrays[_MEAN], arrays[_VARIANCE], law, readings)
     return table[columns(law)], motions
+
+
+def shown_motions(parts: Sequence[Path]) -> pd.DataFrame | None:
+    """Return the readings of a few records that parts hold: `ROW_COLUMNS`, `shown` (a place), and `COLUMNS`.
+
+    None where an earlier version wrote the parts, without readings.
+    """
+    try:
+        records = pd.concat(
+            [pd.read_parquet(part, columns=[*ROW_COLUMNS, MISFIT]) for part in parts], ignore_index=True
+        )
+        shown = places((records["status"] == OK).to_numpy(), records[MISFIT].to_numpy(float))
+        readings_at = {
+            place: pd.read_parquet(parts[i], columns=[READINGS])[READINGS].iloc[0] for place, i in shown.items()
+        }
+    except (KeyError, ValueError):
+        return None
+    blocks = []
+    for place, flat in readings_at.items():
+        readings = pd.DataFrame(np.reshape(flat, (-1, len(COLUMNS))), columns=list(COLUMNS))
+        readings = readings.assign(shown=place, **{name: records[name].iloc[shown[place]] for name in ROW_COLUMNS})
+        blocks.append(readings[["record", "configuration", "shown", *COLUMNS, "status", "origin"]])
+    return pd.concat(blocks, ignore_index=True)

@@ -77,7 +77,8 @@ def _done(task: Task) -> Done:
     origin = origin_of_raw(raw, task)
     picture = None
     if task.picture is not None:
-        from bayes_tyre.report.figures.process import record_png
+        from bayes_tyre.report.figures.layout import png
+        from bayes_tyre.report.figures.process import record_figure
 
-        picture = record_png(processed, origin)
+        picture = png(lambda: record_figure(processed, origin))
     return Done(pd.DataFrame({**processed.columns(), "origin": origin}), picture)

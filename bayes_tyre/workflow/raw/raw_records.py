@@ -7,11 +7,11 @@ from pathlib import Path
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.plain_text import path_text
 from bayes_tyre.record import RawSignals
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.signals.factors import RecordFactors
 from bayes_tyre.workflow.execution.outcome import Done, Fault
-from bayes_tyre.workflow.raw.inspect import path_text
 from bayes_tyre.workflow.raw.process_tasks import Task
 
 REJECTED = "rejected.csv"

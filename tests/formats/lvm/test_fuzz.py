@@ -1,9 +1,11 @@
 """A short run of the fuzzing that `make fuzz` does for long."""
 
+import pytest
 from helpers.fuzz_lvm import SEEDS, fuzz, outcome
 from helpers.lvm_dialects import BAD
 
 
+@pytest.mark.slow
 def test_nothing_but_raw_signals_or_the_one_error(tmp_path):
     counts = fuzz(2000, tmp_path / "mutated.lvm", start=20190301)
     assert counts.total() >= 2000

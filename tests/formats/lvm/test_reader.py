@@ -52,8 +52,8 @@ def test_the_printed_sample():
     assert channels[0].time_s[-1] == 0.0099
     assert channels[5].values[-1] == 30.379580
     assert (channels[6].time_s[0], channels[6].values[0]) == (0.0, 15144.0)
-    assert len(raw.remarks) == 1
-    assert "27 samples, the header promises 150000" in raw.remarks[0]
+    assert len(raw.warnings) == 1
+    assert "27 samples, the header promises 150000" in raw.warnings[0]
 
 
 @pytest.mark.parametrize("dialect", SAME)
@@ -61,7 +61,7 @@ def test_the_same_table_in_every_dialect(path, dialect):
     raw = read(path, FILES[dialect])
     times = [0.0, 0.1, 0.2]
     assert table(raw) == [("acc", times, [1.0, 1.125, 1.25]), ("load", times, [-2.5, -2.25, -2.0])]
-    assert raw.remarks == ()
+    assert raw.warnings == ()
     assert all((one.unit, one.declared_samples) == ("Volts", 3) for one in raw.segments[0])
 
 
@@ -83,7 +83,7 @@ def test_an_x_column_for_each_channel(path):
     raw = read(path, FILES["multi"])
     assert table(raw) == [("acc", [0.0, 0.1, 0.2], [1.0, 1.125, 1.25]), ("load", [-1.0, -0.5], [-2.5, -2.25])]
     assert [(one.unit, one.declared_samples) for one in raw.segments[0]] == [("g", 3), ("kN", 2)]
-    assert raw.remarks == ()
+    assert raw.warnings == ()
 
 
 def test_a_header_without_blank_cells_above_the_x_columns(path):
@@ -99,26 +99,26 @@ def test_several_headers(path, dialect):
     assert raw.segments[0][0].values[0] == 1.0
     assert raw.segments[1][0].values[0] == (1.0 if dialect == "two files" else 9.0)
     np.testing.assert_allclose(raw.segments[1][1].time_s, [0.0, 0.1, 0.2])
-    assert raw.remarks == ()
+    assert raw.warnings == ()
 
 
 def test_two_writes_under_one_header(path):
     raw = read(path, FILES["two writes"])
     assert table(raw)[0] == ("acc", [0.0, 0.1, 0.2, 0.3, 0.4, 0.5], [1.0, 1.125, 1.25] * 2)
     assert [one.declared_samples for one in raw.segments[0]] == [3, 3]
-    assert raw.remarks == ("'acc', 'load': 6 samples, the header promises 3",)
+    assert raw.warnings == ("'acc', 'load': 6 samples, the header promises 3",)
 
 
 def test_x_that_begins_again_is_kept_and_said(path):
     raw = read(path, FILES["X that resets"])
     assert table(raw)[1] == ("load", [0.0, 0.1, 0.2] * 2, [-2.5, -2.25, -2.0] * 2)
-    assert raw.remarks == ("X goes back once, first in row 4", "'acc', 'load': 6 samples, the header promises 3")
+    assert raw.warnings == ("X goes back once, first in row 4", "'acc', 'load': 6 samples, the header promises 3")
 
 
 def test_fewer_rows_than_promised(path):
     raw = read(path, FILES["fewer rows"])
     assert [(len(one.values), one.declared_samples) for one in raw.segments[0]] == [(3, 150_000)] * 2
-    assert raw.remarks == ("'acc', 'load': 3 samples, the header promises 150000",)
+    assert raw.warnings == ("'acc', 'load': 3 samples, the header promises 150000",)
 
 
 def test_channels_of_unequal_length(path):
@@ -133,13 +133,13 @@ def test_channels_of_unequal_length(path):
 def test_two_rates_in_one_table(path):
     raw = read(path, FILES["two rates"])
     assert table(raw) == [("acc", [0.0, 0.1, 0.2, 0.3], [1.0, 1.1, 1.2, 1.3]), ("load", [0.0, 0.2], [5.0, 6.0])]
-    assert raw.remarks == ()
+    assert raw.warnings == ()
 
 
 def test_two_rates_in_rows_of_several_writes(path):
     raw = read(path, FILES["two rates, two writes"])
     assert table(raw)[1] == ("load", [0.0, 0.2, 0.4], [5.0, 6.0, 7.0])
-    assert len(raw.remarks) == 2
+    assert len(raw.warnings) == 2
 
 
 def test_x_is_that_of_the_channel_in_the_notes(path):
@@ -153,7 +153,7 @@ def test_x_that_is_blank_where_its_channel_has_ended(path):
     rows = "0.0\t1.0\t5.0\n0.1\t1.1\t6.0\n\t\t7.0\n"
     raw = read(path, file_header() + segment(("acc", "load"), rows, ["2", "3"]))
     assert table(raw) == [("acc", [0.0, 0.1], [1.0, 1.1]), ("load", [0.0, 0.1, 0.2], [5.0, 6.0, 7.0])]
-    assert raw.remarks == ("'load': X is blank in 1 rows: taken from Delta_X",)
+    assert raw.warnings == ("'load': X is blank in 1 rows: taken from Delta_X",)
 
 
 def test_blank_cells_and_nan(path):
@@ -170,7 +170,7 @@ def test_times_from_x0_and_delta_x(path):
     without = FILES["no X"].decode().replace("Delta_X\t0.100000\t0.100000\t\n", "")
     raw = read(path, without)
     assert raw.segments[0][0].time_s.tolist() == [0.0, 1.0, 2.0]
-    assert raw.remarks == ("'acc', 'load': no X and no Delta_X: its time counts samples, not seconds",)
+    assert raw.warnings == ("'acc', 'load': no X and no Delta_X: its time counts samples, not seconds",)
 
 
 @pytest.mark.parametrize("cut", range(1, 28))
@@ -179,16 +179,16 @@ def test_a_row_cut_anywhere_is_left_out_and_said(path, cut):
     whole = 3 if cut == 1 else 2  # without its line end alone, the row is whole
     assert [len(one.values) for one in raw.segments[0]] == [whole, whole]
     if cut in (1, 28):
-        assert raw.remarks == ()
+        assert raw.warnings == ()
     else:
-        assert raw.remarks[0] == "the last row is half written: left out"
-        assert raw.remarks[1] == "'acc', 'load': 2 samples, the header promises 3"
+        assert raw.warnings[0] == "the last row is half written: left out"
+        assert raw.warnings[1] == "'acc', 'load': 2 samples, the header promises 3"
 
 
 def test_a_header_cut_short_at_the_end_is_left_out_and_said(path):
     raw = read(path, FILES["truncated header"])
     assert [len(one.values) for one in raw.segments[0]] == [3, 3]
-    assert raw.remarks == ("the file ends in an unfinished header: left out",)
+    assert raw.warnings == ("the file ends in an unfinished header: left out",)
 
 
 @pytest.mark.parametrize("dialect", [name for name in FILES if name.startswith("plain") and "one" not in name])
@@ -199,7 +199,7 @@ def test_no_header(path, dialect):
     times = [0.0, 1.0, 2.0] if counted else [0.0, 0.1, 0.2]
     names = ("acc", "load") if named else ("column 2", "column 3")
     assert table(raw) == [(names[0], times, [1.0, 1.125, 1.25]), (names[1], times, [-2.5, -2.25, -2.0])]
-    assert len(raw.remarks) == counted
+    assert len(raw.warnings) == counted
     assert all(one.declared_samples is None for one in raw.segments[0])
 
 
@@ -209,13 +209,15 @@ def test_no_header_and_one_column(path):
 
 def test_what_differs_from_the_header_is_said(path):
     raw = read(path, SAME["tab"].replace("Channels\t2", "Channels\t4").replace("Time\tTime", "Frequency\tTime"))
-    assert raw.remarks == ("the header promises 4 channels, the table has 2", "X is 'Frequency', not time")
+    assert raw.warnings == ("the header promises 4 channels, the table has 2", "X is 'Frequency', not time")
     raw = read(path, SAME["decimal comma"].replace("Decimal_Separator\t,", "Decimal_Separator\t."))
-    assert raw.remarks == ("the header says decimals have a '.', the rows have a ','",)
-    assert read(path, SAME["tab"].replace("acc\tload", "acc\tacc")).remarks == ("several channels have the name 'acc'",)
+    assert raw.warnings == ("the header says decimals have a '.', the rows have a ','",)
+    assert read(path, SAME["tab"].replace("acc\tload", "acc\tacc")).warnings == (
+        "several channels have the name 'acc'",
+    )
     empty = DATA[: DATA.index("0.000000\t1")]
     raw = read(path, file_header(Multi_Headings="Yes") + empty + DATA)
-    assert raw.remarks == ("segment 1: a header and no rows below it: left out",)
+    assert raw.warnings == ("segment 1: a header and no rows below it: left out",)
     assert len(raw.segments) == 1
 
 
@@ -244,7 +246,7 @@ def test_channels_with_x_of_their_own_written_twice(path):
 def test_a_half_row_at_the_end_of_an_earlier_segment_is_left_out_and_said(path):
     raw = read(path, FILES["segments"].replace(b"0.200000\t1.250000\t-2.000000\n", b"0.200000\t1.\n", 1))
     assert [[len(one.values) for one in channels] for channels in raw.segments] == [[2, 2], [3, 3]]
-    assert raw.remarks[0] == "segment 1: the last row is half written: left out"
+    assert raw.warnings[0] == "segment 1: the last row is half written: left out"
 
 
 def test_all_lines_of_the_notes_are_kept(path):
@@ -260,7 +262,7 @@ def test_what_windows_calls_infinite_is_read_and_said(path):
     acc, load = (one.values.tolist() for one in raw.segments[0])
     assert acc == [1.0, np.inf, 1.25]
     assert load == pytest.approx([-2.5, -np.inf, NAN], nan_ok=True)
-    assert raw.remarks == ("'acc', 'load': infinite readings: 1",)
+    assert raw.warnings == ("'acc', 'load': infinite readings: 1",)
 
 
 def test_a_table_large_enough_to_be_read_in_pieces(path):

@@ -30,7 +30,7 @@ def same(ours: RawSignals, other: RawSignals) -> None:
 
 def test_the_printed_sample_is_written_in_its_own_layout(tmp_path):
     raw = read_lvm(SAMPLE)
-    path = write_lvm(raw, tmp_path / "again.lvm", header={"Operator": "Wits-User", "Time": "06:04:45.03"})
+    path = write_lvm(raw, tmp_path / "again.lvm")
     ours = [line.rstrip("\t") for line in path.read_text().replace("***", "").split("\n")]
     theirs = [line.rstrip("\t") for line in SAMPLE.read_text().replace("06:04:45\n", "\n").split("\n")]
     at, there = (next(i for i, line in enumerate(lines) if line.startswith("X_Value")) for lines in (ours, theirs))
@@ -39,7 +39,7 @@ def test_the_printed_sample_is_written_in_its_own_layout(tmp_path):
     assert tags[:2] == ["LabVIEW Measurement", "Writer_Version"]
     assert tags[2:] == [line.split("\t")[0] for line in theirs[:there]]
     again = read_lvm(path)
-    assert again.remarks == ()
+    assert again.warnings == ()
     assert [one.declared_samples for one in again.segments[0]] == [27] * 6 + [1]
     for one, two in zip(again.segments[0], raw.segments[0], strict=True):
         np.testing.assert_array_equal(one.values, two.values)
@@ -60,7 +60,7 @@ def test_two_rates_segments_gaps_and_names_that_would_break_a_line(tmp_path):
     path = write_lvm(raw, tmp_path / "a.lvm")
     again = read_lvm(path)
     assert again.segments[0][0].name == "acc m/s\u00b2"
-    assert again.remarks == ("segment 1: 'acc m/s\u00b2': infinite readings: 1",)
+    assert again.warnings == ("segment 1: 'acc m/s\u00b2': infinite readings: 1",)
     np.testing.assert_array_equal(again.segments[0][0].values, gaps)
     np.testing.assert_allclose(again.segments[0][1].time_s, [-1.0, -0.75])
     np.testing.assert_allclose(np.diff(again.segments[1][0].time_s), 1 / 51200, rtol=1e-6)
@@ -79,8 +79,6 @@ def test_whole_or_not_at_all(tmp_path):
     ]:
         with pytest.raises(ValueError, match=message):
             write_lvm(raw, path)
-    with pytest.raises(ValueError, match="Separator"):
-        write_lvm(RawSignals(((channel("acc", [1, 2]),),)), path, header={"Separator": "Comma"})
     assert path.read_bytes() == before
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.lvm"]
 
@@ -123,7 +121,7 @@ def test_what_is_written_reads_back_to_the_digits(tmp_path, drawn, notes):
     first = write_lvm(raw, tmp_path / "first.lvm", notes=notes)
     again = read_lvm(first)
     same(again, raw)
-    assert not [remark for remark in again.remarks if "several channels" not in remark]
+    assert not [warning for warning in again.warnings if "several channels" not in warning]
     # Digits are kept: rows that were read are written as they were.
     second = write_lvm(again, tmp_path / "second.lvm", notes=notes)
     lines = [path.read_text(encoding="utf-8").split("\n") for path in (first, second)]

@@ -8,12 +8,13 @@ from helpers.simulated_records import Plan, simulate
 from scipy import stats
 
 from bayes_tyre.inference.diagnostics import log_densities
+from bayes_tyre.inference.model.compressed_likelihood import compress
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import prior_sites
-from bayes_tyre.inference.model.likelihood import DirectLikelihood, compress
+from bayes_tyre.inference.model.likelihood import DirectLikelihood
+from bayes_tyre.inference.model.prepared_records import record_batch
 from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.datatree import as_measured, scale_displacement
-from bayes_tyre.inference.sampling.hierarchical_fit import record_batch
 from bayes_tyre.record_table import record_factors
 
 PLAN = Plan(configurations=("single",), speeds=(0.0,), loads=(20.0,), steps=(10.0,), points=30)

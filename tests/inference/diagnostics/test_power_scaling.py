@@ -1,5 +1,6 @@
 """Contraction and prior sensitivity: against cases whose answer is known, and for both kinds of fit."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
@@ -10,6 +11,7 @@ from bayes_tyre.inference.diagnostics.data_checks import find_limitations
 from bayes_tyre.inference.diagnostics.power_scaling import (
     GROUP,
     MEASURES,
+    PRIOR_SITES,
     contraction,
     decided_by,
     identified,
@@ -18,10 +20,12 @@ from bayes_tyre.inference.diagnostics.power_scaling import (
     sensitivity,
 )
 from bayes_tyre.inference.model.factors import find_factors
-from bayes_tyre.inference.model.hyperparameters import prior_sites, published_sites
-from bayes_tyre.inference.model.prior_predictive import prior_quantities
+from bayes_tyre.inference.model.models import published_model, records_model
+from bayes_tyre.inference.model.prepared_records import prepare_records
+from bayes_tyre.inference.model.prior_predictive import draw_prior, usual_repeats
+from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.record_data import RecordData
 from bayes_tyre.inference.sampling.datatree import to_datatree
-from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings
 from bayes_tyre.published import tables
 from bayes_tyre.record_table import record_factors
 from bayes_tyre.results import summary
@@ -114,7 +118,8 @@ def of_records():
         2.2 * rng.standard_normal(draws["beta_case"].shape) * (np.arange(4) == 2)
     )
     draws["sd_J"] = np.abs(2.0 * rng.standard_normal((*SHAPE[:1], 250)))
-    return identify_records(posterior(draws, factor_table), table, ModelSettings())
+    records = prepare_records(table, ModelSettings())
+    return identify_records(posterior(draws, factor_table), records, ModelSettings())
 
 
 def test_every_quantity_of_records_has_its_measures_with_its_labels(of_records):
@@ -163,7 +168,8 @@ def test_a_posterior_without_the_group_has_no_limitations_and_empty_columns():
 def test_printed_tables_that_are_drawn_from_the_prior_have_no_contraction():
     printed = tables.case_means()
     factors = find_factors(printed[list(printed.columns[:5])])
-    drawn = prior_quantities(factors, published_sites(factors), 4 * 500, seed=11)
+    values = {"k": printed["k_kN_per_mm"].to_numpy(dtype=float), "beta": printed["beta_mm"].to_numpy(dtype=float)}
+    drawn = draw_prior(published_model, {"values": values, "factors": factors}, PRIOR_SITES, 4 * 500, seed=11)
     by_chain = {name: values.reshape(4, 500, *values.shape[1:]) for name, values in drawn.items()}
     energy = {"energy": normal(1, 1), "diverging": np.zeros(SHAPE, dtype=bool)}
     tree = to_datatree(by_chain, energy, factors, record_factors(simulate(Plan(), 1)[0])[:0], {"origin": "published"})
@@ -175,13 +181,17 @@ def test_printed_tables_that_are_drawn_from_the_prior_have_no_contraction():
     assert float(found["beta_case"].max()) < 0.5
 
 
-def test_prior_quantities_of_records_follow_the_model_s_words():
-    factor_table = grid(("single", "dual"))
-    factors = find_factors(factor_table)
-    found = prior_quantities(factors, prior_sites(factors), 500, seed=1)
-    assert found["k"].shape == (500, len(factor_table))
-    assert found["sd_log_k_repeat_by_speed"].shape == (500, 2)
-    np.testing.assert_allclose(found["log_k_speed"].sum(axis=1), 0.0, atol=1e-12)
-    # Two cases of a cell share it: their logarithms differ by effects and remainders alone.
-    apart = np.log(found["beta_case"][:, 0] / found["beta_case"][:, 2])
-    assert apart.std() < 0.7 * np.log(found["beta_case"][:, 0]).std()
+def test_usual_repeats_scatter_about_their_cases_and_cases_share_their_group():
+    factors = find_factors(grid(("single", "dual")))
+    none = jnp.zeros((len(factors.of_record), 0))
+    data = RecordData(none, none, none > 0, *3 * [jnp.ones(len(none))])
+    drawn = draw_prior(records_model, {"data": data, "factors": factors, "observed": False}, PRIOR_SITES, 500, seed=1)
+    usual = usual_repeats(drawn, factors, seed=2)
+    z = np.log(usual["k"] / drawn["k_case"][:, factors.of_record]) / drawn["sd_log_k_repeat"][:, None]
+    # 12,000 standard normal numbers: 5 standard errors.
+    assert z.std() == pytest.approx(1.0, abs=5 / np.sqrt(2 * z.size))
+    assert drawn["sd_log_k_repeat_by_speed"].shape == (500, 2)
+    np.testing.assert_allclose(drawn["log_k_speed"].sum(axis=1), 0.0, atol=1e-12)
+    # Two cases of a group share it: their logarithms differ by effects and remainders alone.
+    apart = np.log(drawn["beta_case"][:, 0] / drawn["beta_case"][:, 2])
+    assert apart.std() < 0.7 * np.log(drawn["beta_case"][:, 0]).std()

@@ -4,19 +4,26 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import xarray as xr
 from helpers.simulated_records import Plan, simulate
 from scipy import stats
 
 from bayes_tyre.inference.diagnostics.record_marginal import (
     POINTS,
     Hyperparameters,
+    hyperparameters,
     record_density,
     standard_points,
+    unknowns,
 )
+from bayes_tyre.inference.model.compressed_likelihood import compress
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
+from bayes_tyre.inference.model.factors import find_factors
+from bayes_tyre.inference.model.hyperparameters import prior_sites
+from bayes_tyre.inference.model.prepared_records import prepare_records
+from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.record_data import record_data
-from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings, batch_and_factors, likelihood_of
-from bayes_tyre.record_table import check_record_table
+from bayes_tyre.record_table import check_record_table, record_factors
 
 #: So narrow that a logarithm is as good as known.
 NARROW = 1e-6
@@ -26,7 +33,7 @@ J_SCALE = np.array([0.05, 2.0])
 @pytest.fixture(scope="module")
 def records():
     table, _ = simulate(Plan(("x",), (0.0,), (20.0,), (5.0,), repeats=3, points=50), seed=3)
-    return batch_and_factors(check_record_table(table), ModelSettings())[0]
+    return prepare_records(check_record_table(table), ModelSettings()).batch
 
 
 def known(estimates, **other) -> Hyperparameters:
@@ -57,8 +64,9 @@ def by_hand(data, record, log_pair, sd_J, sigma, rho=0.0) -> float:
 
 def density(batch, model: ModelSettings, of, seed: int = 0, points: int = 8192):
     data, estimates = record_data(batch), estimate_records(batch, model.noise)
-    z = standard_points(6 if model.noise == "ar1" else 5, seed, points)
-    return data, record_density(likelihood_of(data, model, None), data, estimates, of(estimates), z)
+    likelihood = compress(data, neighbours=model.noise == "ar1")
+    z = standard_points(unknowns(model.noise), seed, points)
+    return data, record_density(likelihood, data, estimates, of(estimates), z)
 
 
 def test_with_k_beta_and_sigma_known_it_is_the_normal_density_with_F_i_and_J_in_it(records):
@@ -102,3 +110,22 @@ def test_other_points_change_little(records):
     of = (ModelSettings(), lambda estimates: known(estimates, **wide))
     found = [density(records, *of, seed, POINTS)[1].log_density for seed in (1, 2)]
     assert jax.tree.reduce(jnp.maximum, jnp.abs(found[0] - found[1])).max() < 0.2
+
+
+@pytest.mark.parametrize("repeats", ["mixture", "student"])
+def test_every_prior_that_acts_on_a_single_record_is_in_the_density(repeats):
+    """The model of a record is written here a second time: no prior that the model gains may be left out of it."""
+    factors = find_factors(record_factors(simulate(Plan(configurations=("single",), points=20), 1)[0]))
+    sites = [name for name in prior_sites(factors, repeats, "ar1") if not name.endswith("_group")]
+    of_records = [name for name in sites if not name.startswith(("sd_log_k_", "sd_log_beta_"))]
+    one = xr.DataArray(np.ones((1, 1)), dims=("chain", "draw"))
+    posterior = xr.Dataset(dict.fromkeys((*of_records, "sd_log_k_repeat", "sd_log_beta_repeat"), one))
+    of_cases = one.expand_dims(case=len(factors.cases))
+    posterior = posterior.assign(k_case=of_cases, beta_case=of_cases)
+
+    def populations(posterior: xr.Dataset) -> np.ndarray:
+        leaves = jax.tree.leaves(hyperparameters(posterior, factors, factors.of_record))
+        return np.concatenate([np.ravel(leaf) for leaf in leaves])
+
+    for name in of_records:
+        assert (populations(posterior.assign({name: 2.0 * one})) != populations(posterior)).any(), name

@@ -1,20 +1,24 @@
 """The verdict: each criterion alone makes it fail, names the parameter and says what to do."""
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
 from helpers.hand_made_posteriors import grid, posterior, quiet, scattered
 
+from bayes_tyre.inference.diagnostics.convergence import figures_of
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics, diagnose
+from bayes_tyre.inference.sampling.run import RUNS, SamplerRun, runs_to_json
 from bayes_tyre.workflow.result_folder import write_json
 
 CHAINS, DRAWS = 4, 400
 CONTRACT = {
     *("verdict", "reasons", "r_hat_max", "ess_bulk_min", "ess_tail_min"),
-    *("divergences", "bfmi_min", "draws", "chains"),
+    *("divergences", "bfmi_min", "draws", "chains", "checks"),
 }
+CHECK = ("name", "kind", "passed", "value", "limit", "where", "remedy")
 
 
 def tree(statistics: dict[str, np.ndarray] | None = None, chains: int = CHAINS, **changed: np.ndarray) -> xr.DataTree:
@@ -22,9 +26,24 @@ def tree(statistics: dict[str, np.ndarray] | None = None, chains: int = CHAINS, 
     return posterior(scattered(factor_table, seed=1, chains=chains, draws=DRAWS) | changed, factor_table, statistics)
 
 
+def check(found: Diagnostics, name: str) -> dict[str, Any]:
+    """Return the one check of a name."""
+    (row,) = (row for row in found.checks if row["name"] == name)
+    return row
+
+
 def draws_of_k(seed: int = 2) -> np.ndarray:
     """Return well-mixed draws of k of each case, shape (chains, draws, 4)."""
     return 1.8 + 0.05 * np.random.default_rng(seed).normal(size=(CHAINS, DRAWS, 4))
+
+
+def with_runs(made: xr.DataTree, runs: list[SamplerRun]) -> xr.DataTree:
+    made.attrs[RUNS] = runs_to_json(runs)
+    return made
+
+
+def divergences_in(found: Diagnostics) -> dict[str, Any]:
+    return next(check for check in found.checks if check["name"] == "divergences")
 
 
 def only_reason(found: Diagnostics) -> str:
@@ -112,7 +131,25 @@ def test_divergences_fail_and_are_counted(count):
     found = diagnose(tree({"diverging": diverging}))
     assert found.divergences == count
     assert only_reason(found).startswith(f"{count} divergent transition")
-    assert "raise --warmup and --draws" in only_reason(found)
+    assert "raise --target-accept to 0.99" in only_reason(found)
+    assert "--draws" not in only_reason(found)
+    check = divergences_in(found)
+    assert (check["passed"], check["value"], check["limit"], "note" in check) == (False, count, 0, False)
+
+
+def test_a_repeat_is_noted_and_after_the_shortest_steps_the_model_is_to_change():
+    runs = [SamplerRun(0.65, 3, False), SamplerRun(0.99, 0, True)]
+    passed = diagnose(with_runs(tree(), runs))
+    assert passed.verdict == "pass"
+    assert divergences_in(passed)["passed"]
+    assert divergences_in(passed)["note"] == (
+        "sampled twice: 3 divergent transitions at target acceptance 0.65, 0 divergent transitions at target "
+        "acceptance 0.99 (kept)"
+    )
+    diverging = np.arange(CHAINS * DRAWS).reshape(CHAINS, DRAWS) == DRAWS
+    failed = diagnose(with_runs(tree({"diverging": diverging}), [runs[0], SamplerRun(0.99, 1, True)]))
+    assert "--target-accept" not in only_reason(failed)
+    assert "--priors" in only_reason(failed)
 
 
 def test_one_chain_of_stiff_energy_fails_by_bfmi():
@@ -162,6 +199,48 @@ def test_a_probability_that_is_certain_is_no_fault():
     certain = np.random.default_rng(6).beta(1.0, 9.0, size=(CHAINS, DRAWS, 12))
     certain[..., 5] = 1.0
     assert diagnose(tree(outlier_probability=certain)).verdict == "pass"
+
+
+def test_a_probability_is_judged_by_the_error_of_its_mean_not_by_r_hat_and_effective_draws():
+    rare = np.full((CHAINS, DRAWS, 12), 1e-6)
+    rare[0, :8, 3] = 0.3  # one run of draws in one chain: it hardly moves the mean
+    found = diagnose(tree(outlier_probability=rare))
+    figures = figures_of(tree(outlier_probability=rare))
+    assert float(figures.ess_tail["outlier_probability"].min()) < 100 * CHAINS
+    assert found.verdict == "pass", found.reasons
+    assert "outlier_probability" not in found.by_parameter
+    # 0.0005 if those eight draws were independent; as one run they are worth less, at worst one draw in sixteen.
+    assert 0.0005 < check(found, "outlier_probability_mcse")["value"] < 0.0005 * np.sqrt(2 * 8)
+
+
+def test_a_probability_whose_mean_is_not_known_fails_and_asks_for_more_draws():
+    unsure = np.full((CHAINS, DRAWS, 12), 0.01)
+    unsure[:, :, 7] = np.tile(0.5 + 0.05 * slow_path(DRAWS), (CHAINS, 1))
+    found = diagnose(tree(outlier_probability=unsure))
+    reason = only_reason(found)
+    assert reason.startswith("outlier_probability[single 25 loading 2]: Monte Carlo error 0.0")
+    assert reason.endswith("of its mean is above 0.01; raise --draws")
+    row = check(found, "outlier_probability_mcse")
+    assert (row["passed"], row["limit"], row["remedy"]) == (False, 0.01, "raise --draws")
+    assert row["where"] == "outlier_probability[single 25 loading 2]"
+
+
+def test_checks_are_the_criteria_and_those_that_failed_are_the_reasons():
+    passed = diagnose(tree(), residual_autocorrelation=0.1)
+    assert {tuple(row) for row in passed.checks} == {CHECK}
+    assert {row["name"]: row["kind"] for row in passed.checks} == {
+        **dict.fromkeys(("finite_draws", "r_hat", "ess_bulk", "ess_tail", "outlier_probability_mcse"), "sampling"),
+        **{"bfmi": "sampling", "divergences": "sampling", "residual_autocorrelation": "model", "records": "data"},
+    }
+    assert all(row["passed"] and not row["remedy"] for row in passed.checks)
+    assert check(passed, "r_hat")["value"] == passed.r_hat_max
+    failed = diagnose(
+        tree({"diverging": np.ones((CHAINS, DRAWS), dtype=bool)}, sigma=np.full((CHAINS, DRAWS, 12), 1e-9))
+    )
+    rows = [row for row in failed.checks if not row["passed"]]
+    assert len(rows) == len(failed.reasons)
+    assert all(reason.endswith(f"; {row['remedy']}") for reason, row in zip(failed.reasons, rows, strict=True))
+    assert {"divergences", "records"} <= {row["name"] for row in rows}
 
 
 def test_every_fault_gives_its_own_reason():

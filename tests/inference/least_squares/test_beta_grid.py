@@ -9,7 +9,7 @@ from helpers.one_record import NAN, fit_one
 
 from bayes_tyre.inference.least_squares.beta_grid import _POINTS, _averaged, _sums_on_grid, grid_minima
 from bayes_tyre.inference.least_squares.parameters import BETA, F_I, C, K
-from bayes_tyre.inference.least_squares.scaled_problem import Problem, in_own_units
+from bayes_tyre.inference.least_squares.scaled_problem import Problem, scale_problem
 from bayes_tyre.inference.least_squares.small_linear_algebra import residual_of_last
 from bayes_tyre.inference.least_squares.starting_values import SCANNED_BETAS
 from bayes_tyre.inference.least_squares.variable_projection import ends, optimum, profile_of, solve
@@ -26,7 +26,7 @@ def curve(points: int, beta: float, noise: float, seed: int = 3) -> tuple[np.nda
 def profile(d: np.ndarray, F: np.ndarray, free: tuple[int, ...]):
     fixed = jnp.full(5, NAN).at[K].set(NAN if K in free else 1.6)
     problem = Problem(jnp.asarray(d), jnp.asarray(F), jnp.ones(len(d), bool), fixed, jnp.full((1, 5), NAN))
-    return profile_of(in_own_units(problem, free))
+    return profile_of(scale_problem(problem, free))
 
 
 @pytest.mark.parametrize("free", [(K, C, BETA), (K, C, BETA, F_I), (C, BETA)])

@@ -49,11 +49,11 @@ def scipy_fit(d: np.ndarray, F: np.ndarray, free: tuple[int, ...], bounds: Bound
 
     inside = 1e-6 * np.where(np.isfinite(high - low), high - low, 1.0)
     fits = []
-    for beta in (0.02, 0.1, 0.5, 2.0):
+    for beta in (0.02, 0.2, 2.0):
         start = np.array([1.6, 14.0 - 1.6 * d[0], beta, d[0], F[0]])[list(free)]
         x0 = np.clip(start, low + inside, high - inside)
         sharp = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": 3000}
-        fits.append(optimize.least_squares(residual, x0, bounds=(low, high), x_scale="jac", **sharp))
+        fits.append(optimize.least_squares(residual, x0, bounds=(low, high), x_scale="jac", jac="3-point", **sharp))
     best = min(fits, key=lambda fit: fit.cost)
     return best.x, 2 * float(best.cost)
 

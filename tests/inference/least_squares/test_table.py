@@ -164,11 +164,11 @@ def test_numbers_that_vary_within_a_record_are_averaged():
 
 
 def test_text_that_varies_within_a_record_is_left_out_and_said():
-    table = with_extras().assign(note=lambda t: t.index.astype(str), remark=lambda t: (t.index % 3).astype(str))
-    with pytest.warns(UserWarning, match="^columns note, remark: text that varies within a record, left out") as said:
+    table = with_extras().assign(note=lambda t: t.index.astype(str), warning=lambda t: (t.index % 3).astype(str))
+    with pytest.warns(UserWarning, match="^columns note, warning: text that varies within a record, left out") as said:
         found = fit_records(table)
     assert len(said) == 1
-    assert not {"note", "remark"} & set(found.columns)
+    assert not {"note", "warning"} & set(found.columns)
 
 
 def test_names_that_clash_twice_stay_apart():

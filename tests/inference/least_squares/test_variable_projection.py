@@ -10,7 +10,7 @@ from helpers.one_record import NAN, record
 from bayes_tyre.inference.least_squares.estimate import estimate_record
 from bayes_tyre.inference.least_squares.parameters import BETA, F_I, C, K
 from bayes_tyre.inference.least_squares.scalar_newton import Derivatives, ScalarNewton
-from bayes_tyre.inference.least_squares.scaled_problem import Problem, in_own_units
+from bayes_tyre.inference.least_squares.scaled_problem import Problem, scale_problem
 from bayes_tyre.inference.least_squares.small_linear_algebra import r_factor
 from bayes_tyre.inference.least_squares.variable_projection import at, optimum, profile_of
 
@@ -23,7 +23,7 @@ def problem_of(seed: int, fixed_k: float = NAN) -> Problem:
 
 @pytest.mark.parametrize("free", [(K, C, BETA, F_I), (C, BETA)])
 def test_slope_and_curvature_are_the_derivatives_of_the_profile(free):
-    profile = profile_of(in_own_units(problem_of(1, 1.5 if K not in free else NAN), free))
+    profile = profile_of(scale_problem(problem_of(1, 1.5 if K not in free else NAN), free))
 
     def half(log_beta):
         return 0.5 * optimum(profile, jnp.exp(log_beta), free).rss

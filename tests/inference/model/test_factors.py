@@ -66,6 +66,14 @@ def test_levels_without_freedom_have_no_interaction():
     assert set(find_factors(crossed).effects("beta")) == {"step"}
 
 
+def test_a_size_of_step_of_one_direction_has_no_interaction_to_be_known():
+    factors = find_factors(tables.case_means()[list(CASE_FACTORS)])
+    of_step = dict(zip(factors.direction_step.labels, factors.direction_step.free, strict=True))
+    assert [label for label, free in of_step.items() if not free] == ["unloading 7"]
+    for name in ("speed", "load", "step"):
+        assert getattr(factors, name).free.all()
+
+
 def test_a_remainder_needs_repeats_and_more_cases_than_terms():
     assert not find_factors(tables.case_means()[list(CASE_FACTORS)]).has_remainder("k")
     twice = pd.concat([tables.case_means()[list(CASE_FACTORS)]] * 2)

@@ -7,13 +7,15 @@ import pytest
 from helpers.simulated_records import Plan, simulate
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from jaxtyping import Array
 
 from bayes_tyre.inference.correlated_noise import smoothed_noise
-from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.compressed_likelihood import CompressedLikelihood, compress
 from bayes_tyre.inference.model.coordinates.laplace import RecordEstimates, estimate_records
-from bayes_tyre.inference.model.likelihood import CompressedLikelihood, DirectLikelihood, compress
+from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.likelihood import DirectLikelihood
+from bayes_tyre.inference.model.prepared_records import record_batch
 from bayes_tyre.inference.record_data import RecordData, record_data
-from bayes_tyre.inference.sampling.hierarchical_fit import record_batch
 from bayes_tyre.record_table import check_record_table
 
 # Compilation and module fixtures: over 10 s for the file from cold.
@@ -41,6 +43,14 @@ def correlated(request, records) -> tuple[DirectLikelihood, CompressedLikelihood
     return DirectLikelihood(direct.data, whitening), compress(direct.data, whitening=whitening), approximation, None
 
 
+def off_from(approximation: RecordEstimates, sds: Array) -> tuple[Array, Array]:
+    """Return F_i and J, and log k, so many standard deviations of each record's own estimate away from it."""
+    offsets = jnp.linalg.cholesky(jnp.linalg.inv(approximation.information[:, :2, :2]))
+    of_k = approximation.of_log_values().precision[:, 0, 0]
+    level = approximation.centre[:, :2] + jnp.einsum("rij,j->ri", offsets, sds[:2])
+    return level, approximation.log_k + sds[2] / jnp.sqrt(of_k)
+
+
 def prior_beta(quantile_sd: float) -> float:
     location, scale = PRIORS["beta_group"].parameters
     return location + quantile_sd * scale
@@ -55,8 +65,7 @@ def prior_beta(quantile_sd: float) -> float:
 def test_values_agree_to_1e_5_over_the_range_of_the_prior(records, where, sigma_factor, off):
     direct, compressed, approximation = records
     # Off by up to 30 standard deviations of the record's own estimate in F_i, J and k, beta over the prior.
-    level = approximation.centre[:, :2] + jnp.einsum("rij,j->ri", approximation.factor, jnp.asarray(off[:2]))
-    log_k = approximation.log_k + off[2] / jnp.sqrt(approximation.precision[:, 0, 0])
+    level, log_k = off_from(approximation, jnp.asarray(off))
     log_beta = jnp.full_like(log_k, prior_beta(where))
     theta = jnp.concatenate([level, log_k[:, None], log_beta[:, None]], axis=1)
     sigma = jnp.exp(approximation.log_sigma) * sigma_factor
@@ -99,6 +108,26 @@ def test_the_direct_likelihood_is_the_normal_density(records):
     assert float(direct(theta, sigma)[0]) == pytest.approx(float(by_hand), rel=1e-12)
 
 
+@pytest.mark.parametrize("kind", ["independent", "autoregressive", "smoothed"])
+def test_offsets_are_those_of_the_density_point_by_point(records, kind):
+    direct, _, approximation = records
+    data, sigma, random = direct.data, jnp.exp(approximation.log_sigma), np.random.default_rng(2)
+    whitening = smoothed_noise(data.u.shape[1], 20) if kind == "smoothed" else None
+    rho = jnp.full_like(sigma, 0.6) if kind == "autoregressive" else None
+    direct = DirectLikelihood(data, whitening)
+    compressed = compress(data, neighbours=rho is not None, whitening=whitening)
+    starts = jnp.stack([data.F_0, jnp.zeros_like(data.F_0)], axis=1)
+    for likelihood in (direct, compressed):
+        of_offsets = likelihood.of_offsets(approximation.centre[:, 2:], sigma, rho)
+        for _ in range(3):
+            offsets = approximation.centre[:, :2] - starts + 0.1 * random.standard_normal((len(sigma), 2))
+            theta = jnp.concatenate([starts + offsets, approximation.centre[:, 2:]], axis=1)
+            np.testing.assert_allclose(of_offsets.at(offsets), direct(theta, sigma, rho), rtol=1e-9, atol=1e-5)
+            level = jnp.asarray(random.standard_normal(len(sigma)))
+            moved = offsets - jnp.stack([level, jnp.zeros_like(level)], axis=1)
+            np.testing.assert_allclose(of_offsets.about(level).at(moved), of_offsets.at(offsets), rtol=1e-9, atol=1e-5)
+
+
 def test_padding_does_not_count(records):
     _, compressed, _ = records
     assert compressed.points[-1] == 150
@@ -114,8 +143,7 @@ def test_padding_does_not_count(records):
 )
 def test_correlated_noise_agrees_to_1e_5_likewise(correlated, where, sigma_factor, rho_factor, off):
     direct, compressed, approximation, rho = correlated
-    level = approximation.centre[:, :2] + jnp.einsum("rij,j->ri", approximation.factor, jnp.asarray(off[:2]))
-    log_k = approximation.log_k + off[2] / jnp.sqrt(approximation.precision[:, 0, 0])
+    level, log_k = off_from(approximation, jnp.asarray(off))
     theta = jnp.concatenate([level, log_k[:, None], jnp.full_like(log_k, prior_beta(where))[:, None]], axis=1)
     sigma = jnp.exp(approximation.log_sigma) * sigma_factor
     of_records = None if rho is None else jnp.full_like(sigma, rho * rho_factor)

@@ -12,27 +12,27 @@ from helpers.repeats_by_hand import PARAMETERS, Numbers, by_hand, some_numbers
 from helpers.simulated_records import Plan, simulate
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpyro import handlers
 from numpyro.infer.util import constrain_fn
 from scipy import stats
 
 from bayes_tyre.inference.model import marginal_mixture
-from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING, PRIORS
-from bayes_tyre.inference.model.factors import Factors, find_factors
-from bayes_tyre.inference.model.hyperparameters import hyperparameter_starts, prior_sites
 from bayes_tyre.inference.model.coordinates.laplace import laplace_approximation
+from bayes_tyre.inference.model.coordinates.sites import records_in_coordinates
+from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
+from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.marginal_mixture import (
     ChoicePosterior,
-    chosen,
+    RepeatsOfCases,
+    choice_number,
     draw_cases,
     find_members,
-    marginalise,
     outlier_probability,
 )
-from bayes_tyre.inference.model.models import records_model
-from bayes_tyre.inference.record_data import record_data
+from bayes_tyre.inference.model.prepared_records import prepare_records
+from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling import hierarchical_fit as fit
-from bayes_tyre.inference.sampling.hierarchical_fit import ModelSettings
-from bayes_tyre.inference.sampling.nuts import Chains
+from bayes_tyre.inference.sampling.nuts import Chains, draw_keys
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record_table import check_record_table
 
@@ -45,11 +45,15 @@ def levels_of(*repeats: int) -> Factors:
     return find_factors(pd.DataFrame({"configuration": [f"case {case}" for case in cases]}))
 
 
-def summed(numbers: Numbers, factors: Factors) -> ChoicePosterior:
+def repeats_of(numbers: Numbers, factors: Factors) -> RepeatsOfCases:
     members = find_members(factors, "mixture")
     assert members is not None
-    deviation, offset, scatter, remainder, weight = map(jnp.asarray, numbers)
-    return marginalise(deviation, offset, scatter, remainder, weight, members)
+    _, mean, scatter, remainder, weight = map(jnp.asarray, numbers)
+    return RepeatsOfCases(mean, remainder, scatter, weight, DISCORDANT_WIDENING, factors.of_record, members)
+
+
+def summed(numbers: Numbers, factors: Factors) -> ChoicePosterior:
+    return repeats_of(numbers, factors).given(jnp.asarray(numbers.records))
 
 
 @settings(deadline=None, max_examples=25)
@@ -62,6 +66,7 @@ def test_choices_are_those_of_all_repeats_together(seed):
     for case, count in enumerate(factors.repeats):
         expected = by_hand(numbers, factors, case)
         total = np.logaddexp.reduce(list(expected.values()))
+        assert float(found.log_density[case]) == pytest.approx(total, rel=1e-9, abs=1e-9)
         for number, choice in enumerate(members.choices):
             log_choice = float(found.log_choice[number, case])
             if choice[count:].any():  # a repeat that is not there
@@ -71,11 +76,30 @@ def test_choices_are_those_of_all_repeats_together(seed):
                 assert log_choice == pytest.approx(joint - total, rel=1e-7, abs=1e-7)
 
 
-def test_a_scatter_far_smaller_than_what_lies_about_the_words_loses_no_digits():
+def test_a_scatter_far_smaller_than_what_lies_about_the_predictor_loses_few_digits():
     factors = levels_of(3)
     near, far = (some_numbers(factors, 5, ratio) for ratio in (1.0, 1e-9))
-    far.remainder[:] = near.remainder[:] = 1e3  # what the words say then hardly matters, near or far
+    far.remainder[:] = near.remainder[:] = 1e3  # what the predictor says then hardly matters, near or far
     np.testing.assert_allclose(summed(far, factors).log_choice, summed(near, factors).log_choice, atol=1e-5)
+
+
+def test_draws_have_the_density_that_is_claimed():
+    factors = levels_of(3, 1, 2)
+    numbers = some_numbers(factors, 8)
+    numbers.remainder[:] = 0.3
+    one, other = (repeats_of(numbers._replace(weight=np.array(weight)), factors) for weight in (0.2, 0.4))
+    drawn = one.sample(jax.random.PRNGKey(1), (20_000,))
+    # The mean of a ratio of densities over draws of the one below is 1: as likely off by 5 standard errors as 6e-7.
+    ratio = np.exp(np.asarray(jax.vmap(other.log_prob)(drawn) - jax.vmap(one.log_prob)(drawn)))
+    assert abs(ratio.mean() - 1.0) < 5 * ratio.std() / np.sqrt(len(ratio))
+    case = int(np.argmax(factors.repeats))
+    records = np.flatnonzero(factors.of_record == case)
+    between = numbers.remainder[0, 0] ** 2
+    within = numbers.scatter[0, case] ** 2 * (1.0 + 0.2 * (DISCORDANT_WIDENING**2 - 1.0))
+    covariance = np.cov(np.asarray(drawn)[:, records, 0].T)
+    # Standard errors of 20,000 draws of a kurtosis below 10 are 2 %; the covariances' are smaller.
+    np.testing.assert_allclose(np.diag(covariance), between + within, rtol=0.1)
+    np.testing.assert_allclose(covariance[0, 1:], between, rtol=0.2)
 
 
 def test_a_case_is_drawn_as_its_repeats_leave_it():
@@ -93,7 +117,7 @@ def test_a_case_is_drawn_as_its_repeats_leave_it():
         usual, odd = (np.log(1 - numbers.weight), 1.0), (np.log(numbers.weight), DISCORDANT_WIDENING)
         of_each = []
         for log_weight, wider in (usual, odd):
-            about = [numbers.offset[i, 0] + numbers.deviation[record, i] for i in range(PARAMETERS)]
+            about = [numbers.records[record, i] - numbers.mean[i, 0] for i in range(PARAMETERS)]
             sd = wider * numbers.scatter[:, 0]
             of_each.append(
                 log_weight + stats.norm.logpdf(about[0], first, sd[0]) + stats.norm.logpdf(about[1], second, sd[1])
@@ -127,12 +151,12 @@ def test_the_choice_that_some_records_look_is_found(odd):
     factors = levels_of(3, 1, 2)
     members, looks = find_members(factors, "mixture"), jnp.asarray(odd)
     assert members is not None
-    found = chosen(summed(some_numbers(factors, 0), factors), looks, members)
+    found = choice_number(looks, members)
     for case, count in enumerate(factors.repeats):
         of_case = np.array(odd)[factors.of_record == case]
         same = [np.array_equal(choice[:count], of_case) and not choice[count:].any() for choice in members.choices]
         assert sum(same) == 1
-        assert found[case] == summed(some_numbers(factors, 0), factors).log_choice[same.index(True), case]
+        assert found[case] == same.index(True)
 
 
 def test_only_mixtures_of_few_repeats_are_summed_out():
@@ -142,20 +166,25 @@ def test_only_mixtures_of_few_repeats_are_summed_out():
     assert find_members(levels_of(marginal_mixture.MOST_REPEATS, 3), "mixture") is not None
 
 
+@pytest.mark.slow  # compiles the whole model
 def test_quantities_of_many_draws_together_are_those_of_each_by_itself():
     # XLA has compiled a product of matrices here to something else, for a hundred draws together and not for one.
     table = check_record_table(simulate(EIGHT_CASES, 1)[0])
-    batch, _, factors = fit.batch_and_factors(table, ModelSettings())
-    data = record_data(batch)
-    arguments = {"likelihood": fit.likelihood_of(data, ModelSettings(), None), "data": data, "factors": factors}
-    arguments |= {"approximation": laplace_approximation(batch, factors)}
-    starts = hyperparameter_starts(prior_sites(factors), PRIORS.medians())
-    chains = Chains(records_model, arguments, 1, 20, starts)
+    records = prepare_records(table, ModelSettings())
+    arguments = records.arguments(ModelSettings())
+    arguments |= {"approximation": laplace_approximation(records.batch, records.factors)}
+    chains = Chains(records_in_coordinates, arguments, 1, 20, fit.starts_of(arguments))
     draws = chains.advance(chains.begin(0), 40).unconstrained
-    together = chains.constrain(draws)
-    one = jax.jit(lambda z: constrain_fn(records_model, (), arguments, z, return_deterministic=True))
+    together, keys = chains.constrain(draws, (3,)), draw_keys((3,), 1)
+
+    @jax.jit
+    def one(key, z):
+        model = handlers.seed(records_in_coordinates, key)
+        return constrain_fn(model, (), arguments, z, return_deterministic=True)
+
     for draw in (0, 17, 39):
-        alone = one(chains._blocks.unpack({name: jnp.asarray(values[0, draw]) for name, values in draws.items()}))
+        z = chains._blocks.unpack({name: jnp.asarray(values[0, draw]) for name, values in draws.items()})
+        alone = one(jnp.asarray(keys[0, draw]), z)
         for name, value in alone.items():
             np.testing.assert_allclose(together[name][0, draw], value, rtol=1e-9, atol=1e-12, err_msg=name)
 
@@ -166,7 +195,7 @@ def test_the_posterior_is_that_of_cases_that_are_sampled(monkeypatch):
     table = check_record_table(simulate(EIGHT_CASES, 2)[0])
 
     def posterior() -> xr.Dataset:
-        sampling = SamplerSettings(warmup=500, draws=1000, seed=1)
+        sampling = SamplerSettings(warmup=500, draws=1000, seed=1, target_accept=0.65)
         return fit.fit_hierarchical(table, sampling)["posterior"].to_dataset()
 
     summed = posterior()

@@ -11,12 +11,14 @@ from numpyro.handlers import seed, substitute, trace
 from scipy import stats
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.model.case_effects import find_terms
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import find_factors
-from bayes_tyre.inference.model.hyperparameters import hyperparameter_starts, prior_sites, sample_hyperparameters
-from bayes_tyre.inference.model.prior_predictive import prior_parameters, prior_quantities
-from bayes_tyre.inference.model.priors import Prior
+from bayes_tyre.inference.model.hyperparameters import by_family, prior_sites, sample_hyperparameters
+from bayes_tyre.inference.model.models import records_model
+from bayes_tyre.inference.model.prior_predictive import PriorDraws, draw_prior
+from bayes_tyre.inference.model.priors import Prior, Priors
+from bayes_tyre.inference.model.terms import find_terms
+from bayes_tyre.inference.record_data import RecordData
 from bayes_tyre.record_table import record_factors
 
 OWN = PRIORS.changed(
@@ -68,8 +70,8 @@ def test_the_models_density_changes_by_the_ratio_of_the_priors(factors):
     values = PRIORS.medians()
 
     def density(priors) -> float:
-        starts = hyperparameter_starts(prior_sites(factors), values, priors)
-        data = {name: jnp.asarray(value) for name, value in starts.items()}
+        by_site = by_family(prior_sites(factors), priors).items()
+        data = {site: jnp.stack([values[name] for name in names]) for site, names in by_site}
         model = substitute(lambda: sample_hyperparameters(prior_sites(factors), priors), data)
         sites = [site for site in trace(seed(model, 0)).get_trace().values() if site["type"] == "sample"]
         return sum(float(np.sum(site["fn"].log_prob(site["value"]))) for site in sites)
@@ -81,27 +83,33 @@ def test_the_models_density_changes_by_the_ratio_of_the_priors(factors):
     # Group means are normal on the logarithm, in coordinates of their own.
     terms = find_terms(factors, ("k", "beta"), OWN)
     groups = len(factors.group.labels)
-    np.testing.assert_allclose(terms.above[0, :groups], np.log(1.8))
-    np.testing.assert_allclose(terms.fixed[0, :groups], 0.3)
+    np.testing.assert_allclose(terms.mean[:groups], np.log(1.8))
+    np.testing.assert_allclose(terms.fixed[:groups], 0.3)
 
 
+@pytest.mark.slow  # compiles the model run forwards four times
 def test_draws_of_the_prior_follow_it(factors):
-    draws = 4000
-    drawn = prior_quantities(factors, prior_sites(factors), draws, seed=1, priors=OWN)
-    # Means of logarithms of 4000 draws: standard errors 0.0047 and 0.0032; beyond 5 of them 6e-7 of seeds each.
-    assert np.mean(np.log(drawn["k_group"][:, 0])) == pytest.approx(np.log(1.8), abs=0.0237)
-    assert np.mean(np.log(drawn["sd_J"])) == pytest.approx(np.log(3.0), abs=0.0158)
+    draws, names = 4000, ("k_group", "sd_J", "k", "k_case")
+    starts = jnp.zeros(len(factors.of_record))
+    none = jnp.zeros((len(starts), 0))
+    data = RecordData(none, none, none > 0, starts, starts, starts + 5.0)
 
+    def drawn(priors: Priors) -> PriorDraws:
+        arguments = {"data": data, "factors": factors, "priors": priors, "observed": False}
+        return draw_prior(records_model, arguments, names, draws, seed=1)
+
+    own = drawn(OWN)
+    # Means of logarithms of 4000 draws: standard errors 0.0047 and 0.0032; beyond 5 of them 6e-7 of seeds each.
+    assert np.mean(np.log(own["k_group"][:, 0])) == pytest.approx(np.log(1.8), abs=0.0237)
+    assert np.mean(np.log(own["sd_J"])) == pytest.approx(np.log(3.0), abs=0.0158)
     narrow = {
-        "k_group": {"median": 1.8, "sd_log": 0.01},
         "sd_log_k_repeat": {"median": 0.02, "sd_log": 0.1},
         "sd_log_k_repeat_over_speeds": {"scale": 0.01},
         "discordant_weight": {"a": 200.0, "b": 2.0},
     }
 
     def spread(widening: float) -> float:
-        priors = PRIORS.changed(narrow | {"discordant_widening": widening})
-        return float(np.std(np.log(prior_parameters(factors, 0, draws, 1, priors=priors)["k"])))
+        values = drawn(PRIORS.changed(narrow | {"discordant_widening": widening}))
+        return float(np.std(np.log(values["k"] / values["k_case"][:, factors.of_record])))
 
-    # Repeats scatter by 0.02 widened 40 or 2 times, over effects of some 0.3 that both have.
-    assert spread(40.0) > 2.0 * spread(2.0)
+    assert spread(40.0) / spread(2.0) == pytest.approx(20.0, rel=0.1)

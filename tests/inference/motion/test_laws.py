@@ -9,7 +9,8 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS, TYRE_PRIORS, motion_law
 from bayes_tyre.inference.motion.record.parameters import RECORD_PRIORS, in_units, parameter_names, prior_moments
-from bayes_tyre.inference.sampling.datatree import QUANTITIES, RECORD_UNITS
+from bayes_tyre.inference.sampling.datatree import QUANTITIES
+from bayes_tyre.record import LAW_PARAMETERS, RECORD_UNITS
 from bayes_tyre.rig.axle import load_rig
 
 RIG = load_rig("single")
@@ -63,6 +64,7 @@ def test_the_hierarchy_has_a_prior_a_name_and_a_unit_for_every_parameter(law):
         assert {f"{name}_group", f"sd_log_{name}_case", f"sd_log_{name}_repeat"} <= set(PRIORS)
         assert {name, f"{name}_case", f"{name}_group"} <= set(QUANTITIES)
         assert name in RECORD_UNITS
+    assert {*law.tyre_parameters, *law.reported} <= set(LAW_PARAMETERS)
 
 
 def test_an_unknown_law_is_refused_with_a_list():

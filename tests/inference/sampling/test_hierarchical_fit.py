@@ -21,9 +21,10 @@ from bayes_tyre.results.contrasts import contrasts
 pytestmark = pytest.mark.usefixtures("fully_compiled")
 
 #: A thousand draws tell where 2.5 % lie.
-SHORT = SamplerSettings(chains=2, warmup=350, draws=500, seed=1)
+#: A stated acceptance keeps a run with a divergence from being repeated.
+SHORT = SamplerSettings(chains=2, warmup=350, draws=500, seed=1, target_accept=0.65)
 #: For what is only looked at, not believed.
-GLANCE = SamplerSettings(chains=1, warmup=50, draws=50, seed=1)
+GLANCE = SamplerSettings(chains=1, warmup=50, draws=50, seed=1, target_accept=0.65)
 FOUR_CASES = Plan(("x", "y"), (0.0,), (20.0,), (-5.0, 5.0), repeats=3)
 
 

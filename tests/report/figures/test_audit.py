@@ -6,13 +6,14 @@ from helpers.audit_made_up import SMALL, audited, blind
 from helpers.drawings import markers, said, sticking_out
 
 from bayes_tyre.report.figures import audit as audit_figures
-from bayes_tyre.studies.audit_grid import FACTOR_NAMES, SOURCE_WINDOW, TYPICAL, WINDOW
-from bayes_tyre.studies.audit_overview import overview
+from bayes_tyre.studies.audit_grid import FACTOR_NAMES, TYPICAL_LEVELS
+from bayes_tyre.studies.audit_overview import beta_by_window, bias_by_factor, overview
 
 
 def draw(rule):
     table = audited(rule).table
-    return audit_figures.draw(table, overview(table), FACTOR_NAMES, {**TYPICAL._asdict(), WINDOW: SOURCE_WINDOW})
+    tables = (table, bias_by_factor(table, "k"), overview(table), beta_by_window(table, "thesis"))
+    return audit_figures.draw(*tables, FACTOR_NAMES, TYPICAL_LEVELS)
 
 
 @pytest.fixture(scope="module")

@@ -16,6 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.diagnostics.attempts import Attempts
 from bayes_tyre.record_table import record_factors
 from bayes_tyre.report.figures import catalogue, colours
 from bayes_tyre.report.figures.catalogue import ALWAYS, CONTRASTS, OF_RECORDS, OUTLIERS, Result, chosen_figure
@@ -80,7 +81,8 @@ def test_records_without_a_word_have_all_figures_too():
 
 
 def test_ratios_are_drawn_where_cases_match_and_nowhere_else():
-    matched, alone = of_records(PLANS["five configurations"]), of_records(PLANS["one record"])
+    two = dataclasses.replace(PLANS["one record"], configurations=("a", "b"))
+    matched, alone = of_records(two), of_records(PLANS["one record"])
     assert len(matched.contrasts) > 0
     assert CONTRASTS in dict(catalogue.draw(dataclasses.replace(matched, table=None)))
     assert len(alone.contrasts) == 0
@@ -95,11 +97,11 @@ def test_odd_repeats_are_drawn_where_the_model_judges_any_and_nowhere_else(tmp_p
     normal.tree.attrs |= made.tree.attrs
     assert [each.judges for each in (made, alone, normal)] == [True, False, False]
     with pytest.raises(BadInput, match=f"{OUTLIERS}: this posterior judges no record"):
-        chosen_figure(normal.tree, "pass", OUTLIERS)
-    assert chosen_figure(made.tree, "pass", OUTLIERS).axes
-    monkeypatch.setattr(catalogue, "draw", lambda of: iter([(OUTLIERS, Figure())] if of.judges else []))
+        chosen_figure(normal, OUTLIERS)
+    assert chosen_figure(made, OUTLIERS).axes
+    monkeypatch.setattr(catalogue, "draw", lambda of, _: iter([(OUTLIERS, Figure())] if of.judges else []))
     for each, there in ((made, True), (normal, False)):  # what the first has left the second takes away
-        folder._write_figures(each, tmp_path)
+        folder._write_figures(each, tmp_path, Attempts())
         assert (tmp_path / f"{OUTLIERS}.png").exists() == there
 
 

@@ -32,7 +32,9 @@ def test_cases_of_contrasts_between_directions_are_left_to_the_table():
     assert texts == more
 
 
-@pytest.mark.parametrize(("p", "shown"), [(1.0, "> 0.99"), (0.0, "< 0.01"), (0.994, "0.99"), (0.5, "0.50")])
+@pytest.mark.parametrize(
+    ("p", "shown"), [(4000.5 / 4001, ">= 0.9998"), (0.5 / 4001, "<= 0.0002"), (0.994, "0.99"), (0.5, "0.50")]
+)
 def test_a_probability_that_only_rounds_to_one_does_not_claim_it(p, shown):
     texts = said(contrasts_by_case(contrasts().assign(p_greater_than_1=p), MEASURED))
     assert shown in texts

@@ -52,14 +52,13 @@ def test_a_failed_verdict_is_said(name):
 
 @pytest.mark.parametrize("name", ALL)
 def test_nothing_outside_is_changed(name, monkeypatch):
+    tables = drawings.made(name, ("single", "dual"))
+    copies = copy.deepcopy(tables)
+    monkeypatch.setattr(drawings, "made", lambda *_: tables)
     before = dict(matplotlib.rcParams)
     drawn.__wrapped__(name)
     assert dict(matplotlib.rcParams) == before
     assert matplotlib.pyplot.get_fignums() == []
-    tables = drawings.made(name, ("single", "dual"))
-    copies = copy.deepcopy(tables)
-    monkeypatch.setattr(drawings, "made", lambda *_: tables)
-    drawn.__wrapped__(name)
     for table, kept in zip(tables, copies, strict=True):
         if isinstance(table, pd.DataFrame):
             pd.testing.assert_frame_equal(table, kept)

@@ -11,6 +11,7 @@ from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS
 from bayes_tyre.inference.sampling.datatree import is_of_motions, to_datatree
 from bayes_tyre.report.figures import catalogue
 from bayes_tyre.report.figures.catalogue import Result
+from bayes_tyre.report.html import glossary
 from bayes_tyre.report.html.between_results import has_cases
 from bayes_tyre.results import summary
 from bayes_tyre.results.contrasts import contrasts
@@ -47,6 +48,7 @@ def test_tables_have_the_laws_own_parameters(tree):
     law = tree.attrs["law"]
     for table in (summary.cases(tree, "pass"), summary.repeats(tree, "pass"), contrasts(tree, "pass")):
         assert list(dict.fromkeys(table["parameter"])) == SHOWN[law]
+    assert set(SHOWN[law]) <= set(glossary.PARAMETERS)
     told = set(summary.summary(tree, "pass")["parameter"])
     assert {f"{name}_mean" for name in SHOWN[law]} <= told
     assert ("separation_case" in told) == MOTION_LAWS[law].has_friction

@@ -5,7 +5,17 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
-from helpers.drawings import FACTORS, MEASURED, cases, markers, printed_values, repeats, said, segments, words_of_cases
+from helpers.drawings import (
+    FACTORS,
+    MEASURED,
+    cases,
+    factors_of_cases,
+    markers,
+    printed_values,
+    repeats,
+    said,
+    segments,
+)
 
 from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.forest import forest_of_cases, outlier_probabilities
@@ -55,7 +65,7 @@ def test_missing_words_do_not_stop_a_figure(factor_table, how):
         )
 
     forest = forest_of_cases(without(cases()), without(printed_values()), MEASURED)
-    assert len(segments(forest.get_axes()[0])) == len(words_of_cases())
+    assert len(segments(forest.get_axes()[0])) == len(factors_of_cases())
     figure = outlier_probabilities(without(repeats()), MEASURED)
     assert sum(len(markers(ax, "o", "s")) for ax in figure.get_axes()) == 36
 

@@ -11,12 +11,12 @@ from helpers.quick_fits import write_result
 from PIL import Image
 from support import reproduction_figures, results
 from support.average_contrast_figures import average_contrasts
+from support.stored_figure import StoredFigure
 
 import bayes_tyre as bt
 from bayes_tyre.errors import BadInput
 from bayes_tyre.published import checks, recompute, tables
 from bayes_tyre.report.figures.colours import Setting
-from bayes_tyre.report.figures.notebook_display import StoredFigure
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def test_a_figure_is_asked_for_by_its_name_and_says_its_notes(tree, tmp_path):
 
 
 def test_a_figure_that_was_written_is_shown_small_and_says_what_its_data_are(tmp_path):
-    write_result(tmp_path / "fit")
+    write_result(tmp_path / "fit", figures=True)
     kept = StoredFigure(tmp_path / "fit", "contrasts")
     with (
         Image.open(tmp_path / "fit/figures/contrasts.png") as whole,

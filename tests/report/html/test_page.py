@@ -11,17 +11,17 @@ import pandas as pd
 import pytest
 from helpers.drawings import drawn
 from helpers.hand_made_posteriors import grid
-from helpers.reported_results import IMAGE, REASON, SCRIPT, made, printed_words, write_made
+from helpers.reported_results import IMAGE, REASON, SCRIPT, made, printed_factors, write_made
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.netcdf import read_tree
 from bayes_tyre.report.figures.svg import DENSE_MARKERS, svg
 from bayes_tyre.report.html import tables
-from bayes_tyre.report.html.between_results import Side, across
+from bayes_tyre.report.html.between_results import ComparedResult, compare_results
 from bayes_tyre.report.html.caveats import caveats
-from bayes_tyre.report.html.figures import picture
+from bayes_tyre.report.html.figures import embedded_figure
 from bayes_tyre.report.html.formatting import percent_apart, probability, rounded
-from bayes_tyre.report.html.headline import answer
+from bayes_tyre.report.html.headline import headline
 from bayes_tyre.report.html.load import Reported, read_reported
 from bayes_tyre.report.html.page import Part, document
 
@@ -46,7 +46,7 @@ def hostile(away) -> Reported:
 
 
 def page_of(*results: Reported) -> str:
-    return document([Part(result, [picture("contrasts", drawn("contrasts"))]) for result in results])
+    return document([Part(result, [embedded_figure("contrasts", drawn("contrasts"))]) for result in results])
 
 
 def plain(text: str) -> str:
@@ -58,7 +58,7 @@ def numbers_in(sentence: str) -> list[float]:
 
 
 def test_the_stiffer_configuration_is_named_with_how_much_and_how_sure(two):
-    first, _ = map(plain, answer(two))
+    first, _ = map(plain, headline(two))
     assert first.startswith("Configuration dual is 33 % stiffer than single, averaged over the 4 test cases of both")
     assert "the probability that it is stiffer at all is above 99 %" in first
     ratio, low, high = numbers_in(first)
@@ -67,7 +67,7 @@ def test_the_stiffer_configuration_is_named_with_how_much_and_how_sure(two):
 
 
 def test_the_stiffer_configuration_is_named_whichever_way_up_the_table_has_the_ratio(away):
-    first, _ = map(plain, answer(made(away / "turned", {"a": 1.0, "b": 2.5})))
+    first, _ = map(plain, headline(made(away / "turned", {"a": 1.0, "b": 2.5})))
     assert first.startswith("Configuration b is 2.5")
     assert "times as stiff as a" in first
     assert numbers_in(first)[0] == pytest.approx(2.5, rel=0.01)
@@ -75,7 +75,7 @@ def test_the_stiffer_configuration_is_named_whichever_way_up_the_table_has_the_r
 
 def test_an_interval_that_holds_1_is_no_difference(away):
     result = made(away / "alike", {"single": 1.5, "dual": 1.505}, spread=0.05)
-    first, _ = map(plain, answer(result))
+    first, _ = map(plain, headline(result))
     assert first.startswith("These data do not tell which of ")
     assert "holds 1 (no difference)" in first
     assert "stiffer than" not in first
@@ -84,7 +84,7 @@ def test_an_interval_that_holds_1_is_no_difference(away):
 
 def test_a_failed_verdict_stands_before_the_answer(away):
     result = made(away / "failed", {"single": 1.5, "dual": 2.0}, verdict="fail")
-    assert answer(result)[0].startswith("Not to be relied on, for the fit failed its checks: configuration dual is")
+    assert headline(result)[0].startswith("Not to be relied on, for the fit failed its checks: configuration dual is")
     assert caveats(result)[0].startswith("Any number of this result")
     page = page_of(result)
     assert "Verdict: fail. Do not use these numbers." in page
@@ -95,19 +95,19 @@ def test_a_failed_verdict_stands_before_the_answer(away):
 def test_one_configuration_and_one_direction(away):
     factor_table = grid(("only",), 1)
     one = made(away / "one", {"only": 1.5}, factor_table=factor_table)
-    first, second = map(plain, answer(one))
+    first, second = map(plain, headline(one))
     assert first.startswith("The stiffness k is 1.6")
     assert "kN/mm for only in loading (95 % interval" in first
     assert second.startswith("Loading against unloading: over the same span of load loading is 10 % stiffer")
     down = factor_table[factor_table["direction"] == "unloading"].reset_index(drop=True)
-    assert answer(made(away / "down", {"only": 1.5}, factor_table=down))[1] == (
-        "All steps are unloading, so nothing is said about loading."
+    assert headline(made(away / "down", {"only": 1.5}, factor_table=down))[1] == (
+        "All steps are unloading, so loading cannot be compared."
     )
 
 
 def test_records_without_words(away):
     factor_table = pd.DataFrame({"record": ["a", "b", "c"]})
-    first, second = map(plain, answer(made(away / "wordless", {"": 1.5}, factor_table=factor_table)))
+    first, second = map(plain, headline(made(away / "wordless", {"": 1.5}, factor_table=factor_table)))
     assert re.match(r"The stiffness k is 1\.\d+ kN/mm for all records \(95 % interval", first)
     assert second.startswith("The records do not say which steps were loading")
 
@@ -115,20 +115,20 @@ def test_records_without_words(away):
 def test_configurations_without_a_case_in_common_are_not_compared(away):
     factor_table = grid(("a", "b"), 1)
     factor_table["speed_km_h"] += np.where(factor_table["configuration"] == "a", 0.0, 5.0)
-    first, _ = answer(made(away / "apart", {"a": 1.0, "b": 2.0}, factor_table=factor_table))
+    first, _ = headline(made(away / "apart", {"a": 1.0, "b": 2.0}, factor_table=factor_table))
     assert first.startswith("The 2 configurations have no test case in common, so none is compared; the stiffness k is")
 
 
 def test_of_three_configurations_the_two_farthest_apart_are_compared(away):
     result = made(away / "three", {"a": 1.5, "b": 1.0, "c": 1.8})
-    first, _ = map(plain, answer(result))
+    first, _ = map(plain, headline(result))
     assert first.startswith("Two of 3 configurations are farthest apart: configuration c is 80 % stiffer than b")
 
 
 def test_the_printed_tables_model_has_an_answer_and_no_repeats(away):
-    factor_table = printed_words("single", "dual")
+    factor_table = printed_factors("single", "dual")
     result = made(away / "printed", {"single": 1.5, "dual": 2.0}, factor_table=factor_table, origin="published")
-    assert "33" in answer(result)[0]
+    assert "33" in headline(result)[0]
     assert any("whatever their processing did" in said for said in caveats(result))
     page = page_of(result)
     assert "Published: numbers as printed" in page
@@ -138,7 +138,7 @@ def test_the_printed_tables_model_has_an_answer_and_no_repeats(away):
 def test_what_the_prior_decides_is_said_in_the_answer(two):
     rows = two.summary["parameter"] == "k_mean"
     summary = two.summary.assign(decided_by=two.summary["decided_by"].where(~rows, "prior"))
-    first, _ = answer(dataclasses.replace(two, summary=summary))
+    first, _ = headline(dataclasses.replace(two, summary=summary))
     assert "; but k of dual in loading is decided by the prior, not by the data" in first
     assert first.endswith("2 more likewise.")
 
@@ -176,29 +176,29 @@ def test_outlier_probabilities_have_no_column_where_nothing_judges_and_the_page_
     headings = [column.heading for column in tables.repeats_table([silent]).columns]
     assert "outlier probability" not in headings
     assert "k" in headings
-    assert "nothing here says whether one is odd" in tables.repeats_table([silent]).caption
+    assert "nothing here says whether one is discordant" in tables.repeats_table([silent]).caption
     beside = tables.repeats_table([two, silent])
-    assert [column.of for column in beside.columns if column.heading == "outlier probability"] == ["two"]
+    assert [column.of_result for column in beside.columns if column.heading == "outlier probability"] == ["two"]
     assert "student or normal" in page_of(silent)
 
 
 def test_two_results_stand_side_by_side_row_by_row(two, away):
     other = made(away / "later", {"single": 1.6, "dual": 2.0}, seed=8)
     table = tables.cases_table([two, other])
-    assert [column.of for column in table.columns[-4:]] == ["two", "two", "later", "later"]
+    assert [column.of_result for column in table.columns[-4:]] == ["two", "two", "later", "later"]
     assert len(table.rows) == two.cases["parameter"].eq("k").sum()
     assert all(cell.text for row in table.rows for cell in row)
 
 
-def side(folder: Path) -> Side:
+def side(folder: Path) -> ComparedResult:
     result = read_reported(folder, folder.name)
     inputs = frozenset(result.run["inputs"].values())
-    return Side(folder.name, read_tree(folder / "posterior.nc"), inputs, result.run["origin"])
+    return ComparedResult(folder.name, read_tree(folder / "posterior.nc"), inputs, result.run["origin"])
 
 
 def test_campaigns_are_compared_configuration_by_configuration(two, away):
     later = write_made(away / "next_year", {"single": 1.65, "dual": 2.0}, seed=9)
-    found = across(side(away / "two"), side(later), 0.95)
+    found = compare_results(side(away / "two"), side(later), 0.95)
     single = next(ratio for ratio in found.ratios["k"] if ratio.above == "single (two)")
     # log k of a configuration has the standard deviation 0.02 in each, so their ratio 0.028.
     assert single.median == pytest.approx(1.5 / 1.65, rel=0.01)
@@ -210,18 +210,18 @@ def test_campaigns_are_compared_configuration_by_configuration(two, away):
 
 def test_a_single_tyre_is_compared_with_a_dual_pair_of_another_folder(away):
     folders = [write_made(away / name, {name: k}, seed=i) for i, (name, k) in enumerate([("lone", 1.5), ("pair", 2.0)])]
-    ratio = across(side(folders[0]), side(folders[1]), 0.95).ratios["k"][0]
+    ratio = compare_results(side(folders[0]), side(folders[1]), 0.95).ratios["k"][0]
     assert (ratio.above, ratio.below) == ("lone (lone)", "pair (pair)")
     assert ratio.median == pytest.approx(0.75, rel=0.01)
 
 
 def test_what_is_not_independent_is_not_compared(two, away):
     one = side(away / "two")
-    assert "fits of the same records" in across(one, one._replace(name="again"), 0.95).remark
+    assert "fits of the same records" in compare_results(one, one._replace(name="again"), 0.95).limitation
     printed = one._replace(inputs=frozenset("x"), origin="published")
-    found = across(one._replace(origin="reconstructed"), printed, 0.95)
+    found = compare_results(one._replace(origin="reconstructed"), printed, 0.95)
     assert not found.ratios
-    assert "rest on the same printed tables" in found.remark
+    assert "rest on the same printed tables" in found.limitation
 
 
 def test_labels_are_text_and_never_markup(hostile):
@@ -268,7 +268,7 @@ def test_the_same_figure_gives_the_same_bytes(name):
 
 
 def test_a_figure_has_a_text_alternative_and_is_svg_without_its_labels_as_markup():
-    shown = picture("contrasts", drawn("contrasts"))
+    shown = embedded_figure("contrasts", drawn("contrasts"))
     assert shown.alternative.startswith("Ratios between configurations")
     assert "Marker: median." in shown.alternative
     text = base64.b64decode(shown.uri.removeprefix("data:image/svg+xml;base64,")).decode()

@@ -37,7 +37,7 @@ def page(tmp_path_factory) -> Path:
     fitted = write_fitted(folder / "fit")
     other = write_made(folder / "made", {"single": 1.5, SCRIPT: 2.0}, verdict="fail")
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(catalogue, "draw", lambda result: ((name, drawn(name)) for name in shown(result)))
+        monkeypatch.setattr(catalogue, "draw", lambda result, _: ((name, drawn(name)) for name in shown(result)))
         done = here("report", fitted, other)
     assert done.exit_code == 4, done.stderr
     return fitted / "report.html"

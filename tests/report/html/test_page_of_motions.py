@@ -12,10 +12,10 @@ from helpers.reported_motions import write_motions
 from bayes_tyre.formats.netcdf import read_tree
 from bayes_tyre.report.figures.catalogue import ALWAYS, OF_MOTIONS
 from bayes_tyre.report.html import tables
-from bayes_tyre.report.html.between_results import Side, across
+from bayes_tyre.report.html.between_results import ComparedResult, compare_results
 from bayes_tyre.report.html.caveats import caveats
 from bayes_tyre.report.html.figures import HEADINGS
-from bayes_tyre.report.html.headline import answer
+from bayes_tyre.report.html.headline import headline
 from bayes_tyre.report.html.load import Reported, read_reported
 from bayes_tyre.report.html.page import Part, document
 
@@ -46,7 +46,7 @@ def page_of(*results: Reported) -> str:
 
 
 def test_the_answer_says_stiffness_friction_and_energy(one, both):
-    first, second = map(plain, answer(one))
+    first, second = map(plain, headline(one))
     assert re.match(r"The stiffness k is 1\.\d+ kN/mm for single in loading \(95 % interval", first)
     friction = re.search(r"^Friction x is (\S+) kN for single in loading \(95 % interval (\S+) to (\S+)\)", second)
     assert friction
@@ -54,14 +54,14 @@ def test_the_answer_says_stiffness_friction_and_energy(one, both):
     assert x == pytest.approx(TYPICAL[1] + TYPICAL[0] * TYPICAL[2], rel=0.01)
     assert lower < x < upper
     assert re.search(r"; a cycle of 2 mm amplitude at the wheel centre loses \d\.\d+ J for single in loading", second)
-    several = plain(answer(both)[1])
+    several = plain(headline(both)[1])
     assert several.count(" J for ") == 4
     assert several.endswith("(medians; their intervals stand in the table below).")
 
 
 def test_the_answer_without_an_amplitude_claims_none(one):
     run = {**one.run, "options": {}}
-    second = answer(Reported(**{**vars(one), "run": run}))[1]
+    second = headline(Reported(**{**vars(one), "run": run}))[1]
     assert "a cycle of unknown amplitude" in second
 
 
@@ -96,14 +96,16 @@ def test_energy_is_said_to_be_by_friction_only_where_the_law_has_some(both):
     assert "its dampers lose all of it, c among them" in of_dampers
 
 
-def side(folder: Path) -> Side:
+def side(folder: Path) -> ComparedResult:
     result = read_reported(folder, folder.name)
-    return Side(folder.name, read_tree(folder / "posterior.nc"), frozenset(result.run["inputs"].values()), "simulated")
+    return ComparedResult(
+        folder.name, read_tree(folder / "posterior.nc"), frozenset(result.run["inputs"].values()), "simulated"
+    )
 
 
 def test_two_results_are_compared_in_every_parameter_and_in_energy_at_one_stroke_only(away, both, one):
     del both, one
-    found = across(side(away / "both"), side(away / "one"), 0.95)
+    found = compare_results(side(away / "both"), side(away / "one"), 0.95)
     assert list(found.ratios) == ["k", "x", "beta", "m", "c", "energy_per_cycle"]
     assert [ratio.above for ratio in found.ratios["x"]] == ["single (both)"]
     # The same seed draws both, two configurations in one and one in the other: 3 % a case.
@@ -111,7 +113,7 @@ def test_two_results_are_compared_in_every_parameter_and_in_energy_at_one_stroke
     other = side(away / "one")
     assert other.tree is not None
     other.tree.attrs["amplitude_mm"] = 1.0
-    assert list(across(side(away / "both"), other, 0.95).ratios) == ["k", "x", "beta", "m", "c"]
+    assert list(compare_results(side(away / "both"), other, 0.95).ratios) == ["k", "x", "beta", "m", "c"]
 
 
 def test_figures_of_motions_have_words_of_their_own():

@@ -94,7 +94,7 @@ def test_labels_are_shown_as_text(label, shown, width, tmp_path):
     assert not any(label * 2 in line for line in lines)
 
 
-def test_remarks_stand_below_the_table_in_one_line_each(tmp_path):
+def test_warnings_stand_below_the_table_in_one_line_each(tmp_path):
     folder = result(tmp_path / "fit", summary("single"))
     said = {"limitations": ["beta_case[x]: weakly identified; \x1b[31mmeasure", 3]}
     (folder / "diagnostics.json").write_text(json.dumps(said), encoding="utf-8")
@@ -106,7 +106,7 @@ def test_remarks_stand_below_the_table_in_one_line_each(tmp_path):
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"limitations": 3}', '{"limitations": {"a": 1}}', "{}"])
-def test_a_folder_whose_diagnostics_say_nothing_is_shown_without_remarks(content, tmp_path):
+def test_a_folder_whose_diagnostics_say_nothing_is_shown_without_warnings(content, tmp_path):
     folder = result(tmp_path / "fit", summary("single"))
     (folder / "diagnostics.json").write_text(content, encoding="utf-8")
     assert not any(line.startswith("note:") for line in printed(folder))

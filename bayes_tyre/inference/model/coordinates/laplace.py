@@ -15,12 +15,12 @@ from jaxtyping import Array, Float
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.correlated_noise import Whitening, innovations, lag_1
 from bayes_tyre.inference.least_squares import estimate as ls
+from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates, case_estimates
+from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS
-from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates, case_estimates
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian
 from bayes_tyre.inference.record_data import RecordData, force_curve, record_data
 
 #: Widest standard deviations of log k and log beta that the approximation of a record may have.
@@ -43,18 +43,14 @@ class RecordEstimates(NamedTuple):
     ----------
     centre:
         Shape (records, 4): F_i (kN), J (kN), log k (kN/mm), log beta (mm).
-    precision:
-        Shape (records, 2, 2): of log k and log beta, F_i and J integrated out.
-    slope, factor:
-        Shape (records, 2, 2): F_i and J follow `centre + slope (log k, log beta deviations) + factor z`.
+    information:
+        Shape (records, 4, 4): Fisher information on these, of a weak prior too.
     log_sigma, rho, points:
         Shape (records,); sigma in kN, lag-1 autocorrelation of the residuals, and number of points.
     """
 
     centre: Float[Array, "records 4"]
-    precision: Float[Array, "records 2 2"]
-    slope: Float[Array, "records 2 2"]
-    factor: Float[Array, "records 2 2"]
+    information: Float[Array, "records 4 4"]
     log_sigma: Float[Array, " records"]
     rho: Float[Array, " records"]
     points: Float[Array, " records"]
@@ -68,6 +64,43 @@ class RecordEstimates(NamedTuple):
     def log_beta(self) -> Float[Array, " records"]:
         """Estimates of log beta, beta in mm."""
         return self.centre[:, 3]
+
+    def of_log_values(self, sd_J: Float[Array, ""] | None = None) -> "QuadraticApproximation":
+        """Return what the records say of log k and log beta with F_i and J integrated out.
+
+        Parameters
+        ----------
+        sd_J:
+            Standard deviation (kN) of the prior of J, which is about zero; None: J is free.
+        """
+        offsets, both, shape = self.information[:, :2, :2], self.information[:, :2, 2:], self.information[:, 2:, 2:]
+        of_prior = jnp.zeros(()) if sd_J is None else sd_J**-2.0
+        a, b, d = offsets[:, 0, 0], offsets[:, 0, 1], offsets[:, 1, 1] + of_prior
+        # The inverse of two by two is written out: LAPACK would be called once a record.
+        adjugate = jnp.stack([jnp.stack([d, -b], axis=1), jnp.stack([-b, a], axis=1)], axis=1)
+        followed = jnp.einsum("rij,rik->rjk", both, adjugate / (a * d - b**2)[:, None, None])
+        slope = followed[:, :, 1] * (of_prior * self.centre[:, 1])[:, None]
+        return QuadraticApproximation(self.centre[:, 2:], slope, shape - jnp.einsum("rij,rjk->rik", followed, both))
+
+
+class QuadraticApproximation(NamedTuple):
+    """A Gaussian approximation of the log density of (log k, log beta) about the records' estimates.
+
+    Attributes
+    ----------
+    centre, slope:
+        Shape (records, 2): the estimates, and its slope there.
+    precision:
+        Shape (records, 2, 2): minus its curvature.
+    """
+
+    centre: Float[Array, "records 2"]
+    slope: Float[Array, "records 2"]
+    precision: Float[Array, "records 2 2"]
+
+    def slope_at(self, log_values: Float[Array, "records 2"]) -> Float[Array, "records 2"]:
+        """Return its slope at these log k (kN/mm) and log beta (mm)."""
+        return self.slope + jnp.einsum("rij,rj->ri", self.precision, self.centre - log_values)
 
 
 def estimate_records(
@@ -137,11 +170,7 @@ def _approximate(
 
     if autoregressive or whitening is not None:
         centre = _polish(centre, lambda theta: white(residual(theta)) / sigma, information)
-    _, precision = information(centre)
-    level, both, shape = precision[:2, :2], precision[:2, 2:], precision[2:, 2:]
-    slope = -jnp.linalg.solve(level, both)
-    factor = jnp.linalg.inv(jnp.linalg.cholesky(level)).T
-    return RecordEstimates(centre, shape + both.T @ slope, slope, factor, jnp.log(sigma), rho, points.astype(rho.dtype))
+    return RecordEstimates(centre, information(centre)[1], jnp.log(sigma), rho, points.astype(rho.dtype))
 
 
 def _polish(
@@ -197,7 +226,7 @@ def laplace_approximation(
 
 def empty_approximation(records: int, factors: Factors) -> LaplaceApproximation:
     """Return zeros of the shapes that `laplace_approximation` gives, to compile for."""
-    shapes = (records, 4), *[(records, 2, 2)] * 3, *[(records,)] * 3
+    shapes = (records, 4), (records, 4, 4), *[(records,)] * 3
     blank = RecordEstimates(*(jnp.asarray(np.zeros(shape)) for shape in shapes))
     cases, speeds = (
         jnp.asarray(np.zeros((len(PARAMETERS), n))) for n in (len(factors.cases), len(factors.speed.labels))
@@ -209,7 +238,7 @@ def empty_approximation(records: int, factors: Factors) -> LaplaceApproximation:
 def cases_of(records: RecordEstimates, factors: Factors, priors: Priors = PRIORS) -> CaseEstimates:
     """Return estimates of the cases from the approximation of their records."""
     # Of one parameter with the other held: near enough for coordinates.
-    variance = 1.0 / np.diagonal(np.asarray(records.precision), axis1=1, axis2=2)
+    variance = 1.0 / np.diagonal(np.asarray(records.of_log_values().precision), axis1=1, axis2=2)
     return case_estimates(np.asarray(records.centre[:, 2:]), variance, factors, priors)
 
 

@@ -10,10 +10,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy import stats
 
+from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian
 
 #: Scatter of repeats where no case has two of them; it counts with no weight.
 _UNKNOWN_SCATTER = 0.1

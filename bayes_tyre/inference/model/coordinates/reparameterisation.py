@@ -2,9 +2,10 @@
 
 Where the data below a level are strong, sampling it centred is right; where they are weak, non-centred; in between,
 or where the scales decide, neither. Here each unknown is placed at its conditional mean and scaled by its conditional
-standard deviation, both under a Gaussian picture of its data (the least-squares estimate and Fisher information) and
-given the scales above it, which are being sampled too: strong and weak are the two ends of one formula. The change
-of variables is exact, with its volume accounted for; the picture shapes the coordinates only, never the posterior.
+standard deviation, both under a Gaussian approximation of its data (the least-squares estimate and Fisher
+information) and given the scales above it, which are being sampled too: strong and weak are the two ends of one
+formula. The change of variables is exact, with its volume accounted for; the approximation shapes the coordinates
+only, never the posterior.
 
 Source: the idea of Papaspiliopoulos, Roberts & Skold (2007), "A general framework for the parametrization of
 hierarchical models", Statistical Science 22, taken from one partial centring to one that follows the scales.
@@ -58,27 +59,6 @@ def reparameterise(
     return Reparameterised(above + deviation, deviation, jnp.log(scale) - 0.5 * jnp.log(gain))
 
 
-def reparameterise_few(
-    z: Float[Array, "units n"],
-    estimate: Float[Array, "units n"],
-    precision: Float[Array, "units n n"],
-    above: Float[Array, "units n"],
-    scale: Float[Array, "units n"],
-) -> Reparameterised:
-    """Return a few unknowns of each unit at z, as `place` does for scalars.
-
-    Parameters
-    ----------
-    z:
-        Standard coordinates.
-    estimate, precision:
-        What the data say; along what has no precision an estimate may be anything.
-    above, scale:
-        The level above: Normal(above, scale), each by itself.
-    """
-    return _reparameterise_by_pull(z, jnp.einsum("uij,uj->ui", precision, estimate - above), precision, above, scale)
-
-
 def reparameterise_whitened(
     z: Float[Array, "units n"],
     rows: Float[Array, "units n n"],
@@ -86,19 +66,34 @@ def reparameterise_whitened(
     above: Float[Array, "units n"],
     scale: Float[Array, "units n"],
 ) -> Reparameterised:
-    """Return a few unknowns of each unit at z, as `reparameterise_few`, for whitened estimates: rows @ unknowns.
+    """Return a few unknowns of each unit at z, as `reparameterise_by_slope`, for whitened estimates: rows @ unknowns.
 
     Their standard deviations are 1; a row of zeros says nothing.
     """
     off = target - jnp.einsum("uij,uj->ui", rows, above)
-    pull, precision = jnp.einsum("uij,ui->uj", rows, off), jnp.einsum("uij,uik->ujk", rows, rows)
-    return _reparameterise_by_pull(z, pull, precision, above, scale)
+    slope, precision = jnp.einsum("uij,ui->uj", rows, off), jnp.einsum("uij,uik->ujk", rows, rows)
+    return reparameterise_by_slope(z, slope, precision, above, scale)
 
 
-def _reparameterise_by_pull(z: Array, pull: Array, precision: Array, above: Array, scale: Array) -> Reparameterised:
-    """Return unknowns that the data pull from the level above; Cholesky's factor and both its solves are written out.
+def reparameterise_by_slope(
+    z: Float[Array, "units n"],
+    slope: Float[Array, "units n"],
+    precision: Float[Array, "units n n"],
+    above: Float[Array, "units n"],
+    scale: Float[Array, "units n"],
+) -> Reparameterised:
+    """Return a few unknowns of each unit at z, as `reparameterise` does for scalars.
 
-    LAPACK would be called once a unit.
+    Cholesky's factor and both its solves are written out: LAPACK would be called once a unit.
+
+    Parameters
+    ----------
+    z:
+        Standard coordinates.
+    slope, precision:
+        What the data say: slope of their log density at the level above, and minus its curvature.
+    above, scale:
+        The level above: Normal(above, scale), each by itself.
     """
     count, scales = z.shape[1], scale.T
     root, half = [], []
@@ -109,7 +104,7 @@ def _reparameterise_by_pull(z: Array, pull: Array, precision: Array, above: Arra
             row.append((precision[:, i, j] * scales[i] * scales[j] - taken) / root[j][j])
         row.append(jnp.sqrt(1.0 + precision[:, i, i] * scales[i] ** 2 - sum((a**2 for a in row), jnp.zeros(()))))
         before = sum((a * h for a, h in zip(row, half, strict=False)), jnp.zeros(()))
-        half.append((pull[:, i] * scales[i] - before) / row[i])
+        half.append((slope[:, i] * scales[i] - before) / row[i])
         root.append(row)
     own: list[Array] = []
     for i in reversed(range(count)):
@@ -135,11 +130,11 @@ def reparameterise_jointly(
     design, above = jnp.asarray(design), jnp.asarray(above)
     weighted = design * scale[..., None, :]
     off = estimate.value - jnp.einsum("...ut,...t->...u", design, above)
-    pull = jnp.einsum("...ut,...u->...t", weighted, estimate.precision * off)
+    slope = jnp.einsum("...ut,...u->...t", weighted, estimate.precision * off)
     # Precision of the terms in units of their scales: what the data add to 1.
     gain = jnp.eye(z.shape[-1]) + weighted.mT @ (weighted * estimate.precision[..., None])
     root = jnp.linalg.cholesky(gain)
-    half = solve_triangular(root, pull[..., None], lower=True)
+    half = solve_triangular(root, slope[..., None], lower=True)
     deviation = scale * solve_triangular(root, half + z[..., None], lower=True, trans=1)[..., 0]
     log_volume = jnp.sum(jnp.log(scale), axis=-1) - jnp.sum(jnp.log(jnp.diagonal(root, axis1=-2, axis2=-1)), axis=-1)
     return Reparameterised(above + deviation, deviation, log_volume)

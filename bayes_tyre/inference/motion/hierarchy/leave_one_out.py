@@ -18,6 +18,7 @@ from jaxtyping import Float
 from scipy.special import gammaincinv
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.diagnostics.attempts import Attempt, directly
 from bayes_tyre.inference.diagnostics.leave_one_out import LeaveOneOut, left_out, thinned
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import Factors, find_factors
@@ -69,7 +70,10 @@ def motions_in(tree: xr.DataTree) -> Motions:
 
 
 def leave_one_motion_out(
-    tree: xr.DataTree, refit: SamplerSettings | None = None, on_refit: Callable[[str], None] = lambda _: None
+    tree: xr.DataTree,
+    refit: SamplerSettings | None = None,
+    on_refit: Callable[[str], None] = lambda _: None,
+    attempt: Attempt = directly,
 ) -> LeaveOneOut:
     """Return how well a law predicts each record from the others; `effective_points` are of its own estimate.
 
@@ -77,7 +81,7 @@ def leave_one_motion_out(
     ----------
     tree:
         The posterior, with its estimates.
-    refit, on_refit:
+    refit, on_refit, attempt:
         As `bayes_tyre.inference.diagnostics.leave_one_out.leave_one_record_out` has them.
 
     Raises
@@ -106,7 +110,7 @@ def leave_one_motion_out(
         return float(np.logaddexp.reduce(density) - np.log(len(density)))
 
     names = tuple(motions.factor_table["record"])
-    return left_out(by_chain, names, motions.readings.effective_draws, exactly if refit else None, on_refit)
+    return left_out(by_chain, names, motions.readings.effective_draws, exactly if refit else None, on_refit, attempt)
 
 
 def densities(

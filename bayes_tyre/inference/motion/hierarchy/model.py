@@ -1,7 +1,7 @@
 """The NumPyro model of records that are motions: their estimates, repeats in a case, cases by what their words say."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,21 +9,23 @@ import numpyro
 import pandas as pd
 import xarray as xr
 from jaxtyping import Array, Float
+from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.model.case_effects import sample_coordinates
+from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates, case_estimates
+from bayes_tyre.inference.model.coordinates.reparameterisation import Reparameterised, reparameterise_whitened
+from bayes_tyre.inference.model.coordinates.reparams import InCoordinates
+from bayes_tyre.inference.model.coordinates.sites import case_coordinates, hyperparameter_starts
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
-from bayes_tyre.inference.model.hyperparameters import hyperparameter_starts, motion_sites, sample_hyperparameters
-from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates, case_estimates
+from bayes_tyre.inference.model.hyperparameters import deterministic_each, motion_sites, sample_hyperparameters
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.model.record_effects import sample_repeats
-from bayes_tyre.inference.model.coordinates.reparameterisation import Reparameterised, reparameterise_whitened
+from bayes_tyre.inference.model.record_effects import sample_records
 from bayes_tyre.inference.model.repeat_distribution import REPEATS
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
 from bayes_tyre.inference.sampling.datatree import to_datatree
 from bayes_tyre.inference.sampling.nuts import CAREFUL_ACCEPTANCE
-from bayes_tyre.inference.sampling.run import SamplerSettings, sample
+from bayes_tyre.inference.sampling.run import RUNS, SamplerSettings, make_chains, run_until_sound, runs_to_json
 
 
 class Readings(NamedTuple):
@@ -81,7 +83,6 @@ def log_likelihood(
 def motions_model(
     rows: Float[Array, "records p p"],
     target: Float[Array, "records p"],
-    cases: CaseEstimates,
     factors: Factors,
     *,
     repeats: str = "mixture",
@@ -94,8 +95,6 @@ def motions_model(
     ----------
     rows, target:
         As `Motions` has them.
-    cases:
-        What the records say of their cases; it shapes the coordinates and leaves the posterior as it is.
     factors:
         Cases and how they group.
     repeats:
@@ -104,23 +103,25 @@ def motions_model(
         Whose parameters the estimates are of.
     """
     hyperparameters = sample_hyperparameters(motion_sites(factors, repeats, law.parameters), priors)
+    records, cases = sample_records(factors, repeats, hyperparameters, law.parameters, priors)
+    _deterministic_with_x("_case", jnp.exp(cases), law)
+    numpyro.sample("readings", dist.Normal(jnp.einsum("rij,rj->ri", rows, records), 1.0), obs=target)
+    values = jnp.exp(records).T
+    deterministic_each("*", law.parameters, values)
+    _deterministic_with_x("", values, law)
 
-    def reparameterise(above: Float[Array, "records p"], scale: Float[Array, "records p"]) -> Reparameterised:
+
+def motions_in_coordinates(cases: CaseEstimates, **arguments: Any) -> None:
+    """Run `motions_model`, with these arguments, in coordinates that follow the records' estimates."""
+
+    def place(z: Array, case: Array, scatter: Array) -> Reparameterised:
         # Whitened by its rows an estimate is of independent numbers, each a mixture of the logarithms: coordinates
         # follow the scatter of repeats where a record says little, and the record where it says much.
-        z = sample_coordinates("records_z", above.shape)
-        return reparameterise_whitened(z, rows, target, above, scale)
+        return reparameterise_whitened(z, arguments["rows"], arguments["target"], case, scatter)
 
-    records, log_cases = sample_repeats(
-        reparameterise, factors, cases, repeats, hyperparameters, law.parameters, priors
-    )
-    _deterministic_with_x("_case", jnp.exp(log_cases), law)
-    numpyro.factor("records_volume", records.log_volume)
-    numpyro.factor("estimates", log_likelihood(records.value, rows, target))
-    values = jnp.exp(records.value).T
-    for name, value in zip(law.parameters, values, strict=True):
-        numpyro.deterministic(name, value)
-    _deterministic_with_x("", values, law)
+    factors, law, priors = (arguments[name] for name in ("factors", "law", "priors"))
+    coordinates = case_coordinates(factors, cases, lambda _: place, law.parameters, priors)
+    InCoordinates(motions_model, coordinates)(**arguments)
 
 
 def _deterministic_with_x(ending: str, values: Float[Array, "p units"], law: MotionLaw) -> None:
@@ -170,6 +171,9 @@ def fit_motions(
         **{"law": motions.law, "priors": priors},
     }
     starts = hyperparameter_starts(motion_sites(factors, repeats, motions.law.parameters), priors.medians(), priors)
-    draws = sample(motions_model, arguments, settings or SamplerSettings(), starts, CAREFUL_ACCEPTANCE)
+    settings = settings or SamplerSettings()
+    chains = make_chains(motions_in_coordinates, arguments, settings, starts, CAREFUL_ACCEPTANCE)
+    draws, runs = run_until_sound(chains, settings)
     attributes = {"model": "motion", "repeats": repeats, "law": motions.law.name, "priors": priors.to_json()}
+    attributes[RUNS] = runs_to_json(runs)
     return to_datatree(draws.sites, draws.statistics, factors, motions.factor_table, attributes)

@@ -5,12 +5,13 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
-from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
+from bayes_tyre.inference.motion.laws import MotionLaw
 from bayes_tyre.laws.base import ScalarLike
-from bayes_tyre.laws.fancher import Fancher, dissipated_energy_per_cycle, loop_energy
+from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.laws.kelvin_voigt import KelvinVoigt
+from bayes_tyre.laws.loop_energy import dissipated_energy_per_cycle, loop_energy
 from bayes_tyre.laws.rigid_ring import RigidRing
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
@@ -138,39 +139,3 @@ def losses_from_reported(
     """
     m, c = values[-2], values[-1]
     return losses(rig, law.from_reported(values), m, displacement_mm, amplitude_mm, 0.0 if law.has_friction else c)
-
-
-def losses_of_logs(
-    rig: Rig,
-    logs: Float[ArrayLike, "*draws p"],
-    displacement_mm: ScalarLike,
-    amplitude_mm: ScalarLike,
-    law: MotionLaw = FANCHER,
-) -> Losses:
-    """Return the losses of a cycle from the logarithms of a law's `reported_parameters`, one set or draws.
-
-    The offset C is weakly identified by a motion and moves the geometry by tenths of a mm: it is set to 0. c is not
-    included for a law with friction (`losses_from_reported`).
-
-    Parameters
-    ----------
-    rig:
-        Geometry.
-    logs:
-        Natural logarithms in the order of the law's `reported_parameters`, shape (..., p).
-    displacement_mm, amplitude_mm:
-        The cycle's middle and half its stroke at the wheel centre, mm.
-    law:
-        Of the tyre.
-
-    Returns
-    -------
-    Shape (...) each.
-    """
-    logs = jnp.asarray(logs, float)
-
-    def one(logs: Array) -> Losses:
-        return losses_from_reported(rig, law, jnp.exp(logs), displacement_mm, amplitude_mm)
-
-    flat = jax.vmap(one)(logs.reshape(-1, logs.shape[-1]))
-    return Losses(*(values.reshape(logs.shape[:-1]) for values in flat))

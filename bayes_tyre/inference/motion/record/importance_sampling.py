@@ -63,7 +63,6 @@ def weighted_draws(
     standard: Float[ArrayLike, " parameters"],
     covariance: Float[ArrayLike, "parameters parameters"],
     window: Window,
-    seed: int = 0,
 ) -> WeightedDraws:
     """Return draws about a peak with the weights that make them draws from the posterior.
 
@@ -77,11 +76,9 @@ def weighted_draws(
         Peak and Laplace's covariance of the parameters.
     window:
         Of the record.
-    seed:
-        Of the draws.
     """
     standard, covariance = np.asarray(standard), np.asarray(covariance)
-    unit = np.random.default_rng(seed).standard_normal((DRAWS, len(standard)))
+    unit = np.random.default_rng(0).standard_normal((DRAWS, len(standard)))
     if not (np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0):
         return WeightedDraws(np.tile(standard, (DRAWS, 1)), np.full(DRAWS, 1 / DRAWS), float("nan"))
     draws, height = jax.tree.map(np.asarray, _proposed(rig, window, standard, covariance, PROPOSAL_WIDENING * unit))

@@ -11,8 +11,8 @@ import xarray as xr
 from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.diagnostics.convergence import monitor
-from bayes_tyre.inference.diagnostics.verdict import ESS_LEAST_PER_CHAIN, R_HAT_MOST
-from bayes_tyre.inference.model.case_effects import sample_coordinates
+from bayes_tyre.inference.diagnostics.sampling_checks import ESS_LEAST_PER_CHAIN, R_HAT_MOST
+from bayes_tyre.inference.model.coordinates.reparams import sample_coordinates
 from bayes_tyre.inference.motion.record.forward_model import residuals
 from bayes_tyre.inference.motion.record.importance_sampling import ProposalMap, proposal_map
 from bayes_tyre.inference.motion.record.map_fit import MapEstimate, value_and_jacobian

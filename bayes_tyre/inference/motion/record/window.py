@@ -125,7 +125,7 @@ class Window(NamedTuple):
     law: MotionLaw = FANCHER
 
 
-def make_window(rig: Rig, samples: Recorded, block_s: float | None = None, law: MotionLaw = FANCHER) -> Window:
+def make_window(rig: Rig, samples: Recorded, law: MotionLaw = FANCHER) -> Window:
     """Return the window of a recording.
 
     The window is as long for every record of a sampling rate, so that one compilation serves all; where a recording
@@ -138,14 +138,11 @@ def make_window(rig: Rig, samples: Recorded, block_s: float | None = None, law: 
         Effective mass.
     samples:
         A recording.
-    block_s:
-        Samples are averaged over about so long, s, or not at all where they are further apart; None: `BLOCK_S`, or
-        `ROLLING_BLOCK_S`.
     law:
         Force law to fit.
     """
     dt_s, rolls = samples.dt_s, len(samples.bodies) > 0
-    length = max(1, round((block_s or (ROLLING_BLOCK_S if rolls else BLOCK_S)) / dt_s))
+    length = max(1, round((ROLLING_BLOCK_S if rolls else BLOCK_S) / dt_s))
     before_s = ROLLING_BEFORE_S if rolls else BEFORE_S
     first = max(0, round((samples.ramp_s[0] - before_s) / dt_s))
     blocks = round((before_s + AFTER_S) / (length * dt_s))

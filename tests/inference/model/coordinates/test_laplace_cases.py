@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.coordinates.laplace_cases import case_estimates
+from bayes_tyre.inference.model.factors import Factors, find_factors
 
 CASES, SCATTER, SD = 40, 0.05, 0.01
 

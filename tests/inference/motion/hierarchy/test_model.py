@@ -30,6 +30,7 @@ def tree(made):
     return tree
 
 
+@pytest.mark.slow
 def test_the_sampler_has_nothing_against_the_model(tree):
     verdict = diagnose(tree)
     assert verdict.divergences == 0
@@ -38,6 +39,7 @@ def test_the_sampler_has_nothing_against_the_model(tree):
     assert not [reason for reason in verdict.reasons if "R-hat" not in reason and "ESS" not in reason]
 
 
+@pytest.mark.slow
 def test_the_truth_of_cases_and_records_lies_where_the_posterior_says(tree, made):
     posterior = tree["posterior"].to_dataset()
     for ending, truth in (("_case", made.cases), ("", np.delete(made.records, ODD, axis=0))):
@@ -53,6 +55,7 @@ def test_the_truth_of_cases_and_records_lies_where_the_posterior_says(tree, made
         assert abs(inside - 0.8) < 4 * np.sqrt(2 * 0.8 * 0.2 / off.size)
 
 
+@pytest.mark.slow
 def test_the_discordant_record_is_found_and_moves_no_case(tree, made):
     odd = summary.outlier_probability(tree)
     assert odd[ODD] > 0.95
@@ -62,6 +65,7 @@ def test_the_discordant_record_is_found_and_moves_no_case(tree, made):
     assert abs(np.log(case).mean() - made.cases[ODD // 3, 0]) < 0.05
 
 
+@pytest.mark.slow
 def test_a_record_that_says_nothing_of_its_damping_has_its_cases(tree):
     posterior = tree["posterior"].to_dataset()
     silent, others = (np.log(posterior["c"].to_numpy())[..., i].std() for i in (SILENT, SILENT + 1))
@@ -70,6 +74,7 @@ def test_a_record_that_says_nothing_of_its_damping_has_its_cases(tree):
     assert abs(np.log(record).mean() - np.log(case).mean()) < 0.1
 
 
+@pytest.mark.slow
 def test_x_follows_and_is_always_above_k_beta(tree):
     posterior = tree["posterior"].to_dataset()
     for ending in ("", "_case"):
@@ -78,6 +83,7 @@ def test_x_follows_and_is_always_above_k_beta(tree):
         assert (settled > 0).all()
 
 
+@pytest.mark.slow
 def test_what_the_data_said_is_known_of_every_parameter(tree, made):
     with_group = identify_motions(tree, made.motions)
     for name in ("k_case", "x_case", "beta_case", "m_case", "c_case"):

@@ -33,6 +33,7 @@ def fitted():
     return [(truth, estimate_motion(RIG, record)) for truth, record in pairs]
 
 
+@pytest.mark.slow
 def test_parameters_come_back(fitted):
     logs = [np.log([t.k_kN_per_mm, t.x_kN, t.beta_mm, t.m_kg, t.c_kN_s_per_mm]) for t, _ in fitted]
     off = np.array([estimate.log_mean for _, estimate in fitted]) - logs
@@ -48,6 +49,7 @@ def test_parameters_come_back(fitted):
     assert np.all(sd[:, :3] < [0.005, 0.03, 0.03])
 
 
+@pytest.mark.slow
 def test_95_per_cent_intervals_hold_the_truth(fitted):
     inside = []
     for truth, estimate in fitted:
@@ -58,6 +60,7 @@ def test_95_per_cent_intervals_hold_the_truth(fitted):
     assert sum(inside) >= len(inside) - 1
 
 
+@pytest.mark.slow
 def test_the_check_passes_a_good_fit_and_tells_bad_ones(fitted):
     _, estimate = fitted[0]
     window, found = estimate.window, estimate.map_estimate
@@ -67,6 +70,7 @@ def test_the_check_passes_a_good_fit_and_tells_bad_ones(fitted):
     assert not weights_trusted(weighted_draws(RIG, found.standard + 3 * sd, found.covariance, window))
 
 
+@pytest.mark.slow
 def test_the_check_tells_a_covariance_that_is_too_narrow(fitted):
     # Without data the posterior is the prior, normal(0, 1): what Laplace should say is known exactly.
     window = fitted[0][1].window
@@ -77,6 +81,7 @@ def test_the_check_tells_a_covariance_that_is_too_narrow(fitted):
     assert np.isnan(weighted_draws(RIG, peak, -unit, blind).pareto_k)
 
 
+@pytest.mark.slow
 def test_weighed_draws_are_the_posterior_where_it_is_known(fitted):
     window = fitted[0][1].window
     blind = window._replace(weight=0 * window.weight)
@@ -89,6 +94,7 @@ def test_weighed_draws_are_the_posterior_where_it_is_known(fitted):
     assert np.all(np.abs(variance - 1) < 4.5 * np.sqrt(2 / weighted.effective))
 
 
+@pytest.mark.slow
 def test_jacobian_is_that_of_finite_differences(fitted):
     window = fitted[0][1].window
     start = starting_points(RIG, window)[0]

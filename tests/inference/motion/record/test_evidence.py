@@ -28,16 +28,10 @@ NAMES = parameter_names(FANCHER)
 pytestmark = pytest.mark.usefixtures("fully_compiled")
 
 RIG = load_rig("single")
-#: Laws that contain one, exactly or as a limit (a belt of no mass is a spring), and those that come nearest of the
-#: others; `study laws` tries all of them.
-CONTAINED_IN = {"fancher": ("bouc_wen",), "kelvin_voigt": ("rigid_ring",)}
-RIVALS = {
-    "fancher": ("maxwell_slip",),
-    "kelvin_voigt": ("fancher",),
-    "bouc_wen": ("fancher",),
-    "maxwell_slip": ("fancher",),
-    "rigid_ring": ("kelvin_voigt",),
-}
+#: A law, one that contains it as a limit (a belt of no mass is a spring), and the nearest of the others. `study laws`
+#: tries every law against every other; compiling one takes half a minute here.
+CONTAINED_IN = {"kelvin_voigt": ("rigid_ring",)}
+RIVALS = {"fancher": ("maxwell_slip",), "kelvin_voigt": ("fancher",), "maxwell_slip": ("fancher",)}
 
 
 def blind_window() -> Window:
@@ -85,7 +79,7 @@ def recorded(name: str) -> tuple[Recorded, Truth]:
     return simulated(MOTION_LAWS[name], plan, RIG, 7), draw_truth(plan, RIG, 7)
 
 
-# Fits five records by two or three laws each: over 10 s.
+# Fits three records by two or three laws each: over 10 s.
 @pytest.mark.slow
 @pytest.mark.parametrize("true", RIVALS)
 def test_the_law_of_a_record_has_the_evidence(true):
@@ -102,7 +96,7 @@ def test_the_law_of_a_record_has_the_evidence(true):
     shared = [i for i, name in enumerate(law.reported_parameters) if name in values]
     true_logs = np.log([values[law.reported_parameters[i]] for i in shared])
     off = (own.log_mean[shared] - true_logs) / np.sqrt(np.diag(own.log_covariance)[shared])
-    # Of some 20 numbers of the five records one is beyond 4.5 standard deviations once in 7000 seeds.
+    # Of some 12 numbers of the three records one is beyond 4.5 standard deviations once in 12,000 seeds.
     assert np.abs(off).max() < 4.5, dict(zip(shared, off, strict=True))
 
 

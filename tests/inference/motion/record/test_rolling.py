@@ -1,5 +1,7 @@
 """A rolling record: its quiet stretch's harmonics, and tyre, mass and damping from its motion over the runout."""
 
+from functools import cache
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -91,6 +93,7 @@ def test_quick_road_that_is_larger_at_times_is_made_white(end_Hz):
     assert np.corrcoef(left[1:], left[:-1])[0, 1] > 0.3
 
 
+@cache
 def rolling_record():
     plan = next(p for p in thesis_plan() if p.record == "S(25)30-35(3)")
     truth = draw_truth(plan._replace(duration_s=6.0), RIG, 1)

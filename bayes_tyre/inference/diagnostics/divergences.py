@@ -1,0 +1,27 @@
+"""What is said of divergent transitions: what helps, and what the repeat that came of them had."""
+
+from collections.abc import Sequence
+
+from bayes_tyre.inference.sampling.run import ACCEPTANCE_MOST, SamplerRun
+
+_SIMPLER = "give more informative --priors, or a simpler model (--repeats normal, --noise iid)"
+
+
+def against_divergences(target: float | None) -> str:
+    """Return what to do about divergences at a target acceptance: shorter steps while there are any, then the model."""
+    if target is None or target < ACCEPTANCE_MOST:
+        was = "" if target is None else f" (it was {target:g})"
+        return f"raise --target-accept to {ACCEPTANCE_MOST:g}{was}; if they stay, {_SIMPLER}"
+    return _SIMPLER
+
+
+def repeat_note(runs: Sequence[SamplerRun]) -> str:
+    """Return what the runs of a repeat had, in a sentence; empty for a single run."""
+    if len(runs) < 2:
+        return ""
+    each = ", ".join(
+        f"{one.divergences} divergent transitions at target acceptance {one.target_accept:g}"
+        + (" (kept)" if one.kept else "")
+        for one in runs
+    )
+    return f"sampled twice: {each}"

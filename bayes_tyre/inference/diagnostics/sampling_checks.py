@@ -1,0 +1,162 @@
+"""The criteria of the verdict that judge the sampler: R-hat, ESS, Monte Carlo error, BFMI, divergences."""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import arviz as az
+import numpy as np
+import xarray as xr
+
+from bayes_tyre.inference.diagnostics.convergence import Figures, discordant_chain, where_divergent, worst
+from bayes_tyre.inference.diagnostics.divergences import against_divergences, repeat_note
+from bayes_tyre.inference.sampling.run import kept_acceptance, sampler_runs
+
+R_HAT_MOST = 1.01
+ESS_LEAST_PER_CHAIN = 100
+BFMI_LEAST = 0.3
+#: Quantities that are a probability in every draw, near 0 or 1 in most of them. Only their mean is reported, so only
+#: its Monte Carlo error is judged: a tail that holds the few draws away from 0 or 1 has a small ESS and a large R-hat
+#: where the mean is known to a thousandth.
+PROBABILITIES = ("outlier_probability",)
+#: Largest Monte Carlo error of such a mean. A probability printed with two digits is then right to one unit of the
+#: last, and a record below 0.47 or above 0.53 is on its side of 0.5 by three standard errors. The fewest effective
+#: draws that pass, 400, reach it for draws with a standard deviation of up to 0.2.
+PROBABILITY_ERROR_MOST = 0.01
+_MORE = "raise --warmup and --draws"
+
+
+class Check(NamedTuple):
+    """One criterion of the verdict.
+
+    Attributes
+    ----------
+    name, kind:
+        Such as ``r_hat``; ``sampling``, ``model`` or ``data``.
+    passed:
+        Whether it is met.
+    value, limit:
+        The worst value, and the last one that passes; NaN where there is no number.
+    where:
+        The element or chain of `value`; empty where it belongs to all.
+    finding, remedy:
+        What is wrong, and what to do: the sentence in `reasons` where it has failed.
+    note:
+        What a reader should know though it passed.
+    """
+
+    name: str
+    kind: str
+    passed: bool
+    value: float
+    limit: float
+    where: str
+    finding: str
+    remedy: str
+    note: str = ""
+
+    @property
+    def reason(self) -> str:
+        """The sentence in `reasons`."""
+        return f"{self.finding}; {self.remedy}"
+
+    @property
+    def row(self) -> dict[str, Any]:
+        """What `diagnostics.json` holds under `checks`: without finding; remedy where it failed, note if any."""
+        row = self._asdict() | {"remedy": "" if self.passed else self.remedy}
+        return {name: value for name, value in row.items() if name != "finding" and (name != "note" or value)}
+
+
+def without_probabilities(figures: Figures) -> Figures:
+    """Return the convergence statistics of all quantities but `PROBABILITIES`, which have a check of their own."""
+    r_hat = None if figures.r_hat is None else figures.r_hat.drop_vars(PROBABILITIES, errors="ignore")
+    bulk, tail = (ess.drop_vars(PROBABILITIES, errors="ignore") for ess in (figures.ess_bulk, figures.ess_tail))
+    return Figures(r_hat, bulk, tail)
+
+
+def sampling_checks(tree: xr.DataTree, figures: Figures, sampler: list[dict[str, Any]]) -> Iterator[Check]:
+    """Yield the checks of the sampler.
+
+    Parameters
+    ----------
+    tree:
+        A posterior as `bayes_tyre.inference.sampling.datatree.to_datatree` gives it.
+    figures, sampler:
+        Its convergence statistics without those of `PROBABILITIES`, and `convergence.by_chain` of it.
+    """
+    posterior = tree["posterior"].to_dataset()
+    yield _finite(posterior)
+    yield _agreement(posterior, figures)
+    least = ESS_LEAST_PER_CHAIN * posterior.sizes["chain"]
+    yield _enough("bulk", figures.ess_bulk, least)
+    yield _enough("tail", figures.ess_tail, least)
+    yield from (_certain(name, posterior[name]) for name in PROBABILITIES if name in posterior)
+    yield _energy(sampler)
+    yield _divergences(tree, sampler)
+
+
+def mean_error(probability: xr.DataArray) -> xr.DataArray:
+    """Return the Monte Carlo standard error of each mean; 0 where all draws are the same, which ArviZ leaves NaN."""
+    sample = ("chain", "draw")
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = az.mcse(probability, method="mean")
+    return error.where(probability.max(sample) != probability.min(sample), 0.0)
+
+
+def _others(bad: int, where: str = "") -> str:
+    return f" ({bad - 1} more{where})" if bad > 1 else ""
+
+
+def _finite(posterior: xr.Dataset) -> Check:
+    bad = [str(name) for name, draws in posterior.data_vars.items() if not np.isfinite(draws.to_numpy()).all()]
+    where = ", ".join(bad)
+    finding, remedy = f"{where}: draws are not finite", "check the scales of the records"
+    return Check("finite_draws", "sampling", not bad, float(len(bad)), 0.0, where, finding, remedy)
+
+
+def _agreement(posterior: xr.Dataset, figures: Figures) -> Check:
+    if figures.r_hat is None:
+        finding, remedy = "one chain cannot be compared with another", "use --chains 4"
+        return Check("r_hat", "sampling", False, np.nan, R_HAT_MOST, "", finding, remedy)
+    value, where = worst(figures.r_hat, largest=True)
+    bad = sum(bool((figure > R_HAT_MOST).any()) for figure in figures.r_hat.data_vars.values())
+    chain = f"chain {discordant_chain(posterior, where)} most" if where else "all of them"
+    finding = (
+        f"{where}: R-hat {value:.3f} is above {R_HAT_MOST}{_others(bad, ' in by_parameter')}: chains disagree, {chain}"
+    )
+    return Check("r_hat", "sampling", value <= R_HAT_MOST, value, R_HAT_MOST, where, finding, _MORE)
+
+
+def _enough(kind: str, ess: xr.Dataset, least: int) -> Check:
+    value, where = worst(ess, largest=False)
+    bad = sum(bool((figure < least).any()) for figure in ess.data_vars.values())
+    more = _others(bad, " in by_parameter")
+    finding = f"{where}: {kind} ESS {value:.0f} is below {ESS_LEAST_PER_CHAIN} a chain{more}"
+    return Check(f"ess_{kind}", "sampling", value >= least, value, float(least), where, finding, _MORE)
+
+
+def _certain(name: str, probability: xr.DataArray) -> Check:
+    """Return whether the means of a probability are known well enough: more draws make their error smaller."""
+    errors, most = mean_error(probability), PROBABILITY_ERROR_MOST
+    value, where = worst(errors.to_dataset(name=name), largest=True)
+    bad = int((errors > most).sum())
+    finding = f"{where}: Monte Carlo error {value:.3f} of its mean is above {most}{_others(bad)}"
+    return Check(f"{name}_mcse", "sampling", value <= most, value, most, where, finding, "raise --draws")
+
+
+def _energy(sampler: list[dict[str, Any]]) -> Check:
+    stiff = sampler[int(np.argmin([chain["bfmi"] for chain in sampler]))]
+    value, where = stiff["bfmi"], f"chain {stiff['chain']}"
+    finding = f"energy: BFMI {value:.2f} of {where} is below {BFMI_LEAST}: tails are not explored"
+    return Check("bfmi", "sampling", value >= BFMI_LEAST, value, BFMI_LEAST, where, finding, "raise --warmup")
+
+
+def _divergences(tree: xr.DataTree, sampler: list[dict[str, Any]]) -> Check:
+    divergent = [chain for chain in sampler if chain["divergences"]]
+    total, where = sum(chain["divergences"] for chain in divergent), where_divergent(tree)
+    each = ", ".join(f"{chain['divergences']} in chain {chain['chain']}" for chain in divergent)
+    finding = (
+        f"{total} divergent transitions ({each}{f'; most at {where}' if where else ''}): part of the posterior was "
+        "not reached"
+    )
+    note, remedy = repeat_note(sampler_runs(tree)), against_divergences(kept_acceptance(tree))
+    return Check("divergences", "sampling", not divergent, float(total), 0.0, where, finding, remedy, note)

@@ -1,0 +1,162 @@
+"""Which coordinates each site of the models is sampled in, given estimates from the data.
+
+Estimates, by least squares and Fisher information, shape the coordinates only, never the posterior.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
+from numpyro.distributions import biject_to
+from numpyro.infer.reparam import Reparam
+
+from bayes_tyre.inference.model.case_effects import case_remainder, repeat_scatter, with_remainder
+from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation
+from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates
+from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian, Reparameterised, reparameterise_by_slope
+from bayes_tyre.inference.model.coordinates.reparams import (
+    Coordinates,
+    DrawnReparam,
+    InCoordinates,
+    NormalReparam,
+    Place,
+    RecordsReparam,
+    TermsReparam,
+    softplus,
+)
+from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.factors import Factors
+from bayes_tyre.inference.model.hyperparameters import PARAMETERS, Hyperparameters, by_family, family_of
+from bayes_tyre.inference.model.models import log_published, published_model, records_model
+from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.model.terms import find_terms
+
+#: Repeats that a case without any counts as in its coordinates: an estimate without weight.
+_ALMOST_NONE = 1e-6
+
+
+def records_in_coordinates(approximation: LaplaceApproximation, **arguments: Any) -> None:
+    """Run `records_model`, with these arguments, in coordinates that follow the records' Laplace approximation."""
+    coordinates = record_coordinates(approximation, arguments["factors"], arguments.get("priors", PRIORS))
+    InCoordinates(records_model, coordinates)(**arguments)
+
+
+def published_in_coordinates(**arguments: Any) -> None:
+    """Run `published_model`, with these arguments, in coordinates that follow what is printed."""
+    InCoordinates(published_model, published_coordinates(**arguments))(**arguments)
+
+
+def hyperparameter_starts(
+    sites: Iterable[str], values: Mapping[str, np.ndarray], priors: Priors = PRIORS
+) -> dict[str, np.ndarray]:
+    """Return values by name of the prior as unconstrained starts of the sites that sample them."""
+    starts = {}
+    for site, names in by_family(sites, priors).items():
+        fn, value = family_of(names, priors), np.stack([values[name] for name in names])
+        if isinstance(fn, dist.HalfNormal):
+            starts[f"{site}_base"] = np.asarray(softplus(fn).inv(value))
+        else:
+            starts[site] = np.asarray(biject_to(fn.support).inv(value))
+    return starts
+
+
+def case_coordinates(
+    factors: Factors,
+    estimates: CaseEstimates,
+    placed_by: Callable[[Hyperparameters], Place],
+    parameters: Sequence[str] = PARAMETERS,
+    priors: Priors = PRIORS,
+) -> Coordinates:
+    """Return the coordinates of everything from the records' logarithms upwards.
+
+    Parameters
+    ----------
+    factors, estimates:
+        Cases, and what the records say of them.
+    placed_by:
+        Gives what places the records' logarithms.
+    parameters, priors:
+        As the model has them.
+    """
+    terms, rest = find_terms(factors, parameters, priors), with_remainder(factors, parameters)
+    repeats = jnp.asarray(np.maximum(factors.repeats, _ALMOST_NONE))
+
+    def variance(values: Hyperparameters) -> Float[Array, "parameters cases"]:
+        return (repeat_scatter(factors, values, parameters) ** 2 + estimates.variance) / repeats
+
+    def of_terms(values: Hyperparameters) -> Reparam:
+        remainder = case_remainder(factors, values, parameters)
+        return TermsReparam(terms, Gaussian(estimates.middle, 1.0 / (variance(values) + remainder**2)))
+
+    return {
+        "log_sd_repeat_by_speed": lambda _: NormalReparam(estimates.log_scatter),
+        "terms": of_terms,
+        "log_cases": lambda values: NormalReparam(Gaussian(estimates.middle[rest], 1.0 / variance(values)[rest])),
+        "log_records": lambda values: RecordsReparam(placed_by(values), estimates, variance(values), rest),
+        "choice_z": lambda _: DrawnReparam(),
+        "case_z": lambda _: DrawnReparam(),
+    }
+
+
+def record_coordinates(approximation: LaplaceApproximation, factors: Factors, priors: Priors = PRIORS) -> Coordinates:
+    """Return the coordinates of `bayes_tyre.inference.model.models.records_model`."""
+    estimates = approximation.records
+
+    def placed_by(values: Hyperparameters) -> Place:
+        quadratic = estimates.of_log_values(values["sd_J"])
+
+        def place(z: Array, case: Array, scatter: Array) -> Reparameterised:
+            return reparameterise_by_slope(z, quadratic.slope_at(case), quadratic.precision, case, scatter)
+
+        return place
+
+    def atanh_rho(_: Hyperparameters) -> Gaussian:
+        return Gaussian(jnp.arctanh(estimates.rho), estimates.points * (1.0 - estimates.rho**2))
+
+    def log_sigma(values: Hyperparameters) -> Gaussian:
+        value = estimates.log_sigma
+        if "rho" in values:
+            # The innovations are determined whatever rho is, so sigma follows rho.
+            value = value + 0.5 * (jnp.log1p(-(estimates.rho**2)) - jnp.log1p(-(values["rho"] ** 2)))
+        return Gaussian(value, 2.0 * estimates.points)
+
+    return {
+        **case_coordinates(factors, approximation.cases, placed_by, priors=priors),
+        "offsets_z": lambda _: DrawnReparam(),
+        **_noise_coordinates("atanh_rho", atanh_rho),
+        **_noise_coordinates("log_sigma", log_sigma),
+    }
+
+
+def _noise_coordinates(name: str, estimate: Callable[[Hyperparameters], Gaussian]) -> Coordinates:
+    """Return the coordinates of a noise parameter of each record, and of its typical value.
+
+    The typical value follows its records' estimates too: the larger their standard deviation, the less they determine
+    it, and a step size made for the narrow part of that funnel diverges in the wide part.
+    """
+
+    def typical(values: Hyperparameters) -> Reparam:
+        of_records = estimate(values)
+        if of_records.value.shape == (1,):
+            return NormalReparam(Gaussian(of_records.value[0], of_records.precision[0]))
+        weight = 1.0 / (values[f"sd_{name}"] ** 2 + 1.0 / of_records.precision)
+        total = jnp.sum(weight)
+        return NormalReparam(Gaussian(jnp.sum(weight * of_records.value) / total, total))
+
+    return {f"{name}_typical": typical, f"{name}_records": lambda values: NormalReparam(estimate(values))}
+
+
+def published_coordinates(
+    values: Mapping[str, Float[np.ndarray, " cases"]], factors: Factors, priors: Priors = PRIORS
+) -> Coordinates:
+    """Return the coordinates of `bayes_tyre.inference.model.models.published_model`."""
+    terms, printed = find_terms(factors, PARAMETERS, priors), log_published(values)
+
+    def of_terms(known: Hyperparameters) -> Reparam:
+        precision = jnp.stack([known[f"sd_log_{parameter}_published"] ** -2.0 for parameter in PARAMETERS])
+        return TermsReparam(terms, Gaussian(printed, jnp.broadcast_to(precision[:, None], printed.shape)))
+
+    return {"terms": of_terms}

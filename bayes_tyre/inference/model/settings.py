@@ -1,0 +1,73 @@
+"""Options of the hierarchical model of records."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.least_squares.table import REGIONS
+from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.models import NOISE
+from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.model.repeat_distribution import REPEATS
+
+INITIAL_LOADS = ("nominal", "actual")
+LIKELIHOODS = ("compressed", "direct")
+
+
+@dataclass(frozen=True)
+class ModelSettings:
+    """Options of the hierarchical model of records.
+
+    Attributes
+    ----------
+    region:
+        ``all`` points of each record, or ``thesis``: the source's first 70 %.
+    initial_load:
+        What k and beta may change with: ``nominal``, an effect of each `initial_load_kN`, or ``actual``, a slope
+        over the mean force that a case's records really started from.
+    displacement_scale_sd:
+        Relative standard deviation of a common factor on displacement, carried into k and beta; 0: none.
+    likelihood:
+        ``compressed``: independent of the number of points; or ``direct``, point by point: the reference.
+    repeats:
+        How repeats scatter about their case: a ``mixture`` of usual and discordant ones, ``student`` or ``normal``.
+    noise:
+        ``iid``: independent from point to point; or ``ar1``: each point's follows the one before.
+    noise_window:
+        Samples of the moving average that went over the noise, such as 801; 1: none. Not with ``ar1``.
+    priors:
+        Of the hyperparameters, and the widening of discordant repeats.
+
+    Raises
+    ------
+    BadInput
+        For unknown names, and a standard deviation that is negative or not finite.
+    """
+
+    region: str = "all"
+    initial_load: str = "nominal"
+    displacement_scale_sd: float = 0.0
+    likelihood: str = "compressed"
+    repeats: str = "mixture"
+    noise: str = "iid"
+    noise_window: int = 1
+    priors: Priors = PRIORS
+
+    def __post_init__(self) -> None:
+        for name, allowed in (
+            *(("region", REGIONS), ("initial_load", INITIAL_LOADS), ("likelihood", LIKELIHOODS)),
+            *(("repeats", REPEATS), ("noise", NOISE)),
+        ):
+            if getattr(self, name) not in allowed:
+                raise BadInput(f"{name} {getattr(self, name)!r} is unknown; use {' or '.join(allowed)}")
+        if not 0 <= self.displacement_scale_sd < np.inf:
+            raise BadInput(
+                f"displacement_scale_sd is {self.displacement_scale_sd}; give 0 or a relative sd such as 0.05"
+            )
+        if self.noise_window < 1:
+            raise BadInput(f"noise_window is {self.noise_window}; give the samples averaged, or 1 for none")
+        if self.noise_window > 1 and self.noise != "iid":
+            raise BadInput(
+                f"noise_window {self.noise_window} says all of the noise; give it without noise {self.noise}"
+            )

@@ -1,0 +1,47 @@
+"""Text from files and libraries made safe to show: on one line, printable, not too long."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+#: Most characters of a label in a table, of a name in a message, and of a library's error; most names in a list.
+LABEL, NAME, REASON, LISTED = 30, 60, 200, 6
+
+
+def one_line(text: object, most: int | None = LABEL) -> str:
+    """Return a text as one line of at most `most` characters, each unprintable one replaced by U+FFFD.
+
+    With `most` None, as for a path, nothing is shortened and spaces are left alone.
+    """
+    line = str(text) if most is None else _without_breaks(text)
+    line = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in line)
+    return line if most is None or len(line) <= most else f"{line[: most - 1]}\N{HORIZONTAL ELLIPSIS}"
+
+
+def reason(error: object) -> str:
+    """Return a library's error as one line for a message: its text, or its kind where it has none."""
+    return one_line(_without_breaks(error)[:REASON], None) or type(error).__name__
+
+
+def quoted(text: str) -> str:
+    """Return a text in quotes for a message, unprintable characters escaped, at most about `NAME` characters."""
+    return repr(text if len(text) <= NAME else text[: NAME - 3] + "...")
+
+
+def escaped(text: object, shows: Callable[[str], bool] = str.isprintable) -> str:
+    """Return a text as one line, with escapes for the characters that `shows` refuses."""
+    return "".join(c if shows(c) else c.encode("unicode_escape").decode("ascii") for c in _without_breaks(text))
+
+
+def listed(names: Sequence[str], most: int = LISTED, show: Callable[[str], str] = str) -> str:
+    """Return names as a list of at most `most`, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(map(show, names[:most])) + more
+
+
+def path_text(path: Path) -> str:
+    """Return a path as text; bytes that are not text become escapes."""
+    return str(path).encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+def _without_breaks(text: object) -> str:
+    return " ".join(str(text).split())

@@ -1,0 +1,166 @@
+"""The shipped sampler on many small data sets of one design, compiled once."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from bayes_tyre.batch import Batch
+from bayes_tyre.inference.model.coordinates.laplace import (
+    LaplaceApproximation,
+    RecordEstimates,
+    cases_of,
+    empty_approximation,
+    estimate_records,
+    with_traded_replaced,
+)
+from bayes_tyre.inference.model.coordinates.sites import records_in_coordinates
+from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.prepared_records import prepare_batch
+from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.hierarchical_fit import starts_of
+from bayes_tyre.inference.sampling.nuts import Chains
+from bayes_tyre.inference.sampling.run import SamplerSettings, run
+from bayes_tyre.studies.design import Design
+
+#: Records that least squares takes at a time.
+ESTIMATED = 1000
+
+
+class Thinned(NamedTuple):
+    """How much to sample of each data set.
+
+    Attributes
+    ----------
+    settings:
+        Of the sampler, as any fit takes them.
+    thin:
+        Iterations from one draw that is kept to the next.
+    kept:
+        Draws kept of all chains together.
+    """
+
+    settings: SamplerSettings = SamplerSettings(chains=2, warmup=300, draws=200)
+    thin: int = 5
+    kept: int = 79
+
+
+class Sampled(NamedTuple):
+    """What was sampled of each data set.
+
+    Attributes
+    ----------
+    draws:
+        By site, shape (sets, kept, ...), one chain after the other.
+    diverging, steps, energy:
+        Shape (sets, chains, iterations after warmup): whether a transition diverged, its gradients, its energy.
+    """
+
+    draws: dict[str, np.ndarray]
+    diverging: np.ndarray
+    steps: np.ndarray
+    energy: np.ndarray
+
+
+class DesignFit:
+    """The fit of a design's records, compiled once for as many data sets as will come.
+
+    Parameters
+    ----------
+    design:
+        What is tested.
+    sampling:
+        How much to sample of each data set.
+    priors:
+        Of the hyperparameters.
+    nominal_start:
+        Whether the prior of F_i is about the nominal start of each record, as truths are drawn, or as in a fit of
+        measured records about the first force.
+    """
+
+    def __init__(
+        self, design: Design, sampling: Thinned | None = None, priors: Priors = PRIORS, nominal_start: bool = True
+    ) -> None:
+        self.design, self.sampling, self.nominal_start = design, sampling or Thinned(), nominal_start
+        self.model = ModelSettings(priors=priors)
+        blank = self._arguments(np.zeros(design.u.shape))
+        approximation = empty_approximation(len(design.factor_table), design.factors)
+        settings = self.sampling.settings
+        arguments = {"approximation": approximation, **blank}
+        self._chains = Chains(records_in_coordinates, arguments, settings.chains, settings.warmup, starts_of(blank))
+
+    def approximations(self, force_kN: Float[np.ndarray, "sets records points"]) -> list[LaplaceApproximation]:
+        """Return the Laplace approximation of each data set's records, least squares taking many sets together."""
+        sets, records, points = force_kN.shape
+        together = _estimates(np.tile(self.design.u, (sets, 1)), force_kN.reshape(sets * records, points))
+        approximations = []
+        for i in range(sets):
+            here = slice(i * records, (i + 1) * records)
+            own = RecordEstimates(*(jnp.asarray(values[here]) for values in together))
+            own = with_traded_replaced(own, self.design.batch(force_kN[i]), self.design.factors)
+            approximations.append(LaplaceApproximation(own, cases_of(own, self.design.factors, self.model.priors)))
+        return approximations
+
+    def sample(
+        self,
+        force_kN: Float[np.ndarray, "sets records points"],
+        approximations: list[LaplaceApproximation],
+        seed: int,
+        on_progress: Callable[[int], None] = lambda _: None,
+    ) -> Sampled:
+        """Return draws of each data set.
+
+        Parameters
+        ----------
+        force_kN, approximations:
+            The data sets, and what `approximations` gives of them.
+        seed:
+            Of the first data set; the others have those that follow.
+        on_progress:
+            Called with the number of data sets just done.
+        """
+        sets = []
+        for i, (force, approximation) in enumerate(zip(force_kN, approximations, strict=True)):
+            sets.append(self._sample_one(force, approximation, seed + i))
+            on_progress(1)
+        return jax.tree.map(lambda *parts: np.stack(parts), *sets)
+
+    def _sample_one(
+        self, force_kN: Float[np.ndarray, "records points"], approximation: LaplaceApproximation, seed: int
+    ) -> Sampled:
+        arguments = self._arguments(force_kN)
+        chains = self._chains.given(
+            {"approximation": approximation, **arguments}, starts_of(arguments, approximation.records)
+        )
+        settings, thin, kept = self.sampling
+        sites, statistics = run(chains, replace(settings, seed=seed))
+        every = {
+            name: np.concatenate(values[:, thin - 1 :: thin])[:kept]
+            for name, values in sites.items()
+            if not name.endswith("_z")
+        }
+        return Sampled(every, *(statistics[name] for name in ("diverging", "n_steps", "energy")))
+
+    def _arguments(self, force_kN: Float[np.ndarray, "records points"]) -> dict[str, Any]:
+        design = self.design
+        records = prepare_batch(design.batch(force_kN), design.factor_table, design.factors, self.model)
+        if self.nominal_start:
+            records = records._replace(data=design.nominal(records.data))
+        return records.arguments(self.model)
+
+
+def _estimates(u: Float[np.ndarray, "rows points"], force: Float[np.ndarray, "rows points"]) -> RecordEstimates:
+    """Return the estimates of each record; in lots of one size, the last filled up, so that one compilation serves."""
+    rows = len(u)
+    size = min(ESTIMATED, rows)
+    lots = []
+    for start in range(0, rows, size):
+        of_lot = np.minimum(np.arange(start, start + size), rows - 1)
+        names = tuple(map(str, of_lot))
+        lots.append(estimate_records(Batch(names, u[of_lot], force[of_lot], np.ones((size, u.shape[1]), dtype=bool))))
+    return jax.tree.map(lambda *leaves: np.concatenate([np.asarray(leaf) for leaf in leaves])[:rows], *lots)

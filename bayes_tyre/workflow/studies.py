@@ -1,0 +1,138 @@
+"""The studies and the audit: computation, figures and files."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from bayes_tyre.formats.files import prepare_folder, write_text
+from bayes_tyre.formats.tables import write_table
+from bayes_tyre.published.tables import characteristic_deflection
+from bayes_tyre.report.figures import audit as audit_figures
+from bayes_tyre.report.figures.layout import save
+from bayes_tyre.report.figures.study import RankCurves, calibration_plot, outlier_plot
+from bayes_tyre.results.provenance import RUN_JSON, begin_run, write_run
+from bayes_tyre.studies.audit import study_audit
+from bayes_tyre.studies.audit_grid import FACTOR_NAMES, PLANS, TYPICAL_LEVELS
+from bayes_tyre.studies.audit_overview import beta_by_window, bias_by_factor, overview
+from bayes_tyre.studies.audit_sentences import conclusion
+from bayes_tyre.studies.calibration import Calibration, calibrate
+from bayes_tyre.studies.law_ranking import Ranked, rank_laws
+from bayes_tyre.studies.motion_study import MotionStudy, study_motion, study_records
+from bayes_tyre.studies.outliers import Outliers, study_outliers
+from bayes_tyre.studies.truths import study_priors
+from bayes_tyre.studies.uniformity import TOGETHER, band, pit
+
+
+@contextmanager
+def study_run(command: str, out: Path, seed: int, **options: object) -> Iterator[None]:
+    """Prepare the folder `out` of a command that simulates its own data; write `run.json` once the block has ended.
+
+    `options` are those of the command but its seed.
+    """
+    prepare_folder(out)
+    run = begin_run(f"bayes-tyre {command}", {**options, "seed": seed}, seed, [], "simulated")
+    (out / RUN_JSON).unlink(missing_ok=True)
+    yield
+    write_run(run, out)
+
+
+def write_calibration(out: Path, datasets: int, seed: int, on_progress: Callable[[int], None]) -> Calibration:
+    """Write `calibration.csv`, `ranks.csv`, `datasets.csv`, `priors.csv` and the figure into `out`."""
+    with study_run("study calibration", out, seed, datasets=datasets):
+        result = calibrate(datasets, seed, on_progress)
+        write_table(_priors(), out / "priors.csv")
+        write_table(result.datasets, out / "datasets.csv")
+        write_table(result.ranks, out / "ranks.csv")
+        write_table(result.table, out / "calibration.csv")
+        save(calibration_plot(_curves(result)), out / "figures" / "calibration.png")
+    return result
+
+
+def write_outliers(out: Path, campaigns: int, seed: int, on_progress: Callable[[int], None]) -> Outliers:
+    """Write `outliers.csv`, `datasets.csv` and the figure into `out`."""
+    with study_run("study outliers", out, seed, campaigns=campaigns):
+        result = study_outliers(campaigns, seed, on_progress)
+        write_table(result.datasets, out / "datasets.csv")
+        write_table(result.table, out / "outliers.csv")
+        save(outlier_plot(result.table), out / "figures" / "outliers.png")
+    return result
+
+
+def write_motion_study(
+    out: Path, stationary: int, rolling: int, mismatch: int, seed: int, on_progress: Callable[[int], None]
+) -> MotionStudy:
+    """Write `motion_study.csv` and `motion_records.csv` into `out`."""
+    with study_run("study motion", out, seed, stationary=stationary, rolling=rolling, mismatch=mismatch):
+        result = study_motion(study_records(stationary, rolling, seed, mismatch), seed, on_progress)
+        write_table(result.records, out / "motion_records.csv")
+        write_table(result.table, out / "motion_study.csv")
+    return result
+
+
+def write_law_ranking(
+    out: Path,
+    true_laws: Sequence[str],
+    records: int,
+    seed: int,
+    on_progress: Callable[[int], None],
+) -> Ranked:
+    """Write `law_ranking.csv` and `law_ranking_records.csv` into `out`."""
+    with study_run("study laws", out, seed, laws=list(true_laws), records=records):
+        result = rank_laws(true_laws, records=records, seed=seed, on_progress=on_progress)
+        write_table(result.records, out / "law_ranking_records.csv")
+        write_table(result.table, out / "law_ranking.csv")
+    return result
+
+
+def _curves(result: Calibration) -> RankCurves:
+    """Return the ranks of each parameter against uniform ones, with a band that holds for all parameters together."""
+    names, datasets = [str(name) for name in result.ranks.columns[1:]], len(result.ranks)
+    at, lower, upper = band(datasets, 1.0 - (1.0 - TOGETHER) / len(names))
+    rng, excess = np.random.default_rng(0), {}
+    for name in names:
+        values = np.sort(pit(result.ranks[name].to_numpy(), result.kept, rng))
+        excess[name] = np.searchsorted(values, at, side="right") / datasets - at
+    right = dict(zip(result.table["parameter"], result.table["calibrated"], strict=True))
+    return RankCurves(at, lower, upper, excess, right, datasets, result.kept, TOGETHER)
+
+
+def _priors() -> pd.DataFrame:
+    rows = [
+        (site, prior.family.__name__, " ".join(f"{value:g}" for value in prior.parameters), prior.unit, prior.reason)
+        for site, prior in study_priors().items()
+    ]
+    return pd.DataFrame(rows, columns=["site", "family", "parameters", "unit", "reason"])
+
+
+def write_audit(
+    out: Path, plan: str, replicates: int, seed: int, on_progress: Callable[[int], None]
+) -> tuple[pd.DataFrame, list[str]]:
+    """Write `audit.csv`, `audit_records.csv`, `conclusion.txt` and the figures into `out`.
+
+    Returns the overview, a row a method and parameter, and the conclusion's paragraphs.
+
+    Parameters
+    ----------
+    out:
+        Folder, made where it is missing.
+    plan:
+        A name in `bayes_tyre.studies.audit_grid.PLANS`.
+    replicates, seed:
+        Records a point, and where their draws start.
+    on_progress:
+        Called with 1 after each record.
+    """
+    with study_run("audit", out, seed, plan=plan, replicates=replicates):
+        result = study_audit(PLANS[plan], replicates, seed, on_progress)
+        shown = overview(result.table)
+        paragraphs = conclusion(result.table, characteristic_deflection()["beta_mm"].tolist())
+        write_table(result.records, out / "audit_records.csv")
+        write_table(result.table, out / "audit.csv")
+        write_text("\n\n".join(paragraphs) + "\n", out / "conclusion.txt")
+        tables = (result.table, bias_by_factor(result.table, "k"), shown, beta_by_window(result.table, "thesis"))
+        for name, figure in audit_figures.draw(*tables, FACTOR_NAMES, TYPICAL_LEVELS):
+            save(figure, out / "figures" / f"{name}.png")
+    return shown, paragraphs

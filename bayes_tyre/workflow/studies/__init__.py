@@ -1,1 +1,0 @@
-"""Commands on many simulated data sets: `audit`, `study`."""

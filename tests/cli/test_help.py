@@ -1,0 +1,17 @@
+"""What the help of commands lists is what there is: suffixes of files, force laws."""
+
+from bayes_tyre.cli import suffixes
+from bayes_tyre.cli.commands.motion import Law, motion
+from bayes_tyre.formats import raw, tables
+from bayes_tyre.inference.motion.laws import MOTION_LAWS
+
+
+def test_help_names_the_suffixes_that_are_read():
+    assert suffixes.TABLE.split(" or ") == list(tables.READERS)
+    assert suffixes.RAW.split(", ") == [suffix for suffix in raw.READERS if suffix != ".txt"]
+
+
+def test_help_names_the_laws_that_a_motion_can_be_fitted_with():
+    assert [law.value for law in Law] == list(MOTION_LAWS)
+    assert motion.__doc__ is not None
+    assert all(law.value in motion.__doc__ for law in Law if law is not Law.fancher)

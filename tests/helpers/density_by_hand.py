@@ -1,0 +1,125 @@
+"""The density of the model of records as the documentation has it, written in numpy and SciPy alone."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from helpers.repeats_by_hand import Numbers, by_hand
+from scipy import stats
+
+from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.factors import Factors
+from bayes_tyre.inference.record_data import RecordData
+
+PARAMETERS = ("k", "beta")
+Values = Mapping[str, np.ndarray]
+
+
+def log_density(values: Values, data: RecordData, factors: Factors, repeats: str, noise: str) -> float:
+    """Return the log density of all that the model samples, and of the forces.
+
+    Parameters
+    ----------
+    values:
+        By name: hyperparameters, and `log_sd_repeat_by_speed`, `terms`, `log_cases`, `log_records`,
+        `log_sigma_typical`, `log_sigma_records`, `atanh_rho_typical`, `atanh_rho_records` as far as there are any.
+    data, factors:
+        The records and how they group.
+    repeats, noise:
+        How repeats scatter, and whether noise is autoregressive.
+    """
+    total = sum(PRIORS[name].scipy().logpdf(values[name]) for name in PRIORS if name in values and above(name))
+    total += _terms(values, factors)
+    scatter = np.stack([scatter_of(name, values, factors) for name in PARAMETERS])
+    if factors.speed.varies:
+        for i, name in enumerate(PARAMETERS):
+            typical, spread = values[f"sd_log_{name}_repeat"], values[f"sd_log_{name}_repeat_over_speeds"]
+            total += stats.norm.logpdf(values["log_sd_repeat_by_speed"][i], np.log(typical), spread).sum()
+    total += _repeats(values, factors, scatter, repeats)
+    for name in ("log_sigma", "atanh_rho"):
+        if f"{name}_typical" in values:
+            prior = PRIORS["sigma_typical" if name == "log_sigma" else "atanh_rho_typical"]
+            total += stats.norm.logpdf(values[f"{name}_typical"], *prior.parameters)
+        if f"{name}_records" in values:
+            total += stats.norm.logpdf(values[f"{name}_records"], values[f"{name}_typical"], values[f"sd_{name}"]).sum()
+    return float(total + _forces(values, data, noise))
+
+
+def above(name: str) -> bool:
+    """Whether a prior is of a scalar of its own: group means are terms, typical noise is normal on its own axis."""
+    return not name.endswith(("_group", "_typical"))
+
+
+def case_means(values: Values, factors: Factors) -> np.ndarray:
+    """Return the linear predictor, shape (parameters, cases)."""
+    ends = np.cumsum([factors.design(name).shape[1] for name in PARAMETERS])[:-1]
+    each = zip(PARAMETERS, np.split(values["terms"], ends), strict=True)
+    return np.stack([factors.design(name) @ terms for name, terms in each])
+
+
+def scatter_of(name: str, values: Values, factors: Factors) -> np.ndarray:
+    """Return the standard deviation of repeats in each case."""
+    if not factors.speed.varies:
+        return np.full(len(factors.cases), values[f"sd_log_{name}_repeat"])
+    return np.exp(values["log_sd_repeat_by_speed"])[PARAMETERS.index(name), factors.speed.of_case]
+
+
+def numbers_of(values: Values, factors: Factors) -> Numbers:
+    """Return what the density of the repeats of cases takes."""
+    scatter = np.stack([scatter_of(name, values, factors) for name in PARAMETERS])
+    remainder = np.array([[values.get(f"sd_log_{name}_case", 0.0)] for name in PARAMETERS])
+    return Numbers(values["log_records"], case_means(values, factors), scatter, remainder, values["discordant_weight"])
+
+
+def _terms(values: Values, factors: Factors) -> float:
+    total, start = 0.0, 0
+    for name in PARAMETERS:
+        groups = len(factors.group.labels)
+        total += stats.norm.logpdf(values["terms"][start : start + groups], *PRIORS[f"{name}_group"].parameters).sum()
+        start += groups
+        for effect, factor in factors.effects(name).items():
+            coordinates = values["terms"][start : start + factor.basis.shape[1]]
+            total += stats.norm.logpdf(coordinates, 0.0, values[f"sd_log_{name}_{effect}"]).sum()
+            start += len(coordinates)
+    return float(total)
+
+
+def _repeats(values: Values, factors: Factors, scatter: np.ndarray, repeats: str) -> float:
+    records, of_record = values["log_records"], factors.of_record
+    if repeats == "mixture":
+        numbers = numbers_of(values, factors)
+        each = (by_hand(numbers, factors, case) for case in range(len(factors.cases)))
+        return float(sum(np.logaddexp.reduce(list(joint.values())) for joint in each))
+    cases, total = case_means(values, factors), 0.0
+    rest = [i for i, name in enumerate(PARAMETERS) if f"sd_log_{name}_case" in values]
+    for row, i in enumerate(rest):
+        sd = values[f"sd_log_{PARAMETERS[i]}_case"]
+        total += stats.norm.logpdf(values["log_cases"][row], cases[i], sd).sum()
+        cases[i] = values["log_cases"][row]
+    deviation, sd = records - cases.T[of_record], scatter.T[of_record]
+    if repeats == "normal":
+        return float(total + stats.norm.logpdf(deviation, 0.0, sd).sum())
+    t: Any = stats.multivariate_t  # SciPy's stubs say int, of shape and df
+    each = zip(deviation, sd, strict=True)
+    return float(total + sum(t.logpdf(d, shape=np.diag(s**2), df=values["student_nu"]) for d, s in each))
+
+
+def _forces(values: Values, data: RecordData, noise: str) -> float:
+    """Return the log density of the forces: normal, for they are linear in F_i and J, which are."""
+    total = 0.0
+    for r in range(len(values["log_records"])):
+        present = np.asarray(data.present[r])
+        u, F = np.asarray(data.u[r])[present], np.asarray(data.F[r])[present]
+        log_k, log_beta = values["log_records"][r]
+        g = 1.0 - np.exp(-np.abs(u) / np.exp(log_beta))
+        sigma = np.exp(values["log_sigma_records"][r] if "log_sigma_records" in values else values["log_sigma_typical"])
+        rho = 0.0
+        if noise == "ar1":
+            rho = np.tanh(
+                values["atanh_rho_records"][r] if "atanh_rho_records" in values else values["atanh_rho_typical"]
+            )
+        lag = np.abs(np.subtract.outer(np.arange(len(u)), np.arange(len(u))))
+        covariance: Any = sigma**2 * rho**lag  # SciPy's stubs say int, of all its shapes
+        covariance += np.asarray(data.span[r]) ** 2 + values["sd_J"] ** 2 * np.outer(g, g)
+        total += stats.multivariate_normal.logpdf(F, np.asarray(data.F_0[r]) + np.exp(log_k) * u * g, covariance)
+    return float(total)
