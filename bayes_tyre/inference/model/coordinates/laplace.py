@@ -20,6 +20,7 @@ from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS
+from bayes_tyre.inference.model.normal_posterior import QuadraticApproximation
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.record_data import RecordData, force_curve, record_data
 
@@ -65,7 +66,7 @@ class RecordEstimates(NamedTuple):
         """Estimates of log beta, beta in mm."""
         return self.centre[:, 3]
 
-    def of_log_values(self, sd_J: Float[Array, ""] | None = None) -> "QuadraticApproximation":
+    def of_log_values(self, sd_J: Float[Array, ""] | None = None) -> QuadraticApproximation:
         """Return what the records say of log k and log beta with F_i and J integrated out.
 
         Parameters
@@ -81,26 +82,6 @@ class RecordEstimates(NamedTuple):
         followed = jnp.einsum("rij,rik->rjk", both, adjugate / (a * d - b**2)[:, None, None])
         slope = followed[:, :, 1] * (of_prior * self.centre[:, 1])[:, None]
         return QuadraticApproximation(self.centre[:, 2:], slope, shape - jnp.einsum("rij,rjk->rik", followed, both))
-
-
-class QuadraticApproximation(NamedTuple):
-    """A Gaussian approximation of the log density of (log k, log beta) about the records' estimates.
-
-    Attributes
-    ----------
-    centre, slope:
-        Shape (records, 2): the estimates, and its slope there.
-    precision:
-        Shape (records, 2, 2): minus its curvature.
-    """
-
-    centre: Float[Array, "records 2"]
-    slope: Float[Array, "records 2"]
-    precision: Float[Array, "records 2 2"]
-
-    def slope_at(self, log_values: Float[Array, "records 2"]) -> Float[Array, "records 2"]:
-        """Return its slope at these log k (kN/mm) and log beta (mm)."""
-        return self.slope + jnp.einsum("rij,rj->ri", self.precision, self.centre - log_values)
 
 
 def estimate_records(

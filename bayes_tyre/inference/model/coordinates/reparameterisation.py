@@ -11,12 +11,13 @@ Source: the idea of Papaspiliopoulos, Roberts & Skold (2007), "A general framewo
 hierarchical models", Statistical Science 22, taken from one partial centring to one that follows the scales.
 """
 
-import math
 from typing import NamedTuple
 
 import jax.numpy as jnp
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, ArrayLike, Float
+
+from bayes_tyre.inference.model.normal_posterior import NormalPosterior
 
 
 class Gaussian(NamedTuple):
@@ -84,8 +85,6 @@ def reparameterise_by_slope(
 ) -> Reparameterised:
     """Return a few unknowns of each unit at z, as `reparameterise` does for scalars.
 
-    Cholesky's factor and both its solves are written out: LAPACK would be called once a unit.
-
     Parameters
     ----------
     z:
@@ -95,24 +94,9 @@ def reparameterise_by_slope(
     above, scale:
         The level above: Normal(above, scale), each by itself.
     """
-    count, scales = z.shape[1], scale.T
-    root, half = [], []
-    for i in range(count):
-        row = []
-        for j in range(i):
-            taken = sum((a * b for a, b in zip(row, root[j], strict=False)), jnp.zeros(()))
-            row.append((precision[:, i, j] * scales[i] * scales[j] - taken) / root[j][j])
-        row.append(jnp.sqrt(1.0 + precision[:, i, i] * scales[i] ** 2 - sum((a**2 for a in row), jnp.zeros(()))))
-        before = sum((a * h for a, h in zip(row, half, strict=False)), jnp.zeros(()))
-        half.append((slope[:, i] * scales[i] - before) / row[i])
-        root.append(row)
-    own: list[Array] = []
-    for i in reversed(range(count)):
-        behind = sum((root[j][i] * own[count - 1 - j] for j in range(i + 1, count)), jnp.zeros(()))
-        own.append((half[i] + z[:, i] - behind) / root[i][i])
-    deviation = scale * jnp.stack(own[::-1], axis=1)
-    log_volume = jnp.sum(jnp.log(scale), axis=1) - jnp.log(math.prod(root[i][i] for i in range(count)))
-    return Reparameterised(above + deviation, deviation, log_volume)
+    posterior = NormalPosterior(slope.T, jnp.moveaxis(precision, 0, -1), scale.T)
+    deviation = posterior.draw(z.T).T
+    return Reparameterised(above + deviation, deviation, posterior.log_volume)
 
 
 def reparameterise_jointly(
