@@ -28,6 +28,13 @@ LikelihoodOption = Annotated[
     Literal["compressed", "direct"],
     typer.Option(help="compressed, whatever the number of points; or direct, point by point."),
 ]
+SamplerOption = Annotated[
+    Literal["collapsed", "joint"],
+    typer.Option(
+        help="collapsed: 100 records or more are integrated out by summaries of them, where these are good enough; or "
+        "joint: records are sampled with what they share."
+    ),
+]
 RepeatsOption = Annotated[
     Literal["mixture", "student", "normal"],
     typer.Option(help="How repeats scatter: usual and discordant ones, Student-t, or normal."),

@@ -18,12 +18,11 @@ from bayes_tyre.inference.model.coordinates.laplace import (
     estimate_records,
     with_traded_replaced,
 )
-from bayes_tyre.inference.model.coordinates.sites import records_in_coordinates
+from bayes_tyre.inference.model.coordinates.sites import record_starts, records_in_coordinates
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.prepared_records import prepare_batch
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.settings import ModelSettings
-from bayes_tyre.inference.sampling.hierarchical_fit import starts_of
 from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.run import SamplerSettings, run
 from bayes_tyre.studies.design import Design
@@ -92,7 +91,7 @@ class DesignFit:
         approximation = empty_approximation(len(design.factor_table), design.factors)
         settings = self.sampling.settings
         arguments = {"approximation": approximation, **blank}
-        self._chains = Chains(records_in_coordinates, arguments, settings.chains, settings.warmup, starts_of(blank))
+        self._chains = Chains(records_in_coordinates, arguments, settings.chains, settings.warmup, record_starts(blank))
 
     def approximations(self, force_kN: Float[np.ndarray, "sets records points"]) -> list[LaplaceApproximation]:
         """Return the Laplace approximation of each data set's records, least squares taking many sets together."""
@@ -135,7 +134,7 @@ class DesignFit:
     ) -> Sampled:
         arguments = self._arguments(force_kN)
         chains = self._chains.given(
-            {"approximation": approximation, **arguments}, starts_of(arguments, approximation.records)
+            {"approximation": approximation, **arguments}, record_starts(arguments, approximation.records)
         )
         settings, thin, kept = self.sampling
         sites, statistics = run(chains, replace(settings, seed=seed))

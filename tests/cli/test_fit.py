@@ -227,6 +227,7 @@ def test_a_run_tells_how_it_was_made(fitted):
     sampler = {"chains": 2, "warmup": 130, "draws": 170, "target_accept": 0.65}
     model = {"region": "all", "initial_load": "nominal", "displacement_scale_sd": 0.0}
     model |= {"likelihood": "compressed", "repeats": "mixture", "noise": "iid", "noise_window": 1}
+    model |= {"sampler": "collapsed"}
     assert run["options"] == {**sampler, **model, "interval": 0.95, "units_checked": False, "priors": PRIORS.given()}
     assert run["seed"] == 7
     digest = hashlib.sha256((folder / "the records.csv").read_bytes()).hexdigest()

@@ -36,6 +36,7 @@ def fit(
     warmup: shell.Warmup = 600,
     draws: shell.Draws = 1500,
     target_accept: shell.TargetAccept = None,
+    sampler: model_options.SamplerOption = "collapsed",
     seed: shell.Seed = 0,
     interval: shell.Interval = 0.95,
     units_checked: Annotated[bool, typer.Option("--units-checked", help="The forces are kN, travel is mm.")] = False,
@@ -68,9 +69,10 @@ def fit(
     model = ModelSettings(
         *(region, initial_load, displacement_scale_sd, likelihood, repeats, noise, noise_window),
         read_priors(priors),
+        sampler,
     )
-    sampler = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
-    plan = Plan(Path(records or ""), sampler, model, interval, units_checked)
+    settings = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
+    plan = Plan(Path(records or ""), settings, model, interval, units_checked)
     _run(plan, out, resume, quiet)
 
 

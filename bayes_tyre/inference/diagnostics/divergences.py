@@ -21,7 +21,8 @@ def repeat_note(runs: Sequence[SamplerRun]) -> str:
         return ""
     each = ", ".join(
         f"{one.divergences} divergent transitions at target acceptance {one.target_accept:g}"
+        + (", records integrated out" if one.sampler == "collapsed" else "")
         + (" (kept)" if one.kept else "")
         for one in runs
     )
-    return f"sampled twice: {each}"
+    return f"sampled {'twice' if len(runs) == 2 else f'{len(runs)} times'}: {each}"

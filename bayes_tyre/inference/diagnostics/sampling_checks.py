@@ -10,6 +10,7 @@ import xarray as xr
 from bayes_tyre.inference.diagnostics.convergence import Figures, discordant_chain, where_divergent, worst
 from bayes_tyre.inference.diagnostics.divergences import against_divergences, repeat_note
 from bayes_tyre.inference.sampling.run import kept_acceptance, sampler_runs
+from bayes_tyre.inference.sampling.summary_error import RECORD_SUMMARIES, SUMMARY_ERROR_MOST, SummaryError
 
 R_HAT_MOST = 1.01
 ESS_LEAST_PER_CHAIN = 100
@@ -92,6 +93,7 @@ def sampling_checks(tree: xr.DataTree, figures: Figures, sampler: list[dict[str,
     yield from (_certain(name, posterior[name]) for name in PROBABILITIES if name in posterior)
     yield _energy(sampler)
     yield _divergences(tree, sampler)
+    yield from _summaries(tree)
 
 
 def mean_error(probability: xr.DataArray) -> xr.DataArray:
@@ -160,3 +162,17 @@ def _divergences(tree: xr.DataTree, sampler: list[dict[str, Any]]) -> Check:
     )
     note, remedy = repeat_note(sampler_runs(tree)), against_divergences(kept_acceptance(tree))
     return Check("divergences", "sampling", not divergent, float(total), 0.0, where, finding, remedy, note)
+
+
+def _summaries(tree: xr.DataTree) -> Iterator[Check]:
+    """Yield whether the summaries that records were integrated out by are good enough, where they were tried."""
+    if RECORD_SUMMARIES not in tree.attrs:
+        return
+    error = SummaryError.from_json(tree.attrs[RECORD_SUMMARIES])
+    finding = f"{error.case}: summaries of the records put the log density off by {error.total:.2g}"
+    joint = all(one.sampler == "joint" for one in sampler_runs(tree) if one.kept)
+    note = f"{finding}: records were sampled as well (--sampler joint)" if joint else ""
+    value, where = (0.0, "") if joint else (error.total, error.case)
+    passed = joint or error.at_least <= SUMMARY_ERROR_MOST
+    remedy = "use --sampler joint"
+    yield Check("record_summaries", "sampling", passed, value, SUMMARY_ERROR_MOST, where, finding, remedy, note)

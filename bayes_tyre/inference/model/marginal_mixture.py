@@ -12,7 +12,7 @@ from typing import NamedTuple, override
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import logsumexp, ndtr, xlog1py, xlogy
+from jax.scipy.special import logsumexp, ndtr
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 from numpyro.distributions import constraints
@@ -50,9 +50,14 @@ def find_members(factors: Factors, kind: str) -> Members | None:
     Choices of more repeats than `MOST_REPEATS` are too many. A Student-t has no closed form, and normal repeats have
     no modes that it would be needed for.
     """
-    most = int(factors.repeats.max())
-    if kind != "mixture" or most > MOST_REPEATS:
+    if kind != "mixture" or factors.repeats.max() > MOST_REPEATS:
         return None
+    return members_of(factors, discordant=True)
+
+
+def members_of(factors: Factors, discordant: bool) -> Members:
+    """Return the members of the cases, with every choice of discordant repeats, or with the one that none is."""
+    most = int(factors.repeats.max())
     records = np.zeros((len(factors.cases), most), dtype=int)
     present = np.zeros(records.shape, dtype=bool)
     place = np.zeros(len(factors.of_record), dtype=int)
@@ -60,7 +65,8 @@ def find_members(factors: Factors, kind: str) -> Members | None:
         members = np.flatnonzero(factors.of_record == case)
         records[case, : len(members)], present[case, : len(members)] = members, True
         place[members] = np.arange(len(members))
-    return Members(records, present, place, np.array(list(product((False, True), repeat=most)), dtype=bool))
+    each = (False, True) if discordant else (False,)
+    return Members(records, present, place, np.array(list(product(each, repeat=most)), dtype=bool))
 
 
 class ChoicePosterior(NamedTuple):
@@ -150,7 +156,9 @@ class RepeatsOfCases(dist.Distribution):
         precision = count / self.scatter**2
         gain = 1.0 + self.remainder**2 * precision
         log_each = -0.5 * (within / self.scatter**2 + precision * mean**2 / gain + jnp.log(gain))
-        log_joint = jnp.sum(log_each, axis=1) + self._log_prior()
+        # A choice widens the volume of those repeats that it calls discordant.
+        log_widening = len(self.scatter) * np.log(self.widening) * _count(members.choices, members.present)
+        log_joint = jnp.sum(log_each, axis=1) + log_prior_of_choices(members, self.weight) - log_widening
         log_total = logsumexp(log_joint, axis=0)
         # What all choices share.
         log_volume = members.present.sum(axis=1) * jnp.sum(jnp.log(self.scatter) + 0.5 * np.log(2.0 * np.pi), axis=0)
@@ -158,15 +166,25 @@ class RepeatsOfCases(dist.Distribution):
         sd = self.remainder / jnp.sqrt(gain)
         return ChoicePosterior(log_total - log_volume, log_joint - log_total, sd**2 * precision * mean, sd)
 
-    def _log_prior(self) -> Float[Array, "choices cases"]:
-        """Return the log probability of each choice beforehand, less the volume by which it widens its repeats."""
-        choices, present = self.members.choices, self.members.present
-        # Counted in numpy: XLA 0.12 got a product of two matrices wrong on CPUs when a hundred draws went together.
-        discordant, usual = (of_choice.astype(float) @ present.T for of_choice in (choices, ~choices))
-        log_widening = len(self.scatter) * np.log(self.widening) * discordant
-        # A repeat that is not there is never discordant.
-        impossible = np.where((choices @ (~present).T) > 0, -np.inf, 0.0)
-        return xlogy(discordant, self.weight) + xlog1py(usual, -self.weight) + (impossible - log_widening)
+
+def log_prior_of_choices(members: Members, weight: Float[Array, ""]) -> Float[Array, "choices cases"]:
+    """Return the log probability of each choice beforehand, each repeat being discordant with probability `weight`."""
+    choices, present = members.choices, members.present
+    # A repeat that is not there is never discordant.
+    impossible = jnp.asarray(np.where(_count(choices, ~present) > 0, -np.inf, 0.0))
+    if not choices.any():  # normal repeats: the weight is no unknown
+        return impossible
+    # Two logarithms, not two for each choice in each case.
+    log_weight, log_rest = jnp.log(weight), jnp.log1p(-weight)
+    return impossible + _count(choices, present) * log_weight + _count(~choices, present) * log_rest
+
+
+def _count(
+    choices: Bool[np.ndarray, "choices repeats"], present: Bool[np.ndarray, "cases repeats"]
+) -> Float[np.ndarray, "choices cases"]:
+    """Return how many repeats both name, of each choice in each case."""
+    # Counted in numpy: XLA 0.12 got a product of two matrices wrong on CPUs when a hundred draws went together.
+    return choices.astype(float) @ present.T
 
 
 def choice_number(discordant: Bool[Array, " records"], members: Members) -> Int[Array, " cases"]:

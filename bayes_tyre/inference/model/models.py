@@ -76,11 +76,15 @@ def records_model(
     sigma = deterministic("sigma", jnp.exp(log_sigma))
     fn = RecordForces(data, log_values, hyperparameters["sd_J"], sigma, rho, likelihood)
     force = numpyro.sample("force", fn, obs=data.F if observed else None)
-    z = numpyro.sample("offsets_z", dist.Normal(0.0, 1.0).expand((records, 2)).to_event())
-    F_i, J = fn.start(fn.given(jnp.asarray(force)).draw(jnp.asarray(z))).T
+    sample_offsets(fn, jnp.asarray(force))
 
-    k, beta = jnp.exp(log_values).T
-    for name, value in {"k": k, "beta": beta, "J": J, "F_i": F_i, "C": F_i + J - k * data.d_0}.items():
+
+def sample_offsets(fn: RecordForces, force: Float[Array, "records points"]) -> None:
+    """Sample F_i and J of each record given its forces (kN), and keep what a record is known by."""
+    k, beta = jnp.exp(fn.log_values).T
+    z = numpyro.sample("offsets_z", dist.Normal(0.0, 1.0).expand((len(k), 2)).to_event())
+    F_i, J = fn.start(fn.given(force).draw(jnp.asarray(z))).T
+    for name, value in {"k": k, "beta": beta, "J": J, "F_i": F_i, "C": F_i + J - k * fn.data.d_0}.items():
         numpyro.deterministic(name, value)
 
 

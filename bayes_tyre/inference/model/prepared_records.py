@@ -12,6 +12,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.correlated_noise import Whitening, smoothed_noise
 from bayes_tyre.inference.least_squares.table import LARGEST, THESIS_SHARE
 from bayes_tyre.inference.model.compressed_likelihood import compress
+from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, laplace_approximation
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.likelihood import DirectLikelihood, Likelihood
 from bayes_tyre.inference.model.settings import ModelSettings
@@ -48,6 +49,10 @@ class PreparedRecords(NamedTuple):
         """Return the arguments of `bayes_tyre.inference.model.models.records_model`."""
         records = {"data": self.data, "factors": self.factors, "likelihood": self.likelihood}
         return {**records, "repeats": model.repeats, "noise": model.noise, "priors": model.priors}
+
+    def approximation(self, model: ModelSettings) -> LaplaceApproximation:
+        """Return the Laplace approximation of the records and their cases."""
+        return laplace_approximation(self.batch, self.factors, model.noise, self.whitening, model.priors)
 
     def only(self, mask: Bool[np.ndarray, " records"], model: ModelSettings) -> "PreparedRecords":
         """Return some of the records; their factors keep all cases."""

@@ -13,7 +13,7 @@ from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS, Hyperparameters, deterministic, deterministic_each
 from bayes_tyre.inference.model.marginal_mixture import (
-    Members,
+    ChoicePosterior,
     RepeatsOfCases,
     draw_cases,
     find_members,
@@ -58,7 +58,10 @@ def sample_records(
             deterministic("outlier_probability", fn.discordant(records))
     else:
         fn = RepeatsOfCases(*about, hyperparameters["discordant_weight"], widening, factors.of_record, members)
-        records, cases = _sample_repeats(fn, members, factors, about, len(rest) > 0)
+        records = jnp.asarray(numpyro.sample("log_records", fn))
+        posterior = fn.given(records)
+        deterministic("outlier_probability", outlier_probability(posterior, members, factors))
+        cases = sample_cases_given(posterior, about) if len(rest) else about.mean
     deterministic_each("*_case", parameters, jnp.exp(cases))
     return records, cases
 
@@ -71,20 +74,10 @@ def _sample_cases(about: CaseDistribution, rest: np.ndarray) -> Float[Array, "pa
     return about.mean.at[rest].set(jnp.asarray(numpyro.sample("log_cases", fn.to_event(2))))
 
 
-def _sample_repeats(
-    fn: RepeatsOfCases, members: Members, factors: Factors, about: CaseDistribution, has_remainder: bool
-) -> tuple[Float[Array, "records parameters"], Float[Array, "parameters cases"]]:
-    """Sample the records with their cases integrated out, and then the cases from their conditional.
-
-    A case without a remainder equals its linear predictor.
-    """
-    records = jnp.asarray(numpyro.sample("log_records", fn))
-    posterior = fn.given(records)
-    deterministic("outlier_probability", outlier_probability(posterior, members, factors))
-    if not has_remainder:
-        return records, about.mean
+def sample_cases_given(posterior: ChoicePosterior, about: CaseDistribution) -> Float[Array, "parameters cases"]:
+    """Sample the cases given the values of their repeats."""
     choosing, z = (
         jnp.asarray(numpyro.sample(name, dist.Normal(0.0, 1.0).expand(shape).to_event()))
         for name, shape in (("choice_z", about.mean.shape[1:]), ("case_z", about.mean.shape))
     )
-    return records, about.mean + draw_cases(posterior, choosing, z)
+    return about.mean + draw_cases(posterior, choosing, z)

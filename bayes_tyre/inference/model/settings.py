@@ -13,6 +13,7 @@ from bayes_tyre.inference.model.repeat_distribution import REPEATS
 
 INITIAL_LOADS = ("nominal", "actual")
 LIKELIHOODS = ("compressed", "direct")
+SAMPLERS = ("collapsed", "joint")
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,9 @@ class ModelSettings:
         Samples of the moving average that went over the noise, such as 801; 1: none. Not with ``ar1``.
     priors:
         Of the hyperparameters, and the widening of discordant repeats.
+    sampler:
+        ``collapsed``: records integrated out by summaries of them, wherever these are good enough; or ``joint``:
+        records sampled beside what they share, the reference.
 
     Raises
     ------
@@ -53,11 +57,12 @@ class ModelSettings:
     noise: str = "iid"
     noise_window: int = 1
     priors: Priors = PRIORS
+    sampler: str = "collapsed"
 
     def __post_init__(self) -> None:
         for name, allowed in (
             *(("region", REGIONS), ("initial_load", INITIAL_LOADS), ("likelihood", LIKELIHOODS)),
-            *(("repeats", REPEATS), ("noise", NOISE)),
+            *(("repeats", REPEATS), ("noise", NOISE), ("sampler", SAMPLERS)),
         ):
             if getattr(self, name) not in allowed:
                 raise BadInput(f"{name} {getattr(self, name)!r} is unknown; use {' or '.join(allowed)}")

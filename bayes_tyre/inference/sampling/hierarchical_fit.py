@@ -1,29 +1,42 @@
 """From a table to a posterior: the two hierarchical fits, put together from their parts."""
 
-from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
-import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.model.coordinates.laplace import RecordEstimates, empty_approximation, laplace_approximation
+from bayes_tyre.inference.model.collapsed_repeats import can_collapse
+from bayes_tyre.inference.model.coordinates.laplace import empty_approximation
 from bayes_tyre.inference.model.coordinates.sites import (
     hyperparameter_starts,
     published_in_coordinates,
+    record_starts,
     records_in_coordinates,
 )
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import find_factors
-from bayes_tyre.inference.model.hyperparameters import prior_sites, published_sites
+from bayes_tyre.inference.model.hyperparameters import published_sites
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.collapsed_fit import sample_collapsed
 from bayes_tyre.inference.sampling.datatree import scale_displacement, to_datatree
-from bayes_tyre.inference.sampling.run import RUNS, SamplerSettings, make_chains, run_until_sound, runs_to_json
+from bayes_tyre.inference.sampling.run import (
+    RUNS,
+    Draws,
+    SamplerRun,
+    SamplerSettings,
+    after_run,
+    make_chains,
+    run_until_sound,
+    runs_to_json,
+)
+from bayes_tyre.inference.sampling.summary_error import RECORD_SUMMARIES
 from bayes_tyre.record import CASE_FACTORS
 from bayes_tyre.record_table import origin_of
+
+#: Fewest records that are integrated out: fewer are sampled as quickly, and leave sd_J and the typical noise wide open.
+LEAST_COLLAPSED = 100
 
 
 def fit_hierarchical(
@@ -66,38 +79,38 @@ def fit_hierarchical(
 
 def fit_prepared(records: PreparedRecords, settings: SamplerSettings, model: ModelSettings) -> xr.DataTree:
     """Return the posterior of records as `fit_hierarchical` does, for displacement as it was measured."""
+    attributes = {name: str(getattr(model, name)) for name in ("repeats", "noise", "noise_window")}
+    attributes |= {"model": "records", "priors": model.priors.to_json()}
+    draws, runs = None, ()
+    if _collapses(records, model):
+        draws, runs, error = sample_collapsed(records, settings, model)
+        attributes[RECORD_SUMMARIES] = error.to_json()
+    if draws is None:
+        draws, joint = _sample_joint(records, after_run(after_run(settings)) if runs else settings, model)
+        runs += joint
+    attributes[RUNS] = runs_to_json(runs)
+    return to_datatree(draws.sites, draws.statistics, records.factors, records.factor_table, attributes)
+
+
+def _collapses(records: PreparedRecords, model: ModelSettings) -> bool:
+    """Return whether records are integrated out: of few, what they share is not known well enough for summaries."""
+    enough = len(records.batch.records) >= LEAST_COLLAPSED
+    return model.sampler == "collapsed" and enough and can_collapse(records.factors, model.repeats)
+
+
+def _sample_joint(
+    records: PreparedRecords, settings: SamplerSettings, model: ModelSettings
+) -> tuple[Draws, tuple[SamplerRun, ...]]:
+    """Return draws of the joint sampler, and its runs."""
     factors, arguments = records.factors, records.arguments(model)
     # Least squares and the chains are compiled side by side: these need the shapes of the approximation alone.
     with ThreadPoolExecutor(1) as beside:
-        estimating = beside.submit(
-            laplace_approximation, records.batch, factors, model.noise, records.whitening, model.priors
-        )
+        estimating = beside.submit(records.approximation, model)
         blank = {"approximation": empty_approximation(len(records.batch.records), factors), **arguments}
-        chains = make_chains(records_in_coordinates, blank, settings, starts_of(arguments))
+        chains = make_chains(records_in_coordinates, blank, settings, record_starts(arguments))
         approximation = estimating.result()
     known = {"approximation": approximation, **arguments}
-    draws, runs = run_until_sound(chains.given(known, starts_of(arguments, approximation.records)), settings)
-    attributes = {name: str(getattr(model, name)) for name in ("repeats", "noise", "noise_window")}
-    attributes |= {"model": "records", "priors": model.priors.to_json(), RUNS: runs_to_json(runs)}
-    return to_datatree(draws.sites, draws.statistics, factors, records.factor_table, attributes)
-
-
-def starts_of(arguments: Mapping[str, Any], estimates: RecordEstimates | None = None) -> dict[str, np.ndarray]:
-    """Return where the hyperparameters of records start: their medians, and where estimates say more, these.
-
-    Parameters
-    ----------
-    arguments:
-        As `PreparedRecords.arguments` gives them.
-    estimates:
-        Of the records; None: not known yet.
-    """
-    priors = arguments["priors"]
-    values = priors.medians()
-    if estimates is not None:
-        values["sd_J"] = np.sqrt(np.mean(np.asarray(estimates.centre[:, 1]) ** 2)) + 1e-3
-    sites = prior_sites(arguments["factors"], arguments["repeats"], arguments["noise"])
-    return hyperparameter_starts(sites, values, priors)
+    return run_until_sound(chains.given(known, record_starts(arguments, approximation.records)), settings)
 
 
 def fit_published(table: pd.DataFrame, settings: SamplerSettings | None = None, priors: Priors = PRIORS) -> xr.DataTree:

@@ -31,7 +31,7 @@ CHUNK = 100
 #: in the coordinates of `bayes_tyre.inference.model.coordinates` none is left that would need shorter steps.
 TARGET_ACCEPTANCE = 0.65
 #: For motions, whose posteriors bend, one by itself and a few in a hierarchy: with longer steps one trajectory of a
-#: few thousand diverged.
+#: few thousand diverged. For the collapsed sampler too, which walks over little else than standard deviations.
 CAREFUL_ACCEPTANCE = 0.8
 #: Standard deviation of the starts about the values given; half the range of the others. All unconstrained.
 START_SPREAD, START_RADIUS = 0.2, 0.5
@@ -151,6 +151,11 @@ class Chains:
     def at_acceptance(self, acceptance: float) -> "Chains":
         """Return chains of the same model, data and starts that adapt to another acceptance; they are compiled anew."""
         return Chains(self._model, self._arguments(self._data), self.chains, self._warmup, self._starts, acceptance)
+
+    @property
+    def sampled(self) -> tuple[str, ...]:
+        """Names of the sites that are sampled."""
+        return tuple(self._shapes)
 
     def begin(self, seed: int) -> HMCState:
         """Return the state before the first iteration."""

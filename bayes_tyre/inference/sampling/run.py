@@ -82,11 +82,22 @@ class Draws(NamedTuple):
 
 
 class SamplerRun(NamedTuple):
-    """A run of the sampler: the acceptance it adapted to, its divergences, and whether its draws are the posterior."""
+    """A run of the sampler.
+
+    Attributes
+    ----------
+    target_accept, divergences:
+        The acceptance it adapted to, and its divergent transitions.
+    kept:
+        Whether its draws are the posterior.
+    sampler:
+        ``joint``: records were sampled beside what they share; ``collapsed``: they were integrated out.
+    """
 
     target_accept: float
     divergences: int
     kept: bool
+    sampler: str = "joint"
 
 
 def runs_to_json(runs: Sequence[SamplerRun]) -> str:
@@ -139,14 +150,18 @@ def make_chains(
     return Chains(model, arguments, settings.chains, settings.warmup, starts, asked)
 
 
-def run_until_sound(chains: Chains, settings: SamplerSettings) -> tuple[Draws, tuple[SamplerRun, ...]]:
+def run_until_sound(
+    chains: Chains, settings: SamplerSettings, usable: Callable[[Draws], bool] = lambda _: True
+) -> tuple[Draws, tuple[SamplerRun, ...]]:
     """Return the draws of chains, or of a second run with shorter steps where transitions diverged; and the runs made.
 
     A divergence says that steps were too long somewhere, and only shorter ones reach it. The second run is the one that
     `target_accept` of `REPEAT_ACCEPTANCE` would be, with the same seed, so that either can be had by itself. An
-    acceptance that the user asked for is left alone.
+    acceptance that the user asked for is left alone. Draws that are not `usable` are not repeated, nor kept.
     """
     first = run(chains, settings)
+    if not usable(first):
+        return first, (SamplerRun(chains.acceptance, first.divergences, False),)
     if not first.divergences or settings.target_accept is not None:
         return first, (SamplerRun(chains.acceptance, first.divergences, True),)
     settings.on_note(
@@ -154,7 +169,7 @@ def run_until_sound(chains: Chains, settings: SamplerSettings) -> tuple[Draws, t
         f"{REPEAT_ACCEPTANCE:g}"
     )
     settings.on_progress(-settings.warmup - settings.draws)  # from the beginning
-    second = run(chains.at_acceptance(REPEAT_ACCEPTANCE), _of_repeat(settings))
+    second = run(chains.at_acceptance(REPEAT_ACCEPTANCE), after_run(settings))
     better = second.divergences <= first.divergences
     runs = (
         SamplerRun(chains.acceptance, first.divergences, not better),
@@ -163,12 +178,13 @@ def run_until_sound(chains: Chains, settings: SamplerSettings) -> tuple[Draws, t
     return (second if better else first), runs
 
 
-def _of_repeat(settings: SamplerSettings) -> SamplerSettings:
-    """Return the settings of the repeat: its checkpoints follow those of the first run, which is then loaded whole."""
-    if settings.checkpoints is None:
+def after_run(settings: SamplerSettings) -> SamplerSettings:
+    """Return the settings of a run after one of these, whose checkpoints follow: that is then loaded whole."""
+    saved = settings.checkpoints
+    if saved is None:
         return settings
     chunks = len(_lengths(settings.warmup)) + len(_lengths(settings.draws))
-    return replace(settings, checkpoints=replace(settings.checkpoints, first=chunks))
+    return replace(settings, checkpoints=replace(saved, first=saved.first + chunks))
 
 
 def run(chains: Chains, settings: SamplerSettings) -> Draws:

@@ -18,7 +18,7 @@ from scipy import stats
 
 from bayes_tyre.inference.model import marginal_mixture
 from bayes_tyre.inference.model.coordinates.laplace import laplace_approximation
-from bayes_tyre.inference.model.coordinates.sites import records_in_coordinates
+from bayes_tyre.inference.model.coordinates.sites import record_starts, records_in_coordinates
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.marginal_mixture import (
@@ -173,7 +173,7 @@ def test_quantities_of_many_draws_together_are_those_of_each_by_itself():
     records = prepare_records(table, ModelSettings())
     arguments = records.arguments(ModelSettings())
     arguments |= {"approximation": laplace_approximation(records.batch, records.factors)}
-    chains = Chains(records_in_coordinates, arguments, 1, 20, fit.starts_of(arguments))
+    chains = Chains(records_in_coordinates, arguments, 1, 20, record_starts(arguments))
     draws = chains.advance(chains.begin(0), 40).unconstrained
     together, keys = chains.constrain(draws, (3,)), draw_keys((3,), 1)
 

@@ -34,6 +34,7 @@ FIRST_70_PER_CENT = {1: 1, 2: 2, 10: 7, 11: 8, 1198: 839}
         {"likelihood": "guessed"},
         {"repeats": "cauchy"},
         {"noise": "pink"},
+        {"sampler": "gibbs"},
         {"noise_window": 0},
         {"noise": "ar1", "noise_window": 801},
     ],

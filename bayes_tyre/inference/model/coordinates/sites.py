@@ -4,7 +4,7 @@ Estimates, by least squares and Fisher information, shape the coordinates only, 
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,7 +14,7 @@ from numpyro.distributions import biject_to
 from numpyro.infer.reparam import Reparam
 
 from bayes_tyre.inference.model.case_effects import case_remainder, repeat_scatter, with_remainder
-from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation
+from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, RecordEstimates
 from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates
 from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian, Reparameterised, reparameterise_by_slope
 from bayes_tyre.inference.model.coordinates.reparams import (
@@ -29,13 +29,15 @@ from bayes_tyre.inference.model.coordinates.reparams import (
 )
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.hyperparameters import PARAMETERS, Hyperparameters, by_family, family_of
+from bayes_tyre.inference.model.hyperparameters import PARAMETERS, Hyperparameters, by_family, family_of, prior_sites
 from bayes_tyre.inference.model.models import log_published, published_model, records_model
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.terms import find_terms
 
 #: Repeats that a case without any counts as in its coordinates: an estimate without weight.
 _ALMOST_NONE = 1e-6
+#: Cases that cost nothing to be taken one by one.
+_FEW_CASES = 100
 
 
 def records_in_coordinates(approximation: LaplaceApproximation, **arguments: Any) -> None:
@@ -63,6 +65,24 @@ def hyperparameter_starts(
     return starts
 
 
+def record_starts(arguments: Mapping[str, Any], estimates: RecordEstimates | None = None) -> dict[str, np.ndarray]:
+    """Return where the hyperparameters of records start: their medians, and where estimates say more, these.
+
+    Parameters
+    ----------
+    arguments:
+        As `records_model` has them.
+    estimates:
+        Of the records; None: not known yet.
+    """
+    priors = arguments["priors"]
+    values = priors.medians()
+    if estimates is not None:
+        values["sd_J"] = np.sqrt(np.mean(np.asarray(estimates.centre[:, 1]) ** 2)) + 1e-3
+    sites = prior_sites(arguments["factors"], arguments["repeats"], arguments["noise"])
+    return hyperparameter_starts(sites, values, priors)
+
+
 def case_coordinates(
     factors: Factors,
     estimates: CaseEstimates,
@@ -87,9 +107,14 @@ def case_coordinates(
     def variance(values: Hyperparameters) -> Float[Array, "parameters cases"]:
         return (repeat_scatter(factors, values, parameters) ** 2 + estimates.variance) / repeats
 
+    condensed = condense(terms.design, factors) if len(factors.cases) > _FEW_CASES else None
+
     def of_terms(values: Hyperparameters) -> Reparam:
-        remainder = case_remainder(factors, values, parameters)
-        return TermsReparam(terms, Gaussian(estimates.middle, 1.0 / (variance(values) + remainder**2)))
+        of_cases = variance(values) + case_remainder(factors, values, parameters) ** 2
+        if condensed is None:
+            return TermsReparam(terms, Gaussian(estimates.middle, 1.0 / of_cases))
+        rows = jnp.einsum("puc,pc->pu", jnp.asarray(condensed.rotation), estimates.middle)
+        return TermsReparam(terms, Gaussian(rows, 1.0 / (of_cases @ jnp.asarray(condensed.shares))), condensed.design)
 
     return {
         "log_sd_repeat_by_speed": lambda _: NormalReparam(estimates.log_scatter),
@@ -99,6 +124,41 @@ def case_coordinates(
         "choice_z": lambda _: DrawnReparam(),
         "case_z": lambda _: DrawnReparam(),
     }
+
+
+class Condensed(NamedTuple):
+    """Fewer rows than cases that say the same of the terms.
+
+    Attributes
+    ----------
+    rotation:
+        What each row takes of each case, shape (parameters, rows, cases).
+    design:
+        What each term adds to each row, shape (parameters, rows, terms).
+    shares:
+        Share of each case in the variance of each row, shape (cases, rows).
+    """
+
+    rotation: Float[np.ndarray, "parameters rows cases"]
+    design: Float[np.ndarray, "parameters rows terms"]
+    shares: Float[np.ndarray, "cases rows"]
+
+
+def condense(design: Float[np.ndarray, "parameters cases terms"], factors: Factors) -> Condensed:
+    """Return fewer rows that say what the cases do, where those at one speed with as many repeats are alike.
+
+    Hundreds of them tell no more of a dozen terms than a dozen rows do.
+    """
+    both = np.stack([factors.speed.of_case, factors.repeats])
+    alike = np.unique(both, axis=1, return_inverse=True)[1].ravel()
+    rotation, rows, shares = [], [], []
+    for kind in range(alike.max() + 1):
+        members = alike == kind
+        q, r = np.linalg.qr(design[:, members])
+        rotation.append(q.mT @ np.eye(len(alike))[members])
+        rows.append(r)
+        shares.append(np.repeat(members[:, None] / members.sum(), r.shape[1], axis=1))
+    return Condensed(*(np.concatenate(parts, axis=axis) for parts, axis in ((rotation, 1), (rows, 1), (shares, 1))))
 
 
 def record_coordinates(approximation: LaplaceApproximation, factors: Factors, priors: Priors = PRIORS) -> Coordinates:

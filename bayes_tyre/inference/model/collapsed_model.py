@@ -1,0 +1,100 @@
+"""The model of records with every record, case and choice integrated out: what NUTS walks over is what they share.
+
+It is `bayes_tyre.inference.model.models.records_model` with the density of each record replaced by its summary. Records
+are drawn afterwards, given each draw, and their own density has the last word on them.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpyro
+from jaxtyping import Array, Float
+from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
+
+from bayes_tyre.inference.model.collapsed_repeats import sample_cases_of, sample_collapsed
+from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.factors import Factors
+from bayes_tyre.inference.model.force_distribution import RecordForces
+from bayes_tyre.inference.model.hyperparameters import (
+    Hyperparameters,
+    deterministic,
+    prior_sites,
+    sample_hyperparameters,
+)
+from bayes_tyre.inference.model.likelihood import Likelihood
+from bayes_tyre.inference.model.models import sample_offsets
+from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.model.record_summaries import RecordSummaries, record_log_density
+from bayes_tyre.inference.record_data import RecordData
+
+#: Values of each record drawn from its summary, of which its density picks one.
+_PROPOSALS = 4
+#: Site with the logarithm of what the summaries miss of the density of each case's records, by draw.
+SUMMARY_ERROR = "summary_error"
+
+
+def collapsed_records_model(
+    data: RecordData,
+    factors: Factors,
+    likelihood: Likelihood,
+    summaries: RecordSummaries,
+    *,
+    repeats: str = "mixture",
+    noise: str = "iid",
+    priors: Priors = PRIORS,
+) -> None:
+    """Model the summaries of all records (NumPyro model; sites as those of `records_model`).
+
+    Parameters
+    ----------
+    data, factors, likelihood, repeats, noise, priors:
+        As `records_model` has them.
+    summaries:
+        Of the records.
+    """
+    hyperparameters = sample_hyperparameters(prior_sites(factors, repeats, noise), priors)
+    typical, sd_of_noise = _sample_noise(hyperparameters, len(factors.of_record), noise, priors)
+    collapsed = sample_collapsed(summaries.values, factors, repeats, hyperparameters, priors=priors)
+    sd_J = hyperparameters["sd_J"]
+    of_noise, interaction, noise_given = summaries.noise.log_marginal(typical, sd_of_noise)
+    of_offsets = summaries.offsets.at(sd_J)
+    numpyro.factor("log_density_of_noise", of_noise)
+    numpyro.factor("log_density_of_offsets", of_offsets)
+    key = numpyro.prng_key()
+    if key is None:  # a density, not a draw, is wanted
+        return
+
+    for_values, for_noise, for_choice = jax.random.split(key, 3)
+    log_values = collapsed.draw(for_values, _PROPOSALS)
+    z = jax.random.normal(for_noise, (_PROPOSALS, *typical.T.shape))
+    noises = typical + jnp.moveaxis(jax.vmap(noise_given.draw)(z), 1, -1)
+    exact = jax.vmap(record_log_density, in_axes=(None, None, 0, 0, None))(data, likelihood, log_values, noises, sd_J)
+    missed = exact - summaries.values.at(log_values) - summaries.noise.at(noises) - of_offsets - interaction
+    # The logarithm of a mean of so few would miss part of their variance: its first two cumulants do not.
+    gained = jnp.mean(missed, axis=0) + 0.5 * jnp.var(missed, axis=0, ddof=1)
+    by_case = jnp.zeros(len(factors.cases)).at[factors.of_record].add(gained)
+    deterministic(SUMMARY_ERROR, by_case)
+    chosen = jax.random.categorical(for_choice, missed, axis=0)[None, :, None]
+    log_values, noises = (jnp.take_along_axis(each, chosen, axis=0)[0] for each in (log_values, noises))
+
+    sample_cases_of(collapsed, log_values, factors)
+    sigma, rho = deterministic("sigma", jnp.exp(noises[:, 0])), None
+    if noise == "ar1":
+        rho = deterministic("rho", jnp.tanh(noises[:, 1]))
+    sample_offsets(RecordForces(data, log_values, sd_J, sigma, rho, likelihood), data.F)
+
+
+def _sample_noise(
+    hyperparameters: Hyperparameters, records: int, noise: str, priors: Priors
+) -> tuple[Float[Array, "records q"], Float[Array, "records q"]]:
+    """Sample the typical values of the noise's parameters; return them for each record, and the sd about them."""
+    names = {"log_sigma": priors["sigma_typical"]}
+    if noise == "ar1":
+        names["atanh_rho"] = priors["atanh_rho_typical"]
+    typical = [
+        jnp.asarray(numpyro.sample(f"{name}_typical", dist.Normal(*prior.parameters))) for name, prior in names.items()
+    ]
+    deterministic("sigma_typical", jnp.exp(typical[0]))
+    # A record by itself has the typical value.
+    sd = [hyperparameters.get(f"sd_{name}", jnp.zeros(())) for name in names]
+    shape = records, len(names)
+    return jnp.broadcast_to(jnp.stack(typical), shape), jnp.broadcast_to(jnp.stack(sd), shape)

@@ -1,0 +1,190 @@
+"""Repeats of cases of which only estimates are known: records and cases integrated out, choices summed out.
+
+Where the log likelihood of a record is quadratic in the logarithms of its values, its value given its case, the case
+given its linear predictor and the choice of discordant repeats are known in closed form. What is left to sample is what
+they are distributed by.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import numpyro
+from jax.scipy.special import logsumexp
+from jaxtyping import Array, Float, Int
+
+from bayes_tyre.inference.model.case_effects import CaseDistribution, sample_case_distribution, with_remainder
+from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.factors import Factors
+from bayes_tyre.inference.model.hyperparameters import PARAMETERS, Hyperparameters, deterministic, deterministic_each
+from bayes_tyre.inference.model.marginal_mixture import (
+    MOST_REPEATS,
+    Members,
+    RepeatsOfCases,
+    log_prior_of_choices,
+    members_of,
+    outlier_probability,
+)
+from bayes_tyre.inference.model.normal_posterior import NormalPosterior, QuadraticApproximation
+from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.model.record_effects import sample_cases_given
+from bayes_tyre.inference.model.repeat_distribution import judgeable
+
+
+def can_collapse(factors: Factors, repeats: str) -> bool:
+    """Return whether repeats of a kind of `bayes_tyre.inference.model.repeat_distribution.REPEATS` can be summed out.
+
+    A Student-t has no closed form, and choices of many repeats are too many.
+    """
+    kind = judgeable(repeats, factors)
+    return kind == "normal" or (kind == "mixture" and bool(factors.repeats.max() <= MOST_REPEATS))
+
+
+def sample_collapsed(
+    estimates: QuadraticApproximation,
+    factors: Factors,
+    repeats: str,
+    hyperparameters: Hyperparameters,
+    parameters: Sequence[str] = PARAMETERS,
+    priors: Priors = PRIORS,
+) -> "CollapsedPosterior":
+    """Sample what the cases are distributed by, given estimates of the records, and return what these leave open.
+
+    Parameters
+    ----------
+    estimates:
+        Log likelihood of the logarithms of each record's values; shape (records, parameters).
+    factors, repeats, hyperparameters, parameters, priors:
+        As `bayes_tyre.inference.model.record_effects.sample_records` has them; `can_collapse` says of which repeats.
+    """
+    about = sample_case_distribution(factors, hyperparameters, parameters, priors)
+    mixed = judgeable(repeats, factors) == "mixture"
+    weight = hyperparameters["discordant_weight"] if mixed else jnp.zeros(())
+    members = members_of(factors, discordant=mixed)
+    fn = CollapsedRepeats(about, estimates, weight, priors.discordant_widening, factors.of_record, members)
+    posterior = fn.given()
+    numpyro.factor("log_density_of_cases", posterior.log_density)
+    return posterior
+
+
+def sample_cases_of(
+    collapsed: "CollapsedPosterior",
+    log_values: Float[Array, "records parameters"],
+    factors: Factors,
+    parameters: Sequence[str] = PARAMETERS,
+) -> Float[Array, "parameters cases"]:
+    """Sample the logarithms of the cases' values given those of the records, and keep what is known of cases."""
+    about, _, weight, widening, of_record, members = collapsed.repeats
+    posterior = RepeatsOfCases(*about, weight, widening, of_record, members).given(log_values)
+    if members.choices.any():
+        deterministic("outlier_probability", outlier_probability(posterior, members, factors))
+    cases = sample_cases_given(posterior, about) if len(with_remainder(factors, parameters)) else about.mean
+    deterministic_each("*_case", parameters, jnp.exp(cases))
+    return cases
+
+
+class CollapsedRepeats(NamedTuple):
+    """Repeats of cases that are normal about their linear predictor, given estimates of the repeats.
+
+    Attributes
+    ----------
+    about:
+        What the cases, and repeats about them, are distributed by.
+    estimates:
+        Log likelihood of the logarithms of each record's values; shape (records, parameters).
+    weight, widening:
+        Probability that a repeat is discordant, and how many times `about.scatter` it then scatters.
+    of_record, members:
+        The case of each record, and the records of each case.
+
+    Source: as `bayes_tyre.inference.model.marginal_mixture.RepeatsOfCases`, with a normal more for each record.
+    """
+
+    about: CaseDistribution
+    estimates: QuadraticApproximation
+    weight: Float[Array, ""]
+    widening: float
+    of_record: Int[np.ndarray, " records"]
+    members: Members
+
+    def given(self) -> "CollapsedPosterior":
+        """Return the density of the estimates, and what they leave open of cases and records."""
+        centre, slope, precision = self._by_case()
+        off = self.about.mean[:, None] - centre
+        slope_off = jnp.sum(precision * off, axis=1)
+        # Of each repeat if it is usual, and if it is discordant; axes: parameters, repeats, cases.
+        scatter = jnp.broadcast_to(self.about.scatter[:, None], slope.shape)
+        usual, discordant = (
+            NormalPosterior(slope - slope_off, precision, widening * scatter) for widening in (1.0, self.widening)
+        )
+
+        def total(of_usual: Array, of_discordant: Array) -> Array:
+            """Return the sum over repeats for each choice; axes: the rest, choices, cases."""
+            choices = self.members.choices.T[:, :, None]
+            of_each = [
+                jnp.where(choice, of_discordant[..., i, None, :], of_usual[..., i, None, :])
+                for i, choice in enumerate(choices)
+            ]
+            return sum(of_each, jnp.zeros(()))
+
+        slopes, precisions = (total(*both) for both in zip(usual.for_above(), discordant.for_above(), strict=True))
+        remainder = jnp.broadcast_to(self.about.remainder, self.about.mean.shape)[:, None]
+        cases = NormalPosterior(slopes, precisions, jnp.broadcast_to(remainder, slopes.shape))
+        of_repeats = total(usual.log_marginal, discordant.log_marginal)
+        log_joint = of_repeats + cases.log_marginal + log_prior_of_choices(self.members, self.weight)
+        log_total = logsumexp(log_joint, axis=0)
+        at_predictor = jnp.sum((slope - 0.5 * slope_off) * off, axis=(0, 1))
+        return CollapsedPosterior(self, at_predictor + log_total, log_joint - log_total, cases)
+
+    def _by_case(self) -> tuple[Array, Array, Array]:
+        """Return centre, slope and precision of the estimates by repeat and case; axes: parameters, repeats, cases.
+
+        All are zero where a case has fewer repeats, which says nothing.
+        """
+        present = self.members.present.T
+
+        def arranged(of_records: Array) -> Array:
+            first = jnp.moveaxis(of_records, 0, -1)[..., self.members.records.T]
+            return jnp.where(present, first, 0.0)
+
+        centre, slope, precision = (arranged(part) for part in self.estimates)
+        return centre, slope, precision
+
+
+class CollapsedPosterior(NamedTuple):
+    """What estimates of the repeats leave open: the choices, the cases given each, and the records given these.
+
+    Attributes
+    ----------
+    repeats:
+        What they are the posterior of.
+    log_density:
+        Shape (cases,): log density of the estimates.
+    log_choice:
+        Shape (choices, cases): log probability of each choice of discordant repeats.
+    cases:
+        Of the logarithms of the cases' values about their linear predictor; axes: parameters, choices, cases.
+    """
+
+    repeats: CollapsedRepeats
+    log_density: Float[Array, " cases"]
+    log_choice: Float[Array, "choices cases"]
+    cases: NormalPosterior
+
+    def draw(self, key: Array, count: int) -> Float[Array, "count records parameters"]:
+        """Draw choices and cases, and given one of each so many values of the logarithms of each record."""
+        repeats, (of_choice, of_case, of_record) = self.repeats, jax.random.split(key, 3)
+        choice = jax.random.categorical(of_choice, self.log_choice, axis=0)
+        mean = repeats.about.mean
+        drawn = self.cases.draw(
+            jnp.broadcast_to(jax.random.normal(of_case, mean.shape)[:, None], self.cases.scale.shape)
+        )
+        above = (mean + jnp.take_along_axis(drawn, choice[None, None], axis=1)[:, 0])[:, repeats.of_record]
+        discordant = jnp.asarray(repeats.members.choices)[choice[repeats.of_record], repeats.members.place]
+        scatter = jnp.where(discordant, repeats.widening, 1.0) * repeats.about.scatter[:, repeats.of_record]
+        slope, precision = repeats.estimates.slope_at(above.T).T, jnp.moveaxis(repeats.estimates.precision, 0, -1)
+        records = NormalPosterior(slope, precision, scatter)
+        z = jax.random.normal(of_record, (count, *above.shape))
+        return jnp.moveaxis(above + jax.vmap(records.draw)(z), 1, -1)

@@ -1,0 +1,127 @@
+"""Each record summed up: what it says of log k and log beta, of its noise and of the scale of J, in a few numbers.
+
+A record reaches the hierarchy through log k and log beta alone, and its noise through what all records share of it.
+`bayes_tyre.inference.model.nearest_summaries` makes these numbers.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.stats import norm
+from jaxtyping import Array, Float
+
+from bayes_tyre.inference.model.force_distribution import RecordForces
+from bayes_tyre.inference.model.likelihood import Likelihood
+from bayes_tyre.inference.model.normal_posterior import NormalPosterior, QuadraticApproximation
+from bayes_tyre.inference.record_data import RecordData
+
+#: Parameters of a record that have a case.
+VALUES = 2
+
+
+class NoiseSummaries(NamedTuple):
+    """What the records say of their noise: log sigma, and atanh rho where noise is autoregressive.
+
+    Attributes
+    ----------
+    quadratic:
+        Its log density, all else integrated out.
+    whiten:
+        Shape (records, q, q): times the noise about the centre, standard normals under the approximate posterior.
+    third:
+        Shape (records, q): third derivative of the log density along each of these.
+    interaction:
+        Shape (records, q): half the variance of the slope along each, which differs with log k and log beta.
+    """
+
+    quadratic: QuadraticApproximation
+    whiten: Float[Array, "records q q"]
+    third: Float[Array, "records q"]
+    interaction: Float[Array, "records q"]
+
+    def at(self, noise: Float[Array, "*draws records q"]) -> Float[Array, "*draws records"]:
+        """Return the log density at values of the noise, less that at the centre."""
+        z = jnp.einsum("rij,...rj->...ri", self.whiten, noise - self.quadratic.centre)
+        return self.quadratic.at(noise) + jnp.sum(self.third * (z**3 - 3.0 * z), axis=-1) / 6.0
+
+    def log_marginal(
+        self, above: Float[Array, "records q"], sd: Float[Array, "records q"]
+    ) -> tuple[Float[Array, " records"], Float[Array, " records"], NormalPosterior]:
+        """Return the log density with noise that is Normal(above, sd) integrated out; and the noise's posterior.
+
+        What is beyond the quadratic counts by its cumulants: the third derivative's mean, and the variance of the
+        slope. How much the latter adds is returned between the two.
+        """
+        quadratic = self.quadratic
+        posterior = NormalPosterior(quadratic.slope_at(above).T, jnp.moveaxis(quadratic.precision, 0, -1), sd.T)
+        mean = above + posterior.draw(jnp.zeros_like(above.T)).T
+        z = jnp.einsum("rij,rj->ri", self.whiten, mean - quadratic.centre)
+        variance = jnp.sum(jnp.einsum("rij,jkr->rik", self.whiten, posterior.root()) ** 2, axis=-1)
+        third = jnp.sum(self.third * (z**3 + 3.0 * z * (variance - 1.0)), axis=-1) / 6.0
+        interaction = jnp.sum(self.interaction * variance, axis=-1)
+        return quadratic.at(above) + posterior.log_marginal + third + interaction, interaction, posterior
+
+
+class OffsetSummaries(NamedTuple):
+    """What the records say of the standard deviation of J, kN; shape (records,).
+
+    Attributes
+    ----------
+    J, variance:
+        Estimate of J, and its variance.
+    sd_J, slope:
+        The standard deviation at which the other summaries are made, and what its logarithm gains there beyond these
+        estimates.
+    """
+
+    J: Float[Array, " records"]
+    variance: Float[Array, " records"]
+    sd_J: Float[Array, ""]
+    slope: Float[Array, " records"]
+
+    def at(self, sd_J: Float[Array, ""]) -> Float[Array, " records"]:
+        """Return the log density at a standard deviation of J."""
+        estimates = norm.logpdf(self.J, 0.0, jnp.sqrt(sd_J**2 + self.variance))
+        return estimates + self.slope * jnp.log(sd_J / self.sd_J)
+
+
+class RecordSummaries(NamedTuple):
+    """What the records say of what they share, but for a constant, as a sum of three parts.
+
+    Attributes
+    ----------
+    values:
+        Of (log k, log beta), F_i, J and the noise integrated out; shape (records, 2).
+    noise, offsets:
+        Of the noise, and of the standard deviation of J.
+    """
+
+    values: QuadraticApproximation
+    noise: NoiseSummaries
+    offsets: OffsetSummaries
+
+
+def record_log_density(
+    data: RecordData,
+    likelihood: Likelihood,
+    log_values: Float[Array, "records 2"],
+    noise: Float[Array, "records q"],
+    sd_J: Float[Array, ""],
+) -> Float[Array, " records"]:
+    """Return the log density of each record's forces at (log k, log beta) and at (log sigma[, atanh rho])."""
+    rho = jnp.tanh(noise[:, 1]) if noise.shape[1] > 1 else None
+    return RecordForces(data, log_values, sd_J, jnp.exp(noise[:, 0]), rho, likelihood).log_prob(data.F)
+
+
+def empty_summaries(records: int, noise: str) -> RecordSummaries:
+    """Return zeros of the shapes that `summarise_records` gives, to compile for."""
+
+    def blank(count: int) -> QuadraticApproximation:
+        shapes = (records, count), (records, count), (records, count, count)
+        return QuadraticApproximation(*(jnp.asarray(np.zeros(shape)) for shape in shapes))
+
+    of_noise, of_each = blank(2 if noise == "ar1" else 1), jnp.asarray(np.zeros(records))
+    noises = NoiseSummaries(of_noise, of_noise.precision, of_noise.slope, of_noise.slope)
+    offsets = OffsetSummaries(of_each, of_each, jnp.asarray(np.ones(())), of_each)
+    return RecordSummaries(blank(VALUES), noises, offsets)

@@ -1,0 +1,95 @@
+"""How far summaries of the records put the posterior of what these share off."""
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from bayes_tyre.inference.model.collapsed_model import SUMMARY_ERROR
+
+#: Attribute of a posterior's tree with a `SummaryError`, as JSON, where records were summed up.
+RECORD_SUMMARIES = "record_summaries"
+#: Largest `SummaryError.at_least` at which draws are kept. No mean of anything moves by more than so many of its
+#: posterior standard deviations (Cauchy and Schwarz), the Monte Carlo error of 400 effective draws.
+SUMMARY_ERROR_MOST = 0.05
+#: The same after the pilot run, whose summaries are not about the posterior yet.
+PILOT_ERROR_MOST = 1.0
+
+
+class SummaryError(NamedTuple):
+    """How far summaries put the log density of what records share off: its standard deviation over the posterior.
+
+    Attributes
+    ----------
+    total, at_least:
+        Of all records together; and what it is at least, by two standard errors of the regression behind it.
+    case, of_case:
+        Label of the case whose records are off most, and by how much.
+    """
+
+    total: float
+    at_least: float
+    case: str
+    of_case: float
+
+    def to_json(self) -> str:
+        """Return it as a posterior's tree carries it in `RECORD_SUMMARIES`."""
+        return json.dumps(self._asdict())
+
+    @classmethod
+    def from_json(cls, text: str) -> "SummaryError":
+        """Return what `to_json` was called on."""
+        return cls(**json.loads(text))
+
+
+def summary_error(sites: Mapping[str, np.ndarray], sampled: Sequence[str], cases: Sequence[str]) -> SummaryError:
+    """Return how far the summaries are off, by what a regression on the sampled sites explains of what they miss.
+
+    What a draw of the records misses beyond that belongs to the draw, not to what the records share. The share that so
+    many unknowns explain of anything by chance is taken off (adjusted R^2).
+
+    Parameters
+    ----------
+    sites:
+        Draws by site, shape (chains, draws, ...).
+    sampled:
+        Names of those that were sampled.
+    cases:
+        Labels of the cases.
+    """
+    unknowns = np.concatenate([flat(sites[name]).reshape(-1, _width(sites[name])) for name in sampled], axis=1)
+    unknowns = np.column_stack([np.ones(len(unknowns)), unknowns - unknowns.mean(axis=0)])
+    missed = flat(sites[SUMMARY_ERROR])
+    if not np.isfinite(missed).all():
+        return SummaryError(np.inf, np.inf, cases[int(np.argmin(np.isfinite(missed).all(axis=0)))], np.inf)
+    explained, chance = _explained(unknowns, np.column_stack([missed.sum(axis=1), missed]))
+    total, at_least, *of_case = np.sqrt(np.maximum([explained[0], explained[0] - 2.0 * chance[0], *explained[1:]], 0.0))
+    case = int(np.argmax(of_case))
+    return SummaryError(float(total), float(at_least), cases[case], float(of_case[case]))
+
+
+def _explained(
+    unknowns: Float[np.ndarray, "draws unknowns"], values: Float[np.ndarray, "draws values"]
+) -> tuple[Float[np.ndarray, " values"], Float[np.ndarray, " values"]]:
+    """Return the variance that the unknowns explain of each value, and its standard error by chance.
+
+    Where draws are too few to tell, it is all of the variance.
+    """
+    draws, count = unknowns.shape
+    variance = values.var(axis=0)
+    if draws <= 2 * count:
+        return variance, np.zeros_like(variance)
+    residual = values - unknowns @ np.linalg.lstsq(unknowns, values)[0]
+    left = np.sum(residual**2, axis=0) / (draws - count)
+    return variance - left, left * np.sqrt(2.0 * count) / draws
+
+
+def _width(values: np.ndarray) -> int:
+    return int(np.prod(values.shape[2:]))
+
+
+def flat(values: np.ndarray) -> np.ndarray:
+    """Return draws one after the other, whatever their chain."""
+    return values.reshape(-1, *values.shape[2:])

@@ -1,0 +1,144 @@
+"""Repeats and cases integrated out, choices summed out: against multivariate normals of all estimates of a case."""
+
+from itertools import product
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.special import logsumexp
+
+from bayes_tyre.inference.model.case_effects import CaseDistribution
+from bayes_tyre.inference.model.collapsed_repeats import CollapsedRepeats, can_collapse
+from bayes_tyre.inference.model.factors import Factors, find_factors
+from bayes_tyre.inference.model.marginal_mixture import members_of
+from bayes_tyre.inference.model.normal_posterior import QuadraticApproximation
+
+WIDENING, WEIGHT = 6.0, 0.1
+#: Repeats of each case.
+REPEATS = (3, 1, 2)
+
+
+def factors_of(repeats: tuple[int, ...] = REPEATS) -> Factors:
+    rows = [{"configuration": "single", "speed_km_h": float(case)} for case, n in enumerate(repeats) for _ in range(n)]
+    return find_factors(pd.DataFrame(rows))
+
+
+def made(seed: int, discordant: bool = True, remainder: float = 0.3) -> CollapsedRepeats:
+    """Return repeats of cases with estimates whose values trade against each other."""
+    factors, random = factors_of(), np.random.default_rng(seed)
+    records, cases = len(factors.of_record), len(factors.cases)
+    rows = random.standard_normal((records, 2, 2)) / 0.2
+    centre = random.normal(0.0, 0.5, (records, 2))
+    estimates = QuadraticApproximation(
+        jnp.asarray(centre), jnp.asarray(random.standard_normal((records, 2))), jnp.asarray(rows @ rows.mT)
+    )
+    about = CaseDistribution(
+        jnp.asarray(random.normal(0.0, 0.3, (2, cases))),
+        jnp.asarray([[remainder], [0.0]]),
+        jnp.asarray(random.uniform(0.05, 0.4, (2, cases))),
+    )
+    weight = jnp.asarray(WEIGHT if discordant else 0.0)
+    return CollapsedRepeats(about, estimates, weight, WIDENING, factors.of_record, members_of(factors, discordant))
+
+
+def by_hand(
+    repeats: CollapsedRepeats, case: int, discordant: bool
+) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
+    """Return the log weight of each choice; mean and covariance of all estimates of the case given it."""
+    members = np.flatnonzero(repeats.of_record == case)
+    mean, remainder, scatter = (np.asarray(part) for part in repeats.about)
+    logs, normals = [], []
+    for choice in product((False, True) if discordant else (False,), repeat=len(members)):
+        covariance = np.kron(np.ones((len(members),) * 2), np.diag(remainder[:, 0] ** 2))
+        for i, (record, odd) in enumerate(zip(members, choice, strict=True)):
+            own = np.linalg.inv(repeats.estimates.precision[record])
+            own = own + np.diag((scatter[:, case] * (WIDENING if odd else 1.0)) ** 2)
+            covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] += own
+        odd = sum(choice)
+        logs.append(odd * np.log(WEIGHT) + (len(choice) - odd) * np.log1p(-WEIGHT) if discordant else 0.0)
+        normals.append((np.tile(mean[:, case], len(members)), covariance))
+    return np.array(logs), normals
+
+
+def _logpdf(at: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> float:
+    off = at - mean
+    return -0.5 * float(off @ np.linalg.solve(covariance, off) + np.linalg.slogdet(2.0 * np.pi * covariance)[1])
+
+
+def maxima(repeats: CollapsedRepeats, case: int) -> tuple[np.ndarray, float]:
+    """Return where the log likelihood of each of a case's records is largest, and the logarithm of its integral."""
+    at, log_integral = [], 0.0
+    for record in np.flatnonzero(repeats.of_record == case):
+        centre, slope, precision = (np.asarray(part)[record] for part in repeats.estimates)
+        at.append(centre + np.linalg.solve(precision, slope))
+        log_integral += 0.5 * slope @ np.linalg.solve(precision, slope)
+        log_integral -= 0.5 * np.linalg.slogdet(precision / (2.0 * np.pi))[1]
+    return np.concatenate(at), log_integral
+
+
+@pytest.mark.parametrize("discordant", [True, False])
+@pytest.mark.parametrize("remainder", [0.3, 0.0])
+def test_the_density_is_that_of_a_mixture_of_normals(discordant, remainder):
+    for seed in range(3):
+        repeats = made(seed, discordant, remainder)
+        posterior = repeats.given()
+        for case in range(len(REPEATS)):
+            logs, normals = by_hand(repeats, case, discordant)
+            at, log_integral = maxima(repeats, case)
+            each = np.array([log + _logpdf(at, *normal) for log, normal in zip(logs, normals, strict=True)])
+            # Choices that call a repeat discordant which is not there have no weight.
+            possible = np.isfinite(np.asarray(posterior.log_choice)[:, case])
+            np.testing.assert_allclose(
+                posterior.log_choice[possible, case], each - logsumexp(each), rtol=1e-8, atol=1e-9
+            )
+            assert float(posterior.log_density[case]) == pytest.approx(
+                np.log(np.exp(each - each.max()).sum()) + each.max() + log_integral, rel=1e-9
+            )
+
+
+def test_gradients_are_those_of_finite_differences():
+    repeats = made(4)
+
+    def density(mean: jax.Array) -> jax.Array:
+        return repeats._replace(about=repeats.about._replace(mean=mean)).given().log_density.sum()
+
+    mean, step = repeats.about.mean, 1e-6
+    slope = np.asarray(jax.grad(density)(mean))
+    for place in np.ndindex(*mean.shape):
+        off = jnp.zeros_like(mean).at[place].set(step)
+        # Of second order in the step: 1e-12 of a third derivative of some 1e3, and rounding of 1e-16 / 1e-6.
+        assert slope[place] == pytest.approx(
+            float(density(mean + off) - density(mean - off)) / (2 * step), rel=1e-6, abs=1e-6
+        )
+
+
+def test_draws_of_records_have_the_moments_of_their_normal():
+    repeats, draws = made(5, discordant=False), 4000
+    posterior = repeats.given()
+    keys = jax.random.split(jax.random.PRNGKey(0), draws)
+    drawn = np.asarray(jax.jit(jax.vmap(lambda key: posterior.draw(key, 1)[0]))(keys))
+    for case in range(len(REPEATS)):
+        members = np.flatnonzero(repeats.of_record == case)
+        _, ((above, total),) = by_hand(repeats, case, False)
+        at, _ = maxima(repeats, case)
+        own = np.zeros_like(total)
+        for i, record in enumerate(members):
+            own[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = np.linalg.inv(repeats.estimates.precision[record])
+        # Records given estimates: prior covariance is the estimates' less their own.
+        gain = (total - own) @ np.linalg.inv(total)
+        mean, covariance = above + gain @ (at - above), own - own @ np.linalg.inv(total) @ own
+        found = drawn[:, members].reshape(draws, -1)
+        sd = np.sqrt(np.diag(covariance))
+        # 12 means and 12 standard deviations, near normal: one beyond 4.5 standard errors in 2e-4 of seeds.
+        assert (np.abs(found.mean(axis=0) - mean) < 4.5 * sd / np.sqrt(draws)).all()
+        assert (np.abs(found.std(axis=0) / sd - 1.0) < 4.5 / np.sqrt(2 * draws)).all()
+
+
+def test_what_can_be_collapsed():
+    assert can_collapse(factors_of(), "mixture")
+    assert can_collapse(factors_of(), "normal")
+    assert can_collapse(factors_of((2, 1)), "student")  # two repeats cannot tell: they are normal
+    assert not can_collapse(factors_of(), "student")
+    assert not can_collapse(factors_of((7, 1)), "mixture")
