@@ -17,6 +17,7 @@ HERE = Path(__file__).parent
 BENCHMARKS = (
     ("least_squares_peers.py", "Least squares, record by record"),
     ("posterior_peers.py", "The hierarchical posterior of the reconstructed campaign"),
+    ("posterior_growth.py", "The hierarchical posterior of many records"),
     ("lvm_peers.py", "Reading LabVIEW files"),
 )
 PACKAGES = (
