@@ -82,7 +82,7 @@ def fit_prepared(records: PreparedRecords, settings: SamplerSettings, model: Mod
     attributes = {name: str(getattr(model, name)) for name in ("repeats", "noise", "noise_window")}
     attributes |= {"model": "records", "priors": model.priors.to_json()}
     draws, runs = None, ()
-    if _collapses(records, model):
+    if collapses(records, model):
         draws, runs, error = sample_collapsed(records, settings, model)
         attributes[RECORD_SUMMARIES] = error.to_json()
     if draws is None:
@@ -92,7 +92,7 @@ def fit_prepared(records: PreparedRecords, settings: SamplerSettings, model: Mod
     return to_datatree(draws.sites, draws.statistics, records.factors, records.factor_table, attributes)
 
 
-def _collapses(records: PreparedRecords, model: ModelSettings) -> bool:
+def collapses(records: PreparedRecords, model: ModelSettings) -> bool:
     """Return whether records are integrated out: of few, what they share is not known well enough for summaries."""
     enough = len(records.batch.records) >= LEAST_COLLAPSED
     return model.sampler == "collapsed" and enough and can_collapse(records.factors, model.repeats)

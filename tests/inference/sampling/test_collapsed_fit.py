@@ -1,6 +1,7 @@
 """The collapsed sampler: the posterior of the joint one, and the joint one where summaries are not good enough."""
 
 from functools import cache
+from typing import Any
 
 import arviz as az
 import numpy as np
@@ -9,8 +10,9 @@ import xarray as xr
 from helpers.simulated_records import Plan, simulate
 
 from bayes_tyre.inference.diagnostics.verdict import diagnose
+from bayes_tyre.inference.model.prepared_records import prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
-from bayes_tyre.inference.sampling.hierarchical_fit import LEAST_COLLAPSED, fit_hierarchical
+from bayes_tyre.inference.sampling.hierarchical_fit import LEAST_COLLAPSED, collapses, fit_hierarchical
 from bayes_tyre.inference.sampling.run import SamplerSettings, sampler_runs
 from bayes_tyre.inference.sampling.summary_error import RECORD_SUMMARIES, SUMMARY_ERROR_MOST, SummaryError
 from bayes_tyre.record_table import check_record_table
@@ -21,8 +23,6 @@ WEAK = Plan(speeds=(0.0, 25.0, 35.0), loads=(20.0, 25.0, 30.0), points=30, noise
 ENOUGH = SamplerSettings(chains=2, warmup=300, draws=500, target_accept=0.8)
 STATISTICS = ("mean", "sd")
 
-pytestmark = pytest.mark.slow
-
 
 @cache
 def fitted(sampler: str) -> xr.DataTree:
@@ -30,6 +30,7 @@ def fitted(sampler: str) -> xr.DataTree:
     return fit_hierarchical(table, ENOUGH, ModelSettings(sampler=sampler))
 
 
+@pytest.mark.slow
 def test_both_samplers_give_one_posterior():
     trees = fitted("collapsed"), fitted("joint")
     assert [sampler_runs(tree)[0].sampler for tree in trees] == ["collapsed", "joint"]
@@ -52,6 +53,7 @@ def _off(one: xr.Dataset, other: xr.Dataset, statistic: str) -> np.ndarray:
     return (arrays[0] - arrays[1])[error > 0] / error[error > 0]
 
 
+@pytest.mark.slow
 def test_what_it_was_sampled_by_is_judged_and_said():
     tree = fitted("collapsed")
     error = SummaryError.from_json(tree.attrs[RECORD_SUMMARIES])
@@ -61,6 +63,7 @@ def test_what_it_was_sampled_by_is_judged_and_said():
     assert RECORD_SUMMARIES not in fitted("joint").attrs
 
 
+@pytest.mark.slow
 def test_records_that_no_summary_stands_for_are_sampled_as_well():
     notes = []
     settings = SamplerSettings(chains=2, warmup=100, draws=20, target_accept=0.8, on_note=notes.append)
@@ -73,9 +76,14 @@ def test_records_that_no_summary_stands_for_are_sampled_as_well():
     assert "records were sampled as well" in check["note"]
 
 
-def test_few_records_are_sampled_as_well():
-    table = check_record_table(simulate(Plan(("single",), (0.0,), (20.0,), repeats=2, points=12), 1)[0])
-    assert table["record"].nunique() < LEAST_COLLAPSED
-    tree = fit_hierarchical(table, SamplerSettings(chains=1, warmup=50, draws=10, target_accept=0.8))
-    assert [one.sampler for one in sampler_runs(tree)] == ["joint"]
-    assert RECORD_SUMMARIES not in tree.attrs
+def test_few_records_and_students_repeats_are_sampled_as_well():
+    def chosen(records: int, **options: Any) -> bool:
+        prepared = prepare_records(check_record_table(simulate(GOOD, 1)[0]), ModelSettings(likelihood="direct"))
+        some = np.arange(len(prepared.batch.records)) < records
+        model = ModelSettings(likelihood="direct", **options)
+        return collapses(prepared.only(some, model), model)
+
+    assert chosen(LEAST_COLLAPSED)
+    assert not chosen(LEAST_COLLAPSED - 1)
+    assert not chosen(LEAST_COLLAPSED, repeats="student")
+    assert not chosen(LEAST_COLLAPSED, sampler="joint")
