@@ -13,10 +13,11 @@ import numpy as np
 import pandas as pd
 from least_squares_scale import peak_mb
 
-#: Configurations of a table: each has 72 records, in 24 cases.
-SIZES = (2, 20)
+#: Configurations of a table: each has 288 records, in 96 cases.
+SIZES = (1, 5)
 SAMPLERS = ("collapsed", "joint")
-SPEEDS, LOADS, STEPS, REPEATS, POINTS = (0.0, 25.0, 35.0), (15.0, 20.0, 25.0, 30.0), (-10.0, 10.0), 3, 60
+SPEEDS, LOADS, STEPS = (0.0, 15.0, 25.0, 35.0), (15.0, 20.0, 25.0, 30.0, 35.0, 40.0), (-10.0, -5.0, 5.0, 10.0)
+REPEATS, POINTS = 3, 60
 NOISE_KN, SCATTER, CHAINS, WARMUP, DRAWS = 0.03, 0.04, 4, 500, 500
 
 
