@@ -8,14 +8,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from bayes_tyre.inference.model.collapsed_model import collapsed_records_model
+from bayes_tyre.inference.model.collapsed.model import collapsed_records_model
+from bayes_tyre.inference.model.collapsed.nearest_summaries import refine_summaries, summarise_records
+from bayes_tyre.inference.model.collapsed.record_summaries import RecordSummaries, empty_summaries
 from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, empty_approximation
 from bayes_tyre.inference.model.coordinates.reparams import InCoordinates
 from bayes_tyre.inference.model.coordinates.sites import record_coordinates, record_starts
 from bayes_tyre.inference.model.default_priors import PRIORS
-from bayes_tyre.inference.model.nearest_summaries import refine_summaries, summarise_records
 from bayes_tyre.inference.model.prepared_records import PreparedRecords
-from bayes_tyre.inference.model.record_summaries import RecordSummaries, empty_summaries
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.nuts import CAREFUL_ACCEPTANCE, CHUNK, Chains
 from bayes_tyre.inference.sampling.run import Draws, SamplerRun, SamplerSettings, make_chains, run_until_sound

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.model.collapsed_repeats import can_collapse
+from bayes_tyre.inference.model.collapsed.repeats import can_collapse
 from bayes_tyre.inference.model.coordinates.laplace import empty_approximation
 from bayes_tyre.inference.model.coordinates.sites import (
     hyperparameter_starts,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from bayes_tyre.inference.model.collapsed_model import SUMMARY_ERROR
+from bayes_tyre.inference.model.collapsed.model import SUMMARY_ERROR
 
 #: Attribute of a posterior's tree with a `SummaryError`, as JSON, where records were summed up.
 RECORD_SUMMARIES = "record_summaries"

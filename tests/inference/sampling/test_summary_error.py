@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bayes_tyre.inference.model.collapsed_model import SUMMARY_ERROR
+from bayes_tyre.inference.model.collapsed.model import SUMMARY_ERROR
 from bayes_tyre.inference.sampling.summary_error import SummaryError, summary_error
 
 CHAINS, DRAWS, CASES = 4, 1000, ["a", "b", "c"]

@@ -10,7 +10,7 @@ import pytest
 from scipy.special import logsumexp
 
 from bayes_tyre.inference.model.case_effects import CaseDistribution
-from bayes_tyre.inference.model.collapsed_repeats import CollapsedRepeats, can_collapse
+from bayes_tyre.inference.model.collapsed.repeats import CollapsedRepeats, can_collapse
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.marginal_mixture import members_of
 from bayes_tyre.inference.model.normal_posterior import QuadraticApproximation

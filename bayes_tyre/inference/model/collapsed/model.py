@@ -10,7 +10,8 @@ import numpyro
 from jaxtyping import Array, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
-from bayes_tyre.inference.model.collapsed_repeats import sample_cases_of, sample_collapsed
+from bayes_tyre.inference.model.collapsed.record_summaries import RecordSummaries, record_log_density
+from bayes_tyre.inference.model.collapsed.repeats import sample_cases_of, sample_collapsed
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.force_distribution import RecordForces
@@ -23,7 +24,6 @@ from bayes_tyre.inference.model.hyperparameters import (
 from bayes_tyre.inference.model.likelihood import Likelihood
 from bayes_tyre.inference.model.models import sample_offsets
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.model.record_summaries import RecordSummaries, record_log_density
 from bayes_tyre.inference.record_data import RecordData
 
 #: Values of each record drawn from its summary, of which its density picks one.

@@ -16,17 +16,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, RecordEstimates
-from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.likelihood import Likelihood
-from bayes_tyre.inference.model.normal_posterior import NormalPosterior, QuadraticApproximation
-from bayes_tyre.inference.model.record_summaries import (
+from bayes_tyre.inference.model.collapsed.record_summaries import (
     VALUES,
     NoiseSummaries,
     OffsetSummaries,
     RecordSummaries,
     record_log_density,
 )
+from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, RecordEstimates
+from bayes_tyre.inference.model.factors import Factors
+from bayes_tyre.inference.model.likelihood import Likelihood
+from bayes_tyre.inference.model.normal_posterior import NormalPosterior, QuadraticApproximation
 from bayes_tyre.inference.record_data import RecordData
 
 #: Points of the quadrature along log k and log beta, and along each parameter of the noise.

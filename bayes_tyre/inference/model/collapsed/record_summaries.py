@@ -1,7 +1,7 @@
 """Each record summed up: what it says of log k and log beta, of its noise and of the scale of J, in a few numbers.
 
 A record reaches the hierarchy through log k and log beta alone, and its noise through what all records share of it.
-`bayes_tyre.inference.model.nearest_summaries` makes these numbers.
+`bayes_tyre.inference.model.collapsed.nearest_summaries` makes these numbers.
 """
 
 from typing import NamedTuple

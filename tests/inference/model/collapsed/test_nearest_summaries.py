@@ -11,11 +11,11 @@ from helpers.simulated_records import Plan, simulate
 from scipy.special import logsumexp
 from scipy.stats import norm
 
+from bayes_tyre.inference.model.collapsed.nearest_summaries import refine_summaries, summarise_records
+from bayes_tyre.inference.model.collapsed.record_summaries import RecordSummaries, empty_summaries, record_log_density
 from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation
-from bayes_tyre.inference.model.nearest_summaries import refine_summaries, summarise_records
 from bayes_tyre.inference.model.normal_posterior import NormalPosterior
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
-from bayes_tyre.inference.model.record_summaries import RecordSummaries, empty_summaries, record_log_density
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.record_table import check_record_table
 
