@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
 from bayes_tyre.inference.model.collapsed.record_summaries import RecordSummaries, record_log_density
-from bayes_tyre.inference.model.collapsed.repeats import sample_cases_of, sample_collapsed
+from bayes_tyre.inference.model.collapsed.repeats import collapse_repeats, sample_cases_of
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.force_distribution import RecordForces
@@ -53,7 +53,7 @@ def collapsed_records_model(
     """
     hyperparameters = sample_hyperparameters(prior_sites(factors, repeats, noise), priors)
     typical, sd_of_noise = _sample_noise(hyperparameters, len(factors.of_record), noise, priors)
-    collapsed = sample_collapsed(summaries.values, factors, repeats, hyperparameters, priors=priors)
+    collapsed = collapse_repeats(summaries.values, factors, repeats, hyperparameters, priors=priors)
     sd_J = hyperparameters["sd_J"]
     of_noise, interaction, noise_given = summaries.noise.log_marginal(typical, sd_of_noise)
     of_offsets = summaries.offsets.at(sd_J)

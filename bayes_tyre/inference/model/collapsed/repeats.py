@@ -42,7 +42,7 @@ def can_collapse(factors: Factors, repeats: str) -> bool:
     return kind == "normal" or (kind == "mixture" and bool(factors.repeats.max() <= MOST_REPEATS))
 
 
-def sample_collapsed(
+def collapse_repeats(
     estimates: QuadraticApproximation,
     factors: Factors,
     repeats: str,
