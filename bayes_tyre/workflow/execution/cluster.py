@@ -1,16 +1,16 @@
 """A Dask cluster as an executor of `concurrent.futures`. Dask itself repeats the tasks of lost workers.
 
-`Client.get_executor` does not check that workers have the versions of this process, and says nothing of a lost
-scheduler: its futures are cancelled, or never done. Both are checked here.
+Dask does not check that workers have the versions of this process, and says nothing of a lost scheduler: its futures
+are cancelled, or never done. Both are checked here.
 """
 
 import asyncio
 import logging
 import warnings
-from collections.abc import Iterator, Mapping
-from concurrent.futures import CancelledError, Executor
+from collections.abc import Awaitable, Callable, Iterator, Mapping
+from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, cast, override
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.plain_text import reason
@@ -18,6 +18,7 @@ from bayes_tyre.workflow.execution.executors import TASKS_PER_WORKER, Executors
 
 if TYPE_CHECKING:
     from distributed import Client
+    from tornado.ioloop import IOLoop
 
 #: Must be equal here and on the workers, or tasks cannot be exchanged.
 _REQUIRED = ("python", "distributed", "bayes-tyre")
@@ -114,18 +115,53 @@ def _version_text(name: str, version: str | None) -> str:
     return ".".join((version or "none").split(".")[:2]) if name == "python" else version or "none"
 
 
+class _ClusterExecutor(Executor):
+    """An executor on a cluster; in `Client.get_executor`'s a future whose result is lost with its worker is never done.
+
+    That happens where a worker dies between the end of a task and the fetching of its result, and the task then fails
+    when it is repeated.
+    """
+
+    def __init__(self, client: "Client") -> None:
+        self._client = client
+        self._remote: set[Any] = set()
+
+    @override
+    def submit[**P, R](self, fn: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> Future[R]:
+        """Submit a call, as `concurrent.futures.Executor.submit`."""
+        remote, local = self._client.submit(fn, *args, pure=False, **kwargs), Future[R]()
+
+        async def pass_on() -> None:
+            try:
+                (result,) = await cast("Awaitable[list[R]]", self._client.gather([remote], asynchronous=True))
+            except (CancelledError, asyncio.CancelledError):
+                local.cancel()
+                local.set_running_or_notify_cancel()
+            except BaseException as error:
+                local.set_exception(error)
+            else:
+                local.set_result(result)
+            self._remote.discard(remote)
+
+        self._remote.add(remote)
+        cast("IOLoop", self._client.loop).add_callback(pass_on)
+        return local
+
+    @override
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Cancel what is not done: nothing of it is wanted any more."""
+        with suppress(Exception):  # a lost scheduler has nothing to cancel
+            self._client.cancel(list(self._remote))
+
+
 def cluster_executors(client: "Client", address: str) -> Executors:
     """Return executors on the cluster of a connected client; the address is for messages."""
     from distributed import KilledWorker
 
     @contextmanager
     def start() -> Iterator[Executor]:
-        executor = client.get_executor(pure=False)
-        try:
+        with _ClusterExecutor(client) as executor:
             yield executor
-        finally:
-            with suppress(Exception):  # a lost scheduler has nothing to cancel
-                executor.shutdown(wait=False)
 
     def capacity() -> int:
         threads = cast("dict[str, int]", client.nthreads())

@@ -164,6 +164,21 @@ def test_a_lost_scheduler_is_named_with_how_to_resume(cluster, tmp_path):
             list(outcomes)
 
 
+def test_a_result_that_cannot_be_fetched_any_more_is_an_error_not_a_wait(cluster, monkeypatch):
+    """As where a worker dies with the result of a task, and the task fails when it is repeated."""
+
+    async def lost(*_: object, **__: object) -> None:
+        raise ConnectionError("lost")
+
+    with connected(cluster.scheduler_address) as client:
+        monkeypatch.setattr(client, "_gather", lost)
+        with cluster_executors(client, "tcp://s").start() as executor:
+            with pytest.raises(ConnectionError, match="lost"):
+                executor.submit(abs, -1).result(timeout=30)
+            monkeypatch.undo()
+            assert executor.submit(abs, -1).result(timeout=30) == 1
+
+
 def versions(**theirs) -> dict:
     ours = {"python": "3.13.0.final.0", "distributed": "1", "bayes-tyre": "1", "numpy": "2"}
     return {"client": {"packages": ours}, "workers": {"tcp://w": {"packages": ours | theirs}}}
