@@ -18,7 +18,7 @@ from bayes_tyre import __all__ as __all__
 from bayes_tyre.errors import BadInput as BadInput
 from bayes_tyre.formats.tables import read_table
 from bayes_tyre.inference.diagnostics import verdict as diagnostics
-from bayes_tyre.inference.diagnostics.attempts import Attempt, Attempts, failed_in, with_failed
+from bayes_tyre.inference.diagnostics.attempts import FAILED, Attempt, Attempts, checks_in, with_checks
 from bayes_tyre.inference.diagnostics.judge import judge, with_failures
 from bayes_tyre.inference.diagnostics.power_scaling import identify_published, identify_records
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
@@ -37,7 +37,7 @@ from bayes_tyre.record_table import check_record_table
 from bayes_tyre.report.figures.catalogue import Result, chosen_figure
 from bayes_tyre.report.figures.notebook_display import NotebookFigure
 from bayes_tyre.results import contrasts as ratios
-from bayes_tyre.results import posterior_predictive, prediction, summary
+from bayes_tyre.results import prediction, summary
 from bayes_tyre.results.case_selection import parse_query
 from bayes_tyre.results.prediction import Prediction
 from bayes_tyre.runtime import prepare_jax
@@ -45,7 +45,6 @@ from bayes_tyre.workflow.predict import read_result
 
 #: Host devices, fixed when JAX starts: enough for the chains of a fit that may come after.
 _DEVICES = SamplerSettings().chains
-_AUTOCORRELATION = "residual_autocorrelation"
 
 
 def read_records(path: str | Path) -> pd.DataFrame:
@@ -141,7 +140,7 @@ def fit(
     return _judged(
         fit_hierarchical(table, settings, model, prepared),
         lambda tree, attempt: identify_records(tree, prepared, model, attempt),
-        lambda tree: posterior_predictive.residual_autocorrelation(tree, used_points(table, model.region)),
+        used_points(table, model.region),
     )
 
 
@@ -162,7 +161,6 @@ def fit_published(settings: SamplerSettings | None = None, priors: Mapping[str, 
     return _judged(
         fit_printed_means(printed, settings, all_priors),
         lambda tree, attempt: identify_published(tree, printed, all_priors, attempt),
-        lambda _: np.nan,
     )
 
 
@@ -181,20 +179,18 @@ def read_posterior(folder: str | Path) -> xr.DataTree:
 
 def diagnose(posterior: xr.DataTree) -> Diagnostics:
     """Return whether a posterior may be trusted: the verdict, its reasons and the figures behind them."""
-    found = diagnostics.diagnose(posterior, posterior.attrs.get(_AUTOCORRELATION, np.nan))
-    return with_failures(found, failed_in(posterior))
+    return with_failures(diagnostics.diagnose(posterior), checks_in(posterior, FAILED))
 
 
 def _judged(
     tree: xr.DataTree,
     identify: Callable[[xr.DataTree, Attempt], xr.DataTree],
-    autocorrelation: Callable[[xr.DataTree], float],
+    table: pd.DataFrame | None = None,
 ) -> xr.DataTree:
     """Return the posterior carrying its verdict, the figures behind it, and what of it came from the records."""
     attempts = Attempts()
-    judged, found = judge(tree, identify, attempts, autocorrelation)
-    judged = with_failed(judged, attempts.failed)
-    judged.attrs[_AUTOCORRELATION] = found.residual_autocorrelation
+    judged, found = judge(tree, identify, attempts, table)
+    judged = with_checks(judged, FAILED, attempts.failed)
     judged.attrs["verdict"] = found.verdict
     return judged
 

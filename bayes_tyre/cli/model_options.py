@@ -35,6 +35,13 @@ SamplerOption = Annotated[
         "joint: records are sampled with what they share."
     ),
 ]
+LawOption = Annotated[
+    Literal["equation_2", "small_step_limit"],
+    typer.Option(
+        help="Force law of the records: Equation 2, or the limit of Equation 1 for small steps, F_i + J (1 - "
+        "exp(-|u|/beta)) + k u."
+    ),
+]
 RepeatsOption = Annotated[
     Literal["mixture", "student", "normal"],
     typer.Option(help="How repeats scatter: usual and discordant ones, Student-t, or normal."),

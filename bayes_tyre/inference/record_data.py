@@ -1,4 +1,4 @@
-"""The measured records as arrays for the models, and the force of Equation 2 at their points."""
+"""The measured records as arrays for the models, and the force of the laws they may follow at their points."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from bayes_tyre.batch import Batch
-from bayes_tyre.laws.fancher import equation_2_offset
+from bayes_tyre.laws.fancher import equation_2_offset, small_step_limit_offset
+
+#: Laws with a closed form along a record. In all of them the force settles on F_i + J + k u.
+LAWS = {"equation_2": equation_2_offset, "small_step_limit": small_step_limit_offset}
+#: What a posterior without the word was fitted with.
+EQUATION_2 = "equation_2"
 
 
 class RecordData(NamedTuple):
@@ -40,6 +45,11 @@ def record_data(batch: Batch) -> RecordData:
     return RecordData(*map(jnp.asarray, arrays))
 
 
-def force_curve(u: Float[Array, " points"], theta: Float[Array, "4"]) -> Float[Array, " points"]:
-    """Return the force (kN) of Equation 2 at u (mm) for theta = (F_i, J, log k, log beta)."""
-    return theta[0] + equation_2_offset(u, k=jnp.exp(theta[2]), J=theta[1], beta=jnp.exp(theta[3]))
+def force_curve(u: Float[Array, " points"], theta: Float[Array, "4"], law: str = EQUATION_2) -> Float[Array, " points"]:
+    """Return the force (kN) of a law at u (mm) for theta = (F_i, J, log k, log beta)."""
+    return theta[0] + LAWS[law](u, k=jnp.exp(theta[2]), J=theta[1], beta=jnp.exp(theta[3]))
+
+
+def stiffness_column(u: Float[Array, "*#shape"], beta: Float[Array, "*#shape"], law: str) -> Float[Array, "*shape"]:
+    """Return what k multiplies in a law's force at u (mm), which is linear in J and k given beta (mm)."""
+    return LAWS[law](u, k=1.0, J=0.0, beta=beta)

@@ -118,6 +118,35 @@ def small_step_limit(
     return rise * (above + settled) + fall * (above - settled) + k * u + F_i
 
 
+def small_step_limit_offset(
+    u: Float[ArrayLike, "*#shape"],
+    *,
+    k: Float[ArrayLike, "*#shape"],
+    J: Float[ArrayLike, "*#shape"],
+    beta: Float[ArrayLike, "*#shape"],
+) -> Float[Array, "*shape"]:
+    """Return the change of force by the limit for small steps, ``F - F_i = J (1 - exp(-|u| / beta)) + k u``.
+
+    Parameters
+    ----------
+    u:
+        Displacement from the start of the step, d - d_i, mm.
+    k:
+        Slope of the envelope, kN/mm.
+    J:
+        Settled force less force at the start, both at the start's displacement: k d_i + C + s (x - k beta) - F_i, kN.
+        As in `equation_2_offset` the force settles on F_i + J + k u.
+    beta:
+        Displacement over which the force settles, mm, > 0.
+
+    Returns
+    -------
+    F - F_i, kN, in the common shape.
+    """
+    rise, fall = _rise_and_fall(jnp.asarray(u), beta)
+    return (rise + fall) * J + jnp.multiply(k, u)
+
+
 def _rise_and_fall(
     u: Float[Array, "*#shape"], beta: Float[ArrayLike, "*#shape"]
 ) -> tuple[Float[Array, "*shape"], Float[Array, "*shape"]]:

@@ -1,4 +1,4 @@
-"""Draws of what one step needs, by Equation 2: those of a case, or of one more repeat of it."""
+"""Draws of what the law of one step needs: those of a case, or of one more repeat of it."""
 
 from typing import NamedTuple
 

@@ -1,8 +1,9 @@
 """Force against displacement for a vehicle model, from the posterior of records: curves with intervals, parameters.
 
-Equation 2 in u, the displacement from the start of the step: ``F = F_i + (J + k u)(1 - exp(-|u| / beta))``. A posterior
-may hold `displacement_scale`, an unknown common factor on the displacement that was measured: its k and beta then hold
-for true displacement, and so does what is predicted here.
+The law that the records were fitted with, in u, the displacement from the start of the step: Equation 2 is
+``F = F_i + (J + k u)(1 - exp(-|u| / beta))``, its limit for small steps ``F = F_i + J (1 - exp(-|u| / beta)) + k u``.
+A posterior may hold `displacement_scale`, an unknown common factor on the displacement that was measured: its k and
+beta then hold for true displacement, and so does what is predicted here.
 """
 
 from typing import NamedTuple
@@ -14,8 +15,8 @@ import xarray as xr
 from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.sampling.datatree import priors_of, tree_cases
-from bayes_tyre.laws.fancher import equation_2_offset
+from bayes_tyre.inference.record_data import EQUATION_2, LAWS
+from bayes_tyre.inference.sampling.datatree import law_of, priors_of, tree_cases
 from bayes_tyre.record import CASE_FACTORS, Case
 from bayes_tyre.results.case_draws import CaseDraws, of_case, of_repeat, travel_mm
 from bayes_tyre.results.case_selection import CaseQuery, case_list, choose, sign_of
@@ -29,7 +30,7 @@ COLUMNS = (
     *CASE_FACTORS,
     *("displacement_mm", "parameter", "unit", "median", "lower", "upper", "interval", "of", "origin", "verdict"),
 )
-_change_of_force = jax.jit(equation_2_offset)
+_changes_of_force = {name: jax.jit(law) for name, law in LAWS.items()}
 _NEEDED = {"k_case": "case", "beta_case": "case", "k": "record", "J": "record", "C": "record", "F_i": "record"}
 
 
@@ -105,7 +106,7 @@ def predict(
         if not len(u):
             unused.append(cases[i].label)
             continue
-        curve = pd.DataFrame({"displacement_mm": u, **_bands(u, draws, interval, rng)})
+        curve = pd.DataFrame({"displacement_mm": u, **_bands(u, draws, interval, rng, law_of(tree))})
         curves.append(curve.assign(**cases[i]._asdict()))
         parameters.append(_parameters(cases[i], draws, interval))
     if unused:
@@ -153,22 +154,26 @@ def _displacements(
     return mine if np.any(mine != 0) else mine[:0]
 
 
-def force_kN(u: np.ndarray, F_i: np.ndarray, J: np.ndarray, k: np.ndarray, beta: np.ndarray) -> np.ndarray:
-    """Return Equation 2 (kN) at u (mm) from the start of the step; all arguments broadcast together.
+def force_kN(
+    u: np.ndarray, F_i: np.ndarray, J: np.ndarray, k: np.ndarray, beta: np.ndarray, law: str = EQUATION_2
+) -> np.ndarray:
+    """Return the force (kN) of a law at u (mm) from the start of the step; all other arguments broadcast together.
 
     In float64 whatever JAX is set to: what reads a finished posterior need not prepare JAX.
     """
     with jax.enable_x64(True):
-        return F_i + np.asarray(_change_of_force(u, k=k, J=J, beta=beta))
+        return F_i + np.asarray(_changes_of_force[law](u, k=k, J=J, beta=beta))
 
 
-def _bands(u: np.ndarray, draws: CaseDraws, interval: float, rng: np.random.Generator) -> dict[str, np.ndarray]:
+def _bands(
+    u: np.ndarray, draws: CaseDraws, interval: float, rng: np.random.Generator, law: str
+) -> dict[str, np.ndarray]:
     """Return median, lower and upper of the force (kN) at each displacement, a bounded number of them at once."""
     tails = [0.5, (1.0 - interval) / 2.0, (1.0 + interval) / 2.0]
     F_i, J, k, beta, _, sigma = (values[:, None] for values in draws)
     blocks = []
     for part in np.array_split(u, -(-len(u) * len(k) // CELLS)):
-        force = force_kN(part, F_i, J, k, beta)
+        force = force_kN(part, F_i, J, k, beta, law)
         if sigma.any():
             force = force + sigma * rng.standard_normal(force.shape)
         blocks.append(np.quantile(force, tails, axis=0))

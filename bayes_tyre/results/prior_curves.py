@@ -11,7 +11,7 @@ from bayes_tyre.inference.model.models import records_model
 from bayes_tyre.inference.model.prepared_records import record_batch
 from bayes_tyre.inference.model.prior_predictive import PriorDraws, draw_prior, prior_forces, without_points
 from bayes_tyre.inference.record_data import record_data
-from bayes_tyre.inference.sampling.datatree import priors_of
+from bayes_tyre.inference.sampling.datatree import law_of, priors_of
 from bayes_tyre.record_table import record_factors
 
 #: The most panels; records of the data, and of the prior, in each; points of a prior record.
@@ -66,7 +66,7 @@ def prior_panels(tree: xr.DataTree, table: pd.DataFrame, interval: float = 0.95,
     for group in range(min(PANELS, len(factors.group.labels))):
         of_group = np.flatnonzero(group_of_record == group)
         like = int(of_group[np.argsort(travel[of_group], kind="stable")[(len(of_group) - 1) // 2]])
-        panels.append(_panel(table, factor_table, factors, like, interval, drawn, seed + group))
+        panels.append(_panel(table, factor_table, factors, like, interval, drawn, seed + group, law_of(tree)))
     return panels
 
 
@@ -82,6 +82,7 @@ def _draw(tree: xr.DataTree, table: pd.DataFrame, factors: Factors, seed: int) -
     attributes = {
         name: str(tree.attrs.get(name, default)) for name, default in (("repeats", "mixture"), ("noise", "iid"))
     }
+    attributes["law"] = law_of(tree)
     data = without_points(record_data(record_batch(table)))
     arguments = {"data": data, "factors": factors, "priors": priors_of(tree), "observed": False, **attributes}
     return draw_prior(records_model, arguments, _DRAWN_SITES, _BAND_DRAWS, seed)
@@ -95,6 +96,7 @@ def _panel(
     interval: float,
     drawn: PriorDraws,
     seed: int,
+    law: str,
 ) -> PriorPanel:
     case = int(factors.of_record[like])
     names = factor_table["record"].tolist()
@@ -103,7 +105,7 @@ def _panel(
     points = table.loc[table["record"].isin(shown), ["record", "displacement_mm", "force_kN"]]
     mine = points[points["record"] == names[like]]
     grid = _grid(mine["displacement_mm"].to_numpy())
-    forces = prior_forces(drawn, like, grid, seed)
+    forces = prior_forces(drawn, like, grid, seed, law)
     lower, upper = np.quantile(forces, [(1.0 - interval) / 2.0, (1.0 + interval) / 2.0], axis=0)
     curves = pd.DataFrame(
         {

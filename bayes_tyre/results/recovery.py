@@ -14,8 +14,9 @@ PARAMETERS = {"k": "k_kN_per_mm", "beta": "beta_mm"}
 OF_MOTIONS = {"k": "k_kN_per_mm", "x": "x_kN", "beta": "beta_mm", "m": "m_kg", "c": "c_kN_s_per_mm"}
 #: What a reader of the table must know of either.
 WHAT_IT_COMPARES = (
-    "k: slope on flat ground, in truth and result. beta: the truth's is of the law's small-step limit, the result's of "
-    "Equation 2, which is one step of the law: two curves, so the two betas differ even without noise."
+    "k: slope on flat ground, in truth and result. beta: the truth's is of the law's small-step limit. That of "
+    "Equation 2 (lsq, and fit without --law small_step_limit), one step of the law, is another curve's: it differs "
+    "without noise."
 )
 WHAT_MOTIONS_COMPARE = "k, x, beta: of the law on flat ground, m and c at the wheel centre, in truth and result alike."
 WHAT_OTHER_FRICTION_COMPARES = (

@@ -15,6 +15,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, whole_file, write_text
 from bayes_tyre.formats.netcdf import read_tree
 from bayes_tyre.formats.tables import write_table
+from bayes_tyre.inference.sampling.datatree import law_of
 from bayes_tyre.record import Case
 from bayes_tyre.results.case_selection import CaseQuery
 from bayes_tyre.results.prediction import Prediction, predict, predictable_cases
@@ -25,7 +26,10 @@ ABOUT = """\
 # Parameters of a tyre for a vehicle model, a table [[case]] for each case and direction: kN, mm, kN/mm, km/h.
 # step_kN is signed: loading is positive. lower and upper hold the probability `interval`, equal-tailed.
 """
-EQUATION = "F = F_i + (J + k u) (1 - exp(-|u| / beta)), u = d - d_i; J = k d_i + C - F_i"
+EQUATIONS = {
+    "equation_2": "F = F_i + (J + k u) (1 - exp(-|u| / beta)), u = d - d_i; J = k d_i + C - F_i",
+    "small_step_limit": "F = F_i + J (1 - exp(-|u| / beta)) + k u, u = d - d_i; J = k d_i + C - F_i",
+}
 VERDICTS = ("pass", "fail")
 
 
@@ -117,7 +121,12 @@ def write_prediction(
         prediction = predict(
             result.tree, query, displacement_mm, verdict=result.verdict, of=of, interval=interval, seed=seed
         )
-    head = {"equation": EQUATION, "of": of, "interval": interval, "origin": result.tree.attrs["origin"]}
+    head = {
+        "equation": EQUATIONS[law_of(result.tree)],
+        "of": of,
+        "interval": interval,
+        "origin": result.tree.attrs["origin"],
+    }
     head |= {"verdict": result.verdict, "version": f"bayes-tyre {version('bayes-tyre')}"}
     text = ABOUT + tomli_w.dumps({**head, "case": list(prediction.parameters)})
     beside = out.with_suffix(".toml")

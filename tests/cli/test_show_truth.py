@@ -19,7 +19,7 @@ def test_least_squares_beside_the_truth(folder):
     done = here("show", folder, "--truth", folder / "truth.csv")
     assert (done.exit_code, done.stderr) == (0, "")
     assert "k: rms relative error 5.00 %" in done.stdout
-    assert "two curves" in done.stdout.splitlines()[-1]
+    assert "another curve's: it differs without noise." in done.stdout.splitlines()[-1]
 
 
 def test_what_is_no_truth_is_refused(folder):

@@ -9,7 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bayes_tyre.laws.fancher import Fancher, equation_2, equation_2_offset, small_step_limit
+from bayes_tyre.laws.fancher import (
+    Fancher,
+    equation_2,
+    equation_2_offset,
+    small_step_limit,
+    small_step_limit_offset,
+)
 
 K, C, X, BETA = 1.8, 10.0, 0.3, 0.05
 LAW = Fancher(k=K, C=C, x=X, beta=BETA)
@@ -102,6 +108,15 @@ def test_limit_does_not_depend_on_sampling(fractions):
         corners.append(len(path) - 1)
     force, expected = compiled_force(np.array(path)), compiled_force(np.array(turns))
     np.testing.assert_allclose(force[np.array(corners)], expected, rtol=1e-13)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_offset_form_of_the_limit_is_the_limit(way):
+    d_i, F_i = 0.6, 9.0
+    u = way * np.linspace(0.0, 2.0, 41)
+    J = K * d_i + C + way * (X - K * BETA) - F_i
+    expected = small_step_limit(d_i + u, k=K, C=C, x=X, beta=BETA, d_i=d_i, F_i=F_i) - F_i
+    np.testing.assert_allclose(small_step_limit_offset(u, k=K, J=J, beta=BETA), expected, rtol=0, atol=1e-13)
 
 
 def test_equation_1_depends_on_sampling():

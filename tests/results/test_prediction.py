@@ -66,6 +66,14 @@ def test_the_curve_of_a_case_is_equation_2_loading_up_and_unloading_down():
         assert said.to_numpy().tolist() == [[direction, "force", "kN", "case", "simulated", "pass"]]
 
 
+def test_the_curve_follows_the_law_that_was_fitted():
+    tree = single_case()
+    tree.attrs["law"] = "small_step_limit"
+    u = np.array([0.0, 0.02, 2.0])
+    made = predict(tree, "single (0)20-30", u=u).curves
+    np.testing.assert_allclose(made["median"], 15.0 + 0.4 * (1.0 - np.exp(-u / 0.05)) + 1.8 * u)
+
+
 def test_the_interval_is_the_one_asked_for():
     wide, narrow = (predict(campaign(), "single (0)20-30", u=[1.0], interval=p) for p in (0.95, 0.5))
     for made, share in ((wide, 0.95), (narrow, 0.5)):
@@ -251,8 +259,8 @@ def test_many_points_are_computed_in_parts_with_the_same_result(monkeypatch):
 
 def test_the_force_is_exact_where_beta_is_far_below_or_above_the_travel():
     u = np.array([1e-9, 1.0])
-    np.testing.assert_allclose(force_kN(u, *map(np.array, (2.0, 0.4, 1.8, 1e-12))), 2.0 + 0.4 + 1.8 * u)
-    np.testing.assert_allclose(force_kN(u, *map(np.array, (0.0, 1.0, 0.0, 1e9))), u / 1e9, rtol=1e-8)
+    np.testing.assert_allclose(force_kN(u, *np.array([2.0, 0.4, 1.8, 1e-12])[:, None]), 2.0 + 0.4 + 1.8 * u)
+    np.testing.assert_allclose(force_kN(u, *np.array([0.0, 1.0, 0.0, 1e9])[:, None]), u / 1e9, rtol=1e-8)
 
 
 def without(*names: str) -> xr.DataTree:

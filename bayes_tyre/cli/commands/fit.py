@@ -24,6 +24,7 @@ def fit(
     context: typer.Context,
     out: shell.Out,
     records: Annotated[Path | None, shell.RECORD_TABLE] = None,
+    law: model_options.LawOption = "equation_2",
     region: model_options.RegionOption = "all",
     initial_load: model_options.InitialLoadOption = "nominal",
     displacement_scale_sd: model_options.DisplacementScaleOption = 0.0,
@@ -70,6 +71,7 @@ def fit(
         *(region, initial_load, displacement_scale_sd, likelihood, repeats, noise, noise_window),
         read_priors(priors),
         sampler,
+        law,
     )
     settings = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
     plan = Plan(Path(records or ""), settings, model, interval, units_checked)

@@ -1,9 +1,10 @@
 """The likelihood of records compressed without loss: a few inner products in place of the points.
 
 Given beta the force is linear in (F_i, J, k). A record's log-likelihood therefore needs its points only through
-inner products of `1`, `g` and `u g` (g = 1 - exp(-|u| / beta)) with each other and with the force: seven smooth
-functions of log beta, and three numbers. Tabulated once as piecewise Chebyshev polynomials, they make one evaluation
-independent of the number of points. Of autoregressive noise the exponent is a quadratic in its coefficient rho with
+inner products of `1`, `g` (g = 1 - exp(-|u| / beta)) and `h`, what k multiplies (u g in Equation 2), with each other
+and with the force: seven smooth functions of log beta, and three numbers. Tabulated once as piecewise Chebyshev
+polynomials, they make one evaluation independent of the number of points. Of autoregressive noise the exponent is a
+quadratic in its coefficient rho with
 the same products, of neighbours too.
 """
 
@@ -16,14 +17,14 @@ from jaxtyping import Array, Float
 from bayes_tyre.inference.correlated_noise import Whitening
 from bayes_tyre.inference.model.likelihood import Likelihood, Records, ResidualForm, offsets_of_form
 from bayes_tyre.inference.model.offsets import OffsetsLikelihood
-from bayes_tyre.inference.record_data import RecordData
+from bayes_tyre.inference.record_data import EQUATION_2, RecordData, stiffness_column
 
 #: Cells in log beta, and the degree in each: the table is then off by 1e-7 in the log density (see the tests).
 CELLS, DEGREE = 48, 12
 #: The table reaches from where even the first point has left (|u| = 40 beta) to a nearly straight line.
 _FIRST_POINT_OVER_BETA, _BETA_OVER_TRAVEL = 40.0, 100.0
 _SMALLEST_STEP_OVER_TRAVEL = 1e-9
-#: Products of a form that depend on beta: g, u g with 1, with each other, and with y.
+#: Products of a form that depend on beta: g, h with 1, with each other, and with y.
 _PRODUCTS = 7
 
 
@@ -44,6 +45,8 @@ class CompressedLikelihood(Likelihood):
         Shape (records,): number of points, first force (kN), log volume of the whitening (0 without).
     last:
         Shape (records, 2): u (mm) and y (kN) of the last point, whose square the quadratic in rho sets apart.
+    law:
+        One of `bayes_tyre.inference.record_data.LAWS`.
     """
 
     table: Float[Array, "records cells coefficients products"]
@@ -54,6 +57,7 @@ class CompressedLikelihood(Likelihood):
     F_0: Records
     log_volume: Records
     last: Float[Array, "records 2"]
+    law: str = eqx.field(static=True, default=EQUATION_2)
 
     @property
     def first_force(self) -> Records:
@@ -94,19 +98,21 @@ class CompressedLikelihood(Likelihood):
         return offsets_of_form(form, self.points, sigma, rho, self.log_volume)
 
     def _forms(self, log_values: Float[Array, "records 2"]) -> ResidualForm:
-        """Return each form of the residual y - level - J g - k u g; leaves (records, forms, ...)."""
+        """Return each form of the residual y - level - J g - k h; leaves (records, forms, ...)."""
         k = jnp.exp(log_values[:, :1])
         products = self._products(log_values[:, 1]).reshape(len(k), -1, _PRODUCTS)
-        g, ug, gg, ugg, uugg, yg, yug = jnp.moveaxis(products, 2, 0)
+        g, h, gg, gh, hh, yg, yh = jnp.moveaxis(products, 2, 0)
         one, y, yy = jnp.moveaxis(self.constants, 2, 0)
-        slope = jnp.stack([y - k * ug, yg - k * ugg], axis=2)
-        return ResidualForm(yy - 2.0 * k * yug + k**2 * uugg, slope, jnp.stack([one, g, gg], axis=2))
+        slope = jnp.stack([y - k * h, yg - k * gh], axis=2)
+        return ResidualForm(yy - 2.0 * k * yh + k**2 * hh, slope, jnp.stack([one, g, gg], axis=2))
 
     def _ends(self, log_values: Float[Array, "records 2"]) -> ResidualForm:
         """Return the squares of the residuals of the first point, where u = 0 and y = 0, and of the last."""
         u, y = self.last.T
-        g = -jnp.expm1(-jnp.abs(u) / jnp.exp(self._inside(log_values[:, 1])))
-        left, zero, one = y - jnp.exp(log_values[:, 0]) * u * g, jnp.zeros_like(g), jnp.ones_like(g)
+        beta = jnp.exp(self._inside(log_values[:, 1]))
+        g = -jnp.expm1(-jnp.abs(u) / beta)
+        left = y - jnp.exp(log_values[:, 0]) * stiffness_column(u, beta, self.law)
+        zero, one = jnp.zeros_like(g), jnp.ones_like(g)
 
         def both(of_first: Array, of_last: Array) -> Array:
             return jnp.stack([of_first, of_last], axis=1)
@@ -137,18 +143,19 @@ def _chebyshev(t: Records, count: int) -> Float[Array, "records count"]:
 
 
 def _form_products(columns: Float[Array, "4 points"], other: Float[Array, "4 points"]) -> Float[Array, "4 4"]:
-    """Return the symmetric form of (1, g, u g, y) that pairs each point of `columns` with one of `other`."""
+    """Return the symmetric form of (1, g, h, y) that pairs each point of `columns` with one of `other`."""
     products = columns @ other.T
     return 0.5 * (products + products.T)
 
 
 def _all_products(
-    log_beta: Float[Array, ""], data: RecordData, whitening: Whitening | None, neighbours: bool
+    log_beta: Float[Array, ""], data: RecordData, whitening: Whitening | None, neighbours: bool, law: str
 ) -> Float[Array, "forms 4 4"]:
-    """Return the forms of (1, g, u g, y) of one record at log beta (mm): sums over its points."""
+    """Return the forms of (1, g, h, y) of one record at log beta (mm): sums over its points."""
     y = jnp.where(data.present, data.F - data.F_0, 0.0)
     g = jnp.where(data.present, -jnp.expm1(-jnp.abs(data.u) / jnp.exp(log_beta)), 0.0)
-    columns = jnp.stack([data.present.astype(y.dtype), g, data.u * g, y])
+    of_k = jnp.where(data.present, stiffness_column(data.u, jnp.exp(log_beta), law), 0.0)
+    columns = jnp.stack([data.present.astype(y.dtype), g, of_k, y])
     if whitening is not None:
         columns = jax.vmap(whitening.whiten, in_axes=(0, None))(columns, data.present)
     forms = [_form_products(columns, columns)]
@@ -159,7 +166,9 @@ def _all_products(
 
 
 @eqx.filter_jit
-def compress(data: RecordData, *, neighbours: bool = False, whitening: Whitening | None = None) -> CompressedLikelihood:
+def compress(
+    data: RecordData, *, neighbours: bool = False, whitening: Whitening | None = None, law: str = EQUATION_2
+) -> CompressedLikelihood:
     """Return the compressed likelihood of the records, off by 1e-7 at most inside its range of beta.
 
     The range of each record is from a fortieth of its smallest displacement to a hundred times its travel.
@@ -172,6 +181,8 @@ def compress(data: RecordData, *, neighbours: bool = False, whitening: Whitening
         Whether to tabulate products of neighbours too, for autoregressive noise.
     whitening:
         Of noise smoothed by a known moving average.
+    law:
+        One of `bayes_tyre.inference.record_data.LAWS`.
     """
     distance = jnp.where(data.present, jnp.abs(data.u), 0.0)
     travel = jnp.max(distance, axis=1)
@@ -183,13 +194,13 @@ def compress(data: RecordData, *, neighbours: bool = False, whitening: Whitening
     places = (jnp.arange(CELLS)[:, None] + 0.5 * (jnp.asarray(np.cos(angle)) + 1.0)).ravel()
 
     def at(place: Float[Array, ""]) -> Float[Array, "records forms 4 4"]:
-        return jax.vmap(lambda log_beta, record: _all_products(log_beta, record, whitening, neighbours))(
+        return jax.vmap(lambda log_beta, record: _all_products(log_beta, record, whitening, neighbours, law))(
             low + width * place, data
         )
 
     # lax.map keeps memory at one value of beta for all records, however many nodes there are.
     forms = jax.lax.map(at, places)
-    # The order in which `_forms` takes them; (1, g, u g, y) are numbered 0 to 3.
+    # The order in which `_forms` takes them; (1, g, h, y) are numbered 0 to 3.
     left, right = np.array([(0, 1), (0, 2), (1, 1), (1, 2), (2, 2), (1, 3), (2, 3)]).T
     values = forms[..., left, right].reshape(CELLS, count, len(low), -1)
     to_coefficients = np.cos(np.outer(np.arange(count), angle)) * 2.0 / count
@@ -205,4 +216,5 @@ def compress(data: RecordData, *, neighbours: bool = False, whitening: Whitening
         F_0=data.F_0,
         log_volume=jnp.zeros_like(low) if whitening is None else whitening.log_volume(points),
         last=jnp.stack([data.u[rows, end], data.F[rows, end] - data.F_0], axis=1),
+        law=law,
     )

@@ -103,12 +103,11 @@ class Factors:
         return np.concatenate([cells, *(factor.matrix for factor in self.effects(parameter).values())], axis=1)
 
     def has_remainder(self, parameter: str) -> bool:
-        """Whether cases can differ by more than their factors explain.
+        """Return whether cases can differ by more than their factors explain: not where these fit every case exactly.
 
-        Not with one repeat a case (scatter holds it), nor where the effects can fit every case exactly.
+        With one repeat a case the data hold remainder and scatter as one number; their priors tell them apart.
         """
-        rank = np.linalg.matrix_rank(self.design(parameter))
-        return bool(self.repeats.max() > 1 and len(self.cases) > rank)
+        return len(self.cases) > int(np.linalg.matrix_rank(self.design(parameter)))
 
 
 def _factor(values: Sequence[Any]) -> Factor:

@@ -1,5 +1,6 @@
-"""The forces of all records given k, beta and noise: Equation 2 at every point, F_i and J integrated out."""
+"""The forces of all records given k, beta and noise: a law at every point, F_i and J integrated out."""
 
+from functools import partial
 from typing import override
 
 import jax
@@ -10,7 +11,7 @@ from numpyro.distributions import constraints
 
 from bayes_tyre.inference.model.likelihood import DirectLikelihood, Likelihood
 from bayes_tyre.inference.model.offsets import OffsetsPosterior
-from bayes_tyre.inference.record_data import RecordData, force_curve
+from bayes_tyre.inference.record_data import EQUATION_2, RecordData, force_curve
 
 
 class RecordForces(dist.Distribution):
@@ -30,6 +31,8 @@ class RecordForces(dist.Distribution):
         Standard deviation (kN) and lag-1 autocorrelation of the noise of each; None: independent noise.
     likelihood:
         Of `data.F`, where a quicker or another one than point by point is to serve; it takes no other forces.
+    law:
+        One of `bayes_tyre.inference.record_data.LAWS`; a likelihood that is given has its own.
     """
 
     support = constraints.real_vector  # pyright: ignore[reportAssignmentType]  (as all of NumPyro's)
@@ -42,19 +45,21 @@ class RecordForces(dist.Distribution):
         sigma: Float[Array, " records"],
         rho: Float[Array, " records"] | None = None,
         likelihood: Likelihood | None = None,
+        law: str = EQUATION_2,
     ) -> None:
         self.data, self.log_values, self.sigma, self.rho, self.likelihood = data, log_values, sigma, rho, likelihood
+        self.law = law
         self.sd_of_offsets = jnp.stack([data.span, jnp.broadcast_to(sd_J, data.span.shape)], axis=1)
         super().__init__(data.u.shape[:1], data.u.shape[1:], validate_args=False)
 
     @override
     def sample(self, key: Array, sample_shape: tuple[int, ...] = ()) -> Float[Array, "*sample records points"]:
-        """Draw the forces (kN): Equation 2 from drawn F_i and J, and noise on every point."""
+        """Draw the forces (kN): the law from drawn F_i and J, and noise on every point."""
         of_offsets, of_noise = jax.random.split(key)
         z = jax.random.normal(of_offsets, (*sample_shape, *self.sd_of_offsets.shape))
         start = self.start(self.sd_of_offsets * z)
         theta = jnp.concatenate([start, jnp.broadcast_to(self.log_values, start.shape)], axis=-1)
-        return draw_forces(of_noise, self.data.u, theta, self.sigma, self.rho)
+        return draw_forces(of_noise, self.data.u, theta, self.sigma, self.rho, self.law)
 
     @override
     def log_prob(self, value: ArrayLike) -> Float[Array, " records"]:
@@ -63,7 +68,7 @@ class RecordForces(dist.Distribution):
 
     def given(self, value: ArrayLike) -> OffsetsPosterior:
         """Return the posterior of the offsets of each record given its forces (kN)."""
-        likelihood = self.likelihood or DirectLikelihood(self.data._replace(F=jnp.asarray(value)))
+        likelihood = self.likelihood or DirectLikelihood(self.data._replace(F=jnp.asarray(value)), law=self.law)
         of_offsets = likelihood.of_offsets(self.log_values, self.sigma, self.rho)
         # What a likelihood counts from is the first force measured; a prior may be about another.
         return of_offsets.about(self.data.F_0 - likelihood.first_force).with_prior(self.sd_of_offsets)
@@ -79,12 +84,13 @@ def draw_forces(
     theta: Float[Array, "*sample records 4"],
     sigma: Float[Array, " records"],
     rho: Float[Array, " records"] | None = None,
+    law: str = EQUATION_2,
 ) -> Float[Array, "*sample records points"]:
     """Draw forces (kN) at displacements u (mm) from the start, given (F_i, J, log k, log beta) and the noise."""
     noise = jax.random.normal(key, (*theta.shape[:-1], u.shape[1]))
     if rho is not None:
         noise = _autoregressive(noise, rho[:, None])
-    curves = jnp.vectorize(force_curve, signature="(p),(t)->(p)")
+    curves = jnp.vectorize(partial(force_curve, law=law), signature="(p),(t)->(p)")
     return curves(u, theta) + sigma[:, None] * noise
 
 

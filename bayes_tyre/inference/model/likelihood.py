@@ -1,4 +1,4 @@
-"""The likelihood of records under Equation 2: its contract, and the direct one, point by point.
+"""The likelihood of records under a force law: its contract, and the direct one, point by point.
 
 Noise is normal: independent; autoregressive of order one; or independent and then smoothed by a known moving average
 (`bayes_tyre.inference.correlated_noise.Whitening`). Given beta the force is linear in (F_i, J, k).
@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 
 from bayes_tyre.inference.correlated_noise import Whitening, innovations
 from bayes_tyre.inference.model.offsets import OffsetsLikelihood
-from bayes_tyre.inference.record_data import RecordData, force_curve
+from bayes_tyre.inference.record_data import EQUATION_2, RecordData, force_curve, stiffness_column
 
 Records = Float[Array, " records"]
 
@@ -67,10 +67,13 @@ class DirectLikelihood(Likelihood):
         The records.
     whitening:
         Of noise smoothed by a known moving average; None: noise is as it was made.
+    law:
+        One of `bayes_tyre.inference.record_data.LAWS`.
     """
 
     data: RecordData
     whitening: Whitening | None = None
+    law: str = eqx.field(static=True, default=EQUATION_2)
 
     @property
     def first_force(self) -> Records:
@@ -80,7 +83,8 @@ class DirectLikelihood(Likelihood):
     def __call__(self, theta: Float[Array, "records 4"], sigma: Records, rho: Records | None = None) -> Records:
         """Return the log density of each record at theta = (F_i, J, log k, log beta), shape (records,)."""
         present = self.data.present
-        residual = jnp.where(present, self.data.F - jax.vmap(force_curve)(self.data.u, theta), 0.0)
+        curves = jax.vmap(lambda u, values: force_curve(u, values, self.law))(self.data.u, theta)
+        residual = jnp.where(present, self.data.F - curves, 0.0)
         points = jnp.sum(present, axis=1)
         if self.whitening is not None:
             residual = jax.vmap(self.whitening.whiten)(residual, present)
@@ -99,7 +103,8 @@ class DirectLikelihood(Likelihood):
         present, u = self.data.present, self.data.u
         k, beta = jnp.exp(log_values[:, :1]), jnp.exp(log_values[:, 1:])
         g = -jnp.expm1(-jnp.abs(u) / beta)
-        columns = jnp.stack([jnp.ones_like(u), g, self.data.F - self.data.F_0[:, None] - k * u * g], axis=1)
+        left = self.data.F - self.data.F_0[:, None] - k * stiffness_column(u, beta, self.law)
+        columns = jnp.stack([jnp.ones_like(u), g, left], axis=1)
         columns = jnp.where(present[:, None], columns, 0.0)
         log_volume = jnp.zeros(len(u))
         if self.whitening is not None:

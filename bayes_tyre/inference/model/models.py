@@ -29,7 +29,7 @@ from bayes_tyre.inference.model.hyperparameters import (
 from bayes_tyre.inference.model.likelihood import Likelihood
 from bayes_tyre.inference.model.priors import Prior, Priors
 from bayes_tyre.inference.model.record_effects import sample_records
-from bayes_tyre.inference.record_data import RecordData
+from bayes_tyre.inference.record_data import EQUATION_2, RecordData
 
 #: What the noise of a record is like.
 NOISE = ("iid", "ar1")
@@ -42,6 +42,7 @@ def records_model(
     *,
     repeats: str = "mixture",
     noise: str = "iid",
+    law: str = EQUATION_2,
     priors: Priors = PRIORS,
     observed: bool = True,
 ) -> None:
@@ -59,6 +60,8 @@ def records_model(
         One of `REPEATS`; with fewer than `JUDGEABLE_REPEATS` repeats a case, always ``normal``.
     noise:
         One of `NOISE`; ``ar1`` samples a lag-1 autocorrelation rho for each record.
+    law:
+        One of `bayes_tyre.inference.record_data.LAWS`; a likelihood that is given must be of it.
     priors:
         Of the hyperparameters.
     observed:
@@ -74,7 +77,7 @@ def records_model(
     log_sigma, typical = _of_records("log_sigma", priors["sigma_typical"], records, hyperparameters)
     deterministic("sigma_typical", jnp.exp(typical))
     sigma = deterministic("sigma", jnp.exp(log_sigma))
-    fn = RecordForces(data, log_values, hyperparameters["sd_J"], sigma, rho, likelihood)
+    fn = RecordForces(data, log_values, hyperparameters["sd_J"], sigma, rho, likelihood, law)
     force = numpyro.sample("force", fn, obs=data.F if observed else None)
     sample_offsets(fn, jnp.asarray(force))
 

@@ -48,11 +48,12 @@ class PreparedRecords(NamedTuple):
     def arguments(self, model: ModelSettings) -> dict[str, Any]:
         """Return the arguments of `bayes_tyre.inference.model.models.records_model`."""
         records = {"data": self.data, "factors": self.factors, "likelihood": self.likelihood}
-        return {**records, "repeats": model.repeats, "noise": model.noise, "priors": model.priors}
+        options = {name: getattr(model, name) for name in ("repeats", "noise", "law", "priors")}
+        return {**records, **options}
 
     def approximation(self, model: ModelSettings) -> LaplaceApproximation:
         """Return the Laplace approximation of the records and their cases."""
-        return laplace_approximation(self.batch, self.factors, model.noise, self.whitening, model.priors)
+        return laplace_approximation(self.batch, self.factors, model.noise, self.whitening, model.priors, model.law)
 
     def only(self, mask: Bool[np.ndarray, " records"], model: ModelSettings) -> "PreparedRecords":
         """Return some of the records; their factors keep all cases."""
@@ -83,9 +84,9 @@ def prepare_batch(batch: Batch, factor_table: pd.DataFrame, factors: Factors, mo
     data, window = record_data(batch), model.noise_window
     whitening = smoothed_noise(int(batch.points.max()), window) if window > 1 else None
     if model.likelihood == "direct":
-        likelihood = DirectLikelihood(data, whitening)
+        likelihood = DirectLikelihood(data, whitening, model.law)
     else:
-        likelihood = compress(data, neighbours=model.noise == "ar1", whitening=whitening)
+        likelihood = compress(data, neighbours=model.noise == "ar1", whitening=whitening, law=model.law)
     return PreparedRecords(batch, data, factor_table, factors, whitening, likelihood)
 
 

@@ -13,7 +13,7 @@ from numpyro.infer import Predictive
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.force_distribution import draw_forces
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS
-from bayes_tyre.inference.record_data import RecordData
+from bayes_tyre.inference.record_data import EQUATION_2, RecordData
 
 #: Draws of the prior by name, shape (draws, ...).
 PriorDraws = dict[str, np.ndarray]
@@ -56,7 +56,7 @@ def without_points(data: RecordData) -> RecordData:
 
 
 def prior_forces(
-    drawn: PriorDraws, record: int, displacement_mm: Float[np.ndarray, " points"], seed: int
+    drawn: PriorDraws, record: int, displacement_mm: Float[np.ndarray, " points"], seed: int, law: str = EQUATION_2
 ) -> Float[np.ndarray, "draws points"]:
     """Return the forces (kN) of a record in each draw of the prior, noise of each point included.
 
@@ -66,21 +66,21 @@ def prior_forces(
         Of `bayes_tyre.inference.model.models.records_model`.
     record, displacement_mm:
         Which record, and where its points shall be.
-    seed:
-        Of the noise.
+    seed, law:
+        Of the noise; and of `bayes_tyre.inference.record_data.LAWS`.
     """
     names = ("F_i", "J", "k", "beta", "sigma", *(["rho"] if "rho" in drawn else []))
     values = [jnp.asarray(drawn[name][:, record, None]) for name in names]
     draws = len(values[0])
     u = jnp.broadcast_to(jnp.asarray(displacement_mm - displacement_mm[0]), (draws, len(displacement_mm)))
-    return np.asarray(_draw_forces(u, values, jax.random.PRNGKey(seed)))
+    return np.asarray(_draw_forces(u, values, jax.random.PRNGKey(seed), law))
 
 
-@jax.jit
+@partial(jax.jit, static_argnames="law")
 def _draw_forces(
-    u: Float[Array, "draws points"], values: list[Float[Array, "draws 1"]], key: Array
+    u: Float[Array, "draws points"], values: list[Float[Array, "draws 1"]], key: Array, law: str
 ) -> Float[Array, "draws points"]:
     """Draw forces of as many records as there are draws."""
     F_i, J, k, beta, sigma, *rho = values
     theta = jnp.concatenate([F_i, J, jnp.log(k), jnp.log(beta)], axis=1)
-    return draw_forces(key, u, theta, sigma[:, 0], rho[0][:, 0] if rho else None)
+    return draw_forces(key, u, theta, sigma[:, 0], rho[0][:, 0] if rho else None, law)

@@ -10,6 +10,7 @@ from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.models import NOISE
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.repeat_distribution import REPEATS
+from bayes_tyre.inference.record_data import EQUATION_2, LAWS
 
 INITIAL_LOADS = ("nominal", "actual")
 LIKELIHOODS = ("compressed", "direct")
@@ -39,6 +40,8 @@ class ModelSettings:
         Samples of the moving average that went over the noise, such as 801; 1: none. Not with ``ar1``.
     priors:
         Of the hyperparameters, and the widening of discordant repeats.
+    law:
+        Force law of the records: ``equation_2``, or ``small_step_limit``, the limit of Equation 1 for small steps.
     sampler:
         ``collapsed``: records integrated out by summaries of them, wherever these are good enough; or ``joint``:
         records sampled beside what they share, the reference.
@@ -58,11 +61,12 @@ class ModelSettings:
     noise_window: int = 1
     priors: Priors = PRIORS
     sampler: str = "collapsed"
+    law: str = EQUATION_2
 
     def __post_init__(self) -> None:
         for name, allowed in (
             *(("region", REGIONS), ("initial_load", INITIAL_LOADS), ("likelihood", LIKELIHOODS)),
-            *(("repeats", REPEATS), ("noise", NOISE), ("sampler", SAMPLERS)),
+            *(("repeats", REPEATS), ("noise", NOISE), ("sampler", SAMPLERS), ("law", tuple(LAWS))),
         ):
             if getattr(self, name) not in allowed:
                 raise BadInput(f"{name} {getattr(self, name)!r} is unknown; use {' or '.join(allowed)}")

@@ -12,6 +12,7 @@ import xarray as xr
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.record_data import EQUATION_2
 from bayes_tyre.record import (
     AXLE_PARAMETERS,
     CASE_FACTORS,
@@ -176,6 +177,11 @@ def tree_cases(posterior: xr.Dataset) -> list[Case]:
     """Return the cases of a posterior in its order; None where the data did not have the word."""
     columns = [posterior[f"case_{word}"].to_numpy().tolist() for word in CASE_FACTORS]
     return [Case._make(None if value != value else value for value in row) for row in zip(*columns, strict=True)]
+
+
+def law_of(tree: xr.DataTree) -> str:
+    """Return the law that a posterior of records was fitted with; Equation 2 where it does not say."""
+    return str(tree.attrs.get("law", EQUATION_2))
 
 
 def priors_of(tree: xr.DataTree) -> Priors:

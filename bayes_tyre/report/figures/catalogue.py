@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.attempts import Attempt, directly
-from bayes_tyre.inference.diagnostics.verdict import AUTOCORRELATION_MOST
+from bayes_tyre.inference.diagnostics.residual_checks import AUTOCORRELATION_MOST
+from bayes_tyre.inference.diagnostics.residuals import residuals
 from bayes_tyre.inference.sampling.datatree import is_of_motions, priors_of, tree_cases
 from bayes_tyre.inference.sampling.group_means import group_means
 from bayes_tyre.record import RECORD_UNITS
@@ -215,8 +216,8 @@ def _bands(result: Result, table: pd.DataFrame) -> Figure:
 
 
 def _residuals(result: Result, table: pd.DataFrame) -> Figure:
-    residuals = posterior_predictive.residuals(result.tree, table)
-    points, records = posterior_predictive.residual_tables(residuals, table, result.shown)
+    off = residuals(result.tree, table)
+    points, records = posterior_predictive.residual_tables(off, table, result.shown)
     return residuals_against_displacement(points, records, result.setting, AUTOCORRELATION_MOST)
 
 

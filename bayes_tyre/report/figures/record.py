@@ -123,7 +123,7 @@ def residuals_against_displacement(
     setting:
         What all figures of the result share.
     threshold:
-        What the median of the autocorrelations may reach before the verdict is fail.
+        What the mean of the autocorrelations may reach, chance aside, before the verdict is fail.
     """
     left = of_records(points, ["displacement_mm", "residual_kN"])
     every = of_records(records, ["sigma_kN", "autocorrelation"])
@@ -138,7 +138,7 @@ def residuals_against_displacement(
         _residual_panel(ax, left[left["record"] == record], every[every["record"] == record].iloc[0], appearance)
     _autocorrelation_panel(figure.add_subplot(grid[rows, :]), every, appearance, threshold)
     layout.legend(figure, [(Line2D([], [], **_POINTS), "residual"), *_entries(appearance, "± sigma", _SIGMA)])
-    note = "Residual: data less Equation 2 at the posterior mean. Sigma: posterior mean. In the titles: the residuals'"
+    note = "Residual: data less the law at the posterior mean. Sigma: posterior mean. In the titles: the residuals'"
     return layout.finish(figure, setting, f"{note} autocorrelation at lag 1, about 0 where the noise is independent.")
 
 
@@ -164,10 +164,10 @@ def _autocorrelation_panel(ax: Axes, records: pd.DataFrame, appearance: dict[str
         ax.stairs(floor + counts, edges, baseline=floor, fill=True, **look.shade)
         floor = floor + counts
     ax.axvline(threshold, color=INK, linestyle="--", linewidth=0.9)
-    middle = float(values.median()) if len(values) else math.nan
+    middle = float(values.mean()) if len(values) else math.nan
     ax.axvline(middle, color=INK, linewidth=0.9)
-    verdict = f"above {threshold:g} (dashed) the verdict is fail"
-    ax.set_title(f"all records ({len(records)}): median {decimals(middle)} (line); {verdict}")
+    verdict = f"a mean above {threshold:g} (dashed), by more than chance, fails the verdict"
+    ax.set_title(f"all records ({len(records)}): mean {decimals(middle)} (line); {verdict}")
     ax.set(xlabel="lag-1 autocorrelation of a record's residuals (no unit)", ylabel="records (count)")
     ax.yaxis.set_major_locator(MaxNLocator("auto", integer=True))
 

@@ -6,12 +6,11 @@ import pytest
 from helpers.simulated_records import Plan, simulate
 from scipy.stats import binom
 
-from bayes_tyre.inference.diagnostics.verdict import diagnose
+from bayes_tyre.inference.diagnostics.residual_checks import residual_checks
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record_table import check_record_table
-from bayes_tyre.results.posterior_predictive import residual_autocorrelation
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
 
@@ -67,9 +66,11 @@ def test_intervals_hold_the_truth_when_the_noise_is_told(kind, model):
     # Were coverage exactly 95 %, fewer than 85 or all of 96 would come up with probability 1.6 % and 0.7 %.
     assert binom.cdf(84, of, 0.95) + binom.pmf(of, of, 0.95) < 0.025
     assert 85 <= hits < of
-    # Whitened, 48 records of 150 points leave a median lag-1 autocorrelation near 0: its standard error is 0.015.
-    assert abs(residual_autocorrelation(tree, table)) < 0.1
-    assert not any("residuals" in reason for reason in diagnose(tree, residual_autocorrelation(tree, table)).reasons)
+    # Whitened, 48 records of 150 points leave a mean lag-1 autocorrelation near 0: its standard error is 0.012.
+    found = {check.name: check for check in residual_checks(tree, table)}
+    assert abs(found["residual_autocorrelation"].value) < 0.1
+    # Seven checks that fail by chance with probability 1e-3 each.
+    assert [name for name, check in found.items() if not check.passed] == []
     if model.noise == "ar1":
         _rho_and_sigma_come_back(tree["posterior"].to_dataset())
 
@@ -79,6 +80,5 @@ def test_independent_noise_in_their_place_is_too_sure_and_the_verdict_says_what_
     tree = fit_hierarchical(table, SHORT)
     # With a lag-1 autocorrelation of 0.8 a record holds a ninth of the points it seems to: intervals a third as wide.
     assert covered(tree, truth) < 75
-    found = diagnose(tree, residual_autocorrelation(tree, table))
-    assert found.verdict == "fail"
-    assert any("--noise ar1" in reason for reason in found.reasons)
+    failed = [check for check in residual_checks(tree, table) if not check.passed]
+    assert any("--noise ar1" in check.remedy for check in failed)

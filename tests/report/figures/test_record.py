@@ -60,7 +60,7 @@ def test_residuals_stand_against_displacement_with_sigma_and_their_autocorrelati
         np.testing.assert_array_equal(markers(ax, "o"), mine)
         factors = sorted({float(np.asarray(line.get_ydata())[0]) for line in ax.lines if line.get_marker() == "None"})
         assert factors == [-sigma, 0.0, sigma]
-    assert "median 0.10 (line); above 0.3 (dashed)" in last.get_title()
+    assert "mean 0.10 (line); a mean above 0.3 (dashed), by more than chance, fails" in last.get_title()
 
 
 def test_the_histogram_counts_every_record_in_the_colour_of_its_configuration():
@@ -71,7 +71,7 @@ def test_the_histogram_counts_every_record_in_the_colour_of_its_configuration():
     every["autocorrelation"] = rng.normal(0, 0.4, 200)
     last = residuals_against_displacement(left, every, MEASURED, 0.3).get_axes()[-1]
     solid, dashed = sorted(float(np.asarray(line.get_xdata())[0]) for line in last.lines)
-    assert (dashed, solid) == (0.3, pytest.approx(every["autocorrelation"].median()))
+    assert (dashed, solid) == (0.3, pytest.approx(every["autocorrelation"].mean()))
     counted = {}
     for steps in (patch for patch in last.patches if isinstance(patch, StepPatch)):
         values, _, floor = steps.get_data()

@@ -24,7 +24,7 @@ from bayes_tyre.inference.model.hyperparameters import (
 from bayes_tyre.inference.model.likelihood import Likelihood
 from bayes_tyre.inference.model.models import sample_offsets
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.record_data import RecordData
+from bayes_tyre.inference.record_data import EQUATION_2, RecordData
 
 #: Values of each record drawn from its summary, of which its density picks one.
 _PROPOSALS = 4
@@ -40,13 +40,14 @@ def collapsed_records_model(
     *,
     repeats: str = "mixture",
     noise: str = "iid",
+    law: str = EQUATION_2,
     priors: Priors = PRIORS,
 ) -> None:
     """Model the summaries of all records (NumPyro model; sites as those of `records_model`).
 
     Parameters
     ----------
-    data, factors, likelihood, repeats, noise, priors:
+    data, factors, likelihood, repeats, noise, law, priors:
         As `records_model` has them.
     summaries:
         Of the records.
@@ -80,7 +81,7 @@ def collapsed_records_model(
     sigma, rho = deterministic("sigma", jnp.exp(noises[:, 0])), None
     if noise == "ar1":
         rho = deterministic("rho", jnp.tanh(noises[:, 1]))
-    sample_offsets(RecordForces(data, log_values, sd_J, sigma, rho, likelihood), data.F)
+    sample_offsets(RecordForces(data, log_values, sd_J, sigma, rho, likelihood, law), data.F)
 
 
 def _sample_noise(

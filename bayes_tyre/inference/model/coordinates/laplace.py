@@ -22,7 +22,7 @@ from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS
 from bayes_tyre.inference.model.normal_posterior import QuadraticApproximation
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.record_data import RecordData, force_curve, record_data
+from bayes_tyre.inference.record_data import EQUATION_2, RecordData, force_curve, record_data
 
 #: Widest standard deviations of log k and log beta that the approximation of a record may have.
 _LOG_K_SD, _LOG_BETA_SD = 0.5, 1.0
@@ -89,6 +89,7 @@ def estimate_records(
     noise: str = "iid",
     whitening: Whitening | None = None,
     beta_mm: Float[np.ndarray, " records"] | None = None,
+    law: str = EQUATION_2,
 ) -> RecordEstimates:
     """Return the Laplace approximation of each record, by least squares with F_i free over all of its points.
 
@@ -102,6 +103,8 @@ def estimate_records(
         Of noise smoothed by a known moving average.
     beta_mm:
         Where to approximate in beta; None: at its estimate.
+    law:
+        One of `bayes_tyre.inference.record_data.LAWS`; another than Equation 2 starts from its estimate.
     """
     data = record_data(batch)
     nan = np.full((len(batch.records), 5), np.nan)
@@ -111,27 +114,27 @@ def estimate_records(
     problem = ls.Problem(*map(jnp.asarray, (batch.displacement_mm, data.F, data.present, fixed, nan[:, None])))
     free = (ls.K, ls.C, ls.BETA, ls.F_I) if beta_mm is None else (ls.K, ls.C, ls.F_I)
     estimate = ls.estimate_batch(problem, free)
-    return _estimate_records(data, estimate, noise == "ar1", whitening)
+    return _estimate_records(data, estimate, noise == "ar1", whitening, law)
 
 
 @eqx.filter_jit
 def _estimate_records(
-    data: RecordData, estimate: ls.Estimate, autoregressive: bool, whitening: Whitening | None
+    data: RecordData, estimate: ls.Estimate, autoregressive: bool, whitening: Whitening | None, law: str
 ) -> RecordEstimates:
     def approximate(record: RecordData, of_record: ls.Estimate) -> RecordEstimates:
-        return _approximate(record, of_record, autoregressive, whitening)
+        return _approximate(record, of_record, autoregressive, whitening, law)
 
     return jax.vmap(approximate)(data, estimate)
 
 
 def _approximate(
-    data: RecordData, estimate: ls.Estimate, autoregressive: bool, whitening: Whitening | None
+    data: RecordData, estimate: ls.Estimate, autoregressive: bool, whitening: Whitening | None, law: str
 ) -> RecordEstimates:
     centre = _centre(data, estimate)
     points = jnp.sum(data.present)
 
     def residual(theta: Float[Array, "4"]) -> Float[Array, " points"]:
-        return jnp.where(data.present, data.F - force_curve(data.u, theta), 0.0)
+        return jnp.where(data.present, data.F - force_curve(data.u, theta, law), 0.0)
 
     # Noise-free records would make the coordinates infinitely narrow.
     sigma = jnp.maximum(jnp.sqrt(estimate.rss / jnp.maximum(points - 4, 1)), 1e-6 * data.span)
@@ -149,7 +152,7 @@ def _approximate(
         jacobian = jax.vmap(white, in_axes=1)(-jax.jacfwd(residual)(theta)) / sigma
         return jacobian, jacobian @ jacobian.T + floor
 
-    if autoregressive or whitening is not None:
+    if autoregressive or whitening is not None or law != EQUATION_2:
         centre = _polish(centre, lambda theta: white(residual(theta)) / sigma, information)
     return RecordEstimates(centre, information(centre)[1], jnp.log(sigma), rho, points.astype(rho.dtype))
 
@@ -199,9 +202,11 @@ def laplace_approximation(
     noise: str = "iid",
     whitening: Whitening | None = None,
     priors: Priors = PRIORS,
+    law: str = EQUATION_2,
 ) -> LaplaceApproximation:
-    """Return the Laplace approximation of a batch's records and of their cases; noise as in `estimate_records`."""
-    records = with_traded_replaced(estimate_records(batch, noise, whitening), batch, factors, noise, whitening)
+    """Return the Laplace approximation of a batch's records and of their cases; the rest as in `estimate_records`."""
+    estimates = estimate_records(batch, noise, whitening, law=law)
+    records = with_traded_replaced(estimates, batch, factors, noise, whitening, law)
     return LaplaceApproximation(records, cases_of(records, factors, priors))
 
 
@@ -224,7 +229,12 @@ def cases_of(records: RecordEstimates, factors: Factors, priors: Priors = PRIORS
 
 
 def with_traded_replaced(
-    records: RecordEstimates, batch: Batch, factors: Factors, noise: str = "iid", whitening: Whitening | None = None
+    records: RecordEstimates,
+    batch: Batch,
+    factors: Factors,
+    noise: str = "iid",
+    whitening: Whitening | None = None,
+    law: str = EQUATION_2,
 ) -> RecordEstimates:
     """Return the approximation with records whose k and beta were traded redone at the beta of their case.
 
@@ -242,7 +252,7 @@ def with_traded_replaced(
     for record in np.flatnonzero(traded):
         alike = ~traded & (factors.of_record == factors.of_record[record])
         beta[record] = np.median(log_beta[alike if alike.any() else ~traded])
-    redone = estimate_records(batch, noise, whitening, np.exp(beta))
+    redone = estimate_records(batch, noise, whitening, np.exp(beta), law)
 
     def choose(own: Array, other: Array) -> Array:
         return jnp.where(jnp.asarray(traded).reshape(-1, *[1] * (own.ndim - 1)), other, own)

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers.simulated_records import Plan, simulate
+from scipy.optimize import least_squares
 
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.model.coordinates.laplace import empty_approximation, estimate_records, laplace_approximation
@@ -52,6 +53,19 @@ def test_a_prior_of_the_offset_moves_what_a_record_says_of_k_and_beta_as_algebra
         np.testing.assert_allclose(
             np.linalg.solve(quadratic.precision[record], quadratic.slope[record]), moved, rtol=1e-6
         )
+
+
+def test_the_estimate_of_the_limit_for_small_steps_is_its_least_squares():
+    u, rng = 5.0 * np.linspace(0.0, 1.0, 60) ** 2, np.random.default_rng(7)
+    force = 20.0 + 0.5 * -np.expm1(-u / 0.08) + 1.8 * u + rng.normal(0, 0.01, 60)
+    batch = Batch(("x",), 10.0 + u[None], force[None], np.ones((1, 60), dtype=bool))
+    found = np.asarray(estimate_records(batch, law="small_step_limit").centre[0])
+
+    def residual(theta: np.ndarray) -> np.ndarray:
+        return force - theta[0] - theta[1] * -np.expm1(-u / np.exp(theta[3])) - np.exp(theta[2]) * u
+
+    by_scipy = least_squares(residual, [20.0, 0.5, np.log(1.8), np.log(0.08)], xtol=1e-12, ftol=1e-12).x
+    np.testing.assert_allclose(found, by_scipy, rtol=0, atol=1e-5)
 
 
 def test_a_record_that_leaves_beta_open_has_a_finite_approximation():
