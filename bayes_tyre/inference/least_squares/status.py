@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float
 
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.correlated_noise import SMOOTHED, lag_1
+from bayes_tyre.inference.lack_of_fit import MISFIT_MOST, curve_tangents, misfit
 from bayes_tyre.inference.least_squares.estimate import Estimate
 from bayes_tyre.inference.least_squares.parameters import BETA, D_I, F_I, PARAMETERS, C, K
 from bayes_tyre.laws.fancher import equation_2
@@ -21,6 +22,8 @@ TURNS_BACK = 0.25
 #: Residuals are checked for autocorrelation from this many points on, and where their root mean square is above this
 #: part of the change of force; below it they are rounding.
 CORRELATION_POINTS, CORRELATION_RMS = 50, 1e-9
+#: Standard errors by which k may be below zero, as noise has it.
+NEGATIVE_ERRORS = 2.0
 
 
 def unfittable(batch: Batch, used: Bool[np.ndarray, "records points"], unknowns: int) -> np.ndarray:
@@ -60,15 +63,22 @@ def status(
         "did not converge: give a --start nearer to the data, or fix a parameter"
     )
     fitted = result == ""
+    wrong_curve, of_the_residuals = _of_the_residuals(batch, used, estimate, fitted)
     reasons = (
         *_of_the_points(batch, used),
         *_of_bounds(estimate, bounds),
-        *_of_the_estimate(estimate),
-        *_of_the_residuals(batch, used, estimate, fitted),
+        # What another curve determines of the parameters of this one is its consequence.
+        *((holds & ~wrong_curve, reason) for holds, reason in _of_the_estimate(estimate)),
+        *of_the_residuals,
     )
     for holds, reason in reasons:
         rows = np.flatnonzero(fitted & holds)
         result[rows] = [f"{result[row]}; {reason}" if result[row] else reason for row in rows]
+    k, error = (np.asarray(field)[:, K] for field in (estimate.value, estimate.standard_error))
+    # Where another reason is given it is a consequence, and its error means little.
+    result[(result == "") & (k < -NEGATIVE_ERRORS * error)] = (
+        "k is negative by more than two standard errors: check the signs, or the law"
+    )
     result[result == ""] = "ok"
     return result
 
@@ -145,19 +155,50 @@ def _of_the_estimate(estimate: Estimate) -> Reasons:
 
 def _of_the_residuals(
     batch: Batch, used: Bool[np.ndarray, "records points"], estimate: Estimate, fitted: np.ndarray
-) -> Reasons:
-    """Return which records with estimates of k, C and beta have autocorrelated residuals."""
-    points = used.sum(axis=1)
+) -> tuple[np.ndarray, Reasons]:
+    """Return which records follow another curve, and with these which are smoothed or have too few points to say."""
     checked = np.isfinite(np.asarray(estimate.standard_error)[:, [K, C, BETA]]).all(axis=1)
-    checked &= fitted & ~np.asarray(estimate.beta_open_below) & ~np.asarray(estimate.beta_open_above)
-    checked &= points >= CORRELATION_POINTS
+    checked &= fitted
     if not checked.any():
-        return []
-    _, F = _points(batch, used)
-    with np.errstate(over="ignore", invalid="ignore"):  # of records that cannot be fitted
-        checked &= np.sqrt(np.asarray(estimate.rss) / points) > CORRELATION_RMS * _Extent.of(F).travel
-    arrays = (batch.displacement_mm, batch.force_kN, used, estimate.value)
-    rho = np.asarray(_lag_1_of_residuals(*(jnp.asarray(array) for array in arrays)))
+        return checked, []
+    points = used.sum(axis=1)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # of records that cannot be fitted
+        rms = np.sqrt(np.asarray(estimate.rss) / points) / _Extent.of(_points(batch, used)[1]).travel
+    d, F, value = (jnp.asarray(array) for array in (batch.displacement_mm, batch.force_kN, estimate.value))
+    arrays = d, F, jnp.asarray(used), value
+    wrong, cannot_tell = _misfits(arrays, checked & (rms > MISFIT_MOST))
+    determined = checked & ~np.asarray(estimate.beta_open_below) & ~np.asarray(estimate.beta_open_above)
+    correlated = determined & ~wrong & (rms > CORRELATION_RMS) & (points >= CORRELATION_POINTS)
+    return wrong, [
+        (wrong, "the curve is not Equation 2: residuals have a course along the record"),
+        (determined & cannot_tell, "residuals are large, and too few to tell noise from another curve"),
+        *(_of_smoothing(np.asarray(_lag_1_of_residuals(*arrays)), correlated) if correlated.any() else ()),
+    ]
+
+
+_Arrays = tuple[
+    Float[Array, "records points"],
+    Float[Array, "records points"],
+    Bool[Array, "records points"],
+    Float[Array, "records 5"],
+]
+"""Displacement (mm), force (kN), which points are used, and the estimates."""
+
+
+def _misfits(arrays: _Arrays, suspect: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return which of the suspect records follow another curve, and which have too few points to say."""
+    if not suspect.any():
+        return suspect, suspect
+    # Every record of a batch at once, whichever are suspect: one shape to compile.
+    residual, tangents = _residuals_and_tangents(*arrays)
+    _, force, used, _ = map(np.asarray, arrays)
+    found = misfit(np.where(suspect[:, None], residual, 0.0), tangents, used, np.where(suspect[:, None], force, 0.0))
+    return suspect & found.wrong_curve(), suspect & found.cannot_tell
+
+
+def _of_smoothing(rho: np.ndarray, checked: np.ndarray) -> Reasons:
+    """Return which of the records checked have residuals that follow each other from point to point."""
+    checked = checked & (rho > SMOOTHED)
     reasons = np.array(
         [
             f"residuals follow each other (lag-1 {each:.3f}): signals look smoothed, or the curve is not Equation 2; "
@@ -165,7 +206,6 @@ def _of_the_residuals(
             for each in rho
         ]
     )
-    checked &= rho > SMOOTHED
     return [(checked & (reasons == which), str(which)) for which in np.unique(reasons[checked])]
 
 
@@ -176,5 +216,24 @@ def _lag_1_of_residuals(
     used: Bool[Array, "records points"],
     value: Float[Array, "records 5"],
 ) -> Float[Array, " records"]:
+    return jax.vmap(lag_1)(_residuals(d, F, value), used)
+
+
+@jax.jit
+def _residuals_and_tangents(
+    d: Float[Array, "records points"],
+    F: Float[Array, "records points"],
+    used: Bool[Array, "records points"],
+    value: Float[Array, "records 5"],
+) -> tuple[Float[Array, "records points"], Float[Array, "records points 4"]]:
+    del used
+    k, c, beta, d_i, F_i = (value[:, i] for i in (K, C, BETA, D_I, F_I))
+    tangents = jax.vmap(curve_tangents)(d - d_i[:, None], k, k * d_i + c - F_i, beta)
+    return _residuals(d, F, value), tangents
+
+
+def _residuals(
+    d: Float[Array, "records points"], F: Float[Array, "records points"], value: Float[Array, "records 5"]
+) -> Float[Array, "records points"]:
     k, c, beta, d_i, F_i = (value[:, i, None] for i in (K, C, BETA, D_I, F_I))
-    return jax.vmap(lag_1)(F - equation_2(d, k=k, C=c, beta=beta, d_i=d_i, F_i=F_i), used)
+    return F - equation_2(d, k=k, C=c, beta=beta, d_i=d_i, F_i=F_i)

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
-from helpers.odd_records import FIXED, LONG, RECORDS, K, fitted, record, table_of
+from helpers.odd_records import BETA, D_I, F_I, FIXED, LONG, RECORDS, J, K, fitted, record, table_of
 
 from bayes_tyre.batch import batches
 from bayes_tyre.inference.least_squares.estimate import Estimate
@@ -102,8 +102,9 @@ def test_a_fit_that_did_not_converge_is_said_and_a_lost_parameter_is_named():
     names = ["lost", "not there", "fine", "wide"]
     (batch,) = batches(table_of({name: record(seed=seed) for seed, name in enumerate(names)}))
     none, ones = jnp.zeros(4, bool), jnp.ones((4, 5))
-    lost, errors = jnp.zeros((4, 5), bool).at[0, :2].set(True), (0.5 * ones).at[3].set(1.0)
-    estimate = Estimate(ones, errors, ones[:, 0], lost & False, lost, none, none, jnp.array([True, False, True, True]))
+    true = jnp.broadcast_to(jnp.array([K, J + F_I - K * D_I, BETA, D_I, F_I]), (4, 5))
+    lost, errors = jnp.zeros((4, 5), bool).at[0, :2].set(True), (0.05 * ones).at[3].set(1.0)
+    estimate = Estimate(true, errors, ones[:, 0], lost & False, lost, none, none, jnp.array([True, False, True, True]))
     said = status(batch, batch.present, estimate, np.full((2, 5), np.inf), unfittable(batch, batch.present, 3))
     weak = "beta weakly identified: its standard error is as large as itself"
     assert said.tolist() == ["k, C not determined by this record", NOT_CONVERGED, "ok", weak]
