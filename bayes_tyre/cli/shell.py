@@ -18,7 +18,7 @@ from bayes_tyre.cli.messages import LONGEST_LINE, fault, one_line_each, say
 from bayes_tyre.cli.messages import note as note  # commands import these two from here
 from bayes_tyre.cli.messages import warn as warn
 from bayes_tyre.errors import BadInput
-from bayes_tyre.plain_text import one_line
+from bayes_tyre.plain_text import listed, one_line
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from bayes_tyre.inference.diagnostics.verdict import Diagnostics
 
 BAD_INPUT, NOT_TRUSTED = 3, 4
+_CHECK_KINDS = ("sampling", "model", "data")
 RESUME = "--resume"
 
 RECORD_TABLE = typer.Argument(
@@ -142,7 +143,19 @@ def conclude(diagnostics: "Diagnostics", out: Path, quiet: bool) -> None:
 def report_verdict(diagnostics: "Diagnostics", out: Path, quiet: bool) -> None:
     """Print where a fit was written, its verdict and its limitations; failed checks go to stderr."""
     say(f"wrote {out}: verdict {diagnostics.verdict}", quiet)
+    say("; ".join(_of_kind(kind, diagnostics.checks) for kind in _CHECK_KINDS), quiet)
     for reason in diagnostics.reasons:
         fault(reason)
     for text in diagnostics.limitations:
         say(f"note: {one_line(text, LONGEST_LINE)}", quiet)
+
+
+def _of_kind(kind: str, checks: list[dict[str, Any]]) -> str:
+    """Return how many checks of a kind failed, and which, in a few words."""
+    of_kind = [check for check in checks if check["kind"] == kind]
+    failed = [str(check["name"]) for check in of_kind if not check["passed"]]
+    if not of_kind:
+        return f"{kind}: not checked"
+    return (
+        f"{kind}: {len(failed)} of {len(of_kind)} checks failed ({listed(failed, 3)})" if failed else f"{kind}: passed"
+    )

@@ -24,7 +24,6 @@ from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.published import tables
 from bayes_tyre.record_table import origin_of
 from bayes_tyre.report.figures.catalogue import Result
-from bayes_tyre.results.posterior_predictive import residual_autocorrelation
 from bayes_tyre.results.provenance import begin_run, read_run, sha256, versions
 from bayes_tyre.workflow.execution.resume import Callbacks, open_checkpoints
 from bayes_tyre.workflow.result_folder import write_fit
@@ -165,7 +164,7 @@ def fit_table(
         tree,
         lambda tree, attempt: identify_records(tree, records, plan.model, attempt),
         Attempts(),
-        lambda tree: residual_autocorrelation(tree, table),
+        table,
     )
     # Only records made from the printed tables have printed values to be held against.
     printed = tables.case_means() if origin_of(table) == "reconstructed" else None

@@ -1,7 +1,7 @@
 """What comes after sampling, run so that none of it that fails loses the draws: a failure becomes a failed check."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -11,8 +11,9 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.sampling_checks import Check
 from bayes_tyre.plain_text import reason
 
-#: Attribute of a posterior's tree with the checks that failed because something could not be computed, as JSON.
-FAILED = "failed_checks"
+#: Attributes of a posterior's tree with checks, as JSON: those that failed because something could not be computed, and
+#: those of the model against the records' points.
+FAILED, MODEL_CHECKS = "failed_checks", "model_checks"
 _REPORT = "the draws are kept: report this line as a fault of bayes-tyre"
 
 
@@ -57,14 +58,14 @@ class Attempts:
             return otherwise
 
 
-def with_failed(tree: xr.DataTree, failed: list[Check]) -> xr.DataTree:
-    """Return the posterior with the checks that failed in its attributes, for `failed_in`."""
+def with_checks(tree: xr.DataTree, name: str, checks: Sequence[Check]) -> xr.DataTree:
+    """Return the posterior with checks in its attribute of this name, for `checks_in`."""
     with_all = tree.copy()
-    with_all.attrs[FAILED] = json.dumps([check._asdict() for check in failed])
+    with_all.attrs[name] = json.dumps([check._asdict() for check in checks])
     return with_all
 
 
-def failed_in(tree: xr.DataTree) -> list[Check]:
-    """Return the checks that `with_failed` put into a posterior's attributes."""
-    stored: list[dict[str, Any]] = json.loads(tree.attrs.get(FAILED, "[]"))
+def checks_in(tree: xr.DataTree, name: str) -> list[Check]:
+    """Return the checks that `with_checks` put into a posterior's attributes; none where it did not."""
+    stored: list[dict[str, Any]] = json.loads(tree.attrs.get(name, "[]"))
     return [Check(**check) for check in stored]

@@ -3,10 +3,13 @@
 from collections.abc import Callable
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.diagnostics.attempts import Attempt, Attempts
+from bayes_tyre.inference.diagnostics.attempts import MODEL_CHECKS, Attempt, Attempts, with_checks
 from bayes_tyre.inference.diagnostics.convergence import with_figures
+from bayes_tyre.inference.diagnostics.repeat_checks import repeat_checks
+from bayes_tyre.inference.diagnostics.residual_checks import residual_checks
 from bayes_tyre.inference.diagnostics.sampling_checks import Check
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics, diagnose
 
@@ -15,7 +18,7 @@ def judge(
     tree: xr.DataTree,
     identify: Callable[[xr.DataTree, Attempt], xr.DataTree],
     attempts: Attempts,
-    autocorrelation: Callable[[xr.DataTree], float] = lambda _: np.nan,
+    table: pd.DataFrame | None = None,
 ) -> tuple[xr.DataTree, Diagnostics]:
     """Return a posterior with what its tables need beside the draws, and the verdict on it.
 
@@ -27,14 +30,20 @@ def judge(
         Adds what decides each quantity (`bayes_tyre.inference.diagnostics.power_scaling`).
     attempts:
         What failed before, and then here too.
-    autocorrelation:
-        Lag-1 autocorrelation of the residuals of a posterior, where there are records.
+    table:
+        The points that the posterior was fitted to, where it is of records.
     """
     tree = attempts("prior sensitivity", lambda: identify(tree, attempts), tree)
     tree = attempts("convergence statistics", lambda: with_figures(tree), tree, kind="sampling")
-    rho = attempts("autocorrelation of residuals", lambda: autocorrelation(tree), np.nan)
-    found = attempts("diagnostics", lambda: diagnose(tree, rho), undiagnosed(tree), kind="sampling")
+    if table is not None:
+        tree = attempts("model checks", lambda: with_checks(tree, MODEL_CHECKS, model_checks(tree, table)), tree)
+    found = attempts("diagnostics", lambda: diagnose(tree), undiagnosed(tree), kind="sampling")
     return tree, with_failures(found, attempts.failed)
+
+
+def model_checks(tree: xr.DataTree, table: pd.DataFrame) -> list[Check]:
+    """Return the checks of a posterior of records against their points, and of its cases against their repeats."""
+    return [*residual_checks(tree, table), *repeat_checks(tree["posterior"].to_dataset())]
 
 
 def undiagnosed(tree: xr.DataTree) -> Diagnostics:

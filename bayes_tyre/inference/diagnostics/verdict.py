@@ -6,20 +6,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from bayes_tyre.inference.correlated_noise import SMOOTHED
+from bayes_tyre.inference.diagnostics.attempts import MODEL_CHECKS, checks_in
 from bayes_tyre.inference.diagnostics.convergence import TAILS as TAILS  # others take it from here
 from bayes_tyre.inference.diagnostics.convergence import by_chain, by_parameter, figures_of
 from bayes_tyre.inference.diagnostics.data_checks import failed_checks, find_limitations
 from bayes_tyre.inference.diagnostics.sampling_checks import Check, sampling_checks, without_probabilities
 from bayes_tyre.inference.sampling.datatree import priors_of
-
-#: Lag-1 autocorrelation of residuals above which independent noise is not credible. Over records of a hundred
-#: points its standard error is 0.1 for one record, far less for their median.
-AUTOCORRELATION_MOST = 0.3
-_REMEDY = "fit with --noise ar1, or with unsmoothed signals"
-_REMEDY_SMOOTHED = (
-    "the signals look smoothed, and beta then reflects the filter: no noise model helps, use the raw ones"
-)
 
 
 class Diagnostics(NamedTuple):
@@ -34,7 +26,7 @@ class Diagnostics(NamedTuple):
     r_hat_max, ess_bulk_min, ess_tail_min, bfmi_min:
         The worst over all parameters (chains); NaN where they do not exist.
     residual_autocorrelation:
-        Median over records of the residuals' lag-1 autocorrelation; NaN without records.
+        Mean over records of the residuals' lag-1 autocorrelation; NaN without records.
     limitations:
         What a reader should know and that fails nothing, such as weakly identified quantities: one sentence each.
     by_parameter, by_chain:
@@ -61,27 +53,25 @@ class Diagnostics(NamedTuple):
     checks: list[dict[str, Any]] = []  # noqa: RUF012
 
 
-def diagnose(tree: xr.DataTree, residual_autocorrelation: float = np.nan) -> Diagnostics:
+def diagnose(tree: xr.DataTree) -> Diagnostics:
     """Return the verdict on a posterior, from every quantity it holds.
 
-    Pass: R-hat <= 1.01, bulk and tail ESS >= 100 a chain, BFMI >= 0.3, no divergence, finite draws, residuals that
-    do not follow each other, and no doubt of `bayes_tyre.inference.diagnostics.data_checks` about the records. Of an
-    outlier probability the Monte Carlo error of its mean is judged instead of R-hat and ESS: at most 0.01. Negative
-    autocorrelation passes: a fit to few points leaves it, and it narrows no interval. Source: Vehtari et al. (2021),
-    "Rank-normalization, folding, and localization".
+    Pass: R-hat <= 1.01, bulk and tail ESS >= 100 a chain, BFMI >= 0.3, no divergence, finite draws, no doubt of
+    `bayes_tyre.inference.diagnostics.data_checks` about the records, and the checks of the model that the posterior
+    carries (`bayes_tyre.inference.diagnostics.judge.model_checks`). Of an outlier probability the Monte Carlo error of
+    its mean is judged instead of R-hat and ESS: at most 0.01. Source: Vehtari et al. (2021), "Rank-normalization,
+    folding, and localization".
 
     Parameters
     ----------
     tree:
         A posterior as `bayes_tyre.inference.sampling.datatree.to_datatree` gives it.
-    residual_autocorrelation:
-        Lag-1 autocorrelation of the residuals, where there are records.
     """
     posterior = tree["posterior"].to_dataset()
     figures, sampler = without_probabilities(figures_of(tree)), by_chain(tree)
     checks = [
         *sampling_checks(tree, figures, sampler),
-        _autocorrelation(residual_autocorrelation),
+        *checks_in(tree, MODEL_CHECKS),
         *data_checks(failed_checks(posterior, priors_of(tree))),
     ]
     reasons = tuple(check.reason for check in checks if not check.passed)
@@ -96,8 +86,12 @@ def diagnose(tree: xr.DataTree, residual_autocorrelation: float = np.nan) -> Dia
         value["bfmi"],
         draws,
         posterior.sizes["chain"],
-        residual_autocorrelation,
-        (*_deep_trees(sampler, draws), *find_limitations(tree)),
+        value.get("residual_autocorrelation", np.nan),
+        (
+            *(check.note for check in checks if check.kind == "model" and check.note),
+            *_deep_trees(sampler, draws),
+            *find_limitations(tree),
+        ),
         by_parameter(figures),
         sampler,
         [check.row for check in checks],
@@ -113,13 +107,6 @@ def data_checks(sentences: Sequence[str]) -> list[Check]:
         Check("records", "data", False, np.nan, np.nan, finding.partition(": ")[0], finding, remedy)
         for finding, _, remedy in parts
     ]
-
-
-def _autocorrelation(residual_autocorrelation: float) -> Check:
-    value, most = residual_autocorrelation, AUTOCORRELATION_MOST
-    finding = f"sigma: residuals have lag-1 autocorrelation {value:.2f}: intervals are too narrow"
-    remedy = _REMEDY_SMOOTHED if value > SMOOTHED else _REMEDY
-    return Check("residual_autocorrelation", "model", not value > most, value, most, "sigma", finding, remedy)
 
 
 def _deep_trees(sampler: list[dict[str, Any]], draws: int) -> Iterator[str]:

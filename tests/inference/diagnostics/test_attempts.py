@@ -5,7 +5,7 @@ import pytest
 from helpers.hand_made_posteriors import grid, posterior, scattered
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.diagnostics.attempts import Attempts, directly, failed_in, with_failed
+from bayes_tyre.inference.diagnostics.attempts import FAILED, Attempts, checks_in, directly, with_checks
 
 
 def raises(error: BaseException) -> object:
@@ -43,8 +43,8 @@ def test_a_posterior_carries_its_failed_checks():
     tree = posterior(scattered(factor_table, seed=1, chains=2, draws=20), factor_table)
     attempts = Attempts()
     attempts("power scaling", lambda: raises(ValueError("x")), None, kind="sampling")
-    (found,) = failed_in(with_failed(tree, attempts.failed))
+    (found,) = checks_in(with_checks(tree, FAILED, attempts.failed), FAILED)
     # NaN is no equal of itself: the numbers are compared as text.
     assert repr(found) == repr(attempts.failed[0])
-    assert failed_in(with_failed(tree, [])) == failed_in(tree) == []
+    assert checks_in(with_checks(tree, FAILED, []), FAILED) == checks_in(tree, FAILED) == []
     assert np.isfinite(tree["posterior"]["k_case"].to_numpy()).all()

@@ -8,7 +8,9 @@ import pytest
 import xarray as xr
 from helpers.hand_made_posteriors import grid, posterior, quiet, scattered
 
+from bayes_tyre.inference.diagnostics.attempts import MODEL_CHECKS, with_checks
 from bayes_tyre.inference.diagnostics.convergence import figures_of
+from bayes_tyre.inference.diagnostics.sampling_checks import Check
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics, diagnose
 from bayes_tyre.inference.sampling.run import RUNS, SamplerRun, runs_to_json
 from bayes_tyre.workflow.result_folder import write_json
@@ -30,6 +32,12 @@ def check(found: Diagnostics, name: str) -> dict[str, Any]:
     """Return the one check of a name."""
     (row,) = (row for row in found.checks if row["name"] == name)
     return row
+
+
+def correlated(rho: float, *, passed: bool = True) -> Check:
+    """Return a check of the model, as one of residuals has it."""
+    finding, remedy = "sigma: residuals follow each other", "fit with --noise ar1"
+    return Check("residual_autocorrelation", "model", passed, rho, 0.2, "sigma", finding, remedy)
 
 
 def draws_of_k(seed: int = 2) -> np.ndarray:
@@ -70,7 +78,7 @@ def rare_tails() -> np.ndarray:
 
 
 def test_a_well_mixed_posterior_passes():
-    found = diagnose(tree(), residual_autocorrelation=0.05)
+    found = diagnose(with_checks(tree(), MODEL_CHECKS, [correlated(0.05)]))
     assert (found.verdict, found.reasons) == ("pass", ())
     assert found.r_hat_max == pytest.approx(1.0, abs=0.01)
     assert min(found.ess_bulk_min, found.ess_tail_min) > 100 * CHAINS
@@ -164,19 +172,13 @@ def test_one_chain_of_stiff_energy_fails_by_bfmi():
     assert "raise --warmup" in reason
 
 
-@pytest.mark.parametrize(("rho", "verdict"), [(0.31, "fail"), (0.29, "pass"), (-0.5, "pass"), (np.nan, "pass")])
-def test_residuals_that_follow_each_other_fail(rho, verdict):
-    found = diagnose(tree(), rho)
-    assert found.verdict == verdict
-    if verdict == "fail":
-        reason = only_reason(found)
-        assert reason.startswith("sigma: residuals have lag-1 autocorrelation 0.31")
-        assert "fit with --noise ar1, or with unsmoothed signals" in reason
-
-
-def test_residuals_of_smoothed_signals_are_called_so():
-    reason = only_reason(diagnose(tree(), 0.998))
-    assert "the signals look smoothed, and beta then reflects the filter" in reason
+def test_a_failed_check_of_the_model_fails_the_verdict():
+    failed, noted = correlated(0.31, passed=False), correlated(0.1)._replace(name="law", note="beta: says this too")
+    found = diagnose(with_checks(tree(), MODEL_CHECKS, [failed, noted]))
+    assert only_reason(found) == "sigma: residuals follow each other; fit with --noise ar1"
+    assert found.residual_autocorrelation == 0.31
+    assert found.limitations == ("beta: says this too",)
+    assert np.isnan(diagnose(tree()).residual_autocorrelation)
 
 
 def test_one_chain_fails_and_asks_for_more():
@@ -226,7 +228,7 @@ def test_a_probability_whose_mean_is_not_known_fails_and_asks_for_more_draws():
 
 
 def test_checks_are_the_criteria_and_those_that_failed_are_the_reasons():
-    passed = diagnose(tree(), residual_autocorrelation=0.1)
+    passed = diagnose(with_checks(tree(), MODEL_CHECKS, [correlated(0.1)]))
     assert {tuple(row) for row in passed.checks} == {CHECK}
     assert {row["name"]: row["kind"] for row in passed.checks} == {
         **dict.fromkeys(("finite_draws", "r_hat", "ess_bulk", "ess_tail", "outlier_probability_mcse"), "sampling"),
@@ -248,8 +250,9 @@ def test_every_fault_gives_its_own_reason():
     k[0] += 1.0
     diverging = np.ones((CHAINS, DRAWS), dtype=bool)
     energy = np.cumsum(quiet(CHAINS, DRAWS)["energy"], axis=1)
-    found = diagnose(tree({"diverging": diverging, "energy": energy}, k_case=k), 0.9)
-    for word in ("R-hat", "bulk ESS", "divergent", "BFMI", "autocorrelation"):
+    made = tree({"diverging": diverging, "energy": energy}, k_case=k)
+    found = diagnose(with_checks(made, MODEL_CHECKS, [correlated(0.9, passed=False)]))
+    for word in ("R-hat", "bulk ESS", "divergent", "BFMI", "follow each other"):
         assert sum(word in reason for reason in found.reasons) == 1
 
 

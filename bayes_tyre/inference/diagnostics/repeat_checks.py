@@ -1,0 +1,120 @@
+"""Checks of a posterior's cases against their repeats: whether the hierarchy says what the records say."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float, Int
+from scipy import stats
+
+from bayes_tyre.inference.diagnostics.course_checks import CHANCE, case_of_records
+from bayes_tyre.inference.diagnostics.sampling_checks import Check
+from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS
+from bayes_tyre.inference.sampling.datatree import case_parameters
+from bayes_tyre.plain_text import listed
+
+#: Fewest degrees of freedom that the scatter of repeats is estimated from.
+_LEAST_FREEDOM = 6
+_INTERVAL = [0.025, 0.5, 0.975]
+#: Probability of being discordant from which on a record does not count as one of the repeats that agree.
+_DISCORDANT = 0.5
+
+
+def repeat_checks(posterior: xr.Dataset) -> Iterator[Check]:
+    """Yield, by parameter, whether cases agree with their repeats as well as these agree among themselves.
+
+    In each draw the mean of a case's repeats is normal about the case with the scatter of the repeats: mean squares of
+    repeats about their case's value and about their own mean then have the ratio of an F distribution, whatever the
+    scatter is. It is taken by speed, where scatter may differ. A remainder that is forced to be small, such as a
+    normal one about a case that is unlike all others, drives the ratio up.
+
+    Parameters
+    ----------
+    posterior:
+        Dims chain, draw, record, case; k, k_case, ... of each.
+
+    Source: a realised discrepancy (Gelman, Meng and Stern 1996) that has a known distribution; the median over draws.
+    """
+    case = case_of_records(posterior)
+    for parameter in case_parameters(posterior):
+        if parameter in posterior:
+            yield _cases_and_repeats(posterior, parameter, case)
+
+
+class _Agreement(NamedTuple):
+    """Probability that repeats are so far off their cases, and which case's are farthest."""
+
+    p_value: float
+    case: int
+
+
+def _cases_and_repeats(posterior: xr.Dataset, parameter: str, case: Int[np.ndarray, " records"]) -> Check:
+    agreements = [found for found in _by_speed(posterior, parameter, case) if found is not None]
+    worst = min(agreements, key=lambda found: found.p_value, default=_Agreement(1.0, 0))
+    value = min(worst.p_value * max(len(agreements), 1), 1.0)
+    label = str(posterior["case"].to_numpy()[worst.case])
+    own = posterior[f"{parameter}_case"][:, :, worst.case]
+    repeats = posterior[parameter].median(("chain", "draw")).to_numpy()[case == worst.case]
+    finding = (
+        f"{parameter}_case[{label}]: {float(own.median()):.3g}, where its repeats agree on {np.median(repeats):.3g}: "
+        "cases that are unlike the others are drawn to these"
+    )
+    remedy = "believe repeats.csv of this case, not cases.csv; fit such cases apart"
+    passed, name = value >= CHANCE, f"cases_and_repeats_{parameter}"
+    where, note = ("", _outside(posterior, parameter, case)) if passed else (label, "")
+    return Check(name, "model", passed, value, CHANCE, where, finding, remedy, note)
+
+
+def _outside(posterior: xr.Dataset, parameter: str, case: Int[np.ndarray, " records"]) -> str:
+    """Return which cases have an interval that holds none of their repeats; chance has some where cases are alike."""
+    own, of_case = (posterior[name].quantile(_INTERVAL, ("chain", "draw")) for name in (parameter, f"{parameter}_case"))
+    middle = own.sel(quantile=0.5).to_numpy()
+    lower, median, upper = of_case.to_numpy()
+    found = []
+    for i, label in enumerate(posterior["case"].to_numpy()):
+        repeats = middle[case == i]
+        if len(repeats) >= JUDGEABLE_REPEATS and (repeats.min() > upper[i] or repeats.max() < lower[i]):
+            low, high = repeats.min(), repeats.max()
+            found.append(f"{label} ({median[i]:.3g}, its repeats {low:.3g} to {high:.3g})")
+    if not found:
+        return ""
+    return f"{parameter}_case: intervals hold none of their repeats, for other cases say otherwise: {listed(found, 3)}"
+
+
+def _by_speed(posterior: xr.Dataset, parameter: str, case: Int[np.ndarray, " records"]) -> Iterator[_Agreement | None]:
+    """Yield the agreement at each speed, of records that are not discordant."""
+    values = np.log(posterior[parameter].transpose("chain", "draw", "record").to_numpy())
+    of_case = np.log(posterior[f"{parameter}_case"].transpose("chain", "draw", "case").to_numpy())
+    flat = (values.shape[0] * values.shape[1], -1)
+    values, of_case = values.reshape(flat), of_case.reshape(flat)
+    usual = np.ones(len(case), dtype=bool)
+    if "outlier_probability" in posterior:
+        usual = (posterior["outlier_probability"].mean(("chain", "draw")) < _DISCORDANT).to_numpy()
+    speed = np.zeros(len(case))
+    if "record_speed_km_h" in posterior.coords:
+        speed = np.nan_to_num(posterior["record_speed_km_h"].to_numpy().astype(float))
+    for level in np.unique(speed):
+        chosen = usual & (speed == level)
+        yield _agreement(values[:, chosen], of_case, case[chosen])
+
+
+def _agreement(
+    values: Float[np.ndarray, "draws records"],
+    of_case: Float[np.ndarray, "draws cases"],
+    case: Int[np.ndarray, " records"],
+) -> _Agreement | None:
+    repeats = np.bincount(case, minlength=of_case.shape[1])
+    several = repeats > 1
+    freedom = int((repeats[several] - 1).sum())
+    if freedom < _LEAST_FREEDOM:
+        return None
+    member = np.equal.outer(np.arange(of_case.shape[1]), case).astype(float)
+    mean = values @ member.T / np.maximum(repeats, 1)
+    within = np.sum(np.where(several[case], values - mean[:, case], 0.0) ** 2, axis=1) / freedom
+    between = np.where(several, repeats * (mean - of_case) ** 2, 0.0)
+    count = int(several.sum())
+    of_all = stats.f.sf(np.median(between.sum(axis=1) / count / within), count, freedom)
+    each = np.median(between / within[:, None], axis=0)
+    of_worst = count * stats.f.sf(each.max(), 1, freedom)
+    return _Agreement(float(min(2.0 * of_all, 2.0 * of_worst, 1.0)), int(np.argmax(each)))

@@ -1,0 +1,178 @@
+"""Checks of a posterior against the points of its records: whether the curve and the noise are as the model has them.
+
+Each looks at one way in which a model that is wrong leaves its intervals too narrow or in the wrong place. Residuals
+are taken at the posterior means, whitened by the model's own noise, and what a record's own F_i, J, k and beta can
+take up is left out of them. Their limits let all checks together fail in less than one of a hundred data sets that
+follow the model.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+import xarray as xr
+from jaxtyping import Bool, Float
+from scipy import stats
+
+from bayes_tyre.inference.correlated_noise import SMOOTHED
+from bayes_tyre.inference.diagnostics.course_checks import CHANCE, WRONG_LAW, course_checks
+from bayes_tyre.inference.diagnostics.residuals import Residuals, directions, near_start, residuals
+from bayes_tyre.inference.diagnostics.sampling_checks import Check
+from bayes_tyre.inference.lack_of_fit import CURVE_PARAMETERS, MISFIT_MOST, WAVE_POINTS, misfit
+from bayes_tyre.inference.record_data import LAWS
+
+#: Standard errors that CHANCE, one-sided, comes to.
+_ERRORS = float(stats.norm.isf(CHANCE))
+#: Lag-1 autocorrelation of residuals up to which intervals are off by a tenth of their width at most: of k and beta
+#: they are narrow by (1 + rho) / (1 - rho), square root.
+AUTOCORRELATION_MOST = 0.1
+#: Ratio of variances along a record up to which intervals of beta are off by a fifth of their width at most.
+UNEVEN_MOST = 1.5
+#: Points within so many beta of the start are where beta shows.
+_START_BETAS = 3.0
+#: Part of the points of a record that are its first, whatever beta.
+_FIRST = 0.2
+#: Fewest points that a variance is compared of.
+_LEAST_POINTS = 8.0
+#: A k estimated without the hierarchy is negative from so many standard errors on, in one record of many.
+_NEGATIVE = 4.0
+#: Standard deviations of the noise that a record's residuals have in the mean square where the posterior is not of it.
+_FAR = 3.0
+#: Residuals below this part of the change of force are rounding.
+_EXACT = 1e-6
+#: Records whose log beta has a standard error above this do not say which law they follow.
+_SD_LOG_BETA = 0.3
+#: Fewest records whose scatter says how certain their sum is.
+_LEAST_RECORDS = 12
+_AR1 = "fit with --noise ar1, or with unsmoothed signals"
+_RAW = "the signals look smoothed, and beta then reflects the filter: no noise model helps, use the raw ones"
+_UNEVEN = "beta's intervals are off by about its root: use readings of finer steps of displacement, or unfiltered ones"
+
+
+def residual_checks(tree: xr.DataTree, table: pd.DataFrame) -> list[Check]:
+    """Return the checks of the residuals of every record.
+
+    Parameters
+    ----------
+    tree:
+        A posterior of records, as `bayes_tyre.inference.sampling.datatree.to_datatree` gives it.
+    table:
+        The points that it was fitted to.
+    """
+    of_records = residuals(tree, table)
+    posterior = tree["posterior"].to_dataset().sel(record=list(of_records.batch.records))
+    return [
+        _autocorrelation(of_records),
+        _record_curves(of_records),
+        *course_checks(of_records, posterior),
+        _other_law(of_records),
+        _uneven_noise(of_records),
+        _negative_stiffness(of_records),
+    ]
+
+
+def _autocorrelation(of_records: Residuals) -> Check:
+    """Return whether residuals follow each other, more than chance and enough to narrow intervals."""
+    basis = directions(of_records.whitened(of_records.tangents()))
+    left = of_records.white_kN - np.einsum("rpc,rc->rp", basis, np.einsum("rpc,rp->rc", basis, of_records.white_kN))
+    spare = of_records.batch.points - CURVE_PARAMETERS
+    # What is left of white noise has neighbours against each other, by the products of what was taken out.
+    by_chance = -np.einsum("rpc,rpc->r", basis[:, 1:], basis[:, :-1])
+    each = np.sum(left[:, 1:] * left[:, :-1], axis=1) / np.sum(left**2, axis=1)
+    value = float((each * spare - by_chance).sum() / spare.sum())
+    most = AUTOCORRELATION_MOST + _ERRORS / np.sqrt(spare.sum())
+    finding = f"sigma: residuals have lag-1 autocorrelation {value:.2f}: intervals are too narrow"
+    remedy = _RAW if value > SMOOTHED else _AR1
+    return Check("residual_autocorrelation", "model", bool(value <= most), value, float(most), "sigma", finding, remedy)
+
+
+def _record_curves(of_records: Residuals) -> Check:
+    """Return whether each record by itself follows its curve: the rule of `lsq`, for as many records as there are."""
+    batch, records = of_records.batch, len(of_records.batch.records)
+    tangents = jnp.asarray(of_records.whitened(of_records.tangents()))
+    found = misfit(of_records.white_kN, tangents, batch.present, batch.force_kN)
+    # What a record's own parameters take up is no misfit of the law; but a posterior must be near them.
+    far = np.sqrt(np.sum(of_records.white_kN**2, axis=1) / batch.points) > _FAR * of_records.sigma_kN
+    wrong = found.wrong_curve(CHANCE / records) | far
+    worst = int(np.argmax(np.where(wrong, found.share, -1.0)))
+    where = batch.records[worst] if wrong.any() else ""
+    value = float(found.share[wrong].max()) if wrong.any() else 0.0
+    finding = (
+        f"{where}: off its curve by {value:.1%} of the change of force, more than noise explains"
+        f"{f' ({wrong.sum() - 1} more records)' if wrong.sum() > 1 else ''}"
+    )
+    return Check("record_curves", "model", not bool(wrong.any()), value, MISFIT_MOST, where, finding, WRONG_LAW)
+
+
+def _other_law(of_records: Residuals) -> Check:
+    """Return whether the other law along a record fits the records better, each by its own least squares.
+
+    Both have the same parameters, and to first order beta takes up what they differ by: only refits tell them apart.
+    Records that hardly determine beta say nothing of it.
+
+    Source: Vuong (1989), the test of two models neither of which contains the other.
+    """
+    other = next(name for name in LAWS if name != of_records.law)
+    own_fit, other_fit = (of_records.refitted(law) for law in (of_records.law, other))
+    sound = of_records.batch.points >= WAVE_POINTS
+    sound &= np.maximum(own_fit.sd_log_beta, other_fit.sd_log_beta) < _SD_LOG_BETA
+    floor = (_EXACT * of_records.span) ** 2
+    gain = 0.5 * of_records.batch.points * np.log((own_fit.square + floor) / (other_fit.square + floor))
+    enough, gain = np.count_nonzero(sound) >= _LEAST_RECORDS, gain[sound]
+    scatter = float(np.sqrt(np.sum((gain - gain.mean()) ** 2))) if enough else 0.0
+    value = float(gain.sum()) / scatter if scatter > 0 else 0.0
+    finding = f"beta: the records follow {other} rather than {of_records.law}, by {value:.1f} standard errors"
+    note = ""
+    if enough and abs(value) <= _ERRORS:
+        ratio = np.exp(np.median((other_fit.log_beta - own_fit.log_beta)[sound]))
+        note = (
+            f"beta: the records do not tell {of_records.law} from {other}, with which it is {ratio:.2f} times as large"
+        )
+    return Check("law", "model", value <= _ERRORS, value, _ERRORS, "beta", finding, f"fit with --law {other}", note)
+
+
+def _uneven_noise(of_records: Residuals) -> Check:
+    """Return whether the noise is as large near the start, where beta shows, as on the rest of the way."""
+    present, points = of_records.batch.present, of_records.batch.points
+    taken = np.sum(directions(of_records.whitened(of_records.tangents())) ** 2, axis=2)
+    square = (of_records.white_kN / of_records.sigma_kN[:, None]) ** 2
+    first = present & (np.arange(present.shape[1]) < _FIRST * points[:, None])
+    ratios = [_ratio(square, 1.0 - taken, near, present) for near in (near_start(of_records, _START_BETAS), first)]
+    log_ratio, error = max(ratios, key=lambda each: abs(each[0]) - _ERRORS * each[1])
+    most = np.log(UNEVEN_MOST) + _ERRORS * error
+    passed = bool(abs(log_ratio) <= most)
+    value, limit, times = float(np.exp(abs(log_ratio))), float(np.exp(most)), f"{np.exp(log_ratio):.2g}"
+    finding = f"sigma: variance of the noise near the start is {times} times that on the rest of the way"
+    return Check("noise_along_path", "model", passed, value, limit, "sigma", finding, _UNEVEN)
+
+
+def _ratio(
+    square: Float[np.ndarray, "records points"],
+    freedom: Float[np.ndarray, "records points"],
+    near: Bool[np.ndarray, "records points"],
+    present: Bool[np.ndarray, "records points"],
+) -> tuple[float, float]:
+    """Return the log ratio of the variance near the start to that elsewhere, with its standard error."""
+    inside, outside = near, present & ~near
+    counts = [float(freedom[which].sum()) for which in (inside, outside)]
+    if min(counts) < _LEAST_POINTS:
+        return 0.0, np.inf
+    variance = [square[which].sum() / count for which, count in zip((inside, outside), counts, strict=True)]
+    return float(np.log(variance[0] / variance[1])), float(np.sqrt(2.0 / counts[0] + 2.0 / counts[1]))
+
+
+def _negative_stiffness(of_records: Residuals) -> Check:
+    """Return whether a record's own k, at the beta of the posterior, is below zero though the model has it above."""
+    basis, upper = np.linalg.qr(of_records.whitened(of_records.tangents()[:, :, :3]))
+    part = np.einsum("rpc,rp->rc", basis, of_records.white_kN)
+    left = of_records.white_kN - np.einsum("rpc,rc->rp", basis, part)
+    sigma = np.sqrt(np.sum(left**2, axis=1) / (of_records.batch.points - 3))
+    # Of the last column, k: what it explains alone, over its standard error. Where beta leaves nothing to it, no k.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        change, error = part[:, 2] / upper[:, 2, 2], sigma / np.abs(upper[:, 2, 2])
+        errors = np.nan_to_num((of_records.means["k"] + change) / error, nan=np.inf)
+    worst = int(np.argmin(errors))
+    value, where = float(errors[worst]), of_records.batch.records[worst]
+    finding = f"{where}: its own k is negative by {-value:.1f} standard errors: force falls along the envelope"
+    remedy = "check the signs and columns of this record, or leave it out"
+    passed = value >= -_NEGATIVE
+    return Check("sign_of_k", "model", passed, value, -_NEGATIVE, "" if passed else where, finding, remedy)

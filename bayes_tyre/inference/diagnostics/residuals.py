@@ -1,0 +1,150 @@
+"""What the records are off their curves at the posterior means, whitened by the model's own noise."""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+import xarray as xr
+from jaxtyping import Array, Bool, Float
+
+from bayes_tyre.batch import Batch
+from bayes_tyre.inference.correlated_noise import smoothed_noise, whiten
+from bayes_tyre.inference.lack_of_fit import curve_tangents
+from bayes_tyre.inference.model.coordinates.laplace import estimate_records
+from bayes_tyre.inference.model.prepared_records import record_batch
+from bayes_tyre.inference.record_data import EQUATION_2, force_curve
+from bayes_tyre.inference.sampling.datatree import as_measured, law_of
+
+#: What a law takes of a record.
+OF_CURVE = ("F_i", "J", "k", "beta")
+
+
+class Residuals(NamedTuple):
+    """What the records are off their law at the posterior means of its parameters.
+
+    Attributes
+    ----------
+    batch:
+        The records.
+    means:
+        By name, shape (records,): posterior means of `OF_CURVE`, for displacement as it was measured, and of sigma.
+    residual_kN, white_kN:
+        Shape (records, points), measured less curve; 0 on padding. White: less the correlation from point to point
+        that the model gives the noise; the same where it gives none.
+    rho, window:
+        Lag-1 autocorrelation of each record's noise (None: it has none), and the samples of its moving average.
+    law:
+        What the curves follow, of `bayes_tyre.inference.record_data.LAWS`.
+    """
+
+    batch: Batch
+    means: dict[str, Float[np.ndarray, " records"]]
+    residual_kN: Float[np.ndarray, "records points"]
+    white_kN: Float[np.ndarray, "records points"]
+    rho: Float[np.ndarray, " records"] | None
+    window: int
+    law: str = EQUATION_2
+
+    @property
+    def sigma_kN(self) -> Float[np.ndarray, " records"]:
+        """The posterior mean of the noise."""
+        return self.means["sigma"]
+
+    @property
+    def u(self) -> Float[np.ndarray, "records points"]:
+        """Displacement from the start of each record, mm."""
+        return self.batch.displacement_mm - self.batch.displacement_mm[:, :1]
+
+    @property
+    def span(self) -> Float[np.ndarray, " records"]:
+        """The difference of the largest and the smallest force of each record, kN."""
+        force = np.where(self.batch.present, self.batch.force_kN, self.batch.force_kN[:, :1])
+        return np.ptp(force, axis=1)
+
+    def refitted(self, law: str) -> "LawFit":
+        """Return each record's own least squares with a law."""
+        whitening = smoothed_noise(self.u.shape[1], self.window) if self.window > 1 else None
+        noise = "iid" if self.rho is None else "ar1"
+        estimates = estimate_records(self.batch, noise, whitening, law=law)
+        curve = np.asarray(_curves(jnp.asarray(self.u), estimates.centre, law))
+        residual = np.where(self.batch.present, self.batch.force_kN - curve, 0.0)
+        square = np.sum(whiten(residual, self.batch.present, self.rho, self.window) ** 2, axis=1)
+        variance = np.linalg.inv(np.asarray(estimates.information))[:, 3, 3]
+        return LawFit(square, np.asarray(estimates.log_beta), np.sqrt(variance))
+
+    def whitened(
+        self, columns: Float[np.ndarray, "records points columns"]
+    ) -> Float[np.ndarray, "records points columns"]:
+        """Return functions of the points as `white_kN` has the residuals."""
+        each = np.moveaxis(np.where(self.batch.present[:, :, None], columns, 0.0), 2, 0)
+        return np.stack([whiten(column, self.batch.present, self.rho, self.window) for column in each], axis=2)
+
+    def tangents(self) -> Float[np.ndarray, "records points 4"]:
+        """Return the derivatives of each curve with respect to F_i, J, k and log beta; 0 on padding."""
+        k, J, beta = (jnp.asarray(self.means[name]) for name in ("k", "J", "beta"))
+        of_law = jax.vmap(partial(curve_tangents, law=self.law))
+        tangents = np.asarray(of_law(jnp.asarray(self.u), k, J, beta))
+        return np.where(self.batch.present[:, :, None], tangents, 0.0)
+
+
+class LawFit(NamedTuple):
+    """Least squares of each record with one law.
+
+    Attributes
+    ----------
+    square:
+        Shape (records,): sum of squares of the whitened residuals, kN^2.
+    log_beta, sd_log_beta:
+        Shape (records,): its estimate (beta in mm) and standard error.
+    """
+
+    square: Float[np.ndarray, " records"]
+    log_beta: Float[np.ndarray, " records"]
+    sd_log_beta: Float[np.ndarray, " records"]
+
+
+def residuals(tree: xr.DataTree, table: pd.DataFrame) -> Residuals:
+    """Return the residuals (kN) of every record of a table at the posterior mean."""
+    batch = record_batch(table)
+    posterior = as_measured(tree["posterior"].to_dataset())
+    names = [name for name in (*OF_CURVE, "sigma", "rho") if name in posterior]
+    mean = posterior[names].sel(record=list(batch.records)).mean(("chain", "draw"))
+    means = {name: mean[name].to_numpy() for name in (*OF_CURVE, "sigma")}
+    theta = [means["F_i"], means["J"], np.log(means["k"]), np.log(means["beta"])]
+    u = batch.displacement_mm - batch.displacement_mm[:, :1]
+    law = law_of(tree)
+    curve = _curves(jnp.asarray(u), jnp.asarray(np.stack(theta, axis=1)), law)
+    residual = np.where(batch.present, batch.force_kN - np.asarray(curve), 0.0)
+    rho = mean["rho"].to_numpy() if "rho" in mean else None
+    window = int(tree.attrs.get("noise_window", 1))
+    return Residuals(batch, means, residual, whiten(residual, batch.present, rho, window), rho, window, law)
+
+
+@partial(jax.jit, static_argnames="law")
+def _curves(
+    u: Float[Array, "records points"], theta: Float[Array, "records 4"], law: str
+) -> Float[Array, "records points"]:
+    return jax.vmap(partial(force_curve, law=law))(u, theta)
+
+
+def autocorrelations(of_records: Residuals) -> Float[np.ndarray, " records"]:
+    """Return the lag-1 autocorrelation of each record's residuals, about their mean: of what the model calls white."""
+    batch, residual = of_records.batch, of_records.white_kN
+    centred = residual - np.where(batch.present, (residual.sum(axis=1) / batch.points)[:, None], 0.0)
+    return np.sum(centred[:, 1:] * centred[:, :-1], axis=1) / np.sum(centred**2, axis=1)
+
+
+def directions(columns: Float[np.ndarray, "records points columns"]) -> Float[np.ndarray, "records points columns"]:
+    """Return an orthonormal column for each column of each record, in order; each points the way its own one does."""
+    size = np.linalg.norm(columns, axis=1, keepdims=True)
+    factor, upper = np.linalg.qr(columns / np.where(size > 0, size, 1.0))
+    return factor * np.where(np.diagonal(upper, axis1=1, axis2=2) < 0, -1.0, 1.0)[:, None, :]
+
+
+def near_start(of_records: Residuals, betas: float) -> Bool[np.ndarray, "records points"]:
+    """Return which points lie within so many beta of the start of their record."""
+    reach = betas * of_records.means["beta"][:, None]
+    return of_records.batch.present & (np.abs(of_records.u) < reach)

@@ -1,0 +1,193 @@
+"""Each way in which a model can be wrong fails its own check; records that follow the model fail none.
+
+The posterior is made by hand, sure of the records' own least squares, so that the checks alone are tried.
+"""
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from helpers.hand_made_posteriors import fixed, posterior
+
+from bayes_tyre.inference.diagnostics import residual_checks as module
+from bayes_tyre.inference.diagnostics.course_checks import CHANCE
+from bayes_tyre.inference.diagnostics.residual_checks import residual_checks
+from bayes_tyre.inference.diagnostics.residuals import residuals
+from bayes_tyre.inference.diagnostics.sampling_checks import Check
+from bayes_tyre.inference.model.coordinates.laplace import estimate_records
+from bayes_tyre.inference.model.prepared_records import record_batch
+from bayes_tyre.record_table import check_record_table, record_factors
+
+# Compilation: over 10 s for the file from cold.
+pytestmark = pytest.mark.slow
+
+NAMES = (
+    *("residual_autocorrelation", "record_curves", "residual_course", "residuals_at_start"),
+    *("law", "noise_along_path", "sign_of_k"),
+)
+NOISE_KN, BETA, REPEATS = 0.03, 0.05, 3
+
+
+def records(seed: int, points: int = 80, **fault: float | str) -> pd.DataFrame:
+    """Return 24 records in numpy alone: 8 cases in both directions, with one fault at most."""
+    rng, frames = np.random.default_rng(seed), []
+    fault = {
+        "noise": NOISE_KN,
+        "rho": 0.0,
+        "uneven": 1.0,
+        "bend": 0.0,
+        "displacement_sd": 0.0,
+        "law": "",
+        "k": 1.8,
+        **fault,
+    }
+    for case in range(8):
+        way = 1.0 if case % 2 else -1.0
+        for repeat in range(1, REPEATS + 1):
+            u = way * 4.0 * np.linspace(0.0, 1.0, points) ** 2
+            k, J = 1.8 * np.exp(rng.normal(0.0, 0.05)), 0.6 * way
+            rise = -np.expm1(-np.abs(u) / BETA)
+            force = J * rise + k * u * (1.0 if fault["law"] == "small_step_limit" else rise)
+            force += way * float(fault["bend"]) * np.sin(np.pi * np.abs(u) / 4.0 * 2.5)
+            noise = rng.normal(size=points)
+            for i in range(1, points):
+                noise[i] = fault["rho"] * noise[i - 1] + np.sqrt(1.0 - float(fault["rho"]) ** 2) * noise[i]
+            near = np.abs(u) < 3.0 * BETA
+            force += float(fault["noise"]) * np.where(near, fault["uneven"], 1.0) * noise
+            read = 10.0 + u + float(fault["displacement_sd"]) * rng.normal(size=points)
+            factors = {"record": f"{case} ({repeat})", "configuration": "a", "speed_km_h": 0.0, "repeat": repeat}
+            factors |= {"direction": "loading" if way > 0 else "unloading", "initial_load_kN": 20.0}
+            factors |= {"step_kN": way * (5.0 + case // 2)}
+            frames.append(pd.DataFrame({"displacement_mm": read, "force_kN": 20.0 + force}).assign(**factors))
+    return check_record_table(pd.concat(frames, ignore_index=True))
+
+
+def sure_of(table: pd.DataFrame, law: str = "equation_2", rho: float | None = None) -> xr.DataTree:
+    """Return a posterior whose draws are all the records' own least squares."""
+    batch = record_batch(table)
+    estimates = estimate_records(batch, "iid" if rho is None else "ar1", law=law)
+    F_i, J, log_k, log_beta = np.asarray(estimates.centre).T
+    draws = {"F_i": F_i, "J": J, "k": np.exp(log_k), "beta": np.exp(log_beta), "sigma": np.full(len(F_i), NOISE_KN)}
+    draws |= {"rho": np.full(len(F_i), rho)} if rho is not None else {}
+    made = posterior({name: fixed(values) for name, values in draws.items()}, record_factors(table))
+    made.attrs["law"] = law
+    off = residuals(made, table)
+    # The noise as a fit has it: what is left over the points to spare.
+    sigma = np.sqrt(np.sum(off.white_kN**2, axis=1) / (batch.points - 4))
+    return posterior({name: fixed(draws[name] if name != "sigma" else sigma) for name in draws}, record_factors(table))
+
+
+def checked(table: pd.DataFrame, law: str = "equation_2", rho: float | None = None) -> dict[str, Check]:
+    made = sure_of(table, law, rho)
+    made.attrs["law"] = law
+    return {check.name: check for check in residual_checks(made, table)}
+
+
+def failed(found: dict[str, Check]) -> set[str]:
+    return {name for name, check in found.items() if not check.passed}
+
+
+def test_records_that_follow_the_model_pass():
+    """Seven checks that fail by chance with probability 1e-3 each: one of 20 data sets does with probability 13 %.
+
+    Two or more do with probability 0.8 %.
+    """
+    sets = [checked(records(seed)) for seed in range(20)]
+    assert all(tuple(found) == NAMES for found in sets)
+    assert sum(bool(failed(found)) for found in sets) <= 1
+    assert all(check.kind == "model" and isinstance(check.passed, bool) for found in sets for check in found.values())
+
+
+def test_p_values_of_a_shared_course_are_not_too_small():
+    """Of 2 x 40 p-values below 0.05, 4 are expected; 12 or more come up with probability 7e-4 were they exact."""
+    found = [checked(records(100 + seed)) for seed in range(40)]
+    values = [each[name].value for each in found for name in ("residual_course", "residuals_at_start")]
+    assert np.mean(np.array(values) < 0.05) < 12 / 80
+
+
+@pytest.mark.parametrize(
+    ("fault", "name", "remedy"),
+    [
+        ({"rho": 0.35, "points": 40}, "residual_autocorrelation", "--noise ar1"),
+        ({"bend": 0.3}, "record_curves", "another --law"),
+        ({"bend": 0.02}, "residual_course", "another --law"),
+        ({"uneven": 3.0}, "noise_along_path", "beta's intervals"),
+        ({"displacement_sd": 0.01}, "noise_along_path", "finer steps of displacement"),
+        ({"law": "small_step_limit", "noise": 0.001, "points": 300}, "law", "fit with --law small_step_limit"),
+    ],
+)
+def test_each_fault_fails_its_check_with_a_remedy(fault, name, remedy):
+    for seed in range(3):
+        check = checked(records(seed, **fault))[name]
+        assert not check.passed
+        assert remedy in check.remedy
+        assert check.reason.endswith(check.remedy)
+
+
+def test_a_remedy_works():
+    limit = records(1, law="small_step_limit", noise=0.001, points=300)
+    assert "law" in failed(checked(limit))
+    assert not failed(checked(limit, "small_step_limit"))
+    correlated = records(2, rho=0.35, points=40)
+    assert "residual_autocorrelation" in failed(checked(correlated))
+    assert "residual_autocorrelation" not in failed(checked(correlated, rho=0.35))
+
+
+def test_records_that_do_not_tell_the_laws_apart_say_what_beta_would_be():
+    note = checked(records(3))["law"].note
+    assert note.startswith("beta: the records do not tell equation_2 from small_step_limit, with which it is ")
+    ratio = float(note.split("it is ")[1].split(" times")[0])
+    own, other = (
+        residuals(sure_of(records(3)), records(3)).refitted(law) for law in ("equation_2", "small_step_limit")
+    )
+    assert ratio == pytest.approx(np.exp(np.median(other.log_beta - own.log_beta)), abs=0.005)
+    assert ratio > 1.1
+
+
+def test_a_stiffness_that_the_records_have_negative_is_named():
+    table = records(4)
+    falling = table["record"] == "0 (1)"
+    table.loc[falling, "force_kN"] = 40.0 - table.loc[falling, "force_kN"]
+    check = checked(table)["sign_of_k"]
+    assert not check.passed
+    assert check.where == "0 (1)"
+    assert check.value < check.limit < 0
+
+
+def test_records_that_leave_beta_or_k_open_can_be_checked():
+    """A step that settles before its second point, and one that never leaves its start: k and J have one column."""
+    table = records(7, points=12)
+    for beta in (1e-9, 1e9):
+        made = sure_of(table)
+        dataset = made["posterior"].to_dataset()
+        made["posterior"] = xr.DataTree(dataset.assign(beta=xr.full_like(dataset["beta"], beta)))
+        found = residual_checks(made, table)
+        assert [check.name for check in found] == list(NAMES)
+
+
+def test_a_posterior_of_other_records_is_not_of_these():
+    """Forces a thousand times as large: all of the misfit lies where the records' own k and J would take it up."""
+    table = records(8)
+    larger = table.assign(force_kN=1000.0 * table["force_kN"])
+    check = next(check for check in residual_checks(sure_of(table), larger) if check.name == "record_curves")
+    assert not check.passed
+    assert check.value > 0.5
+
+
+def test_a_shared_course_is_held_against_the_scatter_of_repeats():
+    """The same bend in all records is a course; bends of the same size and either sign are scatter."""
+    bent = checked(records(5, bend=0.03))["residual_course"]
+    assert bent.value < CHANCE
+    straight, signs = records(5), np.random.default_rng(6).choice([-1.0, 1.0], 24)
+    difference = records(5, bend=0.03)["force_kN"] - straight["force_kN"]
+    sign = straight["record"].map(dict(zip(straight["record"].unique(), signs, strict=True)))
+    scattered = straight.assign(force_kN=straight["force_kN"] + sign * difference)
+    assert checked(scattered)["residual_course"].value > CHANCE
+
+
+def test_the_expected_autocorrelation_of_short_records_is_taken_out():
+    """Of 24 records of 10 points with four parameters taken out, lag-1 is -0.3 and more; the check says 0."""
+    values = [checked(records(seed, points=10, noise=0.3))["residual_autocorrelation"].value for seed in range(10)]
+    # 10 means over 24 x 6 values: a standard error of 1 / sqrt(1440) = 0.026, four of them.
+    assert abs(np.mean(values)) < 0.11
+    assert module.AUTOCORRELATION_MOST == 0.1
