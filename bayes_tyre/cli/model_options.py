@@ -24,6 +24,15 @@ DisplacementScaleOption = Annotated[
         "beta and no ratio of two.",
     ),
 ]
+DisplacementSdOption = Annotated[
+    float | None,
+    typer.Option(
+        min=0.0,
+        metavar="MM",
+        help="Standard deviation (mm) of the error of a displacement, which counts near the start of a step; default: "
+        "that of rounding, where a record's displacements are multiples of its converter's step, else 0.",
+    ),
+]
 LikelihoodOption = Annotated[
     Literal["compressed", "direct"],
     typer.Option(help="compressed, whatever the number of points; or direct, point by point."),

@@ -1,5 +1,8 @@
 """Correlated noise: a moving average of known window, or autoregressive; whitening of residuals for both."""
 
+from abc import abstractmethod
+from typing import ClassVar, override
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -20,7 +23,27 @@ SMOOTHED = 0.95
 
 
 class Whitening(eqx.Module):
-    """The inverse Cholesky factor of a noise's correlation: it maps the noise to independent values of variance 1.
+    """The contract: a linear map of the points of a record after which the noise is independent, all of one variance.
+
+    Attributes
+    ----------
+    axis:
+        The axis of its fields that counts records, to `jax.vmap` over; None where one map serves all.
+    """
+
+    axis: ClassVar[int | None] = None
+
+    @abstractmethod
+    def whiten(self, values: Float[Array, " points"], present: Bool[Array, " points"]) -> Float[Array, " points"]:
+        """Return the whitened values of one record, zero on padding; padding follows the points, zero in `values`."""
+
+    @abstractmethod
+    def log_volume(self, points: Array) -> Float[Array, " records"]:
+        """Return the log determinant of the map for the first `points` points of each record."""
+
+
+class SmoothedNoise(Whitening):
+    """The inverse Cholesky factor of the correlation of noise that was smoothed.
 
     The factor of the first n points is its leading block, so that one factor serves records of any shorter length.
 
@@ -32,16 +55,18 @@ class Whitening(eqx.Module):
 
     inverse: Float[Array, "points points"]
 
+    @override
     def whiten(self, values: Float[Array, " points"], present: Bool[Array, " points"]) -> Float[Array, " points"]:
-        """Return the whitened values, zero on padding; padding follows the points, and is zero in `values`."""
+        """Return the whitened values of one record, zero on padding."""
         return jnp.where(present, self.inverse @ values, 0.0)
 
+    @override
     def log_volume(self, points: Array) -> Float[Array, " records"]:
         """Return the log determinant of the map for the first `points` points of each record."""
         return jnp.cumsum(jnp.log(jnp.diagonal(self.inverse)))[points - 1]
 
 
-def smoothed_noise(points: int, window: int) -> Whitening:
+def smoothed_noise(points: int, window: int) -> SmoothedNoise:
     """Return the whitening of a moving average of `window` samples of independent noise.
 
     The correlation of two points falls linearly with their distance, to zero at a window.
@@ -67,7 +92,7 @@ def smoothed_noise(points: int, window: int) -> Whitening:
     correlation = np.maximum(0.0, 1.0 - lag / window)
     correlation[np.diag_indices(points)] += INDEPENDENT_PART
     factor = np.linalg.cholesky(correlation)
-    return Whitening(jnp.asarray(solve_triangular(factor, np.eye(points), lower=True)))
+    return SmoothedNoise(jnp.asarray(solve_triangular(factor, np.eye(points), lower=True)))
 
 
 def lag_1(residual: Float[Array, " points"], present: Bool[Array, " points"]) -> Float[Array, ""]:
@@ -89,7 +114,7 @@ def whiten(
     residual: Float[np.ndarray, "records points"],
     present: Bool[np.ndarray, "records points"],
     rho: Float[np.ndarray, " records"] | None = None,
-    window: int = 1,
+    whitening: Whitening | None = None,
 ) -> Float[np.ndarray, "records points"]:
     """Return whitened residuals: independent where the noise model holds.
 
@@ -99,12 +124,18 @@ def whiten(
         Zero and False on padding.
     rho:
         Lag-1 autocorrelation of each record's noise; None: 0.
-    window:
-        Window of the moving average of the noise, samples; 1: none.
+    whitening:
+        Of all records, before rho; None: the noise needs none.
     """
-    if window > 1:
-        factor = smoothed_noise(residual.shape[1], window)
-        return np.asarray(jax.vmap(factor.whiten)(jnp.asarray(residual), jnp.asarray(present)))
+    if whitening is not None:
+        residual = np.asarray(whiten_records(whitening, jnp.asarray(residual), jnp.asarray(present)))
     if rho is None:
         return residual
     return np.asarray(jax.vmap(innovations)(jnp.asarray(residual), jnp.asarray(present), jnp.asarray(rho)))
+
+
+def whiten_records(
+    whitening: Whitening, values: Float[Array, "records points"], present: Bool[Array, "records points"]
+) -> Float[Array, "records points"]:
+    """Return the values of all records whitened; zero and False on padding."""
+    return jax.vmap(type(whitening).whiten, in_axes=(whitening.axis, 0, 0))(whitening, values, present)

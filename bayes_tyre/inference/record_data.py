@@ -1,7 +1,9 @@
 """The measured records as arrays for the models, and the force of the laws they may follow at their points."""
 
+from functools import partial
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -48,6 +50,14 @@ def record_data(batch: Batch) -> RecordData:
 def force_curve(u: Float[Array, " points"], theta: Float[Array, "4"], law: str = EQUATION_2) -> Float[Array, " points"]:
     """Return the force (kN) of a law at u (mm) for theta = (F_i, J, log k, log beta)."""
     return theta[0] + LAWS[law](u, k=jnp.exp(theta[2]), J=theta[1], beta=jnp.exp(theta[3]))
+
+
+@partial(jax.jit, static_argnames="law")
+def force_curves(
+    u: Float[Array, "records points"], theta: Float[Array, "records 4"], law: str
+) -> Float[Array, "records points"]:
+    """Return the forces (kN) of several records as `force_curve` does of one."""
+    return jax.vmap(partial(force_curve, law=law))(u, theta)
 
 
 def stiffness_column(u: Float[Array, "*#shape"], beta: Float[Array, "*#shape"], law: str) -> Float[Array, "*shape"]:

@@ -73,8 +73,9 @@ def test_whitened_residuals_are_white():
     smooth = np.array(
         [np.convolve(rng.standard_normal(points + 19), np.ones(20) / 20, "valid") for _ in range(records)]
     )
-    rho = np.full(records, 0.8)
-    for correlated, white in ((noise, whiten(noise, present, rho)), (smooth, whiten(smooth, present, window=20))):
+    autoregressive = whiten(noise, present, np.full(records, 0.8))
+    averaged = whiten(smooth, present, whitening=smoothed_noise(points, 20))
+    for correlated, white in ((noise, autoregressive), (smooth, averaged)):
         before, after = (
             np.mean([float(lag_1(jnp.asarray(row), jnp.ones(points, bool))) for row in each])
             for each in (correlated, white)

@@ -28,6 +28,7 @@ def fit(
     region: model_options.RegionOption = "all",
     initial_load: model_options.InitialLoadOption = "nominal",
     displacement_scale_sd: model_options.DisplacementScaleOption = 0.0,
+    displacement_sd: model_options.DisplacementSdOption = None,
     likelihood: model_options.LikelihoodOption = "compressed",
     repeats: model_options.RepeatsOption = "mixture",
     noise: model_options.NoiseOption = "iid",
@@ -72,6 +73,7 @@ def fit(
         read_priors(priors),
         sampler,
         law,
+        displacement_sd,
     )
     settings = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
     plan = Plan(Path(records or ""), settings, model, interval, units_checked)

@@ -20,6 +20,8 @@ from bayes_tyre.record import CASE_FACTORS
 CHANCE = 1e-3
 #: Fewest degrees of freedom that the scatter among repeats is estimated from.
 _LEAST_FREEDOM = 6
+#: Part of a column that the law's own parameters must leave.
+_LEAST_BEYOND = 0.2
 WRONG_LAW = "the tyre does not follow the law there: try another --law, and see figures/residuals_against_displacement"
 
 
@@ -62,9 +64,9 @@ def _shared_course(
 
     Source: t tests, the smallest of their probabilities times their number (Bonferroni).
     """
-    basis = directions(of_records.whitened(np.concatenate([of_records.tangents(), columns], axis=2)))
-    # Signed along the way, so that loading and unloading that bend alike do not cancel.
-    z = np.einsum("rpc,rp->rc", basis[:, :, CURVE_PARAMETERS:], of_records.white_kN) / of_records.sigma_kN[:, None]
+    tangents = directions(of_records.whitened(of_records.tangents()))
+    courses = _beyond(tangents, of_records.whitened(columns))
+    z = np.einsum("rpc,rp->rc", courses, of_records.white_kN) / of_records.sigma_kN[:, None]
     variance, freedom = _scatter(z, case)
     least, share, where = 1.0, 0.0, ""
     labels = list(dict.fromkeys(groups))
@@ -77,6 +79,18 @@ def _shared_course(
             size = np.abs(mean[column]) * of_records.sigma_kN[own] / np.sqrt(of_records.batch.points[own])
             share, where = float(np.median(size / of_records.span[own])), str(label)
     return min(least * len(labels) * columns.shape[2], 1.0), share, where
+
+
+def _beyond(
+    tangents: Float[np.ndarray, "records points 4"], columns: Float[np.ndarray, "records points columns"]
+) -> Float[np.ndarray, "records points columns"]:
+    """Return unit columns for what the law's own parameters cannot take up of each column; 0 where that is little."""
+    whole = np.linalg.norm(columns, axis=1, keepdims=True)
+    columns = columns / np.where(whole > 0, whole, 1.0)
+    left = columns - tangents @ (np.moveaxis(tangents, 1, 2) @ columns)
+    size = np.linalg.norm(left, axis=1, keepdims=True)
+    # Of what is nearly a tangent, errors of the displacement would be left.
+    return np.where(size > _LEAST_BEYOND, left / np.maximum(size, _LEAST_BEYOND), 0.0)
 
 
 def _scatter(

@@ -6,6 +6,8 @@ take up is left out of them. Their limits let all checks together fail in less t
 follow the model.
 """
 
+from collections.abc import Iterator
+
 import jax.numpy as jnp
 import numpy as np
 import pandas as pd
@@ -45,7 +47,10 @@ _SD_LOG_BETA = 0.3
 _LEAST_RECORDS = 12
 _AR1 = "fit with --noise ar1, or with unsmoothed signals"
 _RAW = "the signals look smoothed, and beta then reflects the filter: no noise model helps, use the raw ones"
-_UNEVEN = "beta's intervals are off by about its root: use readings of finer steps of displacement, or unfiltered ones"
+_UNEVEN = (
+    "beta's intervals are off by about its root: give the displacement's error as --displacement-sd (mm), or use "
+    "readings of finer steps of displacement, or unfiltered ones"
+)
 
 
 def residual_checks(tree: xr.DataTree, table: pd.DataFrame) -> list[Check]:
@@ -67,6 +72,7 @@ def residual_checks(tree: xr.DataTree, table: pd.DataFrame) -> list[Check]:
         _other_law(of_records),
         _uneven_noise(of_records),
         _negative_stiffness(of_records),
+        *_displacement_errors(of_records, posterior),
     ]
 
 
@@ -176,3 +182,22 @@ def _negative_stiffness(of_records: Residuals) -> Check:
     remedy = "check the signs and columns of this record, or leave it out"
     passed = value >= -_NEGATIVE
     return Check("sign_of_k", "model", passed, value, -_NEGATIVE, "" if passed else where, finding, remedy)
+
+
+def _displacement_errors(of_records: Residuals, posterior: xr.Dataset) -> Iterator[Check]:
+    """Yield whether beta is large enough to show beside errors of the displacement; nothing where there are none.
+
+    Where it is not, its interval is an upper bound: that is said, and fails nothing.
+    """
+    if not of_records.displacement_sd_mm.any():
+        return
+    sd_mm = float(np.median(of_records.displacement_sd_mm))
+    lower, upper = posterior["beta_case"].quantile([0.025, 0.975], ("chain", "draw")).to_numpy()
+    value, open_below = float(lower.min()) / sd_mm, lower < sd_mm
+    where = str(posterior["case"].to_numpy()[int(lower.argmin())])
+    note = (
+        f"beta of {open_below.sum()} cases, first {where}, is an upper bound, {upper[lower.argmin()]:.2g} mm: "
+        f"displacements are known to {sd_mm:.2g} mm"
+    )
+    note = note if open_below.any() else ""
+    yield Check("displacement_errors", "model", True, value, 1.0, "", "", "", note)

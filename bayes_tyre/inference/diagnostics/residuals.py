@@ -8,15 +8,17 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import xarray as xr
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Bool, Float
 
 from bayes_tyre.batch import Batch
-from bayes_tyre.inference.correlated_noise import smoothed_noise, whiten
+from bayes_tyre.inference.correlated_noise import Whitening, whiten
 from bayes_tyre.inference.lack_of_fit import curve_tangents
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
-from bayes_tyre.inference.model.prepared_records import record_batch
-from bayes_tyre.inference.record_data import EQUATION_2, force_curve
+from bayes_tyre.inference.model.factors import find_factors
+from bayes_tyre.inference.model.prepared_records import displacement_sd_mm, record_batch, with_noise
+from bayes_tyre.inference.record_data import EQUATION_2, force_curves
 from bayes_tyre.inference.sampling.datatree import as_measured, law_of
+from bayes_tyre.record_table import record_factors
 
 #: What a law takes of a record.
 OF_CURVE = ("F_i", "J", "k", "beta")
@@ -28,14 +30,17 @@ class Residuals(NamedTuple):
     Attributes
     ----------
     batch:
-        The records.
+        The records, without the mean effect of errors of their displacements.
     means:
         By name, shape (records,): posterior means of `OF_CURVE`, for displacement as it was measured, and of sigma.
     residual_kN, white_kN:
-        Shape (records, points), measured less curve; 0 on padding. White: less the correlation from point to point
-        that the model gives the noise; the same where it gives none.
-    rho, window:
-        Lag-1 autocorrelation of each record's noise (None: it has none), and the samples of its moving average.
+        Shape (records, points), measured less curve; 0 on padding. White: what the model says is independent, all of
+        one standard deviation; the same where it says so of the residuals themselves.
+    rho, whitening:
+        Lag-1 autocorrelation of each record's noise (None: it has none), after what makes it alike from point to point
+        (None: it is).
+    displacement_sd_mm:
+        Shape (records,): standard deviation of the error of a displacement; 0 where the model has none.
     law:
         What the curves follow, of `bayes_tyre.inference.record_data.LAWS`.
     """
@@ -45,7 +50,8 @@ class Residuals(NamedTuple):
     residual_kN: Float[np.ndarray, "records points"]
     white_kN: Float[np.ndarray, "records points"]
     rho: Float[np.ndarray, " records"] | None
-    window: int
+    whitening: Whitening | None
+    displacement_sd_mm: Float[np.ndarray, " records"]
     law: str = EQUATION_2
 
     @property
@@ -66,12 +72,11 @@ class Residuals(NamedTuple):
 
     def refitted(self, law: str) -> "LawFit":
         """Return each record's own least squares with a law."""
-        whitening = smoothed_noise(self.u.shape[1], self.window) if self.window > 1 else None
         noise = "iid" if self.rho is None else "ar1"
-        estimates = estimate_records(self.batch, noise, whitening, law=law)
-        curve = np.asarray(_curves(jnp.asarray(self.u), estimates.centre, law))
+        estimates = estimate_records(self.batch, noise, self.whitening, law=law)
+        curve = np.asarray(force_curves(jnp.asarray(self.u), estimates.centre, law))
         residual = np.where(self.batch.present, self.batch.force_kN - curve, 0.0)
-        square = np.sum(whiten(residual, self.batch.present, self.rho, self.window) ** 2, axis=1)
+        square = np.sum(whiten(residual, self.batch.present, self.rho, self.whitening) ** 2, axis=1)
         variance = np.linalg.inv(np.asarray(estimates.information))[:, 3, 3]
         return LawFit(square, np.asarray(estimates.log_beta), np.sqrt(variance))
 
@@ -80,7 +85,7 @@ class Residuals(NamedTuple):
     ) -> Float[np.ndarray, "records points columns"]:
         """Return functions of the points as `white_kN` has the residuals."""
         each = np.moveaxis(np.where(self.batch.present[:, :, None], columns, 0.0), 2, 0)
-        return np.stack([whiten(column, self.batch.present, self.rho, self.window) for column in each], axis=2)
+        return np.stack([whiten(column, self.batch.present, self.rho, self.whitening) for column in each], axis=2)
 
     def tangents(self) -> Float[np.ndarray, "records points 4"]:
         """Return the derivatives of each curve with respect to F_i, J, k and log beta; 0 on padding."""
@@ -114,20 +119,17 @@ def residuals(tree: xr.DataTree, table: pd.DataFrame) -> Residuals:
     mean = posterior[names].sel(record=list(batch.records)).mean(("chain", "draw"))
     means = {name: mean[name].to_numpy() for name in (*OF_CURVE, "sigma")}
     theta = [means["F_i"], means["J"], np.log(means["k"]), np.log(means["beta"])]
+    law, rho = law_of(tree), mean["rho"].to_numpy() if "rho" in mean else None
+    window, displacement_sd = int(tree.attrs.get("noise_window", 1)), tree.attrs.get("displacement_sd", "None")
+    displacement_sd = None if displacement_sd == "None" else float(displacement_sd)
+    of_record = find_factors(record_factors(table)).of_record
+    sd_mm = displacement_sd_mm(batch, displacement_sd, window)
+    batch, whitening = with_noise(batch, of_record, window, displacement_sd, law)
     u = batch.displacement_mm - batch.displacement_mm[:, :1]
-    law = law_of(tree)
-    curve = _curves(jnp.asarray(u), jnp.asarray(np.stack(theta, axis=1)), law)
+    curve = force_curves(jnp.asarray(u), jnp.asarray(np.stack(theta, axis=1)), law)
     residual = np.where(batch.present, batch.force_kN - np.asarray(curve), 0.0)
-    rho = mean["rho"].to_numpy() if "rho" in mean else None
-    window = int(tree.attrs.get("noise_window", 1))
-    return Residuals(batch, means, residual, whiten(residual, batch.present, rho, window), rho, window, law)
-
-
-@partial(jax.jit, static_argnames="law")
-def _curves(
-    u: Float[Array, "records points"], theta: Float[Array, "records 4"], law: str
-) -> Float[Array, "records points"]:
-    return jax.vmap(partial(force_curve, law=law))(u, theta)
+    white = whiten(residual, batch.present, rho, whitening)
+    return Residuals(batch, means, residual, white, rho, whitening, sd_mm, law)
 
 
 def autocorrelations(of_records: Residuals) -> Float[np.ndarray, " records"]:

@@ -4,8 +4,7 @@ Given beta the force is linear in (F_i, J, k). A record's log-likelihood therefo
 inner products of `1`, `g` (g = 1 - exp(-|u| / beta)) and `h`, what k multiplies (u g in Equation 2), with each other
 and with the force: seven smooth functions of log beta, and three numbers. Tabulated once as piecewise Chebyshev
 polynomials, they make one evaluation independent of the number of points. Of autoregressive noise the exponent is a
-quadratic in its coefficient rho with
-the same products, of neighbours too.
+quadratic in its coefficient rho with the same products, of neighbours and of either end too.
 """
 
 import equinox as eqx
@@ -31,7 +30,8 @@ _PRODUCTS = 7
 class CompressedLikelihood(Likelihood):
     """The same likelihood from a table of inner products; build it with `compress`.
 
-    A form is a bilinear form in the residual: the sum of squares, and for autoregressive noise the sum over neighbours.
+    A form is a bilinear form in the residual: the sum of squares, and for autoregressive noise the sum over neighbours
+    and the squares of the first and of the last point.
 
     Attributes
     ----------
@@ -43,10 +43,6 @@ class CompressedLikelihood(Likelihood):
         Shape (records, forms, 3): the form of 1 with 1, of 1 with y = F - F_0 (kN), and of y with y.
     points, F_0, log_volume:
         Shape (records,): number of points, first force (kN), log volume of the whitening (0 without).
-    last:
-        Shape (records, 2): u (mm) and y (kN) of the last point, whose square the quadratic in rho sets apart.
-    law:
-        One of `bayes_tyre.inference.record_data.LAWS`.
     """
 
     table: Float[Array, "records cells coefficients products"]
@@ -56,8 +52,6 @@ class CompressedLikelihood(Likelihood):
     points: Records
     F_0: Records
     log_volume: Records
-    last: Float[Array, "records 2"]
-    law: str = eqx.field(static=True, default=EQUATION_2)
 
     @property
     def first_force(self) -> Records:
@@ -87,13 +81,13 @@ class CompressedLikelihood(Likelihood):
         ValueError
             For a rho where the table holds no products of neighbours.
         """
-        forms, weights = self._forms(log_values), jnp.ones((len(log_values), 1))
+        weights = jnp.ones((len(log_values), 1))
         if rho is not None:
             if self.constants.shape[1] < 2:
                 raise ValueError("autoregressive noise needs the products of neighbours: compress(neighbours=True)")
             # (1 - rho^2) r_1^2 + sum (r_t - rho r_(t-1))^2: the ends count once in the sum of squares.
-            forms = jax.tree.map(lambda *of: jnp.concatenate(of, axis=1), forms, self._ends(log_values))
             weights = jnp.stack([1.0 + rho**2, -2.0 * rho, -(rho**2), -(rho**2)], axis=1) / (1.0 - rho**2)[:, None]
+        forms = self._forms(log_values)
         form = jax.tree.map(lambda of: jnp.einsum("rf,rf...->r...", weights, of[:, : weights.shape[1]]), forms)
         return offsets_of_form(form, self.points, sigma, rho, self.log_volume)
 
@@ -105,23 +99,6 @@ class CompressedLikelihood(Likelihood):
         one, y, yy = jnp.moveaxis(self.constants, 2, 0)
         slope = jnp.stack([y - k * h, yg - k * gh], axis=2)
         return ResidualForm(yy - 2.0 * k * yh + k**2 * hh, slope, jnp.stack([one, g, gg], axis=2))
-
-    def _ends(self, log_values: Float[Array, "records 2"]) -> ResidualForm:
-        """Return the squares of the residuals of the first point, where u = 0 and y = 0, and of the last."""
-        u, y = self.last.T
-        beta = jnp.exp(self._inside(log_values[:, 1]))
-        g = -jnp.expm1(-jnp.abs(u) / beta)
-        left = y - jnp.exp(log_values[:, 0]) * stiffness_column(u, beta, self.law)
-        zero, one = jnp.zeros_like(g), jnp.ones_like(g)
-
-        def both(of_first: Array, of_last: Array) -> Array:
-            return jnp.stack([of_first, of_last], axis=1)
-
-        return ResidualForm(
-            both(zero, left**2),
-            jnp.stack([both(zero, left), both(zero, left * g)], axis=2),
-            jnp.stack([both(one, one), both(zero, g), both(zero, g**2)], axis=2),
-        )
 
     def _inside(self, log_beta: Records) -> Records:
         return jnp.clip(log_beta, self.low, self.low + self.table.shape[1] * self.width)
@@ -162,6 +139,8 @@ def _all_products(
     if neighbours:
         # Padding is zero in every column, and follows the points.
         forms.append(_form_products(columns[:, 1:], columns[:, :-1]))
+        last = jnp.sum(data.present) - 1
+        forms.extend(_form_products(end[:, None], end[:, None]) for end in (columns[:, 0], columns[:, last]))
     return jnp.stack(forms)
 
 
@@ -178,9 +157,9 @@ def compress(
     data:
         The records.
     neighbours:
-        Whether to tabulate products of neighbours too, for autoregressive noise.
+        Whether to tabulate products of neighbours and of the ends too, for autoregressive noise.
     whitening:
-        Of noise smoothed by a known moving average.
+        Of the records' noise; None: it needs none.
     law:
         One of `bayes_tyre.inference.record_data.LAWS`.
     """
@@ -194,8 +173,11 @@ def compress(
     places = (jnp.arange(CELLS)[:, None] + 0.5 * (jnp.asarray(np.cos(angle)) + 1.0)).ravel()
 
     def at(place: Float[Array, ""]) -> Float[Array, "records forms 4 4"]:
-        return jax.vmap(lambda log_beta, record: _all_products(log_beta, record, whitening, neighbours, law))(
-            low + width * place, data
+        def of_record(log_beta: Array, record: RecordData, whitening: Whitening | None) -> Array:
+            return _all_products(log_beta, record, whitening, neighbours, law)
+
+        return jax.vmap(of_record, in_axes=(0, 0, None if whitening is None else whitening.axis))(
+            low + width * place, data, whitening
         )
 
     # lax.map keeps memory at one value of beta for all records, however many nodes there are.
@@ -206,7 +188,6 @@ def compress(
     to_coefficients = np.cos(np.outer(np.arange(count), angle)) * 2.0 / count
     to_coefficients[0] /= 2.0
     points = jnp.sum(data.present, axis=1)
-    rows, end = jnp.arange(len(low)), points - 1
     return CompressedLikelihood(
         table=jnp.einsum("mj,cjrq->rcmq", jnp.asarray(to_coefficients), values),
         low=low,
@@ -215,6 +196,4 @@ def compress(
         points=points.astype(low.dtype),
         F_0=data.F_0,
         log_volume=jnp.zeros_like(low) if whitening is None else whitening.log_volume(points),
-        last=jnp.stack([data.u[rows, end], data.F[rows, end] - data.F_0], axis=1),
-        law=law,
     )

@@ -1,11 +1,12 @@
 """The likelihood of records under a force law: its contract, and the direct one, point by point.
 
-Noise is normal: independent; autoregressive of order one; or independent and then smoothed by a known moving average
+Noise is normal: independent, or autoregressive of order one; either after a known linear map of a record's points
 (`bayes_tyre.inference.correlated_noise.Whitening`). Given beta the force is linear in (F_i, J, k).
 """
 
 from abc import abstractmethod
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -14,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from bayes_tyre.inference.correlated_noise import Whitening, innovations
+from bayes_tyre.inference.correlated_noise import Whitening, innovations, whiten_records
 from bayes_tyre.inference.model.offsets import OffsetsLikelihood
 from bayes_tyre.inference.record_data import EQUATION_2, RecordData, force_curve, stiffness_column
 
@@ -66,7 +67,7 @@ class DirectLikelihood(Likelihood):
     data:
         The records.
     whitening:
-        Of noise smoothed by a known moving average; None: noise is as it was made.
+        Makes the noise independent, or autoregressive; None: it is.
     law:
         One of `bayes_tyre.inference.record_data.LAWS`.
     """
@@ -86,15 +87,15 @@ class DirectLikelihood(Likelihood):
         curves = jax.vmap(lambda u, values: force_curve(u, values, self.law))(self.data.u, theta)
         residual = jnp.where(present, self.data.F - curves, 0.0)
         points = jnp.sum(present, axis=1)
+        log_volume = jnp.zeros_like(sigma)
         if self.whitening is not None:
-            residual = jax.vmap(self.whitening.whiten)(residual, present)
-            return _log_normal(jnp.sum(residual**2, axis=1), points, sigma) + self.whitening.log_volume(points)
+            residual, log_volume = whiten_records(self.whitening, residual, present), self.whitening.log_volume(points)
         if rho is None:
-            return _log_normal(jnp.sum(residual**2, axis=1), points, sigma)
+            return _log_normal(jnp.sum(residual**2, axis=1), points, sigma) + log_volume
         # The first point has the noise's own variance, every other that of what is new in it.
         new = jnp.where(present[:, 1:], residual[:, 1:] - rho[:, None] * residual[:, :-1], 0.0)
         rss = (1.0 - rho**2) * residual[:, 0] ** 2 + jnp.sum(new**2, axis=1)
-        return _log_autoregressive(rss, points, sigma, rho)
+        return _log_autoregressive(rss, points, sigma, rho) + log_volume
 
     def of_offsets(
         self, log_values: Float[Array, "records 2"], sigma: Records, rho: Records | None = None
@@ -108,10 +109,10 @@ class DirectLikelihood(Likelihood):
         columns = jnp.where(present[:, None], columns, 0.0)
         log_volume = jnp.zeros(len(u))
         if self.whitening is not None:
-            columns = _each_column(self.whitening.whiten)(columns, present)
+            columns = _each_column(partial(whiten_records, self.whitening))(columns, present)
             log_volume = self.whitening.log_volume(jnp.sum(present, axis=1))
-        elif rho is not None:
-            columns = _each_column(innovations)(columns, present, rho)
+        if rho is not None:
+            columns = _each_column(jax.vmap(innovations))(columns, present, rho)
         products = jnp.einsum("rip,rjp->rij", columns, columns)
         form = ResidualForm(
             products[:, 2, 2], products[:, :2, 2], products[:, np.array([0, 0, 1]), np.array([0, 1, 1])]
@@ -149,12 +150,12 @@ def offsets_of_form(
 
 
 def _each_column(whiten: Callable[..., Array]) -> Callable[..., Array]:
-    """Return a function of the points of a record as one of several columns of each record."""
+    """Return a function of the points of all records as one of several columns of each record."""
 
-    def columns(values: Array, *of_record: Array) -> Array:
-        return jax.vmap(lambda column: whiten(column, *of_record))(values)
+    def columns(values: Array, *of_records: Array) -> Array:
+        return jax.vmap(lambda column: whiten(column, *of_records), in_axes=1, out_axes=1)(values)
 
-    return jax.vmap(columns)
+    return columns
 
 
 def _log_normal(rss: Records, points: Array, sigma: Records) -> Records:

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Bool
+from jaxtyping import Bool, Float, Int
 
 from bayes_tyre.batch import Batch, pad
 from bayes_tyre.errors import BadInput
@@ -13,6 +13,7 @@ from bayes_tyre.inference.correlated_noise import Whitening, smoothed_noise
 from bayes_tyre.inference.least_squares.table import LARGEST, THESIS_SHARE
 from bayes_tyre.inference.model.compressed_likelihood import compress
 from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, laplace_approximation
+from bayes_tyre.inference.model.displacement_errors import converter_step_mm, displacement_errors
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.likelihood import DirectLikelihood, Likelihood
 from bayes_tyre.inference.model.settings import ModelSettings
@@ -21,6 +22,8 @@ from bayes_tyre.record_table import record_factors
 
 #: F_i, J, k, beta and sigma of a record, and one point to spare.
 LEAST_POINTS = 6
+#: Standard deviation of rounding to steps of 1.
+UNIFORM_SD = 12.0**-0.5
 
 
 class PreparedRecords(NamedTuple):
@@ -28,16 +31,19 @@ class PreparedRecords(NamedTuple):
 
     Attributes
     ----------
+    measured:
+        The records, padded to one length.
     batch, data:
-        The records, padded to one length, and as arrays for the model.
+        The same less the mean effect of errors of their displacements; and as arrays for the model.
     factor_table, factors:
         Their factors, a row a record, and as index arrays.
     whitening:
-        Of noise that was smoothed, for records as long as the longest; None: it was not.
+        Of the records' noise, as `with_noise` returns it.
     likelihood:
         Of the records' forces.
     """
 
+    measured: Batch
     batch: Batch
     data: RecordData
     factor_table: pd.DataFrame
@@ -57,8 +63,8 @@ class PreparedRecords(NamedTuple):
 
     def only(self, mask: Bool[np.ndarray, " records"], model: ModelSettings) -> "PreparedRecords":
         """Return some of the records; their factors keep all cases."""
-        names = tuple(name for name, chosen in zip(self.batch.records, mask, strict=True) if chosen)
-        whole = self.batch
+        names = tuple(name for name, chosen in zip(self.measured.records, mask, strict=True) if chosen)
+        whole = self.measured
         batch = Batch(names, whole.displacement_mm[mask], whole.force_kN[mask], whole.present[mask])
         factors = replace(self.factors, of_record=self.factors.of_record[mask])
         return prepare_batch(batch, self.factor_table[mask].reset_index(drop=True), factors, model)
@@ -81,13 +87,42 @@ def prepare_records(table: pd.DataFrame, model: ModelSettings) -> PreparedRecord
 
 def prepare_batch(batch: Batch, factor_table: pd.DataFrame, factors: Factors, model: ModelSettings) -> PreparedRecords:
     """Return a batch of records as a model takes them; `factors` may hold cases without a record."""
-    data, window = record_data(batch), model.noise_window
-    whitening = smoothed_noise(int(batch.points.max()), window) if window > 1 else None
+    options = model.noise_window, model.displacement_sd, model.law
+    measured, (batch, whitening) = batch, with_noise(batch, factors.of_record, *options)
+    data = record_data(batch)
     if model.likelihood == "direct":
         likelihood = DirectLikelihood(data, whitening, model.law)
     else:
         likelihood = compress(data, neighbours=model.noise == "ar1", whitening=whitening, law=model.law)
-    return PreparedRecords(batch, data, factor_table, factors, whitening, likelihood)
+    return PreparedRecords(measured, batch, data, factor_table, factors, whitening, likelihood)
+
+
+def with_noise(
+    batch: Batch, of_record: Int[np.ndarray, " records"], window: int, displacement_sd: float | None, law: str
+) -> tuple[Batch, Whitening | None]:
+    """Return records whose noise has mean zero, and what makes it independent or autoregressive; None where it is.
+
+    Parameters
+    ----------
+    batch, of_record:
+        The records as they were measured, and the number of the case of each.
+    window, displacement_sd, law:
+        `noise_window`, `displacement_sd` (mm) and `law` of `ModelSettings`.
+    """
+    if window > 1:
+        return batch, smoothed_noise(batch.displacement_mm.shape[1], window)
+    sd_mm = displacement_sd_mm(batch, displacement_sd, window)
+    return displacement_errors(batch, of_record, sd_mm, law) if sd_mm.any() else (batch, None)
+
+
+def displacement_sd_mm(batch: Batch, displacement_sd: float | None, window: int) -> Float[np.ndarray, " records"]:
+    """Return the standard deviation of the error of a displacement (mm) in each record, as `ModelSettings` has it."""
+    # Noise that was smoothed is all the noise there is.
+    if window > 1:
+        return np.zeros(len(batch.records))
+    if displacement_sd is None:
+        return converter_step_mm(batch) * UNIFORM_SD
+    return np.full(len(batch.records), displacement_sd)
 
 
 def used_points(table: pd.DataFrame, region: str) -> pd.DataFrame:

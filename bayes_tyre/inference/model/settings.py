@@ -30,6 +30,9 @@ class ModelSettings:
         over the mean force that a case's records really started from.
     displacement_scale_sd:
         Relative standard deviation of a common factor on displacement, carried into k and beta; 0: none.
+    displacement_sd:
+        Standard deviation of the error of a displacement, mm; None: of rounding to the converter's steps, in records
+        whose displacements are multiples of one.
     likelihood:
         ``compressed``: independent of the number of points; or ``direct``, point by point: the reference.
     repeats:
@@ -62,6 +65,7 @@ class ModelSettings:
     priors: Priors = PRIORS
     sampler: str = "collapsed"
     law: str = EQUATION_2
+    displacement_sd: float | None = None
 
     def __post_init__(self) -> None:
         for name, allowed in (
@@ -74,6 +78,10 @@ class ModelSettings:
             raise BadInput(
                 f"displacement_scale_sd is {self.displacement_scale_sd}; give 0 or a relative sd such as 0.05"
             )
+        if self.displacement_sd is not None and not 0 <= self.displacement_sd < np.inf:
+            raise BadInput(f"displacement_sd is {self.displacement_sd}; give mm, such as 0.01, or 0 for none")
+        if self.noise_window > 1 and self.displacement_sd:
+            raise BadInput(f"noise_window {self.noise_window} says all of the noise; give it without displacement_sd")
         if self.noise_window < 1:
             raise BadInput(f"noise_window is {self.noise_window}; give the samples averaged, or 1 for none")
         if self.noise_window > 1 and self.noise != "iid":

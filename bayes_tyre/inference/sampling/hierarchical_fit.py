@@ -79,7 +79,9 @@ def fit_hierarchical(
 
 def fit_prepared(records: PreparedRecords, settings: SamplerSettings, model: ModelSettings) -> xr.DataTree:
     """Return the posterior of records as `fit_hierarchical` does, for displacement as it was measured."""
-    attributes = {name: str(getattr(model, name)) for name in ("repeats", "noise", "noise_window", "law")}
+    attributes = {
+        name: str(getattr(model, name)) for name in ("repeats", "noise", "noise_window", "displacement_sd", "law")
+    }
     attributes |= {"model": "records", "priors": model.priors.to_json()}
     draws, runs = None, ()
     if collapses(records, model):

@@ -13,6 +13,7 @@ from bayes_tyre.inference.correlated_noise import smoothed_noise
 from bayes_tyre.inference.model.compressed_likelihood import CompressedLikelihood, compress
 from bayes_tyre.inference.model.coordinates.laplace import RecordEstimates, estimate_records
 from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.displacement_errors import DisplacementErrors
 from bayes_tyre.inference.model.likelihood import DirectLikelihood
 from bayes_tyre.inference.model.prepared_records import record_batch
 from bayes_tyre.inference.record_data import LAWS, RecordData, record_data
@@ -41,6 +42,16 @@ def correlated(request, records) -> tuple[DirectLikelihood, CompressedLikelihood
         return direct, compress(direct.data, neighbours=True), approximation, 0.7
     whitening = smoothed_noise(direct.data.u.shape[1], 20)
     return DirectLikelihood(direct.data, whitening), compress(direct.data, whitening=whitening), approximation, None
+
+
+def displaced(present: Array) -> DisplacementErrors:
+    """Return a whitening with a map of its own for each record."""
+    random, shape = np.random.default_rng(5), present.shape
+    shared = np.where(present, random.standard_normal(shape), 0.0)
+    shared /= np.linalg.norm(shared, axis=1, keepdims=True)
+    weight = np.where(present, random.uniform(0.2, 1.0, shape), 1.0)
+    shrink = random.uniform(0.0, 0.9, shape[0])
+    return DisplacementErrors(*map(jnp.asarray, (weight, shared, shrink)))
 
 
 def off_from(approximation: RecordEstimates, sds: Array) -> tuple[Array, Array]:
@@ -112,12 +123,13 @@ def test_the_direct_likelihood_is_the_normal_density(records, law):
 
 
 @pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("kind", ["independent", "autoregressive", "smoothed"])
+@pytest.mark.parametrize("kind", ["independent", "autoregressive", "smoothed", "displaced", "displaced autoregressive"])
 def test_offsets_are_those_of_the_density_point_by_point(records, kind, law):
     direct, _, approximation = records
     data, sigma, random = direct.data, jnp.exp(approximation.log_sigma), np.random.default_rng(2)
     whitening = smoothed_noise(data.u.shape[1], 20) if kind == "smoothed" else None
-    rho = jnp.full_like(sigma, 0.6) if kind == "autoregressive" else None
+    whitening = displaced(data.present) if "displaced" in kind else whitening
+    rho = jnp.full_like(sigma, 0.6) if "autoregressive" in kind else None
     direct = DirectLikelihood(data, whitening, law)
     compressed = compress(data, neighbours=rho is not None, whitening=whitening, law=law)
     starts = jnp.stack([data.F_0, jnp.zeros_like(data.F_0)], axis=1)

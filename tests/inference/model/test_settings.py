@@ -37,6 +37,9 @@ FIRST_70_PER_CENT = {1: 1, 2: 2, 10: 7, 11: 8, 1198: 839}
         {"sampler": "gibbs"},
         {"noise_window": 0},
         {"noise": "ar1", "noise_window": 801},
+        {"displacement_sd": -0.01},
+        {"displacement_sd": float("nan")},
+        {"displacement_sd": 0.01, "noise_window": 801},
     ],
 )
 def test_settings_that_cannot_be_are_refused(wrong):

@@ -4,6 +4,7 @@ It shapes the coordinates of `coordinates`, and never the posterior.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -100,7 +101,7 @@ def estimate_records(
     noise:
         ``iid``, or ``ar1``: autoregressive with the lag-1 autocorrelation that the residuals show.
     whitening:
-        Of noise smoothed by a known moving average.
+        Of the records' noise; None: it needs none.
     beta_mm:
         Where to approximate in beta; None: at its estimate.
     law:
@@ -121,10 +122,11 @@ def estimate_records(
 def _estimate_records(
     data: RecordData, estimate: ls.Estimate, autoregressive: bool, whitening: Whitening | None, law: str
 ) -> RecordEstimates:
-    def approximate(record: RecordData, of_record: ls.Estimate) -> RecordEstimates:
+    def approximate(record: RecordData, of_record: ls.Estimate, whitening: Whitening | None) -> RecordEstimates:
         return _approximate(record, of_record, autoregressive, whitening, law)
 
-    return jax.vmap(approximate)(data, estimate)
+    axis = None if whitening is None else whitening.axis
+    return jax.vmap(approximate, in_axes=(0, 0, axis))(data, estimate, whitening)
 
 
 def _approximate(
@@ -136,25 +138,31 @@ def _approximate(
     def residual(theta: Float[Array, "4"]) -> Float[Array, " points"]:
         return jnp.where(data.present, data.F - force_curve(data.u, theta, law), 0.0)
 
-    # Noise-free records would make the coordinates infinitely narrow.
-    sigma = jnp.maximum(jnp.sqrt(estimate.rss / jnp.maximum(points - 4, 1)), 1e-6 * data.span)
-    rho = jnp.clip(jnp.nan_to_num(lag_1(residual(centre), data.present)), -_LARGEST_RHO, _LARGEST_RHO)
+    def uncoloured(values: Float[Array, " points"]) -> Float[Array, " points"]:
+        return values if whitening is None else whitening.whiten(values, data.present)
+
+    rho = lag_1(uncoloured(residual(centre)), data.present)
+    rho = jnp.clip(jnp.nan_to_num(rho), -_LARGEST_RHO, _LARGEST_RHO)
 
     def white(values: Float[Array, " points"]) -> Float[Array, " points"]:
-        if whitening is not None:
-            return whitening.whiten(values, data.present)
-        return innovations(values, data.present, rho) if autoregressive else values
+        return innovations(uncoloured(values), data.present, rho) if autoregressive else uncoloured(values)
+
+    def noise(rss: Float[Array, ""]) -> Float[Array, ""]:
+        # Noise-free records would make the coordinates infinitely narrow.
+        return jnp.maximum(jnp.sqrt(rss / jnp.maximum(points - 4, 1)), 1e-6 * data.span)
 
     # A floor under the information gives a parameter that the record leaves open a finite scale.
     floor = jnp.diag(1.0 / jnp.stack([data.span, data.span, jnp.asarray(_LOG_K_SD), jnp.asarray(_LOG_BETA_SD)]) ** 2)
 
-    def information(theta: Float[Array, "4"]) -> tuple[Float[Array, "4 points"], Float[Array, "4 4"]]:
+    def information(theta: Float[Array, "4"], sigma: Float[Array, ""]) -> tuple[Array, Float[Array, "4 4"]]:
         jacobian = jax.vmap(white, in_axes=1)(-jax.jacfwd(residual)(theta)) / sigma
         return jacobian, jacobian @ jacobian.T + floor
 
+    sigma = noise(estimate.rss)
     if autoregressive or whitening is not None or law != EQUATION_2:
-        centre = _polish(centre, lambda theta: white(residual(theta)) / sigma, information)
-    return RecordEstimates(centre, information(centre)[1], jnp.log(sigma), rho, points.astype(rho.dtype))
+        centre = _polish(centre, lambda theta: white(residual(theta)) / sigma, partial(information, sigma=sigma))
+        sigma = noise(jnp.sum(white(residual(centre)) ** 2))
+    return RecordEstimates(centre, information(centre, sigma)[1], jnp.log(sigma), rho, points.astype(rho.dtype))
 
 
 def _polish(

@@ -1,0 +1,172 @@
+"""Errors of the displacement: what they do to the force near the start of a record.
+
+An error of displacement moves a point along its curve: by k times as much in force all along a record, by J / beta
+times near its start, where the curve is also bent and the force is off on average. What is added beyond k is taken
+from the curve of a weighted least-squares fit (regression calibration; Carroll et al., Measurement Error in Nonlinear
+Models, 2006, chapter 4); the noise away from the start is the sampled sigma, whatever it is made of. The first
+displacement, from which all others are counted, has an error too, which the points of a record share.
+"""
+
+from dataclasses import replace
+from functools import partial
+from typing import ClassVar, override
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+from jaxtyping import Array, Bool, Float, Int
+
+from bayes_tyre.batch import Batch
+from bayes_tyre.inference.correlated_noise import Whitening
+from bayes_tyre.inference.model.coordinates.laplace import estimate_records
+from bayes_tyre.inference.record_data import force_curve, force_curves, record_data
+
+#: Fits, each with the weights of the one before: these then change by less than their own uncertainty.
+_FITS = 4
+#: How far a displacement may be off a multiple of the converter's step, in steps: tables round.
+_OFF_STEP = 0.1
+#: Displacements tried behind each measured one: so many, up to so many standard deviations from it.
+_NODES, _REACH = 65, 4.0
+#: How much less likely a displacement becomes by each standard deviation that it lies before the start.
+_CUT = 50.0
+#: A displacement just beyond the start, mm: the law has a slope there.
+_BEYOND_START_MM = 1e-9
+#: Least part of the differences that are one step, and of those that are several, where no reading is repeated.
+_MIXED = 0.1
+#: Median of the absolute value of a standard normal number.
+_NORMAL_MEDIAN = 0.6745
+
+
+class DisplacementErrors(Whitening):
+    """Whitening of what the errors of displacement add to the noise of the force, all records.
+
+    Attributes
+    ----------
+    weight:
+        Shape (records, points): sigma over the standard deviation of each point; 1 on padding.
+    shared:
+        Shape (records, points): unit vector along which the error of the first displacement moves weighted forces.
+    shrink:
+        Shape (records,): by what part a residual along `shared` is shortened.
+    """
+
+    weight: Float[Array, "*records points"]
+    shared: Float[Array, "*records points"]
+    shrink: Float[Array, "*records"]
+    axis: ClassVar[int | None] = 0
+
+    @override
+    def whiten(self, values: Float[Array, " points"], present: Bool[Array, " points"]) -> Float[Array, " points"]:
+        """Return the whitened values of one record, zero on padding."""
+        weighted = jnp.where(present, self.weight * values, 0.0)
+        return weighted - self.shrink * (self.shared @ weighted) * self.shared
+
+    @override
+    def log_volume(self, points: Array) -> Float[Array, " records"]:
+        """Return the log determinant of the map of each record."""
+        return jnp.sum(jnp.log(self.weight), axis=1) + jnp.log1p(-self.shrink)
+
+
+def displacement_errors(
+    batch: Batch, of_record: Int[np.ndarray, " records"], sd_mm: Float[np.ndarray, " records"], law: str
+) -> tuple[Batch, DisplacementErrors]:
+    """Return records without the mean effect of independent errors of their displacements, and their whitening.
+
+    Parameters
+    ----------
+    batch:
+        The records.
+    of_record:
+        The case of each, by number: repeats share the curve that weighs their points, for weights by a record's own
+        errors would favour them.
+    sd_mm:
+        Standard deviation of the error of a displacement (mm) in each record.
+    law:
+        One of `bayes_tyre.inference.record_data.LAWS`.
+    """
+    u, sd = record_data(batch).u, jnp.asarray(sd_mm)
+    estimates, measured = estimate_records(batch, law=law), batch
+    # Residuals near the start would make sigma too large, and themselves too heavy.
+    residual = np.where(batch.present, np.abs(batch.force_kN - force_curves(u, estimates.centre, law)), np.nan)
+    least = 1e-6 * np.ptp(batch.force_kN, axis=1)
+    log_sigma = np.log(np.maximum(np.nanmedian(residual, axis=1) / _NORMAL_MEDIAN, least))
+    for _ in range(_FITS):
+        curves = _medians(np.column_stack([estimates.centre, log_sigma]), of_record)
+        bias, errors = _of_curves(u, jnp.asarray(batch.present), jnp.asarray(curves), sd, law)
+        batch = replace(measured, force_kN=measured.force_kN - np.asarray(bias))
+        estimates = estimate_records(batch, whitening=errors, law=law)
+        log_sigma = np.asarray(estimates.log_sigma)
+    return batch, errors
+
+
+def _medians(
+    curves: Float[np.ndarray, "records values"], of_record: Int[np.ndarray, " records"]
+) -> Float[np.ndarray, "records values"]:
+    """Return the medians among the repeats of each record's case."""
+    return pd.DataFrame(curves).groupby(of_record).transform("median").to_numpy()
+
+
+def converter_step_mm(batch: Batch) -> Float[np.ndarray, " records"]:
+    """Return the step of the converter (mm) in each record: what its displacements are multiples of; 0 for none."""
+    steps = np.zeros(len(batch.records))
+    for record, (displacement, present) in enumerate(zip(batch.displacement_mm, batch.present, strict=True)):
+        apart = np.diff(np.unique(displacement[present]))
+        least = np.min(apart)
+        multiples = np.round(apart / least)
+        # Spacings of a plan may be multiples of one too: those of a converter repeat readings, or mix its steps.
+        mixed = _MIXED < np.mean(multiples == 1) < 1.0 - _MIXED
+        repeated = len(apart) + 1 < np.sum(present)
+        if (mixed or repeated) and np.abs(apart / least - multiples).max() < _OFF_STEP:
+            steps[record] = least
+    return steps
+
+
+@partial(jax.jit, static_argnames="law")
+def _of_curves(
+    u: Float[Array, "records points"],
+    present: Bool[Array, "records points"],
+    curves: Float[Array, "records 5"],
+    sd_mm: Float[Array, " records"],
+    law: str,
+) -> tuple[Float[Array, "records points"], DisplacementErrors]:
+    """Return the mean error of force (kN) and the whitening, about F_i, J (kN), log k, log beta and log sigma."""
+    theta, sigma = curves[:, :4], jnp.exp(curves[:, 4])[:, None]
+    forward = jnp.sign(jnp.sum(u, axis=1))
+    # One record at a time: each of its points is tried at `_NODES` displacements.
+    of_record = forward[:, None] * u, forward, theta, sd_mm
+    bias, sd, slope = jax.lax.map(lambda record: _force_errors(*record, law=law), of_record)
+    # The first point is where its record starts by definition, and only there has u no error.
+    exact = ~present | (jnp.arange(u.shape[1]) == 0)
+    bias, sd, shared = (jnp.where(exact, 0.0, values) for values in (bias, sd, slope * sd_mm[:, None]))
+    of_line = jnp.exp(curves[:, 2:3]) * sd_mm[:, None]
+    weight = 1.0 / jnp.sqrt(1.0 + jnp.maximum(sd**2 - of_line**2, 0.0) / sigma**2)
+    shared = weight * shared / sigma
+    square = jnp.sum(shared**2, axis=1)
+    unit = shared / jnp.sqrt(jnp.where(square > 0, square, 1.0))[:, None]
+    return bias, DisplacementErrors(weight, unit, 1.0 - 1.0 / jnp.sqrt(1.0 + square))
+
+
+def _force_errors(
+    ahead: Float[Array, " points"],
+    forward: Float[Array, ""],
+    theta: Float[Array, "4"],
+    sd_mm: Float[Array, ""],
+    law: str,
+) -> tuple[Float[Array, " points"], Float[Array, " points"], Float[Array, " points"]]:
+    """Return mean (kN), standard deviation (kN) and slope (kN/mm) of what the errors of one record do to its forces.
+
+    Over the displacements that may lie behind each measured one (mm, `ahead` of the start): a normal distribution
+    about it, cut off where the record starts.
+    """
+    z = jnp.linspace(-_REACH, _REACH, _NODES)
+    true = ahead[:, None] + sd_mm * z
+    behind = jnp.maximum(-true, 0.0) / jnp.where(sd_mm > 0, sd_mm, 1.0)
+    weight = jax.nn.softmax(-0.5 * z**2 - _CUT * behind, axis=1)
+    u = forward * jnp.maximum(true, _BEYOND_START_MM).ravel()
+    force, slope = jax.jvp(lambda u: force_curve(u, theta, law), (u,), (jnp.ones_like(u),))
+    force, slope = force.reshape(true.shape), slope.reshape(true.shape)
+    mean = jnp.sum(weight * force, axis=1)
+    variance = jnp.sum(weight * (force - mean[:, None]) ** 2, axis=1)
+    bias = mean - force_curve(forward * ahead, theta, law)
+    return bias, jnp.sqrt(variance), jnp.sum(weight * slope, axis=1)
