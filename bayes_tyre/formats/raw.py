@@ -2,14 +2,18 @@
 
 import os
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.column_signals import numbered, read_columns
 from bayes_tyre.formats.excel import read_excel
+from bayes_tyre.formats.lvm.channels import grouped_warnings
 from bayes_tyre.formats.lvm.reader import read_lvm
 from bayes_tyre.formats.tdms import read_tdms
-from bayes_tyre.record import RawSignals
+from bayes_tyre.record import Channel, RawSignals
 
 type _Columns = Mapping[str, int] | None
 
@@ -49,11 +53,32 @@ def read_raw(path: Path, columns: Mapping[str, int] | None = None) -> RawSignals
     if reader is None:
         raise BadInput(f"{path}: {suffix or 'no suffix'} is no kind of recording; use {', '.join(READERS)}")
     try:
-        return reader(path, columns)
+        raw = reader(path, columns)
+        return replace(raw, warnings=(*raw.warnings, *_uneven(raw)))
     except OSError as error:
         raise BadInput(f"{path}: {error.strerror or error}; check the path and the disk") from None
     except MemoryError:
         raise BadInput(f"{path}: is larger than the memory; cut it in pieces") from None
+
+
+def _uneven(raw: RawSignals) -> list[str]:
+    """Return warnings on channels whose samples do not follow one another at equal steps of time."""
+    return [
+        text
+        for segment in raw.segments
+        for text in grouped_warnings([(channel.name, _uneven_steps(channel)) for channel in segment])
+    ]
+
+
+def _uneven_steps(channel: Channel) -> str:
+    at = channel.uneven_steps
+    if not len(at) or np.isnan(channel.time_s).any():  # that X is blank is said by the reader
+        return ""
+    before, after = channel.time_s[at[0] : at[0] + 2]
+    more = f" (and {len(at) - 1} more places)" if len(at) > 1 else ""
+    if after <= before:
+        return f"time does not increase from sample {at[0] + 1} at {before:g} s to the next at {after:g} s{more}"
+    return f"samples are {channel.dt_s:g} s apart, but {after - before:g} s after sample {at[0] + 1}{more}"
 
 
 def raw_files(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
