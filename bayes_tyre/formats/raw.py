@@ -12,6 +12,8 @@ from bayes_tyre.formats.column_signals import numbered, read_columns
 from bayes_tyre.formats.excel import read_excel
 from bayes_tyre.formats.lvm.channels import grouped_warnings
 from bayes_tyre.formats.lvm.reader import read_lvm
+from bayes_tyre.formats.mat_signals import read_mat_signals
+from bayes_tyre.formats.mdf import read_mdf
 from bayes_tyre.formats.tdms import read_tdms
 from bayes_tyre.record import Channel, RawSignals
 
@@ -21,6 +23,8 @@ READERS: dict[str, Callable[[Path, _Columns], RawSignals]] = {
     ".lvm": lambda path, columns: numbered(read_lvm(path), columns, path),
     ".txt": lambda path, columns: numbered(read_lvm(path), columns, path),
     ".tdms": lambda path, columns: numbered(read_tdms(path), columns, path),
+    ".mf4": lambda path, columns: numbered(read_mdf(path), columns, path),
+    ".mat": lambda path, columns: numbered(read_mat_signals(path), columns, path),
     ".xlsx": read_excel,
     ".csv": read_columns,
     ".parquet": read_columns,
@@ -28,7 +32,7 @@ READERS: dict[str, Callable[[Path, _Columns], RawSignals]] = {
 #: The simulator's table of truths, which belongs to the recordings beside it.
 TRUTH = "truth.csv"
 #: Suffixes of recordings and nothing else; the others in the same folder may be tables, notes, results.
-_RECORDINGS = (".lvm", ".tdms")
+_RECORDINGS = (".lvm", ".tdms", ".mf4")
 
 
 def read_raw(path: Path, columns: Mapping[str, int] | None = None) -> RawSignals:
@@ -37,7 +41,7 @@ def read_raw(path: Path, columns: Mapping[str, int] | None = None) -> RawSignals
     Parameters
     ----------
     path:
-        A `.lvm`, `.txt`, `.tdms`, `.xlsx`, `.csv` or `.parquet` file.
+        A file with one of the suffixes in `READERS`.
     columns:
         Channel name -> column, counted from 1, with `time` among them, for files whose channels have no names of use.
 
@@ -84,8 +88,8 @@ def _uneven_steps(channel: Channel) -> str:
 def raw_files(paths: Iterable[Path]) -> tuple[list[Path], list[str]]:
     """Return the recordings that files and folders name, and warnings on files that were skipped.
 
-    Of a folder, all `.lvm` and `.tdms` files below it, sorted; where there are none, all files with another known
-    suffix but `.txt`. A file that is named itself is taken whatever it is.
+    Of a folder, all `.lvm`, `.tdms` and `.mf4` files below it, sorted; where there are none, all files with another
+    known suffix but `.txt`. A file that is named itself is taken whatever it is.
 
     Raises
     ------
