@@ -11,10 +11,11 @@ import scipy.io
 from bayes_tyre.errors import BadInput
 from bayes_tyre.plain_text import reason
 
-#: Structs within structs; a damaged file may hold one within itself.
-_DEEPEST = 8
 #: Bytes of one variable: a damaged or empty one may claim any size.
 _MOST_BYTES = 1 << 32
+#: Attributes of what is stored as arrays and is none.
+_NO_VECTORS = {"MATLAB_empty", "MATLAB_object_decode", "MATLAB_sparse"}
+_REAL = "buif"
 
 
 def read_mat_variables(path: Path) -> dict[str, np.ndarray]:
@@ -44,53 +45,49 @@ def read_mat(path: Path) -> dict[str, np.ndarray | str]:
         raise BadInput(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; check the path")
     try:
         if h5py.is_hdf5(path):
-            with h5py.File(path, "r") as file:
-                return {name: leaf for name, leaf in _of_group(file, "", path) if leaf is not None}
+            return _of_hdf5(path)
         with warnings.catch_warnings(), path.open("rb") as opened:
             warnings.simplefilter("ignore")  # on variables of one name, and on objects
             content = scipy.io.loadmat(opened, simplify_cells=True)
         variables = {name: value for name, value in content.items() if not name.startswith("__")}
-        return {name: leaf for name, leaf in _of_struct(variables, "") if leaf is not None}
+        return dict(_leaves(variables, ""))
     except (BadInput, MemoryError):
         raise
     except Exception as error:  # the libraries raise many kinds of error
         raise BadInput(f"{path}: cannot be read as a MATLAB file: {reason(error)}; save it again") from error
 
 
-type _Leaves = Iterator[tuple[str, np.ndarray | str | None]]
-
-
-def _of_struct(value: object, name: str) -> _Leaves:
-    """Yield name and content of all that scipy made of a variable."""
+def _leaves(value: object, name: str) -> Iterator[tuple[str, np.ndarray | str]]:
+    """Yield name and content of the numbers and texts that scipy made of a variable."""
     if isinstance(value, dict):
         for field, content in value.items():
-            yield from _of_struct(content, f"{name}.{field}" if name else str(field))
+            yield from _leaves(content, f"{name}.{field}" if name else str(field))
     elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
         for i, content in enumerate(np.ravel(np.asarray(value, dtype=object)), start=1):
             if isinstance(content, dict):
-                yield from _of_struct(content, f"{name}({i})")
+                yield from _leaves(content, f"{name}({i})")
     elif isinstance(value, str):
         yield name, value
-    else:
-        yield name, _numbers(value)
+    elif (array := np.squeeze(np.asarray(value))).dtype.kind in _REAL:
+        yield name, array
 
 
-def _of_group(group: h5py.Group, name: str, path: Path, depth: int = 0) -> _Leaves:
-    """Yield name and content of the datasets in an HDF5 group, which is a struct; links to other places are left."""
-    for field in group:
-        link, inner = group.get(field, getlink=True), f"{name}.{field}" if name else field
-        if field.startswith("#") or not isinstance(link, h5py.HardLink):
-            continue
-        item = group[field]
-        if isinstance(item, h5py.Group) and depth < _DEEPEST and "MATLAB_sparse" not in item.attrs:
-            yield from _of_group(item, inner, path, depth + 1)
-        elif isinstance(item, h5py.Dataset) and not {"MATLAB_empty", "MATLAB_object_decode"} & set(item.attrs):
-            if item.nbytes > _MOST_BYTES:
-                raise BadInput(f"{path}: variable {inner}: {item.nbytes} bytes are no recording; save it again")
-            is_text = item.attrs.get("MATLAB_class") == b"char" and item.dtype == np.uint16
-            yield inner, item[()].ravel("F").tobytes().decode("utf-16-le") if is_text else _numbers(item[()])
+def _of_hdf5(path: Path) -> dict[str, np.ndarray | str]:
+    """Return what `read_mat` does of a file of version 7.3; links to other places and files are not followed."""
+    found: dict[str, np.ndarray | str] = {}
 
+    def take(name: str, item: h5py.Group | h5py.Dataset) -> None:
+        kinds = {*item.attrs, *item.parent.attrs}
+        if isinstance(item, h5py.Group) or name.startswith("#") or kinds & _NO_VECTORS:
+            return
+        name = name.replace("/", ".")
+        if item.nbytes > _MOST_BYTES:
+            raise BadInput(f"{path}: variable {name}: {item.nbytes} bytes are no recording; save it again")
+        if item.attrs.get("MATLAB_class") == b"char" and item.dtype == np.uint16:
+            found[name] = item[()].ravel("F").tobytes().decode("utf-16-le")
+        elif item.dtype.kind in _REAL:
+            found[name] = np.squeeze(item[()])
 
-def _numbers(value: object) -> np.ndarray | None:
-    array = np.squeeze(np.asarray(value))
-    return array if array.dtype.kind in "buif" else None
+    with h5py.File(path, "r") as file:
+        file.visititems(take)
+    return found

@@ -56,8 +56,7 @@ def _described(name: str, leaves: _Leaves) -> tuple[str, str, str]:
     """Return the struct that a channel belongs to, its name and its unit."""
     owner, _, field = name.rpartition(".")
     if owner and field.lower() in _READINGS:
-        labels = [leaves.get(f"{owner}.{key}") for key in ("name", "label")]
-        label = next((text for text in labels if isinstance(text, str) and text), _last(owner))
+        label = _text(leaves, (f"{owner}.name", f"{owner}.label")) or _last(owner)
         return owner.rpartition(".")[0], label, _text(leaves, (f"{owner}.unit", f"{owner}.units"))
     around = f"{owner}." if owner else ""
     keys = (f"{name}_unit", f"{name}_units", f"{around}unit.{field}", f"{around}units.{field}")

@@ -21,8 +21,12 @@ _PROGRAM = Path(__file__).with_name("mdf_program.py")
 _LONGEST_S = 600
 _NO_NUMBERS = "text, or several numbers a sample: left out"
 #: What X is by the `sync_type` of a master channel; 1 is time.
-_X = {None: "no master channel: its time counts samples, not seconds"}
-_X |= {2: "X is an angle, not time", 3: "X is a distance, not time", 4: "X counts samples, no seconds"}
+_X = {
+    None: "no master channel: its time counts samples, not seconds",
+    2: "X is an angle, not time",
+    3: "X is a distance, not time",
+    4: "X counts samples, not seconds",
+}
 
 
 def read_mdf(path: Path) -> RawSignals:

@@ -58,5 +58,5 @@ if __name__ == "__main__":
     with contextlib.redirect_stdout(sys.stderr):
         texts, numbers = read(sys.argv[1])
     content = io.BytesIO()
-    np.savez(content, texts=np.frombuffer(json.dumps(texts).encode(), dtype=np.uint8), **numbers)
+    np.savez(content, allow_pickle=False, texts=np.frombuffer(json.dumps(texts).encode(), dtype=np.uint8), **numbers)
     sys.stdout.buffer.write(content.getbuffer())

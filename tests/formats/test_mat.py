@@ -74,7 +74,7 @@ def test_vectors_by_name(path, written):
     assert set(variables) == {"run.t_ms", "run.acc", "run.load"}
     assert variables["run.load"].tolist() == LOAD
     assert read_mat(path)["note"] == "warm"
-    assert read_mat(path)["matrix"].shape in ((2, 3), (3, 2))
+    assert np.shape(read_mat(path)["matrix"]) in ((2, 3), (3, 2))
 
 
 def test_an_array_of_structs_is_a_recording_each(path):

@@ -41,7 +41,7 @@ def build_channels(
     even = {x: even_x(columns[x], owners[x], (x_digits or {}).get(x, np.nan)) for x in owners if x is not None}
     channels, warnings = [], []
     for name, i, x, one in zip(labels, roles.channels, roles.x, headers, strict=True):
-        times, other_dt_s = even.get(x, (None, None))
+        times, other_dt_s = even[x] if x is not None else (None, None)
         rows = _rows_of(columns[i], times if x_columns else None, one.samples, written)
         time_s, warning = times_of(rows, times, one, one if x_columns else owners[x], written)
         channel = Channel(name, one.unit, time_s, columns[i][rows], one.samples, other_dt_s)

@@ -7,17 +7,17 @@ import numpy as np
 from bayes_tyre.formats.lvm.channel_header import ChannelHeader
 
 type SampleRows = slice | np.ndarray
-#: Of rounding, beside which a float's own is nothing.
-_SLACK = 1 + 1e-6
+#: Relative error of a spacing that matters to nothing.
+_NEGLIGIBLE = 1e-5
 
 
 def even_x(x: np.ndarray, header: ChannelHeader, x_digit: float) -> tuple[np.ndarray | None, float | None]:
     """Return an X column at the steps of Delta_X, None if it is blank; and Delta_X if the two contradict each other.
 
-    They agree where most steps of X, and the mean of these, are Delta_X but for rounding: a step is a difference of two
-    rounded numbers, and some recorders add up a rounded step. Where Delta_X has more digits, samples then lie at its
-    multiples from the first, and again from each sample that comes later than that, as after a pause. Else X is
-    returned as it is.
+    They agree where most steps of X are Delta_X but for rounding, and so is their mean, to which the rounding of each X
+    counts only at the ends; unless X was made by adding up a rounded step, which shows in steps that are all the same.
+    Where Delta_X has more digits, samples then lie at its multiples from the first, and again from each that comes
+    later than that, as after a pause. Else X is returned as it is.
 
     Parameters
     ----------
@@ -35,9 +35,13 @@ def even_x(x: np.ndarray, header: ChannelHeader, x_digit: float) -> tuple[np.nda
     there = np.isfinite(steps)
     if math.isnan(header.delta + x_digit) or not there.any():
         return x, None
-    rounding = _SLACK * (x_digit + header.delta_digit) + np.spacing(np.abs(x[np.isfinite(x)]).max())
+    rounding = x_digit + header.delta_digit + _NEGLIGIBLE * header.delta + np.spacing(np.abs(x[np.isfinite(x)]).max())
     agree = there & (np.abs(steps - header.delta) <= rounding)
-    if 2 * agree.sum() < there.sum() or abs(steps[agree].mean() - header.delta) > rounding / 2:
+    if 2 * agree.sum() < there.sum():
+        return x, header.delta
+    runs, alike = 1 + np.sum(there & ~agree), np.ptp(steps[agree]) < x_digit / 2
+    of_mean = header.delta_digit / 2 + x_digit * (runs / agree.sum() + alike / 2) + _NEGLIGIBLE * header.delta
+    if abs(steps[agree].mean() - header.delta) > of_mean:
         return x, header.delta
     if header.delta_digit >= x_digit:
         return x, None

@@ -54,12 +54,16 @@ def test_a_pause_remains_and_each_side_of_it_is_even(path):
     np.testing.assert_allclose(steps[19], 1001 * DT, atol=1e-6)
 
 
-@pytest.mark.parametrize("delta", ["0.000100", "4.050000E-5"], ids=["by far", "by more than a rounded step"])
-def test_a_contradiction_is_said_and_x_kept(path, delta):
-    raw = read(path, recording([f"{i * DT:.6f}" for i in range(200)], [delta] * 2))
-    assert raw.segments[0][1].time_s[-1] == round(199 * DT, 6)
+@pytest.mark.parametrize(
+    ("step", "delta"),
+    [(DT, "0.000100"), (DT, "3.930000E-5"), (3.9e-5, "3.960000E-5")],
+    ids=["by far", "by more than rounded ends", "by more than a rounded step"],
+)
+def test_a_contradiction_is_said_and_x_kept(path, step, delta):
+    raw = read(path, recording([f"{i * step:.6f}" for i in range(200)], [delta] * 2))
+    assert raw.segments[0][1].time_s[-1] == round(199 * step, 6)
     (warning,) = raw.warnings
-    assert warning.startswith("'acc', 'load': X has steps of 3.9e-05 s, but Delta_X is ")
+    assert warning == f"'acc', 'load': X has steps of 3.9e-05 s, but Delta_X is {float(delta):.6g} s"
     assert all(one.contradicting_dt_s == float(delta) for one in raw.segments[0])
 
 
