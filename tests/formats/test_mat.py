@@ -69,6 +69,15 @@ def test_channels_have_names_units_and_times(path, written, content):
 
 
 @both
+def test_x_is_a_channel_beside_a_vector_named_for_time(path, written):
+    (channels,) = read_mat_signals(written(path, {"x": LOAD, "t": TIMES, "acc": ACC, "acc_unit": "g"})).segments
+    assert {one.name: (one.unit, one.values.tolist()) for one in channels} == {"x": ("", LOAD), "acc": ("g", ACC)}
+    (channels,) = read_mat_signals(written(path, {"x": TIMES, "x_unit": "ms", "acc": ACC})).segments
+    assert [one.name for one in channels] == ["acc"]
+    np.testing.assert_allclose(channels[0].time_s, np.array(TIMES) / 1000)
+
+
+@both
 def test_vectors_by_name(path, written):
     variables = read_mat_variables(written(path, {**STRUCT, "n": 5.0, "note": "warm", "matrix": np.ones((2, 3))}))
     assert set(variables) == {"run.t_ms", "run.acc", "run.load"}
