@@ -139,7 +139,9 @@ def _first_rows(source: Source, start: int, stop: int) -> list[tuple[int, bytes]
 
 def _last_cells(source: Source, section: Section, column: int) -> list[str]:
     """Return a column's cells in the last whole rows of a table."""
-    lines = source.data[max(section.start, section.stop - _HEAD) : section.stop].split(b"\n")[-_FIRST_ROWS:]
+    whole_row = source.data.find(b"\n", max(0, section.stop - _HEAD)) + 1
+    start = max(section.start, whole_row)
+    lines = source.data[start : section.stop].split(b"\n")[-_FIRST_ROWS:]
     rows = [as_text(line).split(section.separator) for line in lines]
     return [row[column].strip() for row in rows if column < len(row)]
 

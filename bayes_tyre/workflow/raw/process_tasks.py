@@ -81,20 +81,27 @@ def plan_tasks(files: Sequence[Path], settings: Settings) -> list[Task]:
             factors = factors._replace(record=_unique_name(file, factors.record, taken))
         record = factors.record if isinstance(factors, RecordFactors) else ""
         taken.add(record)
-        own, rig = str(row["rig"]) if row else "", None
-        if isinstance(factors, RecordFactors):
-            configuration = factors.case.configuration
-            rig = rigs.get(own or settings.rig or (configuration if configuration in EMBEDDED_RIGS else ""))
-            has = ", ".join(EMBEDDED_RIGS)
-            factors = (
-                factors if rig else f"configuration {configuration!r} has no embedded rig ({has} have); give --rig"
-            )
+        own = str(row["rig"]) if row else ""
+        factors, rig = _with_rig(factors, own or settings.rig, rigs)
         picture = settings.figures / f"{_file_name(record)}.png" if settings.figures and record else None
         simulated = path_text(Path(file.name)) in truths[file.parent]
         drawn = picture.absolute() if picture is not None else None
         rig_file = Path(own) if own and own not in EMBEDDED_RIGS else None
         tasks.append(Task(file.absolute(), factors, rig, settings.method, simulated, drawn, rig_file))
     return tasks
+
+
+def _with_rig(
+    factors: RecordFactors | str, name: str | None, rigs: Mapping[str, Rig]
+) -> tuple[RecordFactors | str, Rig | None]:
+    """Return a file's factors, or why it cannot be used, and the rig of this name, or its configuration's own."""
+    if isinstance(factors, str):
+        return factors, None
+    configuration = factors.case.configuration
+    if name or configuration in EMBEDDED_RIGS:
+        return factors, rigs[name or configuration]
+    has = ", ".join(EMBEDDED_RIGS)
+    return f"configuration {configuration!r} has no embedded rig ({has} have); give --rig", None
 
 
 def _factors(file: Path, row: dict[str, object] | None) -> RecordFactors | str:
