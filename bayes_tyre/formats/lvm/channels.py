@@ -45,8 +45,9 @@ def build_channels(
         rows = _rows_of(columns[i], times if x_columns else None, one.samples, written)
         time_s, warning = times_of(rows, times, one, one if x_columns else owners[x], written)
         channel = Channel(name, one.unit, time_s, columns[i][rows], one.samples, other_dt_s)
-        contradiction = f"X has steps of {channel.dt_s:.6g} s, but Delta_X is {other_dt_s:.6g} s" if other_dt_s else ""
-        warnings += [(name, warning), (name, contradiction)]
+        warnings.append((name, warning))
+        if other_dt_s is not None and len(time_s) > 1:
+            warnings.append((name, f"X has steps of {channel.dt_s:.6g} s, but Delta_X is {other_dt_s:.6g} s"))
         channels.append(channel)
     return tuple(channels), grouped_warnings(warnings)
 

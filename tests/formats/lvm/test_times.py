@@ -67,6 +67,11 @@ def test_a_contradiction_is_said_and_x_kept(path, step, delta):
     assert all(one.contradicting_dt_s == float(delta) for one in raw.segments[0])
 
 
+def test_a_channel_of_one_sample_contradicts_nothing(path):
+    raw = read(path, recording([f"{i * DT:.6f}" for i in range(200)], ["0.000100"] * 2, [200, 1]))
+    assert raw.warnings == ("'acc': X has steps of 3.9e-05 s, but Delta_X is 0.0001 s",)
+
+
 def test_last_digits_of_printed_numbers():
     assert last_digit(["0.000039", "", "1,5"]) == 0.1
     assert last_digit(["3.906250E-5"]) == pytest.approx(1e-11)
