@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 REQUIRED = ("record", "displacement_mm", "force_kN")
 CASE_FACTORS = ("configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN")
@@ -26,6 +26,8 @@ RECORD_UNITS = {
 LAW_PARAMETERS = ("k", "x", "settled", "beta", "n", "belt_frequency", "belt_damping", "sidewall_ratio")
 AXLE_PARAMETERS = ("m", "c")
 ENERGY = "energy_per_cycle"
+#: A sample may lie so much closer to the next one than the median, or further apart, as a share of it.
+_JITTER = 0.1
 
 
 def parameter_column(parameter: str) -> str:
@@ -77,6 +79,8 @@ class Channel:
         Shape (samples,); NaN where the cell is blank or NaN.
     declared_samples:
         Number of samples by the header; None where it gives none.
+    contradicting_dt_s:
+        Spacing of the samples by the header, where X has another and its printed digits do not explain it; else None.
     """
 
     name: str
@@ -84,11 +88,23 @@ class Channel:
     time_s: Float[np.ndarray, " samples"]
     values: Float[np.ndarray, " samples"]
     declared_samples: int | None = None
+    contradicting_dt_s: float | None = None
 
     @property
     def dt_s(self) -> float:
         """Median spacing of the samples; NaN with fewer than two."""
-        return float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else float("nan")
+        return float(np.median(self._steps_s)) if len(self.time_s) > 1 else float("nan")
+
+    @property
+    def uneven_steps(self) -> Int[np.ndarray, " steps"]:
+        """Indices of samples whose next one comes before them, with them, or over 10 % off the median spacing."""
+        off = np.abs(self._steps_s - self.dt_s) > _JITTER * self.dt_s
+        return np.flatnonzero(off | ~(self._steps_s > 0))
+
+    @property
+    def _steps_s(self) -> Float[np.ndarray, " steps"]:
+        with np.errstate(all="ignore"):  # a damaged file may hold infinite times
+            return np.diff(self.time_s)
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,15 @@ RawFiles = Annotated[
     typer.Argument(metavar="RAW...", help=f"Raw files ({suffixes.RAW}), or folders of them."),
 ]
 RigName = Annotated[
-    str | None, typer.Option(help="Rig: single, dual, or a TOML file; default: the one the configuration names.")
+    str | None,
+    typer.Option(help="Rig: single, dual, or a TOML file, where --cases names none; default: the configuration's own."),
 ]
 CasesTable = Annotated[
     Path | None,
     typer.Option(
-        help=f"Table ({suffixes.TABLE}) with file, configuration, speed_km_h, initial_load_kN, step_kN, repeat; "
-        "default: from names such as DynamicS(0)30-20(1).lvm."
+        help=f"Table ({suffixes.TABLE}) with file, configuration, speed_km_h (km/h), initial_load_kN, step_kN (kN), "
+        "repeat, and rig where wanted: single, dual, or a TOML file, its path from the table's folder; default: from "
+        "names such as DynamicS(0)30-20(1).lvm."
     ),
 ]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes; default: one a core.")]

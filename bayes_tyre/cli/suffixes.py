@@ -2,4 +2,4 @@
 
 TABLE = ".csv or .parquet"
 #: A `.txt` file is read too, where it is named itself.
-RAW = ".lvm, .tdms, .xlsx, .csv, .parquet"
+RAW = ".lvm, .tdms, .mf4, .mat, .xlsx, .csv, .parquet"

@@ -8,8 +8,10 @@ import numpy as np
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.lvm.channels import ChannelHeader, Roles, build_channels, named_twice
-from bayes_tyre.formats.lvm.reader import COMMENT, read_lvm
+from bayes_tyre.formats.lvm.channel_header import ChannelHeader
+from bayes_tyre.formats.lvm.channels import build_channels, named_twice
+from bayes_tyre.formats.lvm.reader import read_lvm
+from bayes_tyre.formats.lvm.roles import COMMENT, Roles, last_channel
 from bayes_tyre.formats.tables import read_table
 from bayes_tyre.formats.x_column import grows, is_time, seconds_per_unit, unit_in
 from bayes_tyre.plain_text import quoted
@@ -28,12 +30,17 @@ def signals_of(
     turned into seconds. Units of channels stand in brackets at the end of their names, unless `units` gives them, one
     a column, empty where there is none.
     """
-    names, values, texts = [name for name, _ in columns], [column for _, column in columns], list(warnings)
-    given = units or [""] * len(columns)
+    last = last_channel(*map(list, zip(*columns, strict=True)))
+    names, values, texts = (
+        [name for name, _ in columns[:last]],
+        [column for _, column in columns[:last]],
+        list(warnings),
+    )
+    given = units or [""] * last
     x = next((i for i, name in enumerate(names) if is_time(name)), None)
-    if x is None and len(columns) > 1 and grows(values[0]):
+    if x is None and last > 1 and grows(values[0]):
         x = 0
-    channels = tuple(i for i in range(len(columns)) if i != x)
+    channels = tuple(i for i in range(last) if i != x)
     if x is not None:
         factor = next((f for f in map(seconds_per_unit, (names[x], f"time ({given[x]})")) if f != 1), 1.0)
         if factor != 1:
@@ -41,7 +48,7 @@ def signals_of(
             texts.append(f"X {quoted(names[x])} turned into seconds")
     roles = Roles(channels, (x,) * len(channels))
     of_channels = [ChannelHeader(given[i] or unit_in(names[i]), None, np.nan, np.nan) for i in channels]
-    segment, more = build_channels(names, roles, values, of_channels, "")
+    segment, more = build_channels(names, roles, values, of_channels)
     return RawSignals((segment,), (*texts, *more, *named_twice(segment)))
 
 

@@ -1,6 +1,7 @@
 """The three channels of a recording, on one time base, in engineering units, with the signs that the rig says."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.sensors import Sensor, sensors_of
 
 Samples = Float[np.ndarray, " samples"]
-#: Two samples may lie so much closer or further apart than the others, as a share of their spacing.
+#: Channels may be so far apart in time, as a share of their spacing.
 _JITTER = 0.1
 #: Fewer samples hold no step, nor does a shorter recording, nor samples further apart, s.
 LEAST_SAMPLES, SHORTEST_S, COARSEST_S = 100, 0.5, 2e-3
@@ -88,7 +89,7 @@ def _find(segment: Sequence[Channel], sensor: Sensor) -> Channel:
             raise BadInput(f"channel {wanted!r} stands {len(matches)} times; give each channel a name of its own")
         if matches and not np.isnan(matches[0].values).all():
             channel = matches[0]
-            return Channel(wanted, channel.unit, channel.time_s, sign * convert(channel.values))
+            return replace(channel, name=wanted, values=sign * convert(channel.values))
     has = ", ".join(repr(channel.name) for channel in segment[:12])
     if sensor.line is None:
         raise BadInput(
@@ -134,11 +135,17 @@ def _check_times(channels: Sequence[Channel]) -> None:
             f"channel {name!r}: {len(time)} samples {dt:g} s apart are {dt * len(time):g} s; a step takes some 0.04 s, "
             f"and needs samples {COARSEST_S:g} s apart or less, and rest about it: is there a time column, in seconds?"
         )
-    uneven = np.flatnonzero(np.abs(steps - dt) > _JITTER * dt)
+    uneven = channels[0].uneven_steps
     if len(uneven):
         raise BadInput(
             f"channel {name!r}: samples are {dt:g} s apart, but {steps[uneven[0]]:g} s at {time[uneven[0]]:g} s (and "
             f"{len(uneven) - 1} more places); time needs equal steps"
+        )
+    contradicted = next((channel for channel in channels if channel.contradicting_dt_s is not None), None)
+    if contradicted is not None:
+        raise BadInput(
+            f"channel {contradicted.name!r}: samples are {contradicted.dt_s:.6g} s apart in the X column, but "
+            f"{contradicted.contradicting_dt_s:.6g} s by Delta_X; mend the one that is wrong"
         )
     for other in channels[1:]:
         apart = float(np.abs(other.time_s - time).max())

@@ -36,7 +36,7 @@ def record_name(file_name: str) -> str:
     >>> record_name("DynamicS(0)30-20(1).lvm")
     'S(0)30-20(1)'
     """
-    stem = re.sub(r"\.[A-Za-z]+$", "", file_name)
+    stem = re.sub(r"\.[A-Za-z][A-Za-z0-9]*$", "", file_name)
     return _PREFIX.sub("", stem).strip() or file_name
 
 

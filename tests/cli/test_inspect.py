@@ -39,8 +39,9 @@ def test_a_row_a_channel(lab, tmp_path):
     assert table.loc[2, "dt_s"] == 0.0001
     assert list(table.loc[2, COLUMNS[6:10]]) == [3.489576, 3.486068, 3.483779, 3.491102]
     assert done.stderr.startswith(f"bayes-tyre: warning: {lab / 'b.lvm'}: 'Raw Acc Voltage', ")
-    assert done.stderr.endswith("27 samples, the header promises 150000\n")
-    assert done.stderr.count("\n") == 1
+    promised, uneven = done.stderr.splitlines()
+    assert promised.endswith("27 samples, the header promises 150000")
+    assert uneven.endswith("samples are 0.0001 s apart, but 0.0003 s after sample 15 (and 3 more places)")
 
 
 def test_to_the_terminal_and_quiet(lab):
@@ -52,7 +53,7 @@ def test_to_the_terminal_and_quiet(lab):
     assert len(lines) == 3
     quiet = here("inspect", SAMPLE, "--quiet")
     assert quiet.stdout == ""
-    assert quiet.stderr.count("\n") == 1
+    assert quiet.stderr.count("\n") == 2
 
 
 def test_a_channel_without_a_reading_and_one_without_a_sample(tmp_path):
@@ -77,7 +78,7 @@ def test_bad_files_are_said_the_others_listed_and_nothing_is_written(lab, tmp_pa
         )
         for name in ("c.lvm", "d.lvm"):
             assert f"{lab / name}: line 4, column acc: 'broken'" in "".join(warnings)
-        assert len(warnings) == 3  # and the warning on the sample
+        assert len(warnings) == 4  # and those on the sample
         assert [done.stdout.count(str(lab / name)) for name in ("a.lvm", "b.lvm", "c.lvm")] == [2, 7, 0]
     done = here("inspect", lab / "c.lvm", "--out", tmp_path / "out.csv")
     assert_refused(done.exit_code, done.stderr, "c.lvm", "line 4", "acc", "'broken'")
@@ -89,18 +90,18 @@ def test_bad_files_are_said_the_others_listed_and_nothing_is_written(lab, tmp_pa
     [
         (["none.lvm"], "no such file"),
         (["."], "holds no recording"),
-        (["a.mat"], "no kind of recording"),
+        (["a.wav"], "no kind of recording"),
         ([SAMPLE, "--out", "a.txt"], "name one"),
         ([SAMPLE, "--out", "."], "name one"),
-        ([SAMPLE, "--out", "a.mat/b.csv"], "name a folder"),
+        ([SAMPLE, "--out", "a.wav/b.csv"], "name a folder"),
     ],
 )
 def test_what_is_refused(tmp_path, monkeypatch, arguments, said):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "a.mat").write_text("")
+    (tmp_path / "a.wav").write_text("")
     done = here("inspect", *arguments)
     assert_refused(done.exit_code, done.stderr, said)
-    assert tree_of(tmp_path) == {"a.mat": b""}
+    assert tree_of(tmp_path) == {"a.wav": b""}
 
 
 def test_names_that_would_steer_a_terminal_or_a_spreadsheet_are_text(tmp_path):

@@ -113,6 +113,35 @@ def test_no_x_at_all_is_said(tmp_path):
     assert raw.warnings == ("'acc', 'load': no X and no Delta_X: its time counts samples, not seconds",)
 
 
+@pytest.mark.parametrize(
+    ("times", "said"),
+    [
+        ("0 1 2 3", ""),
+        ("0 1 2.05 3", ""),
+        ("0 1 2 2.5 3.5", "samples are 1 s apart, but 0.5 s after sample 3"),
+        ("0 1 2 4 5 9", "samples are 1 s apart, but 2 s after sample 3 (and 1 more places)"),
+        ("0 1 1 2 3", "time does not increase from sample 2 at 1 s to the next at 1 s"),
+        ("0 1 2 3 0 1 2 3", "time does not increase from sample 4 at 3 s to the next at 0 s"),
+        ("3 2 1 0", "time does not increase from sample 1 at 3 s to the next at 2 s (and 2 more places)"),
+    ],
+)
+def test_an_uneven_time_base_is_said(tmp_path, times, said):
+    rows = "".join(f"{time},{i % 2},{i % 3}\n" for i, time in enumerate(times.split()))
+    raw = read_raw(put(tmp_path / "step.csv", "time,acc,load\n" + rows))
+    assert raw.warnings == ((f"'acc', 'load': {said}",) if said else ())
+    assert raw.segments[0][0].time_s.tolist() == [float(time) for time in times.split()]
+
+
+def test_infinite_times_are_said(tmp_path):
+    raw = read_raw(put(tmp_path / "step.csv", "time,acc\n0,1\ninf,2\ninf,3\n"))
+    assert raw.warnings
+
+
+def test_a_csv_column_without_a_name_or_a_reading_is_no_channel(tmp_path):
+    raw = read_raw(put(tmp_path / "step.csv", "time,acc (g),load, ,\n0,1,-2.5, ,\n0.1,1.125,-2.25,,\n0.2,1.25,-2,,\n"))
+    assert listed(raw) == [("acc (g)", "g", TIMES, ACC), ("load", "", TIMES, LOAD)]
+
+
 @pytest.mark.parametrize("suffix", READERS)
 def test_missing_files_folders_and_other_kinds(tmp_path, suffix):
     with pytest.raises(BadInput, match="no such file"):
@@ -120,8 +149,8 @@ def test_missing_files_folders_and_other_kinds(tmp_path, suffix):
     (tmp_path / f"folder{suffix}").mkdir()
     with pytest.raises(BadInput, match="is a folder"):
         read_raw(tmp_path / f"folder{suffix}")
-    with pytest.raises(BadInput, match=r"\.mat is no kind of recording; use \.lvm"):
-        read_raw(put(tmp_path / "step.mat", b""))
+    with pytest.raises(BadInput, match=r"\.wav is no kind of recording; use \.lvm"):
+        read_raw(put(tmp_path / "step.wav", b""))
     with pytest.raises(BadInput, match="is a folder; name a file in it"):
         read_raw(tmp_path)
 

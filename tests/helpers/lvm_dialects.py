@@ -92,6 +92,11 @@ SAME = {
     "no X": file_header(X_Columns="No") + segment(TWO, NO_X_ROWS, ["3", "3"]),
     "no X and no column for it": file_header(X_Columns="No")
     + segment(TWO, NO_X_ROWS.replace("\n\t", "\n")[1:], ["3", "3"]).replace("X_Value\t", ""),
+    "blank first label": file_header() + DATA.replace("X_Value\t", "\t"),
+    "first label left out": file_header() + DATA.replace("X_Value\t", ""),
+    "no X and a blank first label": (file_header(X_Columns="No") + segment(TWO, NO_X_ROWS, ["3", "3"])).replace(
+        "X_Value\t", "\t"
+    ),
     "notes": file_header()
     + segment(TWO, ROWS, ["3", "3"], notes="rig warm\nleft door open, 3 times\n\nSpeed 15 km/h, load 20 kN"),
     "special block": file_header()
@@ -140,6 +145,8 @@ OTHERS = {
         ["2", "1"],
         delta=["0.1", "1.0"],
     ),
+    "rounded X": file_header()
+    + segment(TWO, "0.00\t1.0\t5.0\n0.04\t1.1\t6.0\n0.08\t1.2\t7.0\n", ["3", "3"], delta=["3.906250E-2"] * 2),
     "empty channel": file_header() + segment(TWO, "0.0\t1.0\t\n0.1\t1.1\t\n", ["2", "0"]),
     "empty cells": file_header() + DATA.replace("1.125000", ""),
     "NaN": file_header() + DATA.replace("1.125000", "NaN").replace("-2.250000", "1.#QNAN").replace("-2.000000", "  "),

@@ -55,6 +55,7 @@ def with_gap() -> RawSignals:
     [
         (changed(2, name="Force"), "'Load kN' nor 'Raw Load Voltage', but 'Acc m/s^2', 'Disp mm', 'Force'"),
         (changed(1, name="Acc m/s^2"), "'Acc m/s^2' stands 2 times"),
+        (changed(1, contradicting_dt_s=1e-4), "'Disp mm': samples are 0.0005 s apart in the X column, but 0.0001 s by"),
         (changed(1, values=np.full(5000, np.nan)), "'Disp mm' nor"),
         (
             changed(1, values=np.where(np.arange(5000) == 7, np.nan, 1.0)),

@@ -14,6 +14,7 @@ ROW = {"configuration": "wide", "speed_km_h": 12.5, "initial_load_kN": "8", "ste
     [
         ("DynamicS(0)30-20(1).lvm", "S(0)30-20(1)", Case("single", "unloading", 0, 30, -10), 1),
         ("DynamicD(35)10-3(3).tdms", "D(35)10-3(3)", Case("dual", "unloading", 35, 10, -7), 3),
+        ("DynamicD(35)10-3(3).mf4", "D(35)10-3(3)", Case("dual", "unloading", 35, 10, -7), 3),
         ("dynamicd(2.5)10-15.5(12).LVM", "d(2.5)10-15.5(12)", Case("dual", "loading", 2.5, 10, 5.5), 12),
         ("S(15)20-30(2).csv", "S(15)20-30(2)", Case("single", "loading", 15, 20, 10), 2),
     ],

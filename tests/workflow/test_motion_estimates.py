@@ -5,9 +5,13 @@ import pandas as pd
 import pytest
 from helpers.hand_made_posteriors import grid
 
+from bayes_tyre.embedded import data_path
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
 from bayes_tyre.inference.motion.hierarchy.model import Motions
-from bayes_tyre.workflow.raw.motion import Estimated, with_estimates
+from bayes_tyre.inference.sampling.run import SamplerSettings
+from bayes_tyre.workflow.execution.batch import Machines
+from bayes_tyre.workflow.raw import motion
+from bayes_tyre.workflow.raw.motion import Estimated, MotionPlan, estimate_files, fit_estimates, with_estimates
 
 FACTORS = grid(repeats=2, speeds=(0.0,))
 SOUND = Diagnostics("pass", (), 1.0, 500.0, 500.0, 0, 0.9, 100, 4, np.nan, ("said before",))
@@ -40,3 +44,29 @@ def test_files_without_an_estimate_are_counted():
     found = with_estimates(SOUND, estimated(0, 2))
     assert found.verdict == "pass"
     assert found.limitations[-1].startswith("2 files have no estimate")
+
+
+def test_rig_files_of_the_cases_are_inputs(monkeypatch, tmp_path):
+    files = [tmp_path / f"{name}.lvm" for name in "abc"]
+    (tmp_path / "mine.toml").write_text(data_path("rigs/single.toml").read_text())
+    cases = pd.DataFrame({"file": [file.name for file in files], "rig": ["mine.toml", "dual", "mine.toml"]})
+    factors = {"configuration": "wide", "speed_km_h": 0, "initial_load_kN": 20, "step_kN": 10, "repeat": 1}
+    cases.assign(**factors).to_csv(tmp_path / "cases.csv", index=False)
+    made = estimated(0, 0)
+    table = made.table.iloc[:3].assign(displacement_mm=5.0)
+    monkeypatch.setattr(motion, "run_batch", lambda estimate, tasks, *_: [task.file for task in tasks])
+    monkeypatch.setattr(motion, "read_estimates", lambda parts, law: (table, made.motions))
+    monkeypatch.setattr(motion, "shown_motions", lambda parts: None)
+    plan = MotionPlan(SamplerSettings(), cases=tmp_path / "cases.csv")
+    found = estimate_files(files, plan, Machines(1, None, False), tmp_path / "out", lambda done: None)
+    assert found.rig_files == (tmp_path / "mine.toml",)
+    inputs = []
+
+    def begun(call, options, seed, files, origin):
+        inputs.extend(files)
+        raise InterruptedError
+
+    monkeypatch.setattr(motion, "begin_run", begun)
+    with pytest.raises(InterruptedError):
+        fit_estimates(found, plan, tmp_path / "out", [])
+    assert inputs == [*files, tmp_path / "mine.toml", tmp_path / "cases.csv"]

@@ -1,99 +1,24 @@
 """Channels with a time for every sample, from columns of numbers and a header."""
 
-import math
 from collections import Counter
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from bayes_tyre.formats.lvm.channel_header import ChannelHeader
+from bayes_tyre.formats.lvm.roles import Roles
+from bayes_tyre.formats.lvm.times import SampleRows, even_x, times_of
 from bayes_tyre.plain_text import listed, quoted
 from bayes_tyre.record import Channel
 
-_LONGEST_NUMBER = 60
-
-
-class Roles(NamedTuple):
-    """The role of each column of a table.
-
-    Attributes
-    ----------
-    channels:
-        Columns that are channels.
-    x:
-        The X column of each; None where there is none.
-    shift:
-        A channel's cell in a line of the header is that of its column number less 1, plus this.
-    """
-
-    channels: tuple[int, ...]
-    x: tuple[int | None, ...]
-    shift: int = 0
-
-
-class ChannelHeader(NamedTuple):
-    """A header's entries for one channel; NaN or None where there is no entry."""
-
-    unit: str
-    samples: int | None
-    x0: float
-    delta: float
-
-
-def is_x(name: str) -> bool:
-    """Return whether a column of this name holds X values."""
-    return name.strip().lower().replace(" ", "_") == "x_value"
-
-
-def find_roles(names: Sequence[str], last: int, x_columns: str) -> Roles:
-    """Return the roles of the first `last` columns, from their names and the header's `X_Columns`."""
-    at = [i for i in range(last) if is_x(names[i])]
-    if len(at) > 1:
-        channels = tuple(i for i in range(last) if i not in set(at))
-        return Roles(channels, tuple(max((x for x in at if x < i), default=None) for i in channels))
-    none = x_columns.strip().lower() == "no"
-    if none and at != [0]:
-        return Roles(tuple(range(last)), (None,) * last, shift=1)
-    return Roles(tuple(range(1, last)), (None if none else 0,) * max(last - 1, 0))
-
-
-def channel_headers(header: dict[str, list[str]], roles: Roles) -> list[ChannelHeader]:
-    """Return the header's entries for each channel."""
-
-    def cells(tag: str) -> list[str]:
-        written = header.get(tag, [])
-        at = [i - 1 + roles.shift for i in roles.channels]
-        names = [written[i] if 0 <= i < len(written) else "" for i in at]
-        given = [cell for cell in written if cell]
-        # With an X column each, some recorders write the header without the blank cells above those columns.
-        return given if not all(names) and len(set(roles.x)) > 1 and len(given) == len(names) else names
-
-    tags = ("Y_Unit_Label", "Samples", "X0", "Delta_X")
-    return [
-        ChannelHeader(unit, _count(samples), _number(x0), _step(delta))
-        for unit, samples, x0, delta in zip(*map(cells, tags), strict=True)
-    ]
-
-
-def _count(text: str) -> int | None:
-    return int(text) if text.isascii() and text.isdigit() and len(text) < 16 else None
-
-
-def _number(text: str) -> float:
-    try:
-        number = float(text.replace(",", ".")) if len(text) <= _LONGEST_NUMBER else math.nan
-    except ValueError:
-        return math.nan
-    return number if math.isfinite(number) else math.nan
-
-
-def _step(text: str) -> float:
-    step = _number(text)
-    return step if step > 0 else math.nan
-
 
 def build_channels(
-    names: Sequence[str], roles: Roles, columns: Sequence[np.ndarray], headers: Sequence[ChannelHeader], valid_for: str
+    names: Sequence[str],
+    roles: Roles,
+    columns: Sequence[np.ndarray],
+    headers: Sequence[ChannelHeader],
+    valid_for: str = "",
+    x_digits: Mapping[int, float] | None = None,
 ) -> tuple[tuple[Channel, ...], list[str]]:
     """Return the channels of one table, and warnings on them.
 
@@ -105,25 +30,29 @@ def build_channels(
         The roles of the columns, and the header's entries for each channel.
     valid_for:
         The only channel for which a single X column is valid; empty for the first.
+    x_digits:
+        Value of the last printed digit of each X column (s), where it is known.
     """
     written = max((one.samples for one in headers if one.samples is not None), default=None)
     labels = [names[i] for i in roles.channels]
     x_columns = len(set(roles.x)) > 1
-    reference = headers[labels.index(valid_for)] if valid_for in labels else (headers[0] if headers else None)
+    shared = headers[labels.index(valid_for)] if valid_for in labels else None
+    owners = {x: headers[roles.x.index(x)] if x_columns or shared is None else shared for x in roles.x}
+    even = {x: even_x(columns[x], owners[x], (x_digits or {}).get(x, np.nan)) for x in owners if x is not None}
     channels, warnings = [], []
     for name, i, x, one in zip(labels, roles.channels, roles.x, headers, strict=True):
-        times = None if x is None or np.isnan(columns[x]).all() else columns[x]
+        times, other_dt_s = even[x] if x is not None else (None, None)
         rows = _rows_of(columns[i], times if x_columns else None, one.samples, written)
-        time_s, warning = _times(rows, times, one, one if x_columns or reference is None else reference, written)
+        time_s, warning = times_of(rows, times, one, one if x_columns else owners[x], written)
+        channel = Channel(name, one.unit, time_s, columns[i][rows], one.samples, other_dt_s)
         warnings.append((name, warning))
-        channels.append(Channel(name, one.unit, time_s, columns[i][rows], one.samples))
-    return tuple(channels), [*grouped_warnings(warnings), *_backwards(columns, roles)]
+        if other_dt_s is not None and len(time_s) > 1:
+            warnings.append((name, f"X has steps of {channel.dt_s:.6g} s, but Delta_X is {other_dt_s:.6g} s"))
+        channels.append(channel)
+    return tuple(channels), grouped_warnings(warnings)
 
 
-type _Rows = slice | np.ndarray
-
-
-def _rows_of(values: np.ndarray, own_x: np.ndarray | None, declared: int | None, written: int | None) -> _Rows:
+def _rows_of(values: np.ndarray, own_x: np.ndarray | None, declared: int | None, written: int | None) -> SampleRows:
     """Return the rows of a table that are a channel's samples.
 
     Rows were written in blocks of `written` samples. A channel with fewer samples fills the first rows of each block.
@@ -143,50 +72,6 @@ def _rows_of(values: np.ndarray, own_x: np.ndarray | None, declared: int | None,
 
 def _last(readings: np.ndarray) -> int:
     return len(readings) - int(np.argmax(readings[::-1])) if readings.any() else 0
-
-
-def _times(
-    rows: _Rows, x: np.ndarray | None, header: ChannelHeader, reference: ChannelHeader, written: int | None
-) -> tuple[np.ndarray, str]:
-    """Return X of a channel's samples, and a warning on it, which may be empty."""
-    if x is None:
-        if math.isnan(header.delta):
-            return _index(rows).astype(float), "no X and no Delta_X: its time counts samples, not seconds"
-        return _counted(rows, header), ""
-    delay = header.x0 - reference.x0
-    delay = 0.0 if math.isnan(delay) else delay
-    rates = (header.delta, reference.delta)
-    if not any(map(math.isnan, rates)) and not math.isclose(*rates, rel_tol=1e-6):
-        if written and len(x) > written:
-            index = _index(rows)
-            return x[index - index % written] + delay + (index % written) * header.delta, ""
-        return _counted(rows, header), ""
-    times = x[rows] + delay if delay else x[rows]
-    blank = np.isnan(times)
-    if not blank.any():
-        return times, ""
-    if math.isnan(header.delta):
-        return times, f"X is blank in {int(blank.sum())} rows, and there is no Delta_X"
-    return np.where(blank, _counted(rows, header), times), f"X is blank in {int(blank.sum())} rows: taken from Delta_X"
-
-
-def _index(rows: _Rows) -> np.ndarray:
-    return np.arange(rows.stop) if isinstance(rows, slice) else rows
-
-
-def _counted(rows: _Rows, header: ChannelHeader) -> np.ndarray:
-    return (0.0 if math.isnan(header.x0) else header.x0) + _index(rows) * header.delta
-
-
-def _backwards(columns: Sequence[np.ndarray], roles: Roles) -> list[str]:
-    """Return warnings on where X decreases: another table follows in the same rows, or the clock was set."""
-    warnings = []
-    for x in sorted({x for x in roles.x if x is not None}):
-        back = np.flatnonzero(np.diff(columns[x]) < 0)
-        if len(back):
-            times = "once" if len(back) == 1 else f"{len(back)} times"
-            warnings.append(f"X goes back {times}, first in row {back[0] + 2}")
-    return warnings
 
 
 def grouped_warnings(warnings: Sequence[tuple[str, str]]) -> list[str]:

@@ -12,15 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.lvm.channels import (
-    Roles,
-    build_channels,
-    channel_headers,
-    find_roles,
-    grouped_warnings,
-    is_x,
-    named_twice,
-)
+from bayes_tyre.formats.lvm.channel_header import channel_headers, last_digit
+from bayes_tyre.formats.lvm.channels import build_channels, grouped_warnings, named_twice
 from bayes_tyre.formats.lvm.commas import check_declared, check_rows
 from bayes_tyre.formats.lvm.header import (
     Section,
@@ -31,14 +24,14 @@ from bayes_tyre.formats.lvm.header import (
     without_special_blocks,
 )
 from bayes_tyre.formats.lvm.plain import find_plain_table
-from bayes_tyre.formats.lvm.source import Source
+from bayes_tyre.formats.lvm.roles import COMMENT, Roles, find_roles, is_x, last_channel, with_x_labels
+from bayes_tyre.formats.lvm.source import Source, as_text
 from bayes_tyre.formats.lvm.table import Numbers, Rows, read_numbers
 from bayes_tyre.formats.lvm.tail import end_of_whole_rows
 from bayes_tyre.formats.x_column import grows, is_time
 from bayes_tyre.plain_text import quoted
 from bayes_tyre.record import Channel, RawSignals
 
-COMMENT = "comment"
 _UTF8_MARK = b"\xef\xbb\xbf"
 #: A file with more is of another kind, or has to be cut in pieces.
 _MOST_SEGMENTS = 10_000
@@ -50,9 +43,9 @@ _HEAD = 1 << 16
 def read_lvm(path: Path) -> RawSignals:
     """Return what a LabVIEW measurement file holds, or a text file of numbers without a header.
 
-    X comes from the X column (s); in files without one, or with other rates than its own, from X0 and Delta_X.
-    Channels of a table without names are `column 2` and so on. `warnings` says what differs from the header, where X
-    decreases, and whether a half-written last row was left out.
+    X comes from the X column (s), at the steps of Delta_X where that has more digits; in files without one, or with
+    other rates than its own, from X0 and Delta_X. Channels of a table without names are `column 2` and so on.
+    `warnings` says what differs from the header, and whether a half-written last row was left out.
 
     Raises
     ------
@@ -103,7 +96,8 @@ def _read(source: Source, section: Section, is_last: bool) -> tuple[tuple[Channe
         warnings += ["the file ends in an unfinished header: left out"] if unfinished else []
     if names is None and section.start < stop:
         names = _numbered(source, section.start, stop, section.separator)
-    names = names or []
+    else:
+        names = with_x_labels(names or [], section, [line for _, line in _first_rows(source, section.start, stop)])
     text_from = next((i for i in range(len(names) - 1, 0, -1) if names[i].lower() == COMMENT), None)
     if not warnings:
         stop, half = end_of_whole_rows(source, section.start, stop, section.separator, text_from)
@@ -121,7 +115,8 @@ def _read(source: Source, section: Section, is_last: bool) -> tuple[tuple[Channe
     declared = _declared_sign(section)
     if declared in set(_SIGNS) and declared != numbers.decimal:
         warnings.append(f"the header says decimals have a {declared!r}, the rows have a {numbers.decimal!r}")
-    channels, more = _channels(source, section, names[:last], numbers)
+    last = last_channel([] if section.names is None else names[:last], numbers.columns)
+    channels, more = _channels(source, section._replace(stop=stop), names[:last], numbers.columns[:last])
     return channels, warnings + more
 
 
@@ -140,6 +135,15 @@ def _first_rows(source: Source, start: int, stop: int) -> list[tuple[int, bytes]
         begin, (line, at) = at, source.line(at)
         lines.append((begin, line))
     return lines
+
+
+def _last_cells(source: Source, section: Section, column: int) -> list[str]:
+    """Return a column's cells in the last whole rows of a table."""
+    whole_row = source.data.find(b"\n", max(0, section.stop - _HEAD)) + 1
+    start = max(section.start, whole_row)
+    lines = source.data[start : section.stop].split(b"\n")[-_FIRST_ROWS:]
+    rows = [as_text(line).split(section.separator) for line in lines]
+    return [row[column].strip() for row in rows if column < len(row)]
 
 
 def _declared_sign(section: Section) -> str:
@@ -168,9 +172,9 @@ def _without_blank_end(numbers: Numbers) -> Numbers:
 
 
 def _channels(
-    source: Source, section: Section, names: list[str], numbers: Numbers
+    source: Source, section: Section, names: list[str], columns: list[np.ndarray]
 ) -> tuple[tuple[Channel, ...], list[str]]:
-    header, columns, warnings = section.header, numbers.columns, []
+    header, warnings = section.header, []
     if header:
         roles = find_roles(names, len(names), (header.get("X_Columns") or [""])[0])
     else:
@@ -179,7 +183,9 @@ def _channels(
         if np.isnan(columns[-1]).all() and len(columns) > 1:
             raise source.fault(section.start, "rows lack the blank X cell that the header promises; mend the file")
         warnings.append("the header says there is no X, yet its column holds numbers: time is from X0 and Delta_X")
-    channels, more = build_channels(names, roles, columns, channel_headers(header, roles), section.valid_for)
+    headers = channel_headers(header, roles)
+    x_digits = {x: last_digit(_last_cells(source, section, x)) for x in set(roles.x) if x is not None and header}
+    channels, more = build_channels(names, roles, columns, headers, section.valid_for, x_digits)
     return channels, [*warnings, *more, *_against_header(header, channels)]
 
 

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from bayes_tyre.formats.files import whole_file
-from bayes_tyre.formats.lvm.channels import is_x
+from bayes_tyre.formats.lvm.roles import is_x
 from bayes_tyre.record import Channel, RawSignals
 
 DECIMALS = 6

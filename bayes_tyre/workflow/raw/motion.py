@@ -99,6 +99,8 @@ class Estimated:
         The file of each record, and where its cycle goes on.
     shown:
         Readings and fitted motion of a few records; None where they are not kept.
+    rig_files:
+        Those that rows of the table of cases name.
     """
 
     table: pd.DataFrame
@@ -107,6 +109,7 @@ class Estimated:
     files: list[Path]
     middles: list[Middle]
     shown: pd.DataFrame | None = None
+    rig_files: tuple[Path, ...] = ()
 
     @property
     def origin(self) -> str:
@@ -151,7 +154,8 @@ def estimate_files(
         Middle(rig, float(d)) for rig, d in zip(rigs, table["displacement_mm"], strict=True) if isinstance(rig, Rig)
     ]
     shown = shown_motions([part for _, _, part in estimates])
-    return Estimated(table, motions, rows, [file for file, _, _ in estimates], middles, shown)
+    rig_files = tuple(dict.fromkeys(task.rig_file for _, task, _ in estimates if task.rig_file is not None))
+    return Estimated(table, motions, rows, [file for file, _, _ in estimates], middles, shown, rig_files)
 
 
 def fit_estimates(
@@ -179,7 +183,8 @@ def fit_estimates(
     """
     callbacks, origin = callbacks or Callbacks(), estimated.origin
     call = shlex.join(["bayes-tyre", *command])
-    run = begin_run(call, plan.options, plan.sampler.seed, [*estimated.files, *_files_of_options(plan)], origin)
+    inputs = [*estimated.files, *estimated.rig_files, *_files_of_options(plan)]
+    run = begin_run(call, plan.options, plan.sampler.seed, inputs, origin)
     checkpoints = open_checkpoints(out, run, callbacks, resume, overwrite=True)  # the estimates are cached
     if isinstance(checkpoints, Diagnostics):
         return checkpoints

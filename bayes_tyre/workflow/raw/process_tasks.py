@@ -1,9 +1,11 @@
 """The task of each raw file: its factors, unique record name, rig, method and picture, found before the work."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
+
+import pandas as pd
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.raw import TRUTH
@@ -30,6 +32,8 @@ class Task(NamedTuple):
         Whether the simulator's table of truths beside the file names it.
     picture:
         The PNG to draw, absolute, or None.
+    rig_file:
+        The rig file that its row of the table of cases names, or None.
     """
 
     file: Path
@@ -38,6 +42,7 @@ class Task(NamedTuple):
     method: str
     simulated: bool
     picture: Path | None
+    rig_file: Path | None = None
 
     def decides(self) -> dict[str, object]:
         """Return what determines the record beside the file's content."""
@@ -47,7 +52,7 @@ class Task(NamedTuple):
 
 
 class Settings(NamedTuple):
-    """How to process: rig (name or TOML file), table of cases, method, folder of figures."""
+    """How to process: rig (name or TOML file) of files whose case names none, table of cases, method, figures."""
 
     rig: str | None = None
     cases: Path | None = None
@@ -63,32 +68,44 @@ def plan_tasks(files: Sequence[Path], settings: Settings) -> list[Task]:
     BadInput
         If the rig or the cases cannot be used.
     """
-    given = load_rig(settings.rig) if settings.rig is not None else None
-    embedded = {name: load_rig(name) for name in EMBEDDED_RIGS}
+    given = () if settings.rig is None else (settings.rig,)
     cases = _read_cases(settings.cases) if settings.cases is not None else {}
+    rigs = {name: load_rig(name) for name in (*EMBEDDED_RIGS, *given)} | _rigs_of_rows(settings.cases, cases)
     truths = {folder: _simulated_in(folder) for folder in {file.parent for file in files}}
-    named = [_factors(file, cases) for file in files]
+    rows = [cases.get(path_text(file), cases.get(path_text(Path(file.name)))) for file in files]
+    named = [_factors(file, row) for file, row in zip(files, rows, strict=True)]
     counts = Counter(factors.record for factors in named if isinstance(factors, RecordFactors))
     tasks, taken = [], set()
-    for file, factors in zip(files, named, strict=True):
+    for file, row, factors in zip(files, rows, named, strict=True):
         if isinstance(factors, RecordFactors) and counts[factors.record] > 1:
             factors = factors._replace(record=_unique_name(file, factors.record, taken))
         record = factors.record if isinstance(factors, RecordFactors) else ""
         taken.add(record)
-        rig = given or (embedded.get(factors.case.configuration) if isinstance(factors, RecordFactors) else None)
-        if isinstance(factors, RecordFactors) and rig is None:
-            has = ", ".join(EMBEDDED_RIGS)
-            factors = f"configuration {factors.case.configuration!r} has no embedded rig ({has} have); give --rig"
+        own = str(row["rig"]) if row else ""
+        factors, rig = _with_rig(factors, own or settings.rig, rigs)
         picture = settings.figures / f"{_file_name(record)}.png" if settings.figures and record else None
         simulated = path_text(Path(file.name)) in truths[file.parent]
         drawn = picture.absolute() if picture is not None else None
-        tasks.append(Task(file.absolute(), factors, rig, settings.method, simulated, drawn))
+        rig_file = Path(own) if own and own not in EMBEDDED_RIGS else None
+        tasks.append(Task(file.absolute(), factors, rig, settings.method, simulated, drawn, rig_file))
     return tasks
 
 
-def _factors(file: Path, cases: dict[str, dict[str, object]]) -> RecordFactors | str:
+def _with_rig(
+    factors: RecordFactors | str, name: str | None, rigs: Mapping[str, Rig]
+) -> tuple[RecordFactors | str, Rig | None]:
+    """Return a file's factors, or why it cannot be used, and the rig of this name, or its configuration's own."""
+    if isinstance(factors, str):
+        return factors, None
+    configuration = factors.case.configuration
+    if name or configuration in EMBEDDED_RIGS:
+        return factors, rigs[name or configuration]
+    has = ", ".join(EMBEDDED_RIGS)
+    return f"configuration {configuration!r} has no embedded rig ({has} have); give --rig", None
+
+
+def _factors(file: Path, row: dict[str, object] | None) -> RecordFactors | str:
     name = path_text(Path(file.name))
-    row = cases.get(path_text(file), cases.get(name))
     try:
         return factors_from_row(row, name) if row is not None else factors_from_name(name)
     except BadInput as error:
@@ -96,7 +113,7 @@ def _factors(file: Path, cases: dict[str, dict[str, object]]) -> RecordFactors |
 
 
 def _read_cases(path: Path) -> dict[str, dict[str, object]]:
-    """Return the rows of a table of cases by file."""
+    """Return the rows of a table of cases by file; `rig` is a name, a path from where the command runs, or empty."""
     table = read_table(path)
     missing = [name for name in CASES_NEED if name not in table.columns]
     if missing:
@@ -104,8 +121,24 @@ def _read_cases(path: Path) -> dict[str, dict[str, object]]:
     files = table["file"].astype(str).str.strip()
     if files.duplicated().any():
         raise BadInput(f"--cases {path}, column file: {files[files.duplicated()].iloc[0]!r} occurs twice; keep one row")
+    given = table["rig"] if "rig" in table.columns else pd.Series("", index=table.index)
+    rigs = given.astype(object).where(given.notna(), "").astype(str).str.strip()
+    table["rig"] = [str(path.parent / rig) if rig and rig not in EMBEDDED_RIGS else rig for rig in rigs]
     rows = [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
     return dict(zip(files, rows, strict=True))
+
+
+def _rigs_of_rows(path: Path | None, cases: Mapping[str, Mapping[str, object]]) -> dict[str, Rig]:
+    """Return the rigs that rows of the table of cases name."""
+    rigs: dict[str, Rig] = {}
+    for file, row in cases.items():
+        name = str(row["rig"])
+        try:
+            if name and name not in rigs:
+                rigs[name] = load_rig(name)
+        except BadInput as error:
+            raise BadInput(f"--cases {path}, row of {file!r}, column rig: {error}") from None
+    return rigs
 
 
 def _unique_name(file: Path, record: str, taken: set[str]) -> str:
