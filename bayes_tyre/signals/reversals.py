@@ -73,11 +73,15 @@ def closed_cycles(displacement: Values, branches: Sequence[slice]) -> list[int]:
     """
     found, i = [], 0
     while i + 1 < len(branches):
-        path = displacement[branches[i].start : branches[i + 1].stop]
-        if abs(path[-1] - path[0]) <= CLOSED * np.ptp(path):
+        if is_closed(displacement[branches[i].start : branches[i + 1].stop]):
             found.append(i)
         i += 2 if found[-1:] == [i] else 1
     return found
+
+
+def is_closed(path: Values) -> bool:
+    """Return whether a path ends near where it begins, so that it counts as a closed cycle (`CLOSED`)."""
+    return bool(abs(path[-1] - path[0]) <= CLOSED * np.ptp(path))
 
 
 def direction_of(path: Values) -> str:
