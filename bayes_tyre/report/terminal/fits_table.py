@@ -12,8 +12,8 @@ from rich.text import Text
 from bayes_tyre.plain_text import one_line
 from bayes_tyre.results.separate_fits import Column, FitTable
 
-#: The most rows that are printed; those that follow are counted by status.
-MOST_ROWS = 20
+#: The most rows that are printed; those that follow are counted by status, of which the most frequent are named.
+MOST_ROWS, MOST_REASONS = 20, 6
 _LONGEST_STATUS = 300
 
 
@@ -28,8 +28,13 @@ def print_fits(tables: list[FitTable], folder: Path, console: Console) -> None:
         wide = console if console.is_terminal else Console(file=console.file, width=10_000)
         wide.print(_first_rows(table, reasons))
         lines = [f"({number}) {reason}" for number, reason in enumerate(reasons, start=1)]
-        for status, count in Counter(table.status[MOST_ROWS:]).most_common():
-            lines.append(f"of the {rows - MOST_ROWS} further rows {count}: {status}")
+        further = Counter(table.status[MOST_ROWS:]).most_common()
+        lines += [
+            f"of the {rows - MOST_ROWS} further rows {count}: {status}" for status, count in further[:MOST_REASONS]
+        ]
+        if len(further) > MOST_REASONS:
+            others = sum(count for _, count in further[MOST_REASONS:])
+            lines.append(f"of the {rows - MOST_ROWS} further rows {others}: other reasons")
         for line in lines:
             console.print(Text(one_line(line, _LONGEST_STATUS)), soft_wrap=True)
     console.print(Text(f"files: {one_line(folder, None)}"), soft_wrap=True)
