@@ -80,8 +80,8 @@ def write_report(
     BadInput
         If a folder holds no finished result, is named twice, or the page cannot be written.
     """
-    if any(holds_separate_fits(folder) for folder in folders):
-        return _report_separate_fits(folders, out, on_progress), []
+    if len(folders) == 1 and holds_separate_fits(folders[0]):
+        return _report_separate_fits(folders[0], out), []
     results = [read_reported(folder, name) for folder, name in zip(folders, names(folders), strict=True)]
     path = target(folders[0], out)
     parts, compared_results, warnings = [], [], []
@@ -104,14 +104,10 @@ def write_report(
     return path, [*untrusted, *warnings]
 
 
-def _report_separate_fits(folders: Sequence[Path], out: Path | None, on_progress: Callable[[int], None]) -> Path:
-    """Write the page of one folder of fits without a posterior, its figures as they lie there; return its path."""
-    if len(folders) > 1:
-        raise BadInput("lsq and load-deflection have no posterior to compare; report each of their folders by itself")
-    tables, path = read_separate_fits(folders[0]), target(folders[0], out)
-    write_text(fits_document(tables, list(stored_figures(folders[0] / "figures", set()))), path)
-    on_progress(1)
-    return path
+def _report_separate_fits(folder: Path, out: Path | None) -> Path:
+    """Write the page of fits without a posterior, with their figures as they lie there; return its path."""
+    tables, path = read_separate_fits(folder), target(folder, out)
+    return write_text(fits_document(tables, list(stored_figures(folder / "figures", set()))), path)
 
 
 def _drawn(
