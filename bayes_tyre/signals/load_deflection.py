@@ -5,7 +5,7 @@ several cycles without directions is cut into tests of one cycle.
 """
 
 import warnings
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -50,8 +50,8 @@ def check_load_deflection(table: pd.DataFrame, name: str = "load-deflection tabl
     to the first reading of a test's greatest load and falls from there: this reading ends the loading and begins the
     unloading, and is on both lines, as the source has its readings at 40 kN. Directions given are followed to the
     letter. A test without directions whose load reverses more than once is cut at its reversals (`RUNS_BACK`): each
-    closed cycle, up and down, becomes a test, its name followed by ``, cycle 1`` and so on; a reading where one cycle
-    ends and the next begins is in both.
+    closed cycle, up and down, becomes a test, its name followed by ``, cycle 1`` and so on. A reading where one cycle
+    ends and the next begins is in both: it was reached by unloading, and is on both lines.
 
     Raises
     ------
@@ -73,8 +73,8 @@ def check_load_deflection(table: pd.DataFrame, name: str = "load-deflection tabl
     check_agreement(typed, name, "test", [factor for factor in (*FACTORS_OF_TEST, "origin") if factor in typed])
     if "direction" in typed:
         return _with_directions(typed, name)
-    cycles, of_several = _cut_into_cycles(typed, name)
-    return _with_directions(cycles, name, of_several).reset_index(drop=True)
+    cut, behind_unloading = _cut_into_cycles(typed, name)
+    return _with_directions(cut, name, behind_unloading).reset_index(drop=True)
 
 
 def with_deflection(table: pd.DataFrame, rigs: Mapping[str, Rig | None]) -> pd.DataFrame:
@@ -172,10 +172,13 @@ def _finite(table: pd.DataFrame, column: str, name: str) -> pd.Series:
     return numbers
 
 
-def _cut_into_cycles(table: pd.DataFrame, name: str) -> tuple[pd.DataFrame, set[str]]:
-    """Return the table, tests of several cycles cut into tests of one, and their names; rows keep their index."""
+def _cut_into_cycles(table: pd.DataFrame, name: str) -> tuple[pd.DataFrame, dict[str, bool]]:
+    """Return the table, tests of several cycles cut into tests of one, and of these whether unloading led to them.
+
+    Rows keep their index.
+    """
     tests: list[pd.DataFrame] = []
-    of_several: set[str] = set()
+    behind_unloading: dict[str, bool] = {}
     for test, readings in table.groupby("test", sort=False):
         cycles = _closed_cycles(readings["load_kN"].to_numpy(float))
         names = [f"{test}, cycle {number + 1}" for number in range(len(cycles))]
@@ -190,8 +193,8 @@ def _cut_into_cycles(table: pd.DataFrame, name: str) -> tuple[pd.DataFrame, set[
                 stacklevel=3,
             )
         tests += parts or [readings]
-        of_several.update(names)
-    return (pd.concat(tests) if of_several else table), of_several
+        behind_unloading |= {cycle: rows.start > 0 for rows, cycle in zip(cycles, names, strict=True)}
+    return (pd.concat(tests) if behind_unloading else table), behind_unloading
 
 
 def _closed_cycles(load: np.ndarray) -> list[slice]:
@@ -201,13 +204,15 @@ def _closed_cycles(load: np.ndarray) -> list[slice]:
     return [cycle for cycle in cycles if is_closed(load[cycle])] if len(branches) > 2 else []
 
 
-def _with_directions(table: pd.DataFrame, name: str, checked: Collection[str] = ()) -> pd.DataFrame:
-    """Return the table with directions and lines; the branches of `checked` tests are known to run one way."""
+def _with_directions(table: pd.DataFrame, name: str, cycles: Mapping[str, bool] | None = None) -> pd.DataFrame:
+    """Return the table with directions and lines; `cycles`: tests that were cut, and whether unloading led to them."""
+    cycles = cycles or {}
     given = table["direction"].to_numpy() == "unloading" if "direction" in table else None
-    unloading, turning = (np.zeros(len(table), bool) for _ in range(2))
+    unloading, lowest, turning = (np.zeros(len(table), bool) for _ in range(3))
     places = table.groupby("test", sort=False).ngroup().to_numpy()
     for test in range(places.max() + 1):
         rows = np.flatnonzero(places == test)
+        label = table["test"].iloc[rows[0]]
         load = table["load_kN"].to_numpy(float)[rows]
         if given is None:
             top = int(load.argmax())
@@ -219,11 +224,12 @@ def _with_directions(table: pd.DataFrame, name: str, checked: Collection[str] = 
                 where = _where(name, table, int(rows[top + 1 + back[0]]), "direction")
                 raise BadInput(f"{where} is loading after unloading; {_ONE_CYCLE}")
         unloading[rows[top + 1 :]] = True
+        lowest[rows[0]] = cycles.get(label, False)
         for branch, sign in ((rows[: top + 1], 1.0), (rows[max(top, 0) :], -1.0)):
-            if table["test"].iloc[rows[0]] not in checked:
+            if label not in cycles:  # those cut have branches that run one way
                 _check_branch(table, branch, sign, float(np.ptp(load)), name)
-    lines = {ON_LINE["loading"]: ~unloading, ON_LINE["unloading"]: unloading | turning}
-    return table.assign(direction=np.where(unloading, "unloading", "loading"), **lines)
+    lines = {ON_LINE["loading"]: ~unloading, ON_LINE["unloading"]: unloading | turning | lowest}
+    return table.assign(direction=np.where(unloading | lowest, "unloading", "loading"), **lines)
 
 
 _ONE_CYCLE = "a test is one cycle, up and then down, rows in measured order: give each cycle a name of its own"

@@ -49,7 +49,11 @@ def test_a_curve_of_several_cycles_is_cut_into_tests_of_one():
     checked = check_load_deflection(table)
     assert checked.groupby("test", sort=False).size().to_dict() == {"a, cycle 1": 5, "a, cycle 2": 5, "b": 5}
     assert list(checked["load_kN"]) == [*CYCLE, *CYCLE, *CYCLE]
-    assert list(checked["direction"]) == 3 * (["loading"] * 3 + ["unloading"] * 2)
+    cycle = ["loading"] * 3 + ["unloading"] * 2
+    assert list(checked["direction"]) == [*cycle, "unloading", *cycle[1:], *cycle]
+    # The reading between the cycles was reached by unloading, and is on both lines of the second.
+    assert checked.loc[5, ["on_loading_line", "on_unloading_line"]].tolist() == [True, True]
+    assert checked.loc[0, ["on_loading_line", "on_unloading_line"]].tolist() == [True, False]
     assert list(checked.index) == list(range(15))
 
 
