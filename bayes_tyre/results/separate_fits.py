@@ -10,6 +10,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables import read_table
 from bayes_tyre.record import ORIGIN_UNKNOWN
 from bayes_tyre.results.columns import numbers, texts
+from bayes_tyre.results.provenance import RUN_JSON
 
 _LAW = ("k_kN_per_mm", "x_less_k_beta_kN", "x_kN", "beta_mm", "energy_per_cycle_J", "loop_area_J")
 _SLOW = ("test", "k_loading_kN_per_mm", "k_unloading_kN_per_mm", *_LAW)
@@ -24,16 +25,17 @@ _SHOWN = {
     "loops.csv": ("closed cycles", ("record", "cycle", *_CYCLES)),
 }
 _TEXTS = ("test", "record", "configuration")
-_UNIT = re.compile(r"_(kN_per_mm|km_h|kN|mm|J)(?=_|$)")
+_UNITS = {"kN_per_mm": "kN/mm", "km_h": "km/h", "kN": "kN", "mm": "mm", "J": "J"}
+_UNIT = re.compile(rf"_({'|'.join(_UNITS)})(?=_|$)")
 
 
 class Column(NamedTuple):
-    """A column as shown: its name, unit, values (text, or numbers with NaN) and their standard errors, else None."""
+    """A column as shown: its name, unit, values (text, or numbers with NaN) and their standard errors (NaN: none)."""
 
     name: str
     unit: str
     values: pd.Series
-    errors: pd.Series | None
+    errors: pd.Series
     is_text: bool
 
 
@@ -51,20 +53,16 @@ class FitTable(NamedTuple):
         return int((self.status != "ok").sum())
 
 
-def holds_separate_fits(folder: Path) -> bool:
-    """Return whether a folder holds what `lsq` or `load-deflection` wrote, and no posterior."""
-    first = ("load_deflection.csv", "least_squares.csv")
-    return not (folder / "run.json").is_file() and any((folder / name).is_file() for name in first)
-
-
 def read_separate_fits(folder: Path) -> list[FitTable]:
-    """Return the tables of fits in a folder.
+    """Return the tables of fits in a folder that `lsq` or `load-deflection` wrote; none where a posterior is in it.
 
     Raises
     ------
     BadInput
         If one is not what the command writes.
     """
+    if (folder / RUN_JSON).is_file():
+        return []
     return [_table(folder / name) for name in _SHOWN if (folder / name).is_file()]
 
 
@@ -80,12 +78,7 @@ def _table(path: Path) -> FitTable:
 
 def _column(rows: pd.DataFrame, name: str) -> Column:
     unit = _UNIT.search(name)
-    read = texts if name in _TEXTS else numbers
-    errors = numbers(rows, f"{name}_se") if f"{name}_se" in rows else None
-    return Column(
-        _UNIT.sub("", name).replace("_", " "),
-        {"kN_per_mm": "kN/mm", "km_h": "km/h"}.get(unit[1], unit[1]) if unit else "",
-        read(rows, name),
-        errors,
-        name in _TEXTS,
-    )
+    is_text = name in _TEXTS
+    values = texts(rows, name) if is_text else numbers(rows, name)
+    title = _UNIT.sub("", name).replace("_", " ")
+    return Column(title, _UNITS[unit[1]] if unit else "", values, numbers(rows, f"{name}_se"), is_text)

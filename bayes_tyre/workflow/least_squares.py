@@ -59,8 +59,7 @@ def fit_loops(
     write_table(fits, out / FITS)
     write_table(cycles, out / LOOPS)
     write_table(backbones, out / BACKBONE)
-    setting = Setting(
-        origin_of(branches), configurations=tuple(branches.get("configuration", pd.Series([""])).unique())
-    )
+    configurations = branches["configuration"].unique() if "configuration" in branches else [""]
+    setting = Setting(origin_of(branches), configurations=tuple(configurations))
     save(driven_loops(branches, law_curves(branches, fits), backbones, setting), out / FIGURE)
     return fits, cycles

@@ -23,7 +23,7 @@ from bayes_tyre.report.html.load import Reported, read_reported
 from bayes_tyre.report.html.page import Part, document
 from bayes_tyre.results.motion_traces import MOTIONS_CSV, check_readings
 from bayes_tyre.results.provenance import RUN_JSON
-from bayes_tyre.results.separate_fits import holds_separate_fits, read_separate_fits
+from bayes_tyre.results.separate_fits import read_separate_fits
 from bayes_tyre.workflow.fit import planned_in
 from bayes_tyre.workflow.result_names import names
 
@@ -80,8 +80,9 @@ def write_report(
     BadInput
         If a folder holds no finished result, is named twice, or the page cannot be written.
     """
-    if len(folders) == 1 and holds_separate_fits(folders[0]):
-        return _report_separate_fits(folders[0], out), []
+    if len(folders) == 1 and (fits := read_separate_fits(folders[0])):
+        figures = stored_figures(folders[0] / "figures", set())
+        return write_text(fits_document(fits, list(figures)), target(folders[0], out)), []
     results = [read_reported(folder, name) for folder, name in zip(folders, names(folders), strict=True)]
     path = target(folders[0], out)
     parts, compared_results, warnings = [], [], []
@@ -102,12 +103,6 @@ def write_report(
     write_text(document(parts, comparisons), path)
     untrusted = [f"{each.name}: {UNTRUSTED}" for each in results if each.verdict == "fail"]
     return path, [*untrusted, *warnings]
-
-
-def _report_separate_fits(folder: Path, out: Path | None) -> Path:
-    """Write the page of fits without a posterior, with their figures as they lie there; return its path."""
-    tables, path = read_separate_fits(folder), target(folder, out)
-    return write_text(fits_document(tables, list(stored_figures(folder / "figures", set()))), path)
 
 
 def _drawn(

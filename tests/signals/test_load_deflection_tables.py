@@ -52,8 +52,8 @@ def test_a_curve_of_several_cycles_is_cut_into_tests_of_one():
     cycle = ["loading"] * 3 + ["unloading"] * 2
     assert list(checked["direction"]) == [*cycle, "unloading", *cycle[1:], *cycle]
     # The reading between the cycles was reached by unloading, and is on both lines of the second.
-    assert checked.loc[5, ["on_loading_line", "on_unloading_line"]].tolist() == [True, True]
-    assert checked.loc[0, ["on_loading_line", "on_unloading_line"]].tolist() == [True, False]
+    assert checked["on_loading_line"].to_list()[5]
+    assert [checked["on_unloading_line"].to_list()[row] for row in (0, 5)] == [False, True]
     assert list(checked.index) == list(range(15))
 
 

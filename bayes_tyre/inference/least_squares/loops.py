@@ -101,7 +101,8 @@ def law_curves(branches: pd.DataFrame, fits: pd.DataFrame) -> Float[np.ndarray, 
 def _areas_and_sizes(cycles: DataFrameGroupBy, laws: Float[np.ndarray, "branches points 2"]) -> dict[str, np.ndarray]:
     d, F = (_padded([each.to_numpy(float) for _, each in cycles[name]]) for name in ("displacement_mm", "force_kN"))
     law_d, law_F = np.moveaxis(laws.reshape(len(d), -1, 2), 2, 0)  # the branches of a cycle follow each other
-    energy, law_energy = _areas(d, F), _areas(law_d, law_F)
+    paths = (d, F), (law_d, law_F)
+    energy, law_energy = (np.asarray(jax.vmap(loop_energy)(*map(jnp.asarray, path))) for path in paths)
     rows, low, high = np.arange(len(d)), d.argmin(axis=1), d.argmax(axis=1)
     travel = np.ptp(d, axis=1)
     return {
@@ -113,12 +114,6 @@ def _areas_and_sizes(cycles: DataFrameGroupBy, laws: Float[np.ndarray, "branches
         "force_range_kN": np.ptp(F, axis=1),
         "k_secant_kN_per_mm": (F[rows, high] - F[rows, low]) / travel,
     }
-
-
-def _areas(
-    d: Float[np.ndarray, "cycles points"], F: Float[np.ndarray, "cycles points"]
-) -> Float[np.ndarray, " cycles"]:
-    return np.asarray(jax.vmap(loop_energy)(jnp.asarray(d), jnp.asarray(F)))
 
 
 def _padded(paths: list[np.ndarray]) -> Float[np.ndarray, "paths points"]:

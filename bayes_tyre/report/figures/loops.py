@@ -6,7 +6,6 @@ import matplotlib.style
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -42,27 +41,26 @@ def driven_loops(
     shown = names[:MOST_CURVES]
     figure, axes, first_column = layout.panel_grid(len(shown), 2 if len(shown) > 1 else 1, 3.0, 1.1)
     first = branches.drop_duplicates("record")
-    labels = first.get("configuration", pd.Series("", index=first.index)).to_numpy(str)
-    looks = setting.looks(labels)
     for ax, name in zip(axes, shown, strict=True):
-        own = (first["loop"] == name).to_numpy()
         curve = branches[branches["loop"] == name]
-        colour = looks[labels[own][0]].colour
-        ax.plot(curve["displacement_mm"], curve["force_kN"], color=colour, **_POINTS)
-        _lines(ax, laws[own], backbones[backbones["record"] == name])
+        configuration = str(curve["configuration"].iloc[0]) if "configuration" in curve else ""
+        ax.plot(
+            curve["displacement_mm"],
+            curve["force_kN"],
+            color=setting.looks([configuration])[configuration].colour,
+            **_POINTS,
+        )
+        for law in laws[(first["loop"] == name).to_numpy()]:
+            ax.plot(*law.T, **_LAW)
+        for _, backbone in backbones[backbones["record"] == name].groupby("cycle"):
+            ax.plot(backbone["displacement_mm"], backbone["backbone_kN"], **_BACKBONE)
         ax.set_title(plain(name), fontsize=8)
         ax.set_xlabel("displacement (mm)")
     for ax in first_column:
         ax.set_ylabel("force (kN)")
-    entries = [(Line2D([], [], color=INK, **_POINTS), "points"), (Line2D([], [], **_LAW), "Equation 2, each branch")]
-    layout.legend(figure, [*entries, (Line2D([], [], **_BACKBONE), "backbone, each closed cycle")])
+    points = Line2D([], [], color=INK, **_POINTS), "points"
+    lines = [(_LAW, "Equation 2, each branch"), (_BACKBONE, "backbone, each closed cycle")]
+    layout.legend(figure, [points, *((Line2D([], [], **look), label) for look, label in lines)])
     left_out = "" if len(shown) == len(names) else f" The first {len(shown)} of {len(names)} curves."
     note = "Curves are cut at their reversals. Backbone: mean of loading and unloading force at equal displacement."
     return layout.finish(figure, setting, note + left_out)
-
-
-def _lines(ax: Axes, laws: Float[np.ndarray, "branches points 2"], backbones: pd.DataFrame) -> None:
-    for law in laws:
-        ax.plot(*law.T, **_LAW)
-    for _, backbone in backbones.groupby("cycle"):
-        ax.plot(backbone["displacement_mm"], backbone["backbone_kN"], **_BACKBONE)

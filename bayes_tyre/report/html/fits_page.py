@@ -37,10 +37,6 @@ def _shown(name: str, table: FitTable) -> Table:
 def _cells(column: separate_fits.Column) -> list[Cell]:
     if column.is_text:
         return [Cell(label(each), each) for each in column.values]
-    cells = [number(each) for each in column.values]
-    if column.errors is None:
-        return cells
-    errors = [rounded(each) for each in column.errors]
-    return [
-        cell._replace(reach=f"\u00b1 {error}") if error else cell for cell, error in zip(cells, errors, strict=True)
-    ]
+    errors = (rounded(each) for each in column.errors)
+    reaches = (f"\N{PLUS-MINUS SIGN} {error}" if error else "" for error in errors)
+    return [number(value)._replace(reach=reach) for value, reach in zip(column.values, reaches, strict=True)]

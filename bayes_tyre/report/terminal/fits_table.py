@@ -53,10 +53,9 @@ def _first_rows(table: FitTable, reasons: list[str]) -> Table:
 
 
 def _cells(column: Column) -> list[str]:
-    values = column.values[:MOST_ROWS]
+    values, errors = column.values[:MOST_ROWS], column.errors[:MOST_ROWS]
     if column.is_text:
         return [one_line(value) for value in values]
-    errors = [math.nan] * len(values) if column.errors is None else column.errors[:MOST_ROWS]
     return [_number(value, error) for value, error in zip(values, errors, strict=True)]
 
 

@@ -16,7 +16,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables import read_table
 from bayes_tyre.plain_text import one_line
 from bayes_tyre.report.terminal.fits_table import print_fits
-from bayes_tyre.results.separate_fits import holds_separate_fits, read_separate_fits
+from bayes_tyre.results.separate_fits import read_separate_fits
 
 #: What each kind of data means for a reader who sees nothing but the table.
 WHAT_IT_IS = {
@@ -62,7 +62,7 @@ def print_overview(folders: list[Path], console: Console | None = None) -> None:
 
     Configurations stand side by side where the terminal is wide enough for all their figures, else below each other.
     """
-    read = [read_separate_fits(folder) if holds_separate_fits(folder) else overview_rows(folder) for folder in folders]
+    read = [read_separate_fits(folder) or overview_rows(folder) for folder in folders]
     console = console or Console()
     for folder, rows in zip(folders, read, strict=True):
         if isinstance(rows, list):

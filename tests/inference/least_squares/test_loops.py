@@ -51,21 +51,21 @@ def test_areas_are_those_of_polygon_and_of_the_law(driven):
         ("a", 1, "1-2"),
         ("a", 2, "3-4"),
     ]
-    for row in cycles.itertuples():
-        points = branches[branches["cycle"] == row.cycle]
+    for row in cycles.to_dict("records"):
+        points = branches[branches["cycle"] == row["cycle"]]
         d, F = points["displacement_mm"].to_numpy(), points["force_kN"].to_numpy()
-        assert row.energy_J == pytest.approx(shoelace(d, F), rel=1e-12)
-        pair = fits[fits["cycle"] == row.cycle].itertuples()
+        assert row["energy_J"] == pytest.approx(shoelace(d, F), rel=1e-12)
+        pair = fits[fits["cycle"] == row["cycle"]].to_dict("records")
         up, down = (
-            quad(force, *ends, args=(fit.d_i_mm, fit.F_i_kN, fit.C_kN))[0]
+            quad(force, *ends, args=(fit["d_i_mm"], fit["F_i_kN"], fit["C_kN"]))[0]
             for fit, ends in zip(pair, ((0, 5), (5, 0)), strict=True)
         )
-        assert row.law_energy_J == pytest.approx(up + down, rel=1e-4)
-        assert row.energy_difference_J == row.law_energy_J - row.energy_J
-        assert abs(row.energy_difference_J) < 1e-3 * row.energy_J  # the points are dense
-        assert (row.points, row.travel_mm, row.closing_mm) == (len(points) - 1, 5.0, 0.0)
-        assert row.force_range_kN == np.ptp(F)
-        assert row.k_secant_kN_per_mm == (F[d.argmax()] - F[d.argmin()]) / 5.0
+        assert row["law_energy_J"] == pytest.approx(up + down, rel=1e-4)
+        assert row["energy_difference_J"] == row["law_energy_J"] - row["energy_J"]
+        assert abs(row["energy_difference_J"]) < 1e-3 * row["energy_J"]  # the points are dense
+        assert (row["points"], row["travel_mm"], row["closing_mm"]) == (len(points) - 1, 5.0, 0.0)
+        assert row["force_range_kN"] == np.ptp(F)
+        assert row["k_secant_kN_per_mm"] == (F[d.argmax()] - F[d.argmin()]) / 5.0
 
 
 def test_energy_and_mean_force_drift_against_the_first_cycle(driven):

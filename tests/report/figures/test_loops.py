@@ -4,12 +4,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from helpers.drawings import said, sticking_out
+from matplotlib.figure import Figure
 
 from bayes_tyre.report.figures.colours import Setting
 from bayes_tyre.report.figures.loops import driven_loops
 
 
-def figure(curves: int):
+def figure(curves: int) -> Figure:
     d = np.linspace(0.0, 5.0, 9)
     branches, backbones = [], []
     for loop in (f"curve {i} $x^$" for i in range(curves)):

@@ -11,7 +11,7 @@ from bayes_tyre.results.separate_fits import Column, FitTable
 
 
 def table(origin: str = "simulated") -> FitTable:
-    names = Column("test", "", pd.Series(["a", SCRIPT]), None, is_text=True)
+    names = Column("test", "", pd.Series(["a", SCRIPT]), pd.Series([float("nan")] * 2), is_text=True)
     k = Column(
         "k", "kN/mm", pd.Series([1.23456789, float("nan")]), pd.Series([0.01234567, float("nan")]), is_text=False
     )
