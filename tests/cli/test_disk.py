@@ -41,7 +41,7 @@ from bayes_tyre.report.figures import audit as audit_figures
 from bayes_tyre.report.figures import catalogue
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import PLANS
-from bayes_tyre.workflow import compare, fit, least_squares, load_deflection, published, studies
+from bayes_tyre.workflow import compare, fit, least_squares, load_deflection, loops, published, studies
 from bayes_tyre.workflow.raw import motion as raw_motion
 from bayes_tyre.workflow.raw.simulate import write_simulated
 
@@ -101,7 +101,7 @@ def quick(monkeypatch) -> None:
     for module, work in (
         *((module, "judge") for module in (fit, raw_motion)),
         *((load_deflection, work) for work in ("_tests", "_cases", "law_loop")),
-        *((published.campaign, "reconstruct"), (least_squares, "fit_records")),
+        *((published.campaign, "reconstruct"), (least_squares, "fit_records"), (loops, "fit_records")),
     ):
         monkeypatch.setattr(module, work, once(getattr(module, work)))
     monkeypatch.setattr(compare, "leave_one_record_out", left_out)

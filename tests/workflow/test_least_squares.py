@@ -9,7 +9,8 @@ from helpers.command_line import tree_of, written
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.least_squares.table import FitSettings
 from bayes_tyre.workflow import least_squares
-from bayes_tyre.workflow.least_squares import fit_least_squares, read_loops
+from bayes_tyre.workflow.least_squares import fit_least_squares
+from bayes_tyre.workflow.loops import read_loops
 
 CURVE = pd.DataFrame({"displacement_mm": [0.0, 1, 2, 1, 0, 1, 2, 1, 0], "force_kN": [0.0, 3, 4, 1, 0, 3, 4, 1, 0]})
 

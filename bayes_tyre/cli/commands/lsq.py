@@ -70,10 +70,16 @@ def lsq(
         settings = FitSettings(region, fixed, tuple(free or ()), starts, _bounds(bounds or []))
     except BadInput as error:
         raise typer.BadParameter(str(error)) from None
-    prepare_jax()
-    from bayes_tyre.workflow.least_squares import fit_least_squares, fit_loops, read_loops
+    if loops:  # its figure imports matplotlib
+        prepare_jax()
+        from bayes_tyre.workflow.loops import fit_loops, read_loops
 
-    table = read_loops(records) if loops else read_records(records)
+        table = read_loops(records)
+    else:
+        table = read_records(records)
+        prepare_jax()
+        from bayes_tyre.workflow.least_squares import fit_least_squares
+
     for warning in suspicious_units(table):
         warn(f"{records}: {warning}")
     with progress("least squares", table["record"].nunique(), quiet) as on_progress:

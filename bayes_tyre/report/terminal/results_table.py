@@ -40,7 +40,9 @@ def overview_rows(folder: Path) -> pd.DataFrame:
         If the folder holds no finished result, or a `summary.csv` that `fit` did not write.
     """
     if not (folder / "run.json").is_file():
-        raise BadInput(f"{folder}: holds no run.json, so no finished result; name a folder that fit wrote")
+        raise BadInput(
+            f"{folder}: holds no run.json, so no finished result; name a folder that fit, lsq or load-deflection wrote"
+        )
     try:
         origin = str(json.loads((folder / "run.json").read_text(encoding="utf-8"))["origin"])
     except (ValueError, KeyError, TypeError, RecursionError):
