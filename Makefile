@@ -64,7 +64,8 @@ docs: install  ## Build the documentation into results/docs/html: warnings are e
 	@$(BIN)/python docs/check_links.py $(RESULTS)/docs/html
 
 tutorial: install  ## Run what the tutorial and the how-to pages show, and compare (some minutes)
-	@$(BIN)/python docs/check_tutorial.py docs/tutorial.md docs/howto/own_law.md docs/howto/own_priors.md
+	@$(BIN)/python docs/check_tutorial.py docs/tutorial.md docs/howto/own_law.md docs/howto/own_priors.md \
+		docs/howto/measured_loops.md
 
 $(BENCH)/installed: benchmarks/requirements-bench.lock requirements-uv.lock pyproject.toml
 	@python=$$($(FIND_PYTHON)); echo "Building $(BENCH) with $$("$$python" --version)"; "$$python" -m venv --clear $(BENCH)

@@ -1,9 +1,12 @@
 """The table of slow load-deflection tests: checked, its readings on a loading or an unloading branch, and averaged.
 
-A test is one cycle: load up in steps, then down, a reading after each. Rows of a test are in measured order.
+A test is one cycle: load up in steps, then down, a reading after each. Rows of a test are in measured order. A curve of
+several cycles without directions is cut into tests of one cycle.
 """
 
+import warnings
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
@@ -14,6 +17,7 @@ from bayes_tyre.record import DIRECTIONS, ORIGINS
 from bayes_tyre.record_table import check_agreement, check_columns
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.load_deflection import Deflection, deflection_of
+from bayes_tyre.signals.reversals import cut_at_reversals, direction_of, is_closed
 
 REQUIRED = ("test", "load_kN", "displacement_mm")
 #: What names a test but its repeat, and all factors of a test.
@@ -45,13 +49,20 @@ def check_load_deflection(table: pd.DataFrame, name: str = "load-deflection tabl
     The table, with `direction`, `on_loading_line` and `on_unloading_line`. Where it gives no directions, load grows up
     to the first reading of a test's greatest load and falls from there: this reading ends the loading and begins the
     unloading, and is on both lines, as the source has its readings at 40 kN. Directions given are followed to the
-    letter.
+    letter. A test without directions whose load reverses more than once is cut at its reversals (`RUNS_BACK`): each
+    closed cycle, up and down, becomes a test, its name followed by ``, cycle 1`` and so on. A reading where one cycle
+    ends and the next begins is in both: it was reached by unloading, and is on both lines.
 
     Raises
     ------
     BadInput
         For missing columns, no rows, cells that are not finite numbers, factors that are empty, unknown or contradict
-        each other within a test, and load that does not go up once and down once.
+        each other within a test, and load that does not go up once and down once, or holds no closed cycle.
+
+    Warns
+    -----
+    UserWarning
+        For readings of a test that is cut which belong to no closed cycle: they are left out.
     """
     check_columns(table, name, "test", REQUIRED)
     typed = table.reset_index(drop=True)
@@ -60,7 +71,10 @@ def check_load_deflection(table: pd.DataFrame, name: str = "load-deflection tabl
     for column in (column for column in _NUMBERS if column in typed):
         typed[column] = _finite(typed, column, name)
     check_agreement(typed, name, "test", [factor for factor in (*FACTORS_OF_TEST, "origin") if factor in typed])
-    return _with_directions(typed, name)
+    if "direction" in typed:
+        return _with_directions(typed, name)
+    cut, behind_unloading = _cut_into_cycles(typed, name)
+    return _with_directions(cut, name, behind_unloading).reset_index(drop=True)
 
 
 def with_deflection(table: pd.DataFrame, rigs: Mapping[str, Rig | None]) -> pd.DataFrame:
@@ -158,12 +172,47 @@ def _finite(table: pd.DataFrame, column: str, name: str) -> pd.Series:
     return numbers
 
 
-def _with_directions(table: pd.DataFrame, name: str) -> pd.DataFrame:
+def _cut_into_cycles(table: pd.DataFrame, name: str) -> tuple[pd.DataFrame, dict[str, bool]]:
+    """Return the table, tests of several cycles cut into tests of one, and of these whether unloading led to them.
+
+    Rows keep their index.
+    """
+    tests: list[pd.DataFrame] = []
+    behind_unloading: dict[str, bool] = {}
+    for test, readings in table.groupby("test", sort=False):
+        cycles = _closed_cycles(readings["load_kN"].to_numpy(float))
+        names = [f"{test}, cycle {number + 1}" for number in range(len(cycles))]
+        if table["test"].isin(names).any():
+            raise BadInput(f"{name}: test {names[0]!r} is there beside {test!r}, which is cut into cycles; rename one")
+        parts = [readings.iloc[rows].assign(test=cycle) for rows, cycle in zip(cycles, names, strict=True)]
+        left_out = len(readings) - pd.concat(parts).index.nunique() if parts else 0
+        if left_out:
+            warnings.warn(
+                f"{name}: test {one_line(test, NAME)!r}: cut into closed cycles ({len(cycles)}); {left_out} of its "
+                f"{len(readings)} readings belong to none and are left out",
+                stacklevel=3,
+            )
+        tests += parts or [readings]
+        behind_unloading |= {cycle: rows.start > 0 for rows, cycle in zip(cycles, names, strict=True)}
+    return (pd.concat(tests) if behind_unloading else table), behind_unloading
+
+
+def _closed_cycles(load: np.ndarray) -> list[slice]:
+    """Return the closed cycles, up and down, of a load that reverses more than once; none of others."""
+    branches = cut_at_reversals(load, RUNS_BACK * float(np.ptp(load)))
+    cycles = [slice(up.start, down.stop) for up, down in pairwise(branches) if direction_of(load[up]) == "loading"]
+    return [cycle for cycle in cycles if is_closed(load[cycle])] if len(branches) > 2 else []
+
+
+def _with_directions(table: pd.DataFrame, name: str, cycles: Mapping[str, bool] | None = None) -> pd.DataFrame:
+    """Return the table with directions and lines; `cycles`: tests that were cut, and whether unloading led to them."""
+    cycles = cycles or {}
     given = table["direction"].to_numpy() == "unloading" if "direction" in table else None
-    unloading, turning = (np.zeros(len(table), bool) for _ in range(2))
+    unloading, lowest, turning = (np.zeros(len(table), bool) for _ in range(3))
     places = table.groupby("test", sort=False).ngroup().to_numpy()
     for test in range(places.max() + 1):
         rows = np.flatnonzero(places == test)
+        label = table["test"].iloc[rows[0]]
         load = table["load_kN"].to_numpy(float)[rows]
         if given is None:
             top = int(load.argmax())
@@ -175,10 +224,12 @@ def _with_directions(table: pd.DataFrame, name: str) -> pd.DataFrame:
                 where = _where(name, table, int(rows[top + 1 + back[0]]), "direction")
                 raise BadInput(f"{where} is loading after unloading; {_ONE_CYCLE}")
         unloading[rows[top + 1 :]] = True
+        lowest[rows[0]] = cycles.get(label, False)
         for branch, sign in ((rows[: top + 1], 1.0), (rows[max(top, 0) :], -1.0)):
-            _check_branch(table, branch, sign, float(np.ptp(load)), name)
-    lines = {ON_LINE["loading"]: ~unloading, ON_LINE["unloading"]: unloading | turning}
-    return table.assign(direction=np.where(unloading, "unloading", "loading"), **lines)
+            if label not in cycles:  # those cut have branches that run one way
+                _check_branch(table, branch, sign, float(np.ptp(load)), name)
+    lines = {ON_LINE["loading"]: ~unloading, ON_LINE["unloading"]: unloading | turning | lowest}
+    return table.assign(direction=np.where(unloading | lowest, "unloading", "loading"), **lines)
 
 
 _ONE_CYCLE = "a test is one cycle, up and then down, rows in measured order: give each cycle a name of its own"
@@ -199,4 +250,5 @@ def _check_branch(table: pd.DataFrame, rows: np.ndarray, sign: float, span: floa
 
 def _where(name: str, table: pd.DataFrame, row: int, column: str) -> str:
     test = one_line(table["test"].iloc[row], NAME)
+    row = int(table.index[row])
     return f"{name}: row {row + 1} (line {row + 2}), test {test!r}, column {column}"

@@ -18,10 +18,12 @@ from bayes_tyre.record_table import check_record_table
 from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.report.html.between_results import ComparedResult, compare_results, has_cases
 from bayes_tyre.report.html.figures import embedded_figures, stored_figures
+from bayes_tyre.report.html.fits_page import fits_document
 from bayes_tyre.report.html.load import Reported, read_reported
 from bayes_tyre.report.html.page import Part, document
 from bayes_tyre.results.motion_traces import MOTIONS_CSV, check_readings
 from bayes_tyre.results.provenance import RUN_JSON
+from bayes_tyre.results.separate_fits import read_separate_fits
 from bayes_tyre.workflow.fit import planned_in
 from bayes_tyre.workflow.result_names import names
 
@@ -65,7 +67,7 @@ def write_report(
     Parameters
     ----------
     folders, out:
-        What `fit` or `motion` wrote; and where the page goes (`target`).
+        What `fit` or `motion` wrote, or one that `lsq` or `load-deflection` wrote; and where the page goes (`target`).
     on_note:
         Called with what the user should know, a line each.
     on_progress:
@@ -78,6 +80,9 @@ def write_report(
     BadInput
         If a folder holds no finished result, is named twice, or the page cannot be written.
     """
+    if len(folders) == 1 and (fits := read_separate_fits(folders[0])):
+        figures = stored_figures(folders[0] / "figures", set())
+        return write_text(fits_document(fits, list(figures)), target(folders[0], out)), []
     results = [read_reported(folder, name) for folder, name in zip(folders, names(folders), strict=True)]
     path = target(folders[0], out)
     parts, compared_results, warnings = [], [], []

@@ -41,7 +41,7 @@ from bayes_tyre.report.figures import audit as audit_figures
 from bayes_tyre.report.figures import catalogue
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import PLANS
-from bayes_tyre.workflow import compare, fit, least_squares, load_deflection, published, studies
+from bayes_tyre.workflow import compare, fit, least_squares, load_deflection, loops, published, studies
 from bayes_tyre.workflow.raw import motion as raw_motion
 from bayes_tyre.workflow.raw.simulate import write_simulated
 
@@ -56,6 +56,7 @@ def of_a_table(command: str) -> Callable[[Path, Path], list[object]]:
 #: How each command is told to write into a folder, from what `given` holds; a further command is one more row.
 WRITERS: dict[str, Callable[[Path, Path], list[object]]] = {
     "lsq": of_a_table("lsq"),
+    "lsq --loops": lambda given, out: ["lsq", given / "records.csv", "--loops", "--out", out],
     "load-deflection": lambda given, out: ["load-deflection", given / "slow.csv", "--out", out],
     "fit": of_a_table("fit"),
     "published": lambda given, out: ["published", "--out", out],
@@ -100,7 +101,7 @@ def quick(monkeypatch) -> None:
     for module, work in (
         *((module, "judge") for module in (fit, raw_motion)),
         *((load_deflection, work) for work in ("_tests", "_cases", "law_loop")),
-        *((published.campaign, "reconstruct"), (least_squares, "fit_records")),
+        *((published.campaign, "reconstruct"), (least_squares, "fit_records"), (loops, "fit_records")),
     ):
         monkeypatch.setattr(module, work, once(getattr(module, work)))
     monkeypatch.setattr(compare, "leave_one_record_out", left_out)
@@ -150,7 +151,8 @@ def fill_the_disk_after(files: int, monkeypatch: pytest.MonkeyPatch) -> list[str
 
 
 def test_every_command_that_writes_stands_in_the_table():
-    assert {name for name in WRITERS if not name.startswith("study ")} | set(SILENT) == set(COMMANDS)
+    commands = {name.split(" --")[0] for name in WRITERS if not name.startswith("study ")}
+    assert commands | set(SILENT) == set(COMMANDS)
 
 
 @pytest.mark.parametrize("command", WRITERS)

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from helpers.command_line import assert_refused, here, tree_of, written
 from helpers.slow_tests import Tyre, campaign, on_flat_ground
+from helpers.slow_tests import path as slow_path
 
 from bayes_tyre.published import tables
 from bayes_tyre.published.load_deflection import reconstruct_tests
@@ -129,3 +130,22 @@ def test_a_fault_in_the_table_is_one_line_and_units_are_suspected(tmp_path):
 
 def test_a_beta_that_is_no_length_is_a_usage_error(tmp_path):
     assert here("load-deflection", "slow.csv", "--out", tmp_path, "--beta", "-1").exit_code == 2
+
+
+def test_a_curve_of_several_cycles_is_cut_and_can_be_shown_and_reported(tmp_path):
+    d = slow_path(high_mm=10.0, steps=100)
+    path = written(on_flat_ground(Tyre(beta=0.4), 0.02, 1, np.concatenate([d, d[1:], d[1:]])), tmp_path / "driven.csv")
+    done = here("load-deflection", path, "--rig", "none", "--out", tmp_path / "out")
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert done.stdout.splitlines()[-1] == "3 tests, 0 not ok"
+    tests = read(tmp_path / "out" / "load_deflection.csv")
+    assert tests["test"].tolist() == ["one, cycle 1", "one, cycle 2", "one, cycle 3"]
+    # 3 cycles within 5 standard errors of some 200 degrees of freedom: one seed in 10^5.
+    assert (np.abs(tests["x_kN"] - 0.7) < 5 * tests["x_kN_se"]).all()
+    shown = here("show", tmp_path / "out")
+    assert "slow tests (data: simulated): 3 rows, 0 not ok" in shown.stdout
+    assert "k loading, kN/mm" in shown.stdout
+    assert here("report", tmp_path / "out").exit_code == 0
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "one, cycle 3" in page
+    assert page.count("data:image/png;base64,") == 1

@@ -44,6 +44,33 @@ def test_directions_given_are_followed_to_the_letter():
     assert on_lines(readings([10.0, 5.0], direction=["unloading"] * 2)) == ["down", "down"]
 
 
+def test_a_curve_of_several_cycles_is_cut_into_tests_of_one():
+    table = pd.concat([readings([*CYCLE, *CYCLE[1:]], note="x"), readings(note="y").assign(test="b")])
+    checked = check_load_deflection(table)
+    assert checked.groupby("test", sort=False).size().to_dict() == {"a, cycle 1": 5, "a, cycle 2": 5, "b": 5}
+    assert list(checked["load_kN"]) == [*CYCLE, *CYCLE, *CYCLE]
+    cycle = ["loading"] * 3 + ["unloading"] * 2
+    assert list(checked["direction"]) == [*cycle, "unloading", *cycle[1:], *cycle]
+    # The reading between the cycles was reached by unloading, and is on both lines of the second.
+    assert checked["on_loading_line"].to_list()[5]
+    assert [checked["on_unloading_line"].to_list()[row] for row in (0, 5)] == [False, True]
+    assert list(checked.index) == list(range(15))
+
+
+def test_what_belongs_to_no_closed_cycle_is_left_out_and_said():
+    with pytest.warns(UserWarning, match=r"slow\.csv: test 'a': cut into closed cycles \(2\); 4 of its 13 readings"):
+        checked = check_load_deflection(readings([10.0, 5.0, *CYCLE, *CYCLE[1:], 5.0, 8.0]), "slow.csv")
+    assert list(checked["load_kN"]) == [*CYCLE, *CYCLE]
+    with pytest.warns(UserWarning, match=r"\(1\); 1 of its 6 readings"):
+        checked = check_load_deflection(readings([*CYCLE, 10.0]))
+    assert checked["test"].unique().tolist() == ["a, cycle 1"]
+
+
+def test_a_small_cycle_among_large_ones_may_run_back_by_the_noise_of_these():
+    table = readings([0.0, 5.0, 15.0, 13.0, 15.0, 0.0, 30.0, 100.0, 50.0, 0.0])
+    assert check_load_deflection(table)["test"].nunique() == 2
+
+
 def with_cell(column: str, cell: str | float, row: int = 2) -> pd.DataFrame:
     factors = {"configuration": "single", "speed_km_h": 0.0, "repeat": 1, "origin": "simulated"}
     table = readings(**factors, direction=["loading"] * 3 + ["unloading"] * 2).astype({column: object})
@@ -63,7 +90,19 @@ FAULTS = {
     "unknown origin": (with_cell("origin", "dreamt"), ["row 2", "column origin", "'dreamt'", "measured"]),
     "two speeds": (with_cell("speed_km_h", 15.0), ["test 'a', column speed_km_h", "contradicts itself (0.0 and 15.0)"]),
     "loading again": (with_cell("direction", "loading", 5), ["row 5", "loading after unloading", "name of its own"]),
-    "two cycles": (readings([*CYCLE, *CYCLE[1:]]), ["row 6", "rises while unloading (to 5 kN)", "name of its own"]),
+    "no closed cycle": (
+        readings([0.0, 10.0, 5.0, 20.0, 15.0, 40.0]),
+        ["row 3", "falls while loading (to 5 kN)", "name of its own"],
+    ),
+    "from the top": (readings([10.0, 0.0, 10.0]), ["row 3", "rises while unloading (to 10 kN)"]),
+    "a fault behind cycles": (
+        pd.concat([readings([*CYCLE, *CYCLE[1:]]), readings([9.0, 0.0, 9.0]).assign(test="b")]),
+        ["row 12 (line 13), test 'b'", "rises while unloading"],
+    ),
+    "a name that a cycle gets": (
+        pd.concat([readings([*CYCLE, *CYCLE[1:]]), readings().assign(test="a, cycle 2")]),
+        ["'a, cycle 1'", "rename one"],
+    ),
     "sorted by load": (
         readings(sorted(CYCLE), direction=["loading", "unloading", "loading", "unloading", "loading"]),
         ["row 3", "loading after unloading"],

@@ -10,7 +10,11 @@ from bayes_tyre.cli.shell import NOT_TRUSTED, NoSeed, Quiet, note, progress, say
 
 def report(
     folders: Annotated[
-        list[Path], typer.Argument(metavar="DIR...", help="Folders that fit, motion or published --posterior wrote.")
+        list[Path],
+        typer.Argument(
+            metavar="DIR...",
+            help="Folders that fit, motion or published --posterior wrote; or one that lsq or load-deflection wrote.",
+        ),
     ],
     out: Annotated[
         Path | None, typer.Option(help="HTML file, or a folder for report.html; default: the first DIR.")

@@ -14,7 +14,8 @@ def show(
     results: Annotated[
         list[Path],
         typer.Argument(
-            help="Folders that fit, motion or published --posterior wrote; with --truth fit, motion or lsq."
+            help="Folders that fit, motion, published --posterior, lsq or load-deflection wrote; with --truth fit, "
+            "motion or lsq."
         ),
     ],
     truth: Annotated[
@@ -27,6 +28,8 @@ def show(
     ] = False,
 ) -> None:
     """Print k (kN/mm) and beta (mm) by configuration and direction, with intervals, from results on disk.
+
+    Of lsq and load-deflection it prints the first 20 rows of each table, with standard errors, units and status.
 
     Example: bayes-tyre show results/published/posterior results/fit
     """

@@ -71,6 +71,18 @@ HEADINGS = {
         "A record near 1 does not agree with the other repeats of its test.",
     ),
 }
+#: The same of the figures beside fits without a posterior.
+_OF_SEPARATE_FITS = {
+    "load_deflection_loops": (
+        "Slow tests",
+        "Left: the readings and both lines. Right: the same less the middle line, so that the loop shows.",
+    ),
+    "loops": (
+        "Driven curves with the law of each branch",
+        "Points should lie on the line of their branch; the farther the two branches of a cycle lie apart, the more "
+        "energy it loses.",
+    ),
+}
 
 
 class EmbeddedFigure(NamedTuple):
@@ -120,7 +132,7 @@ def embedded_figure(name: str, figure: Figure) -> EmbeddedFigure:
 
 
 def _heading_and_reading(name: str) -> tuple[str, str]:
-    return HEADINGS.get(name, (label(name.replace("_", " ").capitalize()), ""))
+    return {**HEADINGS, **_OF_SEPARATE_FITS}.get(name, (label(name.replace("_", " ").capitalize()), ""))
 
 
 def _uri(kind: str, content: bytes) -> str:

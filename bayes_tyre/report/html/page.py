@@ -58,17 +58,13 @@ def document(parts: Sequence[Part], comparisons: Sequence[Comparison] = ()) -> s
         The ratios of the first to each of the others.
     """
     results = [part.result for part in parts]
-    style, script = (Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("report.css", "sort.js"))
     made = [tables.means_table, tables.contrasts_table, tables.cases_table, tables.repeats_table]
     if any(result.of_motions for result in results):
         made.insert(3, tables.losses_table)
     means, *long_tables = [make(results) for make in made]
-    page = _environment().get_template("report.html.j2")
-    return page.render(
+    return rendered(
+        "report.html.j2",
         title=_title(results),
-        policy=_policy(style, script),
-        style=style,
-        script=script,
         parts=[_shown(part) for part in parts],
         comparisons=_comparisons_shown(comparisons),
         means=means,
@@ -78,14 +74,20 @@ def document(parts: Sequence[Part], comparisons: Sequence[Comparison] = ()) -> s
         figures=_figures(parts),
         made=_made_table(results),
         glossary=glossary(results),
-        version=version("bayes-tyre"),
     )
 
 
-def _environment() -> Environment:
-    """Return the templates; whatever is put into them is text, unless this file calls it markup."""
+def rendered(template: str, **values: Any) -> str:
+    """Return a page of a template: its values, style, script and version; values are text, never markup."""
     loader = FileSystemLoader(TEMPLATES)
-    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    templates = Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    style, script = (Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("report.css", "sort.js"))
+    page = templates.get_template(template)
+    return page.render(
+        style=style, script=script, policy=_policy(style, script), version=version("bayes-tyre"), **values
+    )
 
 
 def _policy(style: str, script: str) -> str:

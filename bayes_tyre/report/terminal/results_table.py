@@ -15,6 +15,8 @@ from rich.text import Text
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables import read_table
 from bayes_tyre.plain_text import one_line
+from bayes_tyre.report.terminal.fits_table import print_fits
+from bayes_tyre.results.separate_fits import read_separate_fits
 
 #: What each kind of data means for a reader who sees nothing but the table.
 WHAT_IT_IS = {
@@ -38,7 +40,9 @@ def overview_rows(folder: Path) -> pd.DataFrame:
         If the folder holds no finished result, or a `summary.csv` that `fit` did not write.
     """
     if not (folder / "run.json").is_file():
-        raise BadInput(f"{folder}: holds no run.json, so no finished result; name a folder that fit wrote")
+        raise BadInput(
+            f"{folder}: holds no run.json, so no finished result; name a folder that fit, lsq or load-deflection wrote"
+        )
     try:
         origin = str(json.loads((folder / "run.json").read_text(encoding="utf-8"))["origin"])
     except (ValueError, KeyError, TypeError, RecursionError):
@@ -56,13 +60,16 @@ def overview_rows(folder: Path) -> pd.DataFrame:
 
 
 def print_overview(folders: list[Path], console: Console | None = None) -> None:
-    """Print a table for each folder, and where its files are.
+    """Print a table for each folder, and where its files are; of `lsq` and `load-deflection` the tables as they are.
 
     Configurations stand side by side where the terminal is wide enough for all their figures, else below each other.
     """
-    tables = [(folder, overview_rows(folder)) for folder in folders]
+    read = [read_separate_fits(folder) or overview_rows(folder) for folder in folders]
     console = console or Console()
-    for folder, rows in tables:
+    for folder, rows in zip(folders, read, strict=True):
+        if isinstance(rows, list):
+            print_fits(rows, folder, console)
+            continue
         level, verdict = float(rows["interval"].iloc[0]), rows["verdict"].iloc[0]
         about = one_line(f"{rows['data'].iloc[0]}; verdict: {verdict}", 200)
         console.print()

@@ -184,3 +184,12 @@ def test_the_loop_of_the_law_closes_and_has_its_energy():
     area = float(((F + np.roll(F, -1)) * (np.roll(d, -1) - d)).sum() / 2)
     assert area == pytest.approx(4 * 0.6 * (8 - 0.1), rel=1e-3)
     assert abs(F[0] - F[-1]) < 1e-6
+
+
+def test_a_cycle_behind_another_begins_on_the_unloading_curve():
+    tyre = Tyre(beta=0.4)
+    curve = on_flat_ground(tyre, d=np.concatenate([DENSE, DENSE[1:]]))
+    both = fitted(curve)
+    assert both["test"].tolist() == ["test 0, cycle 1", "test 0, cycle 2"]
+    np.testing.assert_allclose(both[["x_kN", "beta_mm"]], [[tyre.x, tyre.beta]] * 2, rtol=1e-6)
+    assert (both["status"] == "ok").all()

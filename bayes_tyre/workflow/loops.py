@@ -1,0 +1,52 @@
+"""Least-squares fits of driven curves: a row a branch, their closed cycles, backbones and a figure."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+
+from bayes_tyre.formats.files import prepare_folder
+from bayes_tyre.formats.tables import read_table, write_table
+from bayes_tyre.inference.least_squares.loops import backbone, cycle_table, law_curves
+from bayes_tyre.inference.least_squares.table import FitSettings, fit_records
+from bayes_tyre.record_table import check_record_table, origin_of
+from bayes_tyre.report.figures.colours import Setting
+from bayes_tyre.report.figures.layout import save
+from bayes_tyre.report.figures.loops import driven_loops
+from bayes_tyre.signals.reversals import cut_loops
+from bayes_tyre.workflow.least_squares import BACKBONE, FIGURE, FITS, LOOPS
+
+
+def read_loops(path: Path) -> pd.DataFrame:
+    """Return the branches of the driven curves in a record table on disk (`cut_loops`).
+
+    Directions and steps in the table are left out: a curve has both directions. A table without a column `record` is
+    one curve, named as its file.
+    """
+    table = read_table(path).drop(columns=["direction", "step_kN"], errors="ignore")
+    if "record" not in table:
+        table = table.assign(record=path.stem)
+    return cut_loops(check_record_table(table, str(path)))
+
+
+def fit_loops(
+    branches: pd.DataFrame, settings: FitSettings, out: Path, on_progress: Callable[[int], None]
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Write fits of branches, their closed cycles, backbones and a figure into `out`; return fits and cycles.
+
+    Parameters
+    ----------
+    branches:
+        As `read_loops` returns them.
+    """
+    prepare_folder(out)
+    fits = fit_records(branches, settings, on_progress).astype({"branch": int, "cycle": int})
+    backbones = backbone(branches)
+    cycles = cycle_table(branches, fits, backbones)
+    write_table(fits, out / FITS)
+    write_table(cycles, out / LOOPS)
+    write_table(backbones, out / BACKBONE)
+    configurations = branches["configuration"].unique() if "configuration" in branches else [""]
+    setting = Setting(origin_of(branches), configurations=tuple(configurations))
+    save(driven_loops(branches, law_curves(branches, fits), backbones, setting), out / FIGURE)
+    return fits, cycles
