@@ -1,7 +1,6 @@
 """A result as a vehicle simulator needs it: parameters and a force curve of each case, in SI units."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,20 +50,24 @@ class Curve(NamedTuple):
     upper: Float[np.ndarray, " points"]
 
 
-@dataclass(frozen=True)
-class TyreModel:
-    """A case, or a slow test: its parameters by name, and its curve.
+class Curves(NamedTuple):
+    """The curve as it is passed through; with one force for each deflection, which grows; and a sentence on either.
 
-    `path` is the curve as it is passed through; `spline` has one force for each deflection, which grows. Sentences say
-    what they are (`curve`), what the spline loses (`lost`), and the status of a slow test (`status`).
+    `about` says from where deflection and force count, `lost` what `spline` does not hold.
     """
+
+    path: Curve
+    spline: Curve
+    about: str
+    lost: str
+
+
+class TyreModel(NamedTuple):
+    """A case, or a slow test: its label, its parameters by name, its curves if it has any, and a slow test's status."""
 
     label: str
     parameters: Mapping[str, Value]
-    path: Curve | None = None
-    spline: Curve | None = None
-    curve: str = ""
-    lost: str = ""
+    curves: Curves | None = None
     status: str = ""
 
 
@@ -84,28 +87,28 @@ def of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:
     of_motions, models = is_of_motions(posterior), []
     for i, case in enumerate(tree_cases(posterior)):
         draws = {name: posterior[f"{name}_case"].isel(case=i).to_numpy().ravel() for name in case_parameters(posterior)}
-        curves: tuple = ()
+        curves = None
         if of_motions and tree.attrs.get("law", hysteresis_loops.LAW) == hysteresis_loops.LAW:
             curves = _cycle(draws, float(tree.attrs["amplitude_mm"]), level)
         elif "record" in posterior.dims and not of_motions:
             step, sign = of_case(posterior, i), sign_of(case) or 1
             draws |= {"J": step.J, "C": step.C, "F_i": step.F_i}
             u = travel_mm(posterior, i) * np.linspace(0.0, 1.0, _POINTS) ** 2  # dense where the force changes fast
-            force = force_kN(sign * u, *(draws[name][:, None] for name in ("F_i", "J", "k", "beta")), law_of(tree))
+            force = force_kN(sign * u, *(draws[name][:, None] for name in ("F_i", "J", "k", "beta")), law=law_of(tree))
             path = _curve(sign * u + 0.0, force, level)
-            curves = path, Curve(*(column[::sign] for column in path)), OF_STEP, ONE_WAY
+            curves = Curves(path, Curve(*(column[::sign] for column in path)), OF_STEP, ONE_WAY)
         values = {name: _value(each, RECORD_UNITS[name], level) for name, each in draws.items()}
-        models.append(TyreModel(case.label, values, *curves))
+        models.append(TyreModel(case.label, values, curves))
     return models
 
 
-def _cycle(draws: Mapping[str, np.ndarray], amplitude_mm: float, level: float) -> tuple[Curve, Curve, str, str]:
+def _cycle(draws: Mapping[str, np.ndarray], amplitude_mm: float, level: float) -> Curves:
     k, x, beta = (draws[name] for name in ("k", "x", "beta"))
     friction = hysteresis_loops.settled_friction(k, x, beta, amplitude_mm)
     d = hysteresis_loops.loop_table(amplitude_mm, friction[0])["displacement_mm"].to_numpy()
     line = np.linspace(-amplitude_mm, amplitude_mm, _LINE)
     path, middle = (_curve(at, of + k[:, None] * at, level) for at, of in ((d, friction), (line, 0.0)))
-    return path, middle, OF_CYCLE, MIDDLE.format(1e3 * np.median(x - k * beta))
+    return Curves(path, middle, OF_CYCLE, MIDDLE.format(1e3 * np.median(x - k * beta)))
 
 
 def of_load_deflection(rows: pd.DataFrame) -> list[TyreModel]:
@@ -121,21 +124,21 @@ def _slow_test(row: dict[Any, Any]) -> TyreModel:
     for name, column in _OF_TEST.items():
         (factor, unit), half = _SI[RECORD_UNITS[name]], _NORMAL * row[f"{column}_se"]
         if np.isfinite(row[column]):
-            values[name] = Value(*(factor * (row[column] + off) for off in (0.0, -half, half)), unit)
+            values[name] = Value(*(factor * (row[column] + off) for off in (0.0, -half, half)), unit=unit)
     low, high = row["flat_ground_low_mm"], row["flat_ground_high_mm"]
     line = np.linspace(low, high, _LINE)
     middle = np.stack([line, row[_OF_TEST["k"]] * line + row[_OF_TEST["C"]]], axis=1)
     middle = np.concatenate([np.zeros((1, 2)), middle[(middle > 0).all(axis=1)]])
-    curves = (
+    path, spline = (
         Curve(1e-3 * d, 1e3 * F, *np.full((2, len(d)), np.nan)) for d, F in (law_loop(row, low, high).T, middle.T)
     )
-    lost = MIDDLE.format(1e3 * row[_OF_TEST["settled"]])
-    return TyreModel(str(row["test"]), values, *curves, OF_TEST, lost, f"status: {row['status']}")
+    curves = Curves(path, spline, OF_TEST, MIDDLE.format(1e3 * row[_OF_TEST["settled"]]))
+    return TyreModel(str(row["test"]), values, curves, f"status: {row['status']}")
 
 
 def _value(draws: np.ndarray, unit: str, level: float) -> Value:
     factor, si = _SI[unit]
-    return Value(*(float(each) for each in factor * np.quantile(draws, [level, *_TAILS])), si)
+    return Value(*(float(each) for each in factor * np.quantile(draws, [level, *_TAILS])), unit=si)
 
 
 def _curve(deflection_mm: np.ndarray, draws_kN: np.ndarray, level: float) -> Curve:

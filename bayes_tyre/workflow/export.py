@@ -15,7 +15,16 @@ from bayes_tyre.formats.files import prepare_folder, write_text
 from bayes_tyre.formats.tables import read_table
 from bayes_tyre.formats.tydex.write import MeasuredChannel, Tydex, tydex_text
 from bayes_tyre.record import ORIGIN_UNKNOWN
-from bayes_tyre.results.tyre_model import OF_TEST, ONE_WAY, Curve, TyreModel, Value, of_load_deflection, of_posterior
+from bayes_tyre.results.tyre_model import (
+    OF_TEST,
+    ONE_WAY,
+    Curve,
+    Curves,
+    TyreModel,
+    Value,
+    of_load_deflection,
+    of_posterior,
+)
 from bayes_tyre.workflow.load_deflection import CASES, TESTS
 from bayes_tyre.workflow.predict import errors_name, read_posterior
 
@@ -127,49 +136,50 @@ def _tir(model: TyreModel, name: str, about: list[str], radius_mm: float | None)
     keys = {"VERTICAL_STIFFNESS": "k", "VERTICAL_DAMPING": "c"}
     vertical = {key: model.parameters[of].value for key, of in keys.items() if of in model.parameters}
     curves = {}
-    if model.curve == OF_TEST and model.spline is not None:
-        curves = {"DEFLECTION_LOAD_CURVE": ("pen fz", _rows(model.spline))}
-        about = [*about, model.curve, model.lost]
+    if model.curves is not None and model.curves.about == OF_TEST:
+        curves = {"DEFLECTION_LOAD_CURVE": ("pen fz", _rows(model.curves.spline))}
+        about = [*about, model.curves.about, model.curves.lost]
     lost = ["hysteresis is lost: a tyre property file has no field for it; VERTICAL_DAMPING is of the wheel centre"]
     unknown = [f"left out: {key}: {why}" for key, why in _NOT_KNOWN.items() if key not in radius | vertical | curves]
     sections = {"UNITS": _UNITS, "MODEL": {}, "DIMENSION": radius, "VERTICAL": vertical}
     return {f"{name}.tir": simulator.property_file(sections, [*about, *lost, *unknown], curves)}
 
 
-def _tydex(model: TyreModel, name: str, about: list[str], _: float | None) -> dict[str, str]:
-    path = _curve(model.path)
+def _tydex(model: TyreModel, name: str, about: list[str], _radius: float | None) -> dict[str, str]:
+    path, _, meaning, lost = _curves(model)
     channels = [
         MeasuredChannel("TYREDEFW", "Fitted tyre deflection", "m", path.deflection),
         MeasuredChannel("FZW", "Fitted vertical force", "N", path.force),
     ]
     header = {"MEASID": model.label, "SUPPLIER": "bayes-tyre: fitted curve, not a measurement"}
-    about += [model.curve, *([model.lost] if model.lost == ONE_WAY else []), _width(path)]
+    about = [*about, meaning, *([lost] if lost == ONE_WAY else []), _width(path)]
     return {f"{name}.tdx": tydex_text(Tydex(header, channels, comments=about))}
 
 
-def _modelica(model: TyreModel, name: str, about: list[str], _: float | None) -> dict[str, str]:
+def _modelica(model: TyreModel, name: str, about: list[str], _radius: float | None) -> dict[str, str]:
     parameters = {key: (one.value, one.unit, _interval(one)) for key, one in model.parameters.items()}
-    if model.spline is None:
+    if model.curves is None:
         about = [*about, "no table of the force: the result has no curve"]
         return {f"{name}.mo": simulator.modelica_record(name, parameters, about)}
-    about = [*about, model.curve, model.lost, _width(model.spline)]
+    _, spline, meaning, lost = model.curves
+    about = [*about, meaning, lost, _width(spline)]
     about += [f"table force(deflection m, force N) for CombiTable1D: {name}.txt"]
-    table = simulator.combi_table("force", _rows(model.spline), about)
+    table = simulator.combi_table("force", _rows(spline), about)
     return {f"{name}.mo": simulator.modelica_record(name, parameters, about), f"{name}.txt": table}
 
 
-def _spline(model: TyreModel, name: str, about: list[str], _: float | None) -> dict[str, str]:
-    curve = _curve(model.spline)
-    rows = [(1e3 * deflection, force) for deflection, force in _rows(curve)]
-    about = [*about, model.curve, model.lost, _width(curve), "columns: deflection mm, force N"]
+def _spline(model: TyreModel, name: str, about: list[str], _radius: float | None) -> dict[str, str]:
+    _, spline, meaning, lost = _curves(model)
+    rows = [(1e3 * deflection, force) for deflection, force in _rows(spline)]
+    about = [*about, meaning, lost, _width(spline), "columns: deflection mm, force N"]
     return {f"{name}.csv": simulator.spline_file(rows, about)}
 
 
-def _curve(curve: Curve | None) -> Curve:
-    if curve is None:
+def _curves(model: TyreModel) -> Curves:
+    if model.curves is None:
         only = "only records, load-deflection tests and motions on Fancher's law have one"
         raise BadInput(f"holds no force curve, which this format needs: {only}; use --to tir")
-    return curve
+    return model.curves
 
 
 def _rows(curve: Curve) -> list[tuple[float, float]]:

@@ -84,15 +84,15 @@ def test_a_fit_as_property_files_holds_the_medians_of_its_table_and_omits_what_i
     files = export(results["fit"], "tir", tmp_path / "out")
     assert sorted(files) == ["single_0_20_30.tir", "single_0_30_20.tir"]
     table = summary.cases(records("single"), "pass").query("parameter == 'k'")
-    for name, row in zip(sorted(files), table.itertuples(), strict=True):
+    for name, row in zip(sorted(files), table.to_dict("records"), strict=True):
         made = ini(files[name])
         assert made.sections() == ["UNITS", "MODEL", "DIMENSION", "VERTICAL"]
-        assert float(made["VERTICAL"]["VERTICAL_STIFFNESS"]) == pytest.approx(1e6 * row.median)
+        assert float(made["VERTICAL"]["VERTICAL_STIFFNESS"]) == pytest.approx(1e6 * row["median"])
         assert list(made["VERTICAL"]) == ["vertical_stiffness"]
         assert dict(made["DIMENSION"]) == {}
         assert made["UNITS"]["FORCE"] == "'newton'"
         text = said(files[name])
-        assert f"95 % interval {1e6 * row.lower:.6g} to {1e6 * row.upper:.6g}" in text
+        assert f"95 % interval {1e6 * row['lower']:.6g} to {1e6 * row['upper']:.6g}" in text
         for key in ("UNLOADED_RADIUS", "VERTICAL_DAMPING", "DEFLECTION_LOAD_CURVE", "FNOMIN"):
             assert f"left out: {key}" in text
         assert "hysteresis is lost" in text

@@ -45,5 +45,6 @@ def test_a_modelica_record_has_a_parameter_with_its_unit_in_each_line():
     lines = text.splitlines()
     assert (lines[0], lines[-1]) == ("record a_1", "end a_1;")
     code = [line for line in lines[1:-1] if not line.startswith("  // ")]
-    parsed = [re.fullmatch(r'  parameter Real (\w+)\(unit="(.*)"\) = (\S+) "(.*)";', line).groups() for line in code]
+    pattern = r'  parameter Real (\w+)\(unit="(.*)"\) = (\S+) "(.*)";'
+    parsed = [one.groups() for line in code if (one := re.fullmatch(pattern, line))]
     assert parsed == [("k", "N/m", "1500000.0", "from 1 to 2"), ("beta", "m", "8e-05", "")]

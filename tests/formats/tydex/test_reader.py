@@ -51,17 +51,17 @@ def written(text: str, folder: Path) -> Path:
 @given(
     st.dictionaries(WORDS, TEXTS, max_size=3),
     st.lists(st.tuples(WORDS, TEXTS, WORDS), min_size=1, max_size=4),
-    st.lists(st.tuples(WORDS, TEXTS, WORDS, NUMBERS.map(repr)), max_size=2),
+    st.lists(st.builds(Constant, WORDS, TEXTS, WORDS, NUMBERS.map(repr)), max_size=2),
     st.data(),
 )
 def test_what_is_written_comes_back(tmp_path, header, heads, constants, data):
     rows = data.draw(st.integers(1, 4))
     columns = [np.array(data.draw(st.lists(NUMBERS, min_size=rows, max_size=rows))) for _ in heads]
-    channels = [MeasuredChannel(*head, values) for head, values in zip(heads, columns, strict=True)]
-    read = read_tydex(written(tydex_text(Tydex(header, channels, [Constant(*one) for one in constants])), tmp_path))
+    channels = [MeasuredChannel(*head, values=values) for head, values in zip(heads, columns, strict=True)]
+    read = read_tydex(written(tydex_text(Tydex(header, channels, constants)), tmp_path))
     assert read.header == header
     assert [one[:3] for one in read.channels] == heads
-    assert [tuple(one) for one in read.constants] == constants
+    assert read.constants == constants
     for one, values in zip(read.channels, columns, strict=True):
         # Nine characters hold three digits of a negative number below 0.001, and more of others.
         np.testing.assert_allclose(one.values, values, rtol=5e-3)
