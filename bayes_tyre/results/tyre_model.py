@@ -11,7 +11,7 @@ from jaxtyping import Float
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.load_deflection.table import law_loop
 from bayes_tyre.inference.sampling.datatree import case_parameters, is_of_motions, law_of, tree_cases
-from bayes_tyre.record import RECORD_UNITS, parameter_column
+from bayes_tyre.record import CASE_FACTORS, RECORD_UNITS, parameter_column
 from bayes_tyre.results import hysteresis_loops
 from bayes_tyre.results.case_draws import of_case, travel_mm
 from bayes_tyre.results.case_selection import sign_of
@@ -27,7 +27,7 @@ _OF_TEST = {name: parameter_column(name) for name in ("k", "C", "x", "beta")} | 
 _POINTS, _LINE = 101, 21
 OF_STEP = "curve of one step: deflection counts from the start of the step (loading positive), force is the whole load"
 OF_CYCLE = "curve of a cycle: deflection and force count from its middle"
-OF_TEST = "curve of a slow test: deflection counts from first touch; straight from there to the first reading"
+OF_TEST = "curve of a slow test: deflection counts from first touch"
 ONE_WAY = "hysteresis is lost: this is the path of one step, and the way back is another path"
 MIDDLE = "hysteresis is lost: this is the middle line, loading lies {0:.0f} N above and unloading {0:.0f} N below it"
 
@@ -82,7 +82,7 @@ def of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:
         If it is no posterior of cases.
     """
     posterior = tree["posterior"].to_dataset() if "posterior" in tree.children else xr.Dataset()
-    if "k_case" not in posterior:
+    if not {"k_case", *(f"case_{factor}" for factor in CASE_FACTORS)} <= set(posterior.variables):
         raise BadInput("is no posterior of cases; name a folder that fit or motion wrote")
     of_motions, models = is_of_motions(posterior), []
     for i, case in enumerate(tree_cases(posterior)):
@@ -92,7 +92,7 @@ def of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:
             curves = _cycle(draws, float(tree.attrs["amplitude_mm"]), level)
         elif "record" in posterior.dims and not of_motions:
             step, sign = of_case(posterior, i), sign_of(case) or 1
-            draws |= {"J": step.J, "C": step.C, "F_i": step.F_i}
+            draws = {"k": step.k, "beta": step.beta, "J": step.J, "C": step.C, "F_i": step.F_i}
             u = travel_mm(posterior, i) * np.linspace(0.0, 1.0, _POINTS) ** 2  # dense where the force changes fast
             force = force_kN(sign * u, *(draws[name][:, None] for name in ("F_i", "J", "k", "beta")), law=law_of(tree))
             path = _curve(sign * u + 0.0, force, level)
@@ -132,8 +132,8 @@ def _slow_test(row: dict[Any, Any]) -> TyreModel:
     path, spline = (
         Curve(1e-3 * d, 1e3 * F, *np.full((2, len(d)), np.nan)) for d, F in (law_loop(row, low, high).T, middle.T)
     )
-    curves = Curves(path, spline, OF_TEST, MIDDLE.format(1e3 * row[_OF_TEST["settled"]]))
-    return TyreModel(str(row["test"]), values, curves, f"status: {row['status']}")
+    lost = MIDDLE.format(1e3 * row[_OF_TEST["settled"]]) + "; it is straight from 0 0 to the first reading"
+    return TyreModel(str(row["test"]), values, Curves(path, spline, OF_TEST, lost), f"status: {row['status']}")
 
 
 def _value(draws: np.ndarray, unit: str, level: float) -> Value:

@@ -25,11 +25,16 @@ from bayes_tyre.results.tyre_model import (
     of_load_deflection,
     of_posterior,
 )
+from bayes_tyre.signals.load_deflection import CASE_OF_TEST
 from bayes_tyre.workflow.load_deflection import CASES, TESTS
 from bayes_tyre.workflow.predict import errors_name, read_posterior
 
-_NEEDED = ("test", "configuration", "speed_km_h", "status", "origin", "k_kN_per_mm", "flat_ground_low_mm")
+_NEEDED = ("test", *CASE_OF_TEST, "status", "origin", "k_kN_per_mm", "flat_ground_low_mm")
 _UNITS = {"LENGTH": "meter", "FORCE": "newton", "ANGLE": "radian", "MASS": "kg", "TIME": "second"}
+_PLACE = (
+    "k, beta and forces are as on flat ground, c and energy_per_cycle at the wheel centre; all of them are of the "
+    "configuration as tested: of dual tyres, of both together"
+)
 _NOT_KNOWN = {
     "UNLOADED_RADIUS": "no result holds it; --unloaded-radius-mm puts it here",
     "VERTICAL_DAMPING": "only a result of motion holds it",
@@ -61,12 +66,13 @@ def read_models(folder: Path, level: float = 0.5) -> Exported:
     if level != 0.5:
         raise BadInput(f"{folder}: holds estimates and no posterior; leave --quantiles out")
     rows = read_table(folder / TESTS)
-    if (folder / CASES).is_file():  # a test that was averaged is not exported by itself
-        cases, factors = read_table(folder / CASES), ["configuration", "speed_km_h"]
-        of_a_case = pd.MultiIndex.from_frame(rows[factors]).isin(pd.MultiIndex.from_frame(cases[factors]))
-        rows = pd.concat([cases, rows[~of_a_case]], ignore_index=True)
     if missing := [column for column in _NEEDED if column not in rows]:
         raise BadInput(f"{folder / TESTS}: lacks column {missing[0]}; run load-deflection again")
+    if (folder / CASES).is_file():  # a test that was averaged is not exported by itself
+        cases = read_table(folder / CASES)
+        factors = [name for name in CASE_OF_TEST if name in cases]
+        of_a_case = pd.MultiIndex.from_frame(rows[factors]).isin(pd.MultiIndex.from_frame(cases[factors]))
+        rows = pd.concat([cases, rows[~of_a_case]], ignore_index=True)
     numbers = rows.columns.drop(["test", "configuration", "status", "origin"])
     rows[numbers] = rows[numbers].apply(pd.to_numeric, errors="coerce")
     models = of_load_deflection(rows)
@@ -123,7 +129,7 @@ def _about(model: TyreModel, exported: Exported, level: float) -> list[str]:
     if exported.verdict == "fail":
         lines.append("NOT TO BE TRUSTED: verdict fail; diagnostics.json of the result gives the reasons")
     lines += [f"{name} = {each.value:.6g} {each.unit}, {_interval(each)}" for name, each in model.parameters.items()]
-    return [*lines, "k, beta and forces: as on flat ground, of all tyres of the configuration together"]
+    return [*lines, _PLACE]
 
 
 def _interval(one: Value) -> str:
@@ -139,7 +145,7 @@ def _tir(model: TyreModel, name: str, about: list[str], radius_mm: float | None)
     if model.curves is not None and model.curves.about == OF_TEST:
         curves = {"DEFLECTION_LOAD_CURVE": ("pen fz", _rows(model.curves.spline))}
         about = [*about, model.curves.about, model.curves.lost]
-    lost = ["hysteresis is lost: a tyre property file has no field for it; VERTICAL_DAMPING is of the wheel centre"]
+    lost = ["hysteresis is lost: a tyre property file has no field for it"]
     unknown = [f"left out: {key}: {why}" for key, why in _NOT_KNOWN.items() if key not in radius | vertical | curves]
     sections = {"UNITS": _UNITS, "MODEL": {}, "DIMENSION": radius, "VERTICAL": vertical}
     return {f"{name}.tir": simulator.property_file(sections, [*about, *lost, *unknown], curves)}

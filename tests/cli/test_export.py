@@ -143,6 +143,7 @@ def test_tydex_files_hold_the_curve_and_are_read_as_records_again(results, tmp_p
     loop = read_table(tmp_path / "motion" / "single_0_20_30.tdx")
     assert loop["displacement_mm"].max() == pytest.approx(2.0)
     assert loop["displacement_mm"].iloc[-1] == pytest.approx(-2.0)
+    assert loop["force_kN"].iloc[0] == pytest.approx(-3.6 - 0.306, abs=2e-3)  # -k a - (x - k beta): before loading
 
 
 def test_splines_are_read_by_numpy_and_their_deflection_grows(results, tmp_path):

@@ -110,6 +110,7 @@ def test_a_slow_test_has_a_curve_from_first_touch_between_its_branches():
     np.testing.assert_allclose(spline.force[1:], k.value * spline.deflection[1:] + C.value)
     assert np.isnan(spline.upper).all()
     assert np.ptp(path.deflection) == pytest.approx(18.3e-3)
+    assert "from 0 0 to the first reading" in curves_of(model).lost
     assert model.status.startswith("status: ")
 
 

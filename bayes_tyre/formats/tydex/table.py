@@ -14,13 +14,15 @@ from bayes_tyre.plain_text import quoted
 _KN = {"n": 1e-3, "kn": 1.0}
 _MM = {"m": 1e3, "cm": 10.0, "mm": 1.0}
 _S = {"s": 1.0, "ms": 1e-3}
+#: Part of the readings of a force that must be negative for its sign to be another convention's.
+_NEGATIVE = 0.9
 
 
 def read_tydex_table(path: Path) -> pd.DataFrame:
     """Return the readings of a vertical test, a row each, as a record table and a load-deflection table need them.
 
     `record` and `test` are the header's MEASID, or the name of the file; `force_kN` and `load_kN` are FZW, positive
-    where the ground presses on the tyre: a file in which it is mostly negative has its sign turned. `displacement_mm`
+    where the ground presses on the tyre: where nine of ten readings are negative, the sign is turned. `displacement_mm`
     is TYREDEFW; without it, how far DSTGRWHC, the height of the wheel centre, has fallen since the first reading.
     `time_s` is RUNTIME. Constants that are numbers are further columns, such as `INFLPRES_bar`.
 
@@ -35,7 +37,7 @@ def read_tydex_table(path: Path) -> pd.DataFrame:
     if lacks:
         raise BadInput(f"{path}: has no channel {' or '.join(lacks)}, but {', '.join(names)}; give a vertical test")
     force = _values(path, file, "FZW", _KN)
-    force = -force if np.median(force) < 0 else force
+    force = -force if np.mean(force < 0) > _NEGATIVE else force
     if "TYREDEFW" in names:
         displacement = _values(path, file, "TYREDEFW", _MM)
     else:

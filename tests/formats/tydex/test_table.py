@@ -50,7 +50,9 @@ def test_without_deflection_it_is_how_far_the_wheel_centre_falls(tmp_path):
     assert "time_s" not in table
 
 
-def test_a_force_that_is_mostly_negative_has_its_sign_turned(tmp_path):
+def test_a_force_that_is_negative_has_its_sign_turned_and_one_about_zero_has_not(tmp_path):
+    about_zero = FORCE._replace(values=np.array([-3.0, -1.0, 2.0]))
+    assert table_of(tmp_path, DEFLECTION, about_zero)["force_kN"].tolist() == [-0.003, -0.001, 0.002]
     table = table_of(tmp_path, DEFLECTION, FORCE._replace(values=-FORCE.values))
     np.testing.assert_allclose(table["force_kN"], [20.0, 23.0, 26.0])
 
