@@ -29,7 +29,7 @@ def export(
     seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
-    """Write a result for a vehicle simulator: a file a case, in SI units but for csv-spline (mm, N).
+    """Write k (kN/mm in the result) and force curves for a vehicle simulator: a file a case, in its units.
 
     Values are medians. Comments in each file give the 95 % intervals, the origin of the data, the verdict, and what
     the format cannot hold, such as hysteresis. What a result does not know is left out: damping is known from motion
