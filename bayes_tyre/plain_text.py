@@ -1,10 +1,12 @@
 """Text from files and libraries made safe to show: on one line, printable, not too long."""
 
-from collections.abc import Callable, Sequence
+import textwrap
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 #: Most characters of a label in a table, of a name in a message, and of a library's error; most names in a list.
 LABEL, NAME, REASON, LISTED = 30, 60, 200, 6
+_COMMENT = 76
 
 
 def one_line(text: object, most: int | None = LABEL) -> str:
@@ -30,6 +32,16 @@ def quoted(text: str) -> str:
 def escaped(text: object, shows: Callable[[str], bool] = str.isprintable) -> str:
     """Return a text as one line, with escapes for the characters that `shows` refuses."""
     return "".join(c if shows(c) else c.encode("unicode_escape").decode("ascii") for c in _without_breaks(text))
+
+
+def ascii_line(text: object) -> str:
+    """Return a text as one line of printable ASCII, with escapes for all other characters."""
+    return escaped(text, lambda c: c.isascii() and c.isprintable())
+
+
+def comments(lines: Iterable[str], mark: str) -> list[str]:
+    """Return lines as ASCII comments that begin with a mark, those wrapped that are too long for old readers."""
+    return [mark + part for line in lines for part in textwrap.wrap(ascii_line(line), _COMMENT)]
 
 
 def listed(names: Sequence[str], most: int = LISTED, show: Callable[[str], str] = str) -> str:

@@ -8,6 +8,7 @@ import typer
 from bayes_tyre.cli.commands.audit import audit
 from bayes_tyre.cli.commands.calibrate import calibrate
 from bayes_tyre.cli.commands.compare import compare
+from bayes_tyre.cli.commands.export import export
 from bayes_tyre.cli.commands.fit import fit
 from bayes_tyre.cli.commands.inspect import inspect
 from bayes_tyre.cli.commands.load_deflection import load_deflection
@@ -40,8 +41,9 @@ def main(show_version: Annotated[bool, typer.Option("--version", help="Print the
 
 
 _FITS = (lsq, load_deflection, fit, motion)
+_READ_RESULTS = (compare, predict, export, report, show)
 _SIMULATED = (simulate, audit)
-for command in (published, campaign, inspect, calibrate, process, *_FITS, compare, predict, report, show, *_SIMULATED):
+for command in (published, campaign, inspect, calibrate, process, *_FITS, *_READ_RESULTS, *_SIMULATED):
     app.command(cls=Command)(guarded(command))
 app.add_typer(study)
 

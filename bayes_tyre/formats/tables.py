@@ -13,6 +13,7 @@ from bayes_tyre.formats.decimals import read_by_decimals
 from bayes_tyre.formats.dialect import Dialect, find_dialect, first_long_row
 from bayes_tyre.formats.files import whole_file
 from bayes_tyre.formats.formulas import as_meant, harmless, map_texts, texts_of
+from bayes_tyre.formats.tydex.table import read_tydex_table
 from bayes_tyre.plain_text import reason
 from bayes_tyre.record import TEXT_COLUMNS
 
@@ -71,14 +72,18 @@ def _write_parquet(table: pd.DataFrame, path: Path) -> None:
     table.to_parquet(path, index=False)
 
 
-READERS: dict[str, Callable[[Path], pd.DataFrame]] = {".csv": _read_csv, ".parquet": _read_parquet}
+READERS: dict[str, Callable[[Path], pd.DataFrame]] = {
+    ".csv": _read_csv,
+    ".parquet": _read_parquet,
+    ".tdx": read_tydex_table,
+}
 _KINDS = " or ".join(READERS)
 #: A path with another suffix is written as CSV.
 _WRITERS: dict[str, Callable[[pd.DataFrame, Path], None]] = {".csv": _write_csv, ".parquet": _write_parquet}
 
 
 def read_table(path: Path) -> pd.DataFrame:
-    """Return the table in a `.csv` or `.parquet` file, cells unchecked.
+    """Return the table in a `.csv`, `.parquet` or TYDEX (`.tdx`) file, cells unchecked.
 
     A CSV file may have commas, semicolons or tabs between its cells, decimal commas beside semicolons or tabs, and
     be UTF-8 or, with its byte-order mark, UTF-16. Text comes back as it was before `write_table` made it harmless.

@@ -63,6 +63,7 @@ WRITERS: dict[str, Callable[[Path, Path], list[object]]] = {
     "campaign": lambda given, out: ["campaign", "--out", out / "campaign.csv"],
     "compare": lambda given, out: ["compare", given / "fit", given / "other", "--out", out],
     "predict": lambda given, out: ["predict", given / "fit", "--case", "direction=unloading", "--out", out],
+    "export": lambda given, out: ["export", given / "fit", "--to", "tir", "--out", out],
     "report": lambda given, out: ["report", given / "fit", "--out", out / "report.html"],
     "inspect": lambda given, out: ["inspect", data_path("sample/appendix_b1.lvm"), "--out", out / "channels.csv"],
     "calibrate": lambda given, out: ["calibrate", data_path("sample/appendix_b1.lvm"), "--out", out / "lines.toml"],
@@ -76,7 +77,7 @@ WRITERS: dict[str, Callable[[Path, Path], list[object]]] = {
 RIGS = {name: load_rig(name) for name in ("single", "dual")}
 SILENT = ("show",)
 #: Made-up draws are not those of the records: what is said of them is not to be trusted.
-NOT_TRUSTED = ("fit", "compare", "predict", "report")
+NOT_TRUSTED = ("fit", "compare", "predict", "export", "report")
 
 
 @pytest.fixture(scope="module")

@@ -79,8 +79,9 @@ def fit_tests(table: pd.DataFrame, beta_mm: float | None = None) -> pd.DataFrame
         branches), `x_kN`, `beta_mm`, each with its standard error (`_se`), and the limits within 95 % by the profile
         over beta (`x_low_kN`, `x_high_kN`, `beta_high_mm`), `rmse_kN`: all as on flat ground. At the wheel centre
         `energy_per_cycle_J` by the law over `stroke_mm`, and `loop_area_J` of the polygon of the readings; the same as
-        on flat ground, which is no work done, `flat_ground_energy_per_cycle_J` and `flat_ground_loop_area_J`. `status`
-        is ``ok`` or why the estimates are not reliable. Empty where not determined.
+        on flat ground, which is no work done, `flat_ground_energy_per_cycle_J` and `flat_ground_loop_area_J`; the ends
+        of the displacement there, `flat_ground_low_mm` and `flat_ground_high_mm`. `status` is ``ok`` or why the
+        estimates are not reliable. Empty where not determined.
     """
     tests = [test for _, test in table.groupby("test", sort=False)]
     flat, centre = (_law(tests, place, beta_mm) for place in (FLAT_GROUND, WHEEL_CENTRE))
@@ -192,7 +193,9 @@ def _energy_columns(test: pd.DataFrame, flat: CycleEstimate | None, centre: Cycl
         columns[f"{prefix}energy_per_cycle_J"] = np.nan if fitted is None else float(fitted.energy)
         columns[f"{prefix}energy_per_cycle_J_se"] = np.nan if fitted is None else float(fitted.energy_se)
         columns[f"{prefix}loop_area_J"] = float(loop_energy(jnp.asarray(d), jnp.asarray(F))) if closed else np.nan
-    return {"stroke_mm": float(np.ptp(test[WHEEL_CENTRE[0]])), **columns}
+    flat = test[FLAT_GROUND[0]]
+    ends = {"flat_ground_low_mm": float(flat.min()), "flat_ground_high_mm": float(flat.max())}
+    return {"stroke_mm": float(np.ptp(test[WHEEL_CENTRE[0]])), **columns, **ends}
 
 
 def _status(

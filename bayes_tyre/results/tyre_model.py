@@ -1,0 +1,145 @@
+"""A result as a vehicle simulator needs it: parameters and a force curve of each case, in SI units."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from jaxtyping import Float
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.load_deflection.table import law_loop
+from bayes_tyre.inference.sampling.datatree import case_parameters, is_of_motions, law_of, tree_cases
+from bayes_tyre.record import CASE_FACTORS, RECORD_UNITS, parameter_column
+from bayes_tyre.results import hysteresis_loops
+from bayes_tyre.results.case_draws import of_case, travel_mm
+from bayes_tyre.results.case_selection import sign_of
+from bayes_tyre.results.prediction import force_kN
+
+_TAILS, _NORMAL = (0.025, 0.975), 1.959964
+_SI = {
+    **{"kN/mm": (1e6, "N/m"), "mm": (1e-3, "m"), "kN": (1e3, "N"), "kN s/mm": (1e6, "N.s/m")},
+    **{unit: (1.0, unit) for unit in ("kg", "J", "Hz", "1")},
+}
+#: Columns of slow tests by parameter; points of the curve of a step, and of a straight line.
+_OF_TEST = {name: parameter_column(name) for name in ("k", "C", "x", "beta")} | {"settled": "x_less_k_beta_kN"}
+_POINTS, _LINE = 101, 21
+OF_STEP = "curve of one step: deflection counts from the start of the step (loading positive), force is the whole load"
+OF_CYCLE = "curve of a cycle: deflection and force count from its middle"
+OF_TEST = "curve of a slow test: deflection counts from first touch"
+ONE_WAY = "hysteresis is lost: this is the path of one step, and the way back is another path"
+MIDDLE = "hysteresis is lost: this is the middle line, loading lies {0:.0f} N above and unloading {0:.0f} N below it"
+
+
+class Value(NamedTuple):
+    """A parameter with its 95 % interval, NaN where not known, in an SI unit."""
+
+    value: float
+    lower: float
+    upper: float
+    unit: str
+
+
+class Curve(NamedTuple):
+    """Force (N) over deflection (m), shape (points,), with the 95 % interval of the force, NaN where not known."""
+
+    deflection: Float[np.ndarray, " points"]
+    force: Float[np.ndarray, " points"]
+    lower: Float[np.ndarray, " points"]
+    upper: Float[np.ndarray, " points"]
+
+
+class Curves(NamedTuple):
+    """The curve as it is passed through; with one force for each deflection, which grows; and a sentence on either.
+
+    `about` says from where deflection and force count, `lost` what `spline` does not hold.
+    """
+
+    path: Curve
+    spline: Curve
+    about: str
+    lost: str
+
+
+class TyreModel(NamedTuple):
+    """A case, or a slow test: its label, its parameters by name, its curves if it has any, and a slow test's status."""
+
+    label: str
+    parameters: Mapping[str, Value]
+    curves: Curves | None = None
+    status: str = ""
+
+
+def of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:
+    """Return the cases of a posterior; those of records, and of motions on Fancher's law, have curves.
+
+    `level` is the quantile of each parameter, and of the force at each deflection; 0.5 is the median.
+
+    Raises
+    ------
+    BadInput
+        If it is no posterior of cases.
+    """
+    posterior = tree["posterior"].to_dataset() if "posterior" in tree.children else xr.Dataset()
+    if not {"k_case", *(f"case_{factor}" for factor in CASE_FACTORS)} <= set(posterior.variables):
+        raise BadInput("is no posterior of cases; name a folder that fit or motion wrote")
+    of_motions, models = is_of_motions(posterior), []
+    for i, case in enumerate(tree_cases(posterior)):
+        draws = {name: posterior[f"{name}_case"].isel(case=i).to_numpy().ravel() for name in case_parameters(posterior)}
+        curves = None
+        if of_motions and tree.attrs.get("law", hysteresis_loops.LAW) == hysteresis_loops.LAW:
+            curves = _cycle(draws, float(tree.attrs["amplitude_mm"]), level)
+        elif "record" in posterior.dims and not of_motions:
+            step, sign = of_case(posterior, i), sign_of(case) or 1
+            draws = {"k": step.k, "beta": step.beta, "J": step.J, "C": step.C, "F_i": step.F_i}
+            u = travel_mm(posterior, i) * np.linspace(0.0, 1.0, _POINTS) ** 2  # dense where the force changes fast
+            force = force_kN(sign * u, *(draws[name][:, None] for name in ("F_i", "J", "k", "beta")), law=law_of(tree))
+            path = _curve(sign * u + 0.0, force, level)
+            curves = Curves(path, Curve(*(column[::sign] for column in path)), OF_STEP, ONE_WAY)
+        values = {name: _value(each, RECORD_UNITS[name], level) for name, each in draws.items()}
+        models.append(TyreModel(case.label, values, curves))
+    return models
+
+
+def _cycle(draws: Mapping[str, np.ndarray], amplitude_mm: float, level: float) -> Curves:
+    k, x, beta = (draws[name] for name in ("k", "x", "beta"))
+    friction = hysteresis_loops.settled_friction(k, x, beta, amplitude_mm)
+    d = hysteresis_loops.loop_table(amplitude_mm, friction[0])["displacement_mm"].to_numpy()
+    line = np.linspace(-amplitude_mm, amplitude_mm, _LINE)
+    path, middle = (_curve(at, of + k[:, None] * at, level) for at, of in ((d, friction), (line, 0.0)))
+    return Curves(path, middle, OF_CYCLE, MIDDLE.format(1e3 * np.median(x - k * beta)))
+
+
+def of_load_deflection(rows: pd.DataFrame) -> list[TyreModel]:
+    """Return the slow tests of `load_deflection.csv` or `load_deflection_cases.csv` whose k is known and positive.
+
+    Intervals are those of a normal distribution with the standard errors; curves have none.
+    """
+    return [_slow_test(row) for row in rows.to_dict("records") if row[_OF_TEST["k"]] > 0]
+
+
+def _slow_test(row: dict[Any, Any]) -> TyreModel:
+    values = {}
+    for name, column in _OF_TEST.items():
+        (factor, unit), half = _SI[RECORD_UNITS[name]], _NORMAL * row[f"{column}_se"]
+        if np.isfinite(row[column]):
+            values[name] = Value(*(factor * (row[column] + off) for off in (0.0, -half, half)), unit=unit)
+    low, high = row["flat_ground_low_mm"], row["flat_ground_high_mm"]
+    line = np.linspace(low, high, _LINE)
+    middle = np.stack([line, row[_OF_TEST["k"]] * line + row[_OF_TEST["C"]]], axis=1)
+    middle = np.concatenate([np.zeros((1, 2)), middle[(middle > 0).all(axis=1)]])
+    path, spline = (
+        Curve(1e-3 * d, 1e3 * F, *np.full((2, len(d)), np.nan)) for d, F in (law_loop(row, low, high).T, middle.T)
+    )
+    lost = MIDDLE.format(1e3 * row[_OF_TEST["settled"]]) + "; it is straight from 0 0 to the first reading"
+    return TyreModel(str(row["test"]), values, Curves(path, spline, OF_TEST, lost), f"status: {row['status']}")
+
+
+def _value(draws: np.ndarray, unit: str, level: float) -> Value:
+    factor, si = _SI[unit]
+    return Value(*(float(each) for each in factor * np.quantile(draws, [level, *_TAILS])), unit=si)
+
+
+def _curve(deflection_mm: np.ndarray, draws_kN: np.ndarray, level: float) -> Curve:
+    return Curve(1e-3 * deflection_mm, *(1e3 * np.quantile(draws_kN, [level, *_TAILS], axis=0)))
