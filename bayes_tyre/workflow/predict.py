@@ -51,7 +51,7 @@ def read_result(folder: Path) -> Result:
         If the folder holds no finished result, one that cannot be read, or one without records.
     """
     path, tree, verdict = read_posterior(folder)
-    with _errors_name(path):
+    with errors_name(path):
         return Result(path, tree, predictable_cases(tree), verdict)
 
 
@@ -77,7 +77,7 @@ def read_posterior(folder: Path) -> tuple[Path, xr.DataTree, str]:
 
 
 @contextmanager
-def _errors_name(path: Path) -> Iterator[None]:
+def errors_name(path: Path) -> Iterator[None]:
     """Put the file's path before the message of `BadInput`."""
     try:
         yield
@@ -117,7 +117,7 @@ def write_prediction(
 
     Arguments are those of `bayes_tyre.results.prediction.predict`.
     """
-    with _errors_name(result.path):
+    with errors_name(result.path):
         prediction = predict(
             result.tree, query, displacement_mm, verdict=result.verdict, of=of, interval=interval, seed=seed
         )

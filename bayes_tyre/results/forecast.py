@@ -1,0 +1,98 @@
+"""The posterior of a goal after tests that have not been run, as far as a Gaussian posterior has it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+from jaxtyping import Float
+
+from bayes_tyre.record import Case
+from bayes_tyre.results.candidates import Candidates
+from bayes_tyre.results.goals import Goal
+
+#: Share by which the width of an interval may differ from a normal distribution's.
+_NEARLY_NORMAL = 0.1
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a posterior says of a goal and of the tests that could be run.
+
+    Attributes
+    ----------
+    cases, with_records:
+        Those that can be tested; the first so many have records.
+    covariance, weights:
+        Of the logarithms of all values, a case's together, and what the goal's logarithm weighs each with.
+    noise:
+        Covariance of the error of one test of each case, which measures the first values of the case.
+    log_goal:
+        Draws of the logarithm of the goal.
+    """
+
+    cases: tuple[Case, ...]
+    with_records: int
+    covariance: Float[np.ndarray, "values values"]
+    weights: Float[np.ndarray, " values"]
+    noise: Float[np.ndarray, "cases measured measured"]
+    log_goal: Float[np.ndarray, " draws"]
+
+    def covariance_after(self, tests: Sequence[int]) -> Float[np.ndarray, "values values"]:
+        """Return the covariance of all values after tests, given as indices of cases."""
+        return reduce(self._with_test, tests, self.covariance)
+
+    def variance_after(self, tests: Sequence[int]) -> float:
+        """Return the variance of the goal's logarithm after tests."""
+        return float(self.weights @ self.covariance_after(tests) @ self.weights)
+
+    def variance_after_each(self, tests: Sequence[int] = (), repeats: int = 1) -> Float[np.ndarray, " cases"]:
+        """Return the variance of the goal's logarithm after tests and `repeats` further ones of each case in turn."""
+        covariance, (cases, measured, _) = self.covariance_after(tests), self.noise.shape
+        each = np.arange(cases)
+        blocks = covariance.reshape(cases, -1, cases, len(covariance) // cases)[each, :measured, each, :measured]
+        with_goal = (covariance @ self.weights).reshape(cases, -1)[:, :measured]
+        gain = np.linalg.solve(blocks + self.noise / repeats, with_goal[..., None])[..., 0]
+        return self.weights @ covariance @ self.weights - np.sum(with_goal * gain, axis=1)
+
+    def width(self, variance: float | None = None) -> float:
+        """Return the width of the goal's 95 % interval over its median: now, or with another variance of its logarithm.
+
+        The interval of the draws is shrunk, so that it keeps their skewness.
+        """
+        now = self.variance_after(())
+        # Of the draws' variance, no test lowers what is no case's, such as a common factor on displacement.
+        fixed = max(float(np.var(self.log_goal, ddof=1)) - now, 0.0)
+        shrink = 1.0 if variance is None else np.sqrt((variance + fixed) / (now + fixed))
+        return float(np.ptp(np.exp(shrink * (np.quantile(self.log_goal, [0.025, 0.975]) - np.median(self.log_goal)))))
+
+    @property
+    def median(self) -> float:
+        """Median of the goal, in its own unit."""
+        return float(np.exp(np.median(self.log_goal)))
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the draws of the goal are so far from normal that a forecast from their covariance is doubtful."""
+        below, above = np.abs(np.quantile(self.log_goal, [0.025, 0.975]) - np.median(self.log_goal))
+        normal = 1.96 * np.std(self.log_goal, ddof=1)
+        return bool(max(abs(below - normal), abs(above - normal)) > _NEARLY_NORMAL * normal)
+
+    def _with_test(
+        self, covariance: Float[np.ndarray, "values values"], case: int
+    ) -> Float[np.ndarray, "values values"]:
+        first, noise = case * (len(covariance) // len(self.noise)), self.noise[case]
+        rows = covariance[first : first + len(noise)]
+        return covariance - rows.T @ np.linalg.solve(rows[:, first : first + len(noise)] + noise, rows)
+
+
+def forecast(candidates: Candidates, goal: Goal) -> Forecast:
+    """Return the forecast of a goal over these candidates."""
+    weights = np.zeros(candidates.remainder.shape)
+    weights[:, candidates.parameters.index(goal.parameter)] = goal.weights
+    draws = len(candidates.log_values)
+    log_goal = candidates.log_values.reshape(draws, -1) @ weights.ravel() + candidates.log_scale @ weights.sum(axis=0)
+    own = candidates.remainder.ravel() @ weights.ravel() ** 2  # of a goal that is a new case
+    log_goal = log_goal + np.sqrt(own) * np.random.default_rng(0).standard_normal(draws)
+    parts = candidates.covariance, weights.ravel(), candidates.noise, log_goal
+    return Forecast(candidates.cases, candidates.with_records, *parts)
