@@ -11,13 +11,14 @@ from bayes_tyre.record import Case
 from bayes_tyre.results.candidates import Candidates
 from bayes_tyre.results.goals import Goal
 
-#: Share by which the width of an interval may differ from a normal distribution's.
+_TAILS = (0.025, 0.975)
+#: Share by which either side of the 95 % interval may differ from that of a normal distribution.
 _NEARLY_NORMAL = 0.1
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """What a posterior says of a goal and of the tests that could be run.
+    """What a posterior says of a goal, and of the tests that could be run.
 
     Attributes
     ----------
@@ -40,7 +41,13 @@ class Forecast:
 
     def covariance_after(self, tests: Sequence[int]) -> Float[np.ndarray, "values values"]:
         """Return the covariance of all values after tests, given as indices of cases."""
-        return reduce(self._with_test, tests, self.covariance)
+
+        def with_test(covariance: np.ndarray, case: int) -> np.ndarray:
+            first, noise = case * (len(covariance) // len(self.noise)), self.noise[case]
+            rows = covariance[first : first + len(noise)]
+            return covariance - rows.T @ np.linalg.solve(rows[:, first : first + len(noise)] + noise, rows)
+
+        return reduce(with_test, tests, self.covariance)
 
     def variance_after(self, tests: Sequence[int]) -> float:
         """Return the variance of the goal's logarithm after tests."""
@@ -60,11 +67,8 @@ class Forecast:
 
         The interval of the draws is shrunk, so that it keeps their skewness.
         """
-        now = self.variance_after(())
-        # Of the draws' variance, no test lowers what is no case's, such as a common factor on displacement.
-        fixed = max(float(np.var(self.log_goal, ddof=1)) - now, 0.0)
-        shrink = 1.0 if variance is None else np.sqrt((variance + fixed) / (now + fixed))
-        return float(np.ptp(np.exp(shrink * (np.quantile(self.log_goal, [0.025, 0.975]) - np.median(self.log_goal)))))
+        shrink = 1.0 if variance is None else np.sqrt(variance / self.variance_after(()))
+        return float(np.ptp(np.exp(shrink * (np.quantile(self.log_goal, _TAILS) - np.median(self.log_goal)))))
 
     @property
     def median(self) -> float:
@@ -74,25 +78,15 @@ class Forecast:
     @property
     def doubtful(self) -> bool:
         """Whether the draws of the goal are so far from normal that a forecast from their covariance is doubtful."""
-        below, above = np.abs(np.quantile(self.log_goal, [0.025, 0.975]) - np.median(self.log_goal))
-        normal = 1.96 * np.std(self.log_goal, ddof=1)
-        return bool(max(abs(below - normal), abs(above - normal)) > _NEARLY_NORMAL * normal)
-
-    def _with_test(
-        self, covariance: Float[np.ndarray, "values values"], case: int
-    ) -> Float[np.ndarray, "values values"]:
-        first, noise = case * (len(covariance) // len(self.noise)), self.noise[case]
-        rows = covariance[first : first + len(noise)]
-        return covariance - rows.T @ np.linalg.solve(rows[:, first : first + len(noise)] + noise, rows)
+        sides = np.abs(np.quantile(self.log_goal, _TAILS) - np.median(self.log_goal))
+        return bool(np.abs(sides / (1.96 * np.std(self.log_goal)) - 1.0).max() > _NEARLY_NORMAL)
 
 
 def forecast(candidates: Candidates, goal: Goal) -> Forecast:
     """Return the forecast of a goal over these candidates."""
-    weights = np.zeros(candidates.remainder.shape)
+    values = candidates.log_values.reshape(len(candidates.log_values), -1)
+    weights = np.zeros(candidates.log_values.shape[1:])
     weights[:, candidates.parameters.index(goal.parameter)] = goal.weights
-    draws = len(candidates.log_values)
-    log_goal = candidates.log_values.reshape(draws, -1) @ weights.ravel() + candidates.log_scale @ weights.sum(axis=0)
-    own = candidates.remainder.ravel() @ weights.ravel() ** 2  # of a goal that is a new case
-    log_goal = log_goal + np.sqrt(own) * np.random.default_rng(0).standard_normal(draws)
-    parts = candidates.covariance, weights.ravel(), candidates.noise, log_goal
-    return Forecast(candidates.cases, candidates.with_records, *parts)
+    covariance = np.atleast_2d(np.cov(values, rowvar=False))
+    log_goal, cases = values @ weights.ravel(), candidates.cases
+    return Forecast(cases, candidates.with_records, covariance, weights.ravel(), candidates.noise, log_goal)
