@@ -23,9 +23,7 @@ from bayes_tyre.results.plan import Costs, choose_tests, planned, ranking
 from bayes_tyre.rig.faults import first_fault
 from bayes_tyre.workflow.predict import errors_name, read_posterior
 
-_EXPLAINED = (
-    "such as minutes_per_test = 5, budget_minutes = 240, [setup_minutes] speed_km_h = 10, [rig] step_kN = [-5, 5]"
-)
+_EXPLAINED = "the keys are explained in docs/howto/next_test.md"
 
 
 class Next(NamedTuple):

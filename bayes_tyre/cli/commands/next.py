@@ -77,27 +77,27 @@ def _lines(done: "Next", precision: float) -> list[str]:
     """Return the best candidates, and what the plan reaches."""
     from bayes_tyre.record import CASE_FACTORS, Case
 
-    now, of = done.forecast.width(), done.goal.of
-    lines = [f"{done.goal.text}: median {done.forecast.median:.4g}, 95 % interval {_percent(now)} of it wide ({of})"]
+    now, enough = _percent(done.forecast.width()), _percent(precision)
+    lines = [f"{done.goal.text}: median {done.forecast.median:.4g}, 95 % interval {now} of it wide ({done.goal.of})"]
     for row in done.ranked.head(_SHOWN).to_dict("records"):
-        case = Case._make(row[factor] for factor in CASE_FACTORS).label
-        what = f"more repeats of {case}" if row["kind"] == "repeat" else f"repeats of the new case {case}"
-        width = f"{_percent(now)} to {_percent(row['width_expected'])}"
-        lines.append(f"{row['rank']}  {row['tests']} {what}: interval {width}{_minutes(row['minutes'])}")
+        case, several = Case._make(row[factor] for factor in CASE_FACTORS).label, "s" * (row["tests"] > 1)
+        what = f"more repeat{several} of {case}" if row["kind"] == "repeat" else f"test{several} of the new case {case}"
+        lines.append(f"{row['rank']}  {row['tests']} {what}: interval {now} to {_after(row)}")
     if done.plan.empty:
-        return [*lines, f"no test is planned: {_percent(now)} is within {_percent(precision)}, or no test is worth it"]
+        return [*lines, f"plan: no test, as {now} is within {enough} or no test is within the budget"]
     last = done.plan.iloc[-1]
-    reached = "reach" if last["width_expected"] <= precision else "do not reach"
+    reached = "" if last["width_expected"] <= precision else "not "
     return [
         *lines,
-        f"plan: {len(done.plan)} tests {reached} {_percent(precision)}: {_percent(now)} to "
-        f"{_percent(last['width_expected'])}{_minutes(last['minutes'])}",
+        f"plan, {reached}expected to reach {enough}: {len(done.plan)} tests, interval {now} to {_after(last)}",
     ]
+
+
+def _after(row: Any) -> str:
+    """Return the expected width of a row, and the minutes where they are known."""
+    minutes = f", {row['minutes']:.0f} min" if row["minutes"] == row["minutes"] else ""
+    return f"{_percent(row['width_expected'])}{minutes}"
 
 
 def _percent(share: float) -> str:
     return f"{100 * share:.3g} %"
-
-
-def _minutes(minutes: Any) -> str:
-    return f", {minutes:.0f} min" if minutes == minutes else ""

@@ -25,6 +25,7 @@ def width_against_tests(plan: pd.DataFrame, width_now: float, precision: float, 
         ax.plot(at[shown], widths[shown], marker, color=INK, markersize=4, label=label)
     ax.axhline(100.0 * precision, color=PALE, linestyle="--", linewidth=0.9, label="precision asked for")
     ax.set_ylim(0.0, 1.08 * max(widths.max(), 100.0 * precision))
+    ax.set_xlim(-0.5, max(len(plan), 1) + 0.5)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_xlabel("further tests")
     ax.set_ylabel("width of the 95 % interval\n(% of the median)")
