@@ -128,7 +128,8 @@ def _predicted(
                 effects[level] = widened * rng.standard_normal(len(widened))
         values = [value + effects.get(_levels(case)[factor], 0.0) for value, case in zip(values, new, strict=True)]
     remainder = sd(f"sd_log_{parameter}_case")
-    return np.reshape([value + remainder * rng.standard_normal(len(value)) for value in values], (len(new), -1)).T
+    drawn = [value + remainder * rng.standard_normal(len(remainder)) for value in values]
+    return np.reshape(drawn, (len(new), len(remainder))).T
 
 
 def _levels(case: Case) -> dict[str, str]:

@@ -12,8 +12,8 @@ from bayes_tyre.results.candidates import Candidates
 from bayes_tyre.results.goals import Goal
 
 _TAILS = (0.025, 0.975)
-#: Share by which either side of the 95 % interval may differ from that of a normal distribution.
-_NEARLY_NORMAL = 0.1
+#: Largest skewness and excess kurtosis of a goal's draws that are taken for nearly normal.
+_SKEWNESS, _EXCESS = 0.5, 1.0
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,8 @@ class Forecast:
     @property
     def doubtful(self) -> bool:
         """Whether the draws of the goal are so far from normal that a forecast from their covariance is doubtful."""
-        sides = np.abs(np.quantile(self.log_goal, _TAILS) - np.median(self.log_goal))
-        return bool(np.abs(sides / (1.96 * np.std(self.log_goal)) - 1.0).max() > _NEARLY_NORMAL)
+        z = (self.log_goal - np.mean(self.log_goal)) / np.std(self.log_goal)
+        return bool(abs(np.mean(z**3)) > _SKEWNESS or abs(np.mean(z**4) - 3.0) > _EXCESS)
 
 
 def forecast(candidates: Candidates, goal: Goal) -> Forecast:

@@ -83,5 +83,5 @@ def _pairs(first: str, second: str, cases: Sequence[Case]) -> tuple[list[Pair], 
         pairs, matching = next((found for found in matched if found[0]), ([], ""))
         turned = [pair if first == DIRECTIONS[0] else Pair(pair.second, pair.first, pair.shared) for pair in pairs]
         return turned, f"{len(pairs)} pairs of cases, {matching}"
-    pairs = configuration_pairs(cases, first, second)
+    pairs = configuration_pairs(cases, first, second) if first != second else []
     return pairs, f"{len(pairs)} pairs of cases"

@@ -61,12 +61,15 @@ def write_next(
     """
     costs = read_costs(cost)
     path, tree, verdict = read_posterior(folder)
-    with errors_name(path):
-        posterior = tree["posterior"].to_dataset()
-        known = tree_cases(posterior)
-        of_slope = "log_k_load" in posterior and posterior.sizes["load"] == 1  # a new case's actual force is not known
-        possible = candidates(tree, [] if of_slope else new_cases(known, dict(costs.rig)))
-        parsed = parse_goal(goal, possible.cases, len(known), possible.parameters)
+    try:
+        with errors_name(path):
+            posterior = tree["posterior"].to_dataset()
+            known = tree_cases(posterior)
+            slope = "log_k_load" in posterior and posterior.sizes["load"] == 1  # new cases start at no known force
+            possible = candidates(tree, [] if slope else new_cases(known, dict(costs.rig)))
+            parsed = parse_goal(goal, possible.cases, len(known), possible.parameters)
+    except KeyError as error:
+        raise BadInput(f"{path}: lacks {error}, so it is no posterior of fit or motion; run fit again") from None
     expected = forecast(possible, parsed)
     repeats = repeats or max(1, round(posterior.sizes["record"] / len(known)))
     about = {"origin": tree.attrs["origin"], "verdict": verdict}

@@ -19,7 +19,10 @@ COMMANDS = tuple(
 )
 #: Commands by what they read, each with the options it cannot do without; a further command is one more row.
 ON_TABLES: dict[str, tuple[str, ...]] = {"lsq": (), "fit": ()}
-ON_RESULTS: dict[str, tuple[str, ...]] = {"show": (), "predict": ("--case", "direction=unloading"), "report": ()}
+ON_RESULTS: dict[str, tuple[str, ...]] = {
+    **{"show": (), "predict": ("--case", "direction=unloading"), "report": ()},
+    "next": ("--goal", "k single (0)20-30", "--precision", "2%", "--out", "out"),
+}
 FACTORS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN", "repeat"]
 #: Drawn where cases match; and where a record can be judged.
 CONTRASTS_PNG, OUTLIERS_PNG = "figures/contrasts.png", "figures/outlier_probabilities.png"

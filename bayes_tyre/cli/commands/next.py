@@ -87,10 +87,7 @@ def _lines(done: "Next", precision: float) -> list[str]:
         return [*lines, f"plan: no test, as {now} is within {enough} or no test is within the budget"]
     last = done.plan.iloc[-1]
     reached = "" if last["width_expected"] <= precision else "not "
-    return [
-        *lines,
-        f"plan, {reached}expected to reach {enough}: {len(done.plan)} tests, interval {now} to {_after(last)}",
-    ]
+    return [*lines, f"plan {reached}expected to reach {enough}: {len(done.plan)} tests, {now} to {_after(last)}"]
 
 
 def _after(row: Any) -> str:
