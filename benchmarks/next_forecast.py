@@ -94,7 +94,7 @@ def one_plan(seed: int) -> dict[str, float | str]:
     repeats = dict.fromkeys(first_cases(), REPEATS)
     tables = [truth.record(case, repeat) for case in repeats for repeat in range(1, REPEATS + 1)]
     before = forecast_of(posterior(pd.concat(tables, ignore_index=True), seed), goal)
-    tests = choose_tests(before, 0.0, TESTS, Costs())
+    tests = choose_tests(before, 0.0, TESTS, Costs(minutes_per_test=1.0))
     for case in (before.cases[test] for test in tests):
         repeats[case] = repeats.get(case, 0) + 1
         tables.append(truth.record(case, repeats[case]))
