@@ -45,15 +45,10 @@ class Candidates(NamedTuple):
 
 
 def new_cases(cases: Sequence[Case], levels: Mapping[str, Sequence[float] | None]) -> list[Case]:
-    """Return the cases without records that combine the groups and levels of cases.
+    """Return the cases without records that combine groups and levels, with a step of the direction's sign.
 
-    A new case has the configuration and direction of one with records, a step of the direction's sign, and loads
-    within those met. `levels` of a factor of `LEVELS` take the place of those in the data.
-
-    Raises
-    ------
-    BadInput
-        If there are more than `MOST_NEW`.
+    Their loads are within those met. `levels` of a factor of `LEVELS` take the place of those of the cases. More than
+    `MOST_NEW` are refused as `BadInput`.
     """
     groups = dict.fromkeys(case[:2] for case in cases)
     of_factors = [levels.get(name) or dict.fromkeys(getattr(case, name) for case in cases) for name in LEVELS]
@@ -83,12 +78,7 @@ def candidates(tree: xr.DataTree, new: Sequence[Case], seed: int = 0) -> Candida
     """Return what a posterior of records or motions holds of its own cases and of new ones.
 
     Draws of a new case are of the linear predictor and the remainder; an effect of a level without data is drawn, by
-    `seed`, with the standard deviation of the factor's effects.
-
-    Raises
-    ------
-    BadInput
-        If the posterior has no repeats.
+    `seed`, with the standard deviation of the factor's effects. A posterior without repeats is refused as `BadInput`.
     """
     posterior, priors, rng = as_measured(tree["posterior"].to_dataset()), priors_of(tree), np.random.default_rng(seed)
     measured = [name for name in (*LAW_PARAMETERS, *AXLE_PARAMETERS) if f"sd_log_{name}_repeat" in posterior]
@@ -99,9 +89,8 @@ def candidates(tree: xr.DataTree, new: Sequence[Case], seed: int = 0) -> Candida
     predicted = np.zeros((len(known), len(new), len(parameters)))
     for p, name in enumerate(measured):
         predicted[:, :, p] = _predicted(posterior, priors, name, new, rng)
-    every = (*cases, *new)
-    noise = _noise(posterior, priors, measured, every, known[:, :, : len(measured)])
-    return Candidates(every, len(cases), parameters, np.concatenate([known, predicted], axis=1), noise)
+    noise = _noise(posterior, priors, measured, [*cases, *new], known[:, :, : len(measured)])
+    return Candidates((*cases, *new), len(cases), parameters, np.concatenate([known, predicted], axis=1), noise)
 
 
 def _predicted(
@@ -150,58 +139,42 @@ def _noise(
     cases: Sequence[Case],
     log_cases: Float[np.ndarray, "draws known measured"],
 ) -> Float[np.ndarray, "cases measured measured"]:
-    """Return the covariance of a record's estimate about its case: that of like records, averaged over the draws."""
-    left, of_record = _given_case(posterior, measured, log_cases)
-    by_kind: dict[tuple[object, ...], np.ndarray] = {}
-    for kind in dict.fromkeys(case[:3] for case in cases):
-        scatter = np.stack([scatter_of_repeats(posterior, name, kind[2]) for name in measured], axis=1)
-        like = [i for i, case in enumerate(of_record) if cases[case][:3] == kind] or slice(None)
-        error = _estimation_error(left[:, like], np.sqrt(np.mean(scatter**2, axis=0)))
-        by_kind[kind] = _record_noise(posterior, priors, scatter**2, error)
-    return np.stack([by_kind[case[:3]] for case in cases])
-
-
-def _given_case(
-    posterior: xr.Dataset, measured: Sequence[str], log_cases: Float[np.ndarray, "draws known measured"]
-) -> tuple[Float[np.ndarray, "draws records measured"], list[int]]:
-    """Return the logarithms of the records' values less what their cases say of them, and the case of each record."""
-    cases = factors_along(posterior, "case")
-    of_record = [cases.index(factors) for factors in factors_along(posterior, "record")]
+    """Return the covariance of a record's estimate about its case: that of like records, for each case."""
+    known = factors_along(posterior, "case")
+    of_record = [known.index(factors) for factors in factors_along(posterior, "record")]
     left = np.log(np.stack([flat(posterior[name]) for name in measured], axis=-1))
     left, centred = left - left.mean(axis=0), log_cases - log_cases.mean(axis=0)
-    for i, case in enumerate(of_record):
+    for i, case in enumerate(of_record):  # what its case does not say of a record
         left[:, i] -= centred[:, case] @ np.linalg.lstsq(centred[:, case], left[:, i], rcond=None)[0]
-    return left, of_record
-
-
-def _estimation_error(
-    left: Float[np.ndarray, "draws like measured"], scatter: Float[np.ndarray, " measured"]
-) -> Float[np.ndarray, "measured measured"]:
-    """Return the covariance of the error with which the points of a record determine its parameters.
-
-    Given its case, a record has the information of its points and 1 / scatter^2 of the case: the latter is taken off.
-    """
-    relative = (left / scatter).reshape(-1, len(scatter))
-    values, vectors = np.linalg.eigh(np.linalg.inv(relative.T @ relative / len(relative)) - np.eye(len(scatter)))
-    return (vectors / np.maximum(values, _LEAST_INFORMATION)) @ vectors.T * np.outer(scatter, scatter)
+    of_kind: dict[tuple[object, ...], np.ndarray] = {}
+    for kind in dict.fromkeys(case[:3] for case in cases):
+        like = [i for i, case in enumerate(of_record) if cases[case][:3] == kind] or slice(None)
+        scatter = np.stack([scatter_of_repeats(posterior, name, kind[2]) for name in measured], axis=1)
+        of_kind[kind] = _record_noise(posterior, priors, scatter, left[:, like])
+    return np.stack([of_kind[case[:3]] for case in cases])
 
 
 def _record_noise(
     posterior: xr.Dataset,
     priors: Priors,
-    variance: Float[np.ndarray, "draws measured"],
-    error: Float[np.ndarray, "measured measured"],
+    scatter: Float[np.ndarray, "draws measured"],
+    left: Float[np.ndarray, "draws like measured"],
 ) -> Float[np.ndarray, "measured measured"]:
-    """Return the covariance of a normal error that says as much of the case as a record does, on average over draws.
+    """Return the covariance of a normal error that says as much of a case as one record does, averaged over the draws.
 
     A discordant repeat says little of its case, but it does not mislead, for the model knows it by its distance: what
     counts is the mean information of usual and discordant repeats, or that of a Student-t.
     """
-    few = slice(None, None, max(1, len(variance) // _FEW))
-    scatter = variance[few, :, None] * np.eye(len(error))
+    sd, eye = np.sqrt(np.mean(scatter**2, axis=0)), np.eye(scatter.shape[1])
+    relative = (left / sd).reshape(-1, len(sd))
+    # Given its case, a record has the information of its points, and of the case 1 / scatter^2, which is taken off.
+    values, vectors = np.linalg.eigh(np.linalg.inv(relative.T @ relative / len(relative)) - eye)
+    error = (vectors / np.maximum(values, _LEAST_INFORMATION)) @ vectors.T * np.outer(sd, sd)
+    few = slice(None, None, max(1, len(scatter) // _FEW))
+    variance = scatter[few, :, None] ** 2 * eye
     if "student_nu" in posterior:
         nu = flat(posterior["student_nu"])[few, None, None]
-        scatter = scatter * (nu + len(error) + 2) / (nu + len(error))
+        variance = variance * (nu + len(sd) + 2) / (nu + len(sd))
     weight = flat(posterior["discordant_weight"])[few, None, None] if "discordant_weight" in posterior else 0.0
-    usual, discordant = (np.linalg.inv(wider**2 * scatter + error) for wider in (1.0, priors.discordant_widening))
+    usual, discordant = (np.linalg.inv(wider**2 * variance + error) for wider in (1.0, priors.discordant_widening))
     return np.linalg.inv((1.0 - weight) * usual + weight * discordant).mean(axis=0)

@@ -47,12 +47,7 @@ def parse_goal(text: str, cases: Sequence[Case], with_records: int, parameters: 
     cases, with_records:
         Cases, and how many of them have records: they come first, and a ratio is taken over them alone.
     parameters:
-        Those that a case of the posterior has.
-
-    Raises
-    ------
-    BadInput
-        For an unknown parameter, and for what is no ratio and no case.
+        Those that a case of the posterior has; another is refused as `BadInput`, like what is no ratio and no case.
     """
     parameter, _, asked = " ".join(text.split()).partition(" ")
     if parameter not in parameters:
@@ -64,24 +59,25 @@ def parse_goal(text: str, cases: Sequence[Case], with_records: int, parameters: 
         return Goal(text, parameter, np.eye(len(cases))[labels.index(asked)], "one case")
     first, _, second = (part.strip() for part in asked.partition("/"))
     pairs, of = _pairs(first, second, cases[:with_records])
-    if not pairs:
+    if not pairs or first == second:
         configurations = sorted({case.configuration for case in cases})
         raise BadInput(
             f"--goal {quoted(text)}: is no case, and no ratio of configurations ({case_list(configurations)}) or of "
             f"directions with cases that match; cases are {case_list(labels)}"
         )
     weights = np.zeros(len(cases))
-    np.add.at(weights, [pair.first for pair in pairs], 1.0 / len(pairs))
-    np.add.at(weights, [pair.second for pair in pairs], -1.0 / len(pairs))
+    share = (-1.0 if first == DIRECTIONS[1] else 1.0) / len(pairs)  # pairs of directions are loading over unloading
+    for pair in pairs:
+        weights[pair.first] += share
+        weights[pair.second] -= share
     return Goal(text, parameter, weights, of)
 
 
 def _pairs(first: str, second: str, cases: Sequence[Case]) -> tuple[list[Pair], str]:
     """Return the pairs of cases that a ratio is taken over, and in words."""
-    if (first, second) in (DIRECTIONS, DIRECTIONS[::-1]):
-        matched = ((direction_pairs(cases, matching), matching) for matching in MATCHINGS)
-        pairs, matching = next((found for found in matched if found[0]), ([], ""))
-        turned = [pair if first == DIRECTIONS[0] else Pair(pair.second, pair.first, pair.shared) for pair in pairs]
-        return turned, f"{len(pairs)} pairs of cases, {matching}"
-    pairs = configuration_pairs(cases, first, second) if first != second else []
-    return pairs, f"{len(pairs)} pairs of cases"
+    if {first, second} != set(DIRECTIONS):
+        pairs = configuration_pairs(cases, first, second)
+        return pairs, f"{len(pairs)} pairs of cases"
+    matched = {matching: direction_pairs(cases, matching) for matching in MATCHINGS}
+    matching = next((name for name, pairs in matched.items() if pairs), "same span")
+    return matched[matching], f"{len(matched[matching])} pairs of cases, {matching}"

@@ -61,19 +61,10 @@ class Costs(Section):
 
 
 def choose_tests(forecast: Forecast, precision: float, most: int, costs: Costs) -> list[int]:
-    """Return the tests to run, in order, as indices of cases: until the goal is precise enough, or no more may be.
+    """Return the tests to run, in order, as indices of cases, until the width of the goal's interval is `precision`.
 
-    Each test in turn is the one that lowers the goal's variance most a minute. Then each is exchanged for the one that
-    lowers it most beside the others in no more time.
-
-    Parameters
-    ----------
-    forecast, costs:
-        Of what is to be known, and of tests.
-    precision:
-        Width of the goal's interval over its median that is enough.
-    most:
-        Tests at most.
+    There are `most` at most, within the budget. Each in turn is the one that lowers the goal's variance most a minute;
+    then each is exchanged for the one that lowers it most beside the others in no more time.
     """
     tests: list[int] = []
     minutes, variance, budget = 0.0, forecast.variance_after(()), costs.budget_minutes or np.inf

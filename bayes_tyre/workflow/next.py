@@ -41,12 +41,10 @@ class Next(NamedTuple):
 def write_next(
     folder: Path, goal: str, precision: float, out: Path, *, cost: Path | None = None, tests: int, repeats: int | None
 ) -> Next:
-    """Rank the tests that could follow a fit, plan them, and write both tables and the figure into `out`.
+    """Rank the tests that could follow the fit in `folder`, plan them, and write tables and figure into `out`.
 
     Parameters
     ----------
-    folder, out:
-        Of the fit, and of the files.
     goal, precision:
         As `bayes_tyre.results.goals.parse_goal` takes it, and the width of its interval over its median to be reached.
     cost:
@@ -87,13 +85,7 @@ def write_next(
 
 
 def read_costs(path: Path | None) -> Costs:
-    """Return what tests cost, from a TOML file; one minute each without one.
-
-    Raises
-    ------
-    BadInput
-        For a file that is no TOML, an unknown key, and a value that cannot be.
-    """
+    """Return what tests cost, from a TOML file, which `BadInput` blames; one minute each without one."""
     if path is None:
         return Costs(minutes_per_test=1.0)
     try:
