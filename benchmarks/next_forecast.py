@@ -88,8 +88,8 @@ def forecast_of(tree: xr.DataTree, goal: str, like: Forecast | None = None) -> F
     return forecast(possible, parsed)
 
 
-def one_plan(seed: int) -> dict[str, float | str]:
-    """Return the widths of one campaign's goal: now, forecast, and after its plan has been carried out."""
+def one_plan(seed: int) -> tuple[float, str]:
+    """Return the width of one campaign's goal after its plan has been carried out over the forecast, and a sentence."""
     truth, goal = Truth(seed), GOALS[seed % len(GOALS)]
     repeats = dict.fromkeys(first_cases(), REPEATS)
     tables = [truth.record(case, repeat) for case in repeats for repeat in range(1, REPEATS + 1)]
@@ -101,20 +101,17 @@ def one_plan(seed: int) -> dict[str, float | str]:
     after = forecast_of(posterior(pd.concat(tables, ignore_index=True), seed), goal, before)
     expected = before.width(before.variance_after(tests))
     new = sum(test >= before.with_records for test in tests)
-    return {"goal": goal, "new": new, "now": before.width(), "forecast": expected, "refit": after.width()}
+    widths = f"{before.width():.4f} now, {expected:.4f} forecast, {after.width():.4f} after the refit"
+    return after.width() / expected, f"{goal}, {new} of {TESTS} tests of new cases: {widths}"
 
 
 def main(plans: int = 30, first: int = 0) -> None:
     """Print each plan, then the ratio of the refits' widths to the forecasts."""
     ratios = []
     for seed in range(first, first + plans):
-        done = one_plan(seed)
-        ratios.append(done["refit"] / done["forecast"])
-        print(
-            f"{seed:3d} {done['goal']:26s} {done['new']} of {TESTS} tests of new cases: {done['now']:.4f} now, "
-            f"{done['forecast']:.4f} forecast, {done['refit']:.4f} after the refit, ratio {ratios[-1]:.3f}",
-            flush=True,
-        )
+        ratio, sentence = one_plan(seed)
+        ratios.append(ratio)
+        print(f"{seed:3d} {sentence}, ratio {ratio:.3f}", flush=True)
     low, middle, high = np.quantile(ratios, [0.0, 0.5, 1.0])
     print(f"simulated, {plans} plans: refit over forecast: median {middle:.3f}, range {low:.3f} to {high:.3f}")
 

@@ -50,15 +50,15 @@ def new_cases(cases: Sequence[Case], levels: Mapping[str, Sequence[float] | None
     Their loads are within those met. `levels` of a factor of `LEVELS` take the place of those of the cases. More than
     `MOST_NEW` are refused as `BadInput`.
     """
-    groups = dict.fromkeys(case[:2] for case in cases)
+    groups, tested = dict.fromkeys(case[:2] for case in cases), set(cases)
     of_factors = [levels.get(name) or dict.fromkeys(getattr(case, name) for case in cases) for name in LEVELS]
     signs = {(case.direction, np.sign(case.step_kN or 0.0)) for case in cases}
     loads = [*(levels.get("initial_load_kN") or ()), *(load for case in cases for load in _loads(case))]
-    every = [Case(*group, *values) for group, *values in product(groups, *of_factors)]
+    every = [Case(*group, *values) for group in groups for values in product(*of_factors)]
     found = [
         case
         for case in every
-        if case not in cases
+        if case not in tested
         and (case.direction, np.sign(case.step_kN or 0.0)) in signs
         and all(min(loads) <= load <= max(loads) for load in _loads(case))
     ]

@@ -101,7 +101,7 @@ def test_the_noise_of_a_record_is_the_scatter_of_repeats_and_the_error_of_its_es
         np.testing.assert_allclose(noise / np.outer(sd, sd), expected / np.outer(sd, sd), rtol=0.0, atol=0.05)
 
 
-def with_draws(**draws: np.ndarray) -> xr.DataTree:
+def with_draws(**draws: np.ndarray | float) -> xr.DataTree:
     """Return the posterior with further draws, alike in all chains."""
     tree = EXACT.tree.copy()
     made = {name: (("chain", "draw"), np.broadcast_to(value, (4, DRAWS))) for name, value in draws.items()}
