@@ -7,6 +7,7 @@ from functools import reduce
 import numpy as np
 from jaxtyping import Float
 
+from bayes_tyre.errors import BadInput
 from bayes_tyre.record import Case
 from bayes_tyre.results.candidates import Candidates
 from bayes_tyre.results.goals import Goal
@@ -83,10 +84,21 @@ class Forecast:
 
 
 def forecast(candidates: Candidates, goal: Goal) -> Forecast:
-    """Return the forecast of a goal over these candidates."""
-    values = candidates.log_values.reshape(len(candidates.log_values), -1)
+    """Return the forecast of a goal over these candidates.
+
+    Raises
+    ------
+    BadInput
+        If the goal is what follows from measured parameters, such as energy, in a case without records.
+    """
+    values, p = (
+        candidates.log_values.reshape(len(candidates.log_values), -1),
+        candidates.parameters.index(goal.parameter),
+    )
+    if p >= candidates.noise.shape[1] and goal.weights[candidates.with_records :].any():
+        raise BadInput(f"--goal {goal.text}: {goal.parameter} of a new case is not known; name a case with records")
     weights = np.zeros(candidates.log_values.shape[1:])
-    weights[:, candidates.parameters.index(goal.parameter)] = goal.weights
+    weights[:, p] = goal.weights
     covariance = np.atleast_2d(np.cov(values, rowvar=False))
     log_goal, cases = values @ weights.ravel(), candidates.cases
     return Forecast(cases, candidates.with_records, covariance, weights.ravel(), candidates.noise, log_goal)

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bayes_tyre.errors import BadInput
 from bayes_tyre.record import Case
 from bayes_tyre.results.candidates import Candidates
 from bayes_tyre.results.forecast import Forecast, forecast
@@ -69,6 +70,15 @@ def test_a_goal_on_what_is_not_measured_gains_by_what_is_measured_with_it():
     assert known.variance_after(()) == pytest.approx(0.0425, rel=0.1)
     assert known.variance_after([0]) == pytest.approx(0.0225, rel=0.1)
     assert known.variance_after([1]) == pytest.approx(0.0425, rel=0.1)
+
+
+def test_what_follows_from_measured_values_is_no_goal_in_a_new_case():
+    cases = cases_of(2)
+    held = Candidates(cases, 1, ("k", "energy_per_cycle"), np.ones((5, 2, 2)), np.ones((2, 1, 1)))
+    goal = Goal("energy_per_cycle new", "energy_per_cycle", np.array([0.0, 1.0]), "one case")
+    with pytest.raises(BadInput, match="name a case with records"):
+        forecast(held, goal)
+    assert forecast(held, goal._replace(parameter="k")).median == pytest.approx(np.e)
 
 
 def test_a_width_is_the_full_interval_over_the_median():
