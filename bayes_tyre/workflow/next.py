@@ -39,7 +39,15 @@ class Next(NamedTuple):
 
 
 def write_next(
-    folder: Path, goal: str, precision: float, out: Path, *, cost: Path | None = None, tests: int, repeats: int | None
+    folder: Path,
+    goal: str,
+    precision: float,
+    out: Path,
+    *,
+    cost: Path | None = None,
+    tests: int = 20,
+    repeats: int | None = None,
+    seed: int = 0,
 ) -> Next:
     """Rank the tests that could follow the fit in `folder`, plan them, and write tables and figure into `out`.
 
@@ -51,6 +59,8 @@ def write_next(
         TOML with minutes and the rig's levels.
     tests, repeats:
         Most tests of the plan; tests of each case in the ranking, by default as many as a case of the data has.
+    seed:
+        Of the draws of new cases.
 
     Raises
     ------
@@ -64,7 +74,7 @@ def write_next(
             posterior = tree["posterior"].to_dataset()
             known = tree_cases(posterior)
             slope = "log_k_load" in posterior and posterior.sizes["load"] == 1  # new cases start at no known force
-            possible = candidates(tree, [] if slope else new_cases(known, dict(costs.rig)))
+            possible = candidates(tree, [] if slope else new_cases(known, dict(costs.rig)), seed)
             parsed = parse_goal(goal, possible.cases, len(known), possible.parameters)
     except KeyError as error:
         raise BadInput(f"{path}: lacks {error}, so it is no posterior of fit or motion; run fit again") from None

@@ -89,6 +89,18 @@ def test_levels_of_the_rig_make_new_cases(fit, tmp_path):
     assert (ranked.loc[0, "kind"], ranked.loc[0, "tests"], ranked.loc[0, "minutes"]) == ("case", 1, 5)
 
 
+def test_a_slope_over_the_actual_load_leaves_new_cases_out(tmp_path):
+    tree = drawn(small())
+    data = tree["posterior"].to_dataset()
+    slope = xr.DataArray(0.1 * data["k_case"].to_numpy()[..., :1], dims=("chain", "draw", "load"))
+    tree["posterior"] = xr.DataTree(data.assign(log_k_load=slope).assign_coords(load=["per 10 kN"]))
+    costs = tmp_path / "costs.toml"
+    costs.write_text("minutes_per_test = 5\n[rig]\nspeed_km_h = [50]\n")
+    done = asked(write_draws(tmp_path, tree), "k single (0)20-30", tmp_path / "out", "--cost", costs)
+    assert done.exit_code == 4, done.stderr
+    assert set(pd.read_csv(tmp_path / "out" / "next.csv")["kind"]) == {"repeat"}
+
+
 def test_energy_is_a_goal_of_motions_alone(fit, motions, tmp_path):
     done = asked(motions, "energy_per_cycle dual / single", tmp_path / "out", "--tests", 2)
     assert done.exit_code == 0, done.stderr

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bayes_tyre.cli.shell import NOT_TRUSTED, NoSeed, Out, Quiet, say, warn
+from bayes_tyre.cli.shell import NOT_TRUSTED, Out, Quiet, Seed, say, warn
 
 if TYPE_CHECKING:
     from bayes_tyre.workflow.next import Next
@@ -36,7 +36,7 @@ def next(
         int | None,
         typer.Option(min=1, help="Tests of each case that next.csv compares; default: as many as a case of DIR has."),
     ] = None,
-    seed: NoSeed = 0,
+    seed: Seed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Forecast how much further tests narrow the 95 % interval of a ratio or a value, and plan them.
@@ -47,11 +47,10 @@ def next(
 
     Example: bayes-tyre next results/fit --goal 'k dual / single' --precision 2% --out results/next
     """
-    del seed
     wanted = _share(precision)
     from bayes_tyre.workflow.next import write_next
 
-    done = write_next(folder, goal, wanted, out, cost=cost, tests=tests, repeats=repeats)
+    done = write_next(folder, goal, wanted, out, cost=cost, tests=tests, repeats=repeats, seed=seed)
     for line in _lines(done, wanted):
         say(line, quiet)
     for path in done.paths:
