@@ -39,7 +39,7 @@ def next(
     seed: Seed = 0,
     quiet: Quiet = False,
 ) -> None:
-    """Forecast how much further tests narrow the 95 % interval of a ratio or a value, and plan them.
+    """Forecast how further tests narrow the 95 % interval of a ratio or a value (k kN/mm, beta mm), and plan them.
 
     Candidates are repeats of the cases of DIR, and new cases that combine its levels (or those of [rig]). Writes
     next.csv (a row a candidate, the best first: minutes, width now and expected), plan.csv (tests in order) and
