@@ -14,6 +14,7 @@ from bayes_tyre.cli.commands.inspect import inspect
 from bayes_tyre.cli.commands.load_deflection import load_deflection
 from bayes_tyre.cli.commands.lsq import lsq
 from bayes_tyre.cli.commands.motion import motion
+from bayes_tyre.cli.commands.next import next as next_tests
 from bayes_tyre.cli.commands.predict import predict
 from bayes_tyre.cli.commands.process import process
 from bayes_tyre.cli.commands.published import campaign, published
@@ -41,7 +42,7 @@ def main(show_version: Annotated[bool, typer.Option("--version", help="Print the
 
 
 _FITS = (lsq, load_deflection, fit, motion)
-_READ_RESULTS = (compare, predict, export, report, show)
+_READ_RESULTS = (compare, predict, next_tests, export, report, show)
 _SIMULATED = (simulate, audit)
 for command in (published, campaign, inspect, calibrate, process, *_FITS, *_READ_RESULTS, *_SIMULATED):
     app.command(cls=Command)(guarded(command))

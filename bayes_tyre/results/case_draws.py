@@ -41,7 +41,7 @@ class CaseDraws(NamedTuple):
 def of_case(posterior: xr.Dataset, case: int) -> CaseDraws:
     """Return the draws of a case: its k and beta; F_i, J, d_i, which have no case level, as means over its records."""
     F_i, J, d_i = (draws.mean(axis=1) for draws in _starts(posterior, case))
-    k, beta = (_flat(posterior[f"{name}_case"].isel(case=case)) for name in ("k", "beta"))
+    k, beta = (flat(posterior[f"{name}_case"].isel(case=case)) for name in ("k", "beta"))
     return CaseDraws(F_i, J, k, beta, d_i, np.zeros_like(k))
 
 
@@ -61,9 +61,10 @@ def of_repeat(posterior: xr.Dataset, case: int, rng: np.random.Generator, discor
     draws, records = F_i.shape
     one = (np.arange(draws), rng.integers(records, size=draws))
     widening = _widening(posterior, draws, rng, discordant_widening)
+    speed = float(posterior["case_speed_km_h"].to_numpy()[case])
     k, beta = (
-        _flat(posterior[f"{name}_case"].isel(case=case))
-        * np.exp(widening * _scatter(posterior, name, case) * rng.standard_normal(draws))
+        flat(posterior[f"{name}_case"].isel(case=case))
+        * np.exp(widening * scatter_of_repeats(posterior, name, speed) * rng.standard_normal(draws))
         for name in ("k", "beta")
     )
     spread = _scalar(posterior, "sd_log_sigma") if "sd_log_sigma" in posterior else 0.0  # one record: no spread
@@ -110,11 +111,11 @@ def _starts(posterior: xr.Dataset, case: int) -> tuple[np.ndarray, np.ndarray, n
 
 def _records_of(posterior: xr.Dataset, case: int) -> list[int]:
     """Return the indices of a case's records: those that share its factors."""
-    wanted = _factors(posterior, "case")[case]
-    return [i for i, factors in enumerate(_factors(posterior, "record")) if factors == wanted]
+    wanted = factors_along(posterior, "case")[case]
+    return [i for i, factors in enumerate(factors_along(posterior, "record")) if factors == wanted]
 
 
-def _factors(posterior: xr.Dataset, dim: str) -> list[tuple[object, ...]]:
+def factors_along(posterior: xr.Dataset, dim: str) -> list[tuple[object, ...]]:
     """Return the factors along a dimension; None for one that the data did not have."""
     unknown = [None] * posterior.sizes[dim]
     names = (f"{dim}_{factor}" for factor in CASE_FACTORS)
@@ -122,21 +123,25 @@ def _factors(posterior: xr.Dataset, dim: str) -> list[tuple[object, ...]]:
     return [tuple(None if v != v or v == "" else v for v in row) for row in zip(*columns, strict=True)]
 
 
-def _flat(draws: xr.DataArray) -> np.ndarray:
-    return draws.transpose("chain", "draw").to_numpy().ravel()
+def flat(draws: xr.DataArray) -> np.ndarray:
+    """Return draws of all chains in one row, shape (draws, ...)."""
+    by_chain = draws.transpose("chain", "draw", ...).to_numpy()
+    return by_chain.reshape(-1, *by_chain.shape[2:])
 
 
 def _scalar(posterior: xr.Dataset, name: str) -> np.ndarray:
     if name not in posterior:
         raise BadInput(f"the posterior lacks {name}, so no repeat can be predicted; ask for the case, or run fit again")
-    return _flat(posterior[name])
+    return flat(posterior[name])
 
 
-def _scatter(posterior: xr.Dataset, parameter: str, case: int) -> np.ndarray:
-    """Return the scatter of repeats of log k or log beta at the case's speed, shape (draws,)."""
+def scatter_of_repeats(posterior: xr.Dataset, parameter: str, speed_km_h: float | None) -> Float[np.ndarray, " draws"]:
+    """Return the scatter of repeats of a parameter's logarithm at a speed; the typical one at a speed not driven."""
     name = f"sd_log_{parameter}_repeat"
     if f"{name}_by_speed" not in posterior:
         return _scalar(posterior, name)
-    speed = posterior["case_speed_km_h"].to_numpy()[case]
-    factors = [str(level) for level in posterior["speed"].to_numpy().tolist()]  # text beside numbers is stored as text
-    return _flat(posterior[f"{name}_by_speed"].isel(speed=factors.index("" if np.isnan(speed) else str(speed))))
+    speeds = [str(level) for level in posterior["speed"].to_numpy().tolist()]  # text beside numbers is stored as text
+    wanted = "" if speed_km_h is None or np.isnan(speed_km_h) else str(float(speed_km_h))
+    return (
+        flat(posterior[f"{name}_by_speed"])[:, speeds.index(wanted)] if wanted in speeds else _scalar(posterior, name)
+    )

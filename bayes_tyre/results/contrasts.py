@@ -1,6 +1,6 @@
 """Ratios between cases: configurations against each other, loading against unloading, matched case by case."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ COLUMNS = (
 DIRECTIONS = "loading / unloading"
 
 
-class _Pair(NamedTuple):
+class Pair(NamedTuple):
     """Indices of two cases whose ratio is taken, first over second, and the factors that both share."""
 
     first: int
@@ -36,13 +36,13 @@ class _Contrast(NamedTuple):
     ratio: Callable[[np.ndarray], np.ndarray]
 
 
-def _averaged(pairs: list[_Pair]) -> Callable[[np.ndarray], np.ndarray]:
+def _averaged(pairs: list[Pair]) -> Callable[[np.ndarray], np.ndarray]:
     """Return the geometric mean of the pairs' ratios: no pair weighs more for being large or turned over."""
     first, second = [pair.first for pair in pairs], [pair.second for pair in pairs]
     return lambda draws: np.exp(np.mean(np.log(draws[:, first]) - np.log(draws[:, second]), axis=1))
 
 
-def _rows(contrast: str, matching: str, pairs: list[_Pair], by: str) -> Iterator[_Contrast]:
+def _rows(contrast: str, matching: str, pairs: list[Pair], by: str) -> Iterator[_Contrast]:
     """Yield the average over all pairs, one for each level of `by`, and one for each pair; nothing without pairs."""
     if not pairs:
         return
@@ -53,17 +53,21 @@ def _rows(contrast: str, matching: str, pairs: list[_Pair], by: str) -> Iterator
         yield _Contrast(contrast, matching, pair.shared, _averaged([pair]))
 
 
+def configuration_pairs(cases: Sequence[Case], above: str, below: str) -> list[Pair]:
+    """Return the cases that two configurations share: same direction, speed, load and step."""
+    index, pairs = {case: i for i, case in enumerate(cases)}, []
+    for case in cases:
+        other = case._replace(configuration=below)
+        if case.configuration == above and other in index:
+            shared = {factor: value for factor, value in case._asdict().items() if factor != "configuration"}
+            pairs.append(Pair(index[case], index[other], shared))
+    return pairs
+
+
 def _configurations(cases: list[Case]) -> Iterator[_Contrast]:
     """Yield every pair of configurations, the earlier in sorted order above the later, over the cases of both."""
-    index = {case: i for i, case in enumerate(cases)}
     for above, below in combinations(sorted({case.configuration for case in cases}), 2):
-        pairs = []
-        for case in cases:
-            other = case._replace(configuration=below)
-            if case.configuration == above and other in index:
-                shared = {factor: value for factor, value in case._asdict().items() if factor != "configuration"}
-                pairs.append(_Pair(index[case], index[other], shared))
-        yield from _rows(f"{above} / {below}", "same case", pairs, by="direction")
+        yield from _rows(f"{above} / {below}", "same case", configuration_pairs(cases, above, below), by="direction")
 
 
 def _same_span(case: Case) -> Case:
@@ -75,17 +79,25 @@ def _same_initial_load(case: Case) -> Case:
     return case._replace(direction="unloading", step_kN=-case.step_kN)
 
 
+#: How loading is matched with unloading, and the unloading case that a loading one has so.
+MATCHINGS = {"same span": _same_span, "same initial load": _same_initial_load}
+
+
+def direction_pairs(cases: Sequence[Case], matching: str) -> list[Pair]:
+    """Return the loading cases that have an unloading one by a matching of `MATCHINGS`, with it."""
+    index, partner, pairs = {case: i for i, case in enumerate(cases)}, MATCHINGS[matching], []
+    for case in cases:
+        given = case.initial_load_kN is not None and case.step_kN is not None
+        if case.direction == "loading" and given and partner(case) in index:
+            shared = {factor: value for factor, value in case._asdict().items() if factor != "direction"}
+            pairs.append(Pair(index[case], index[partner(case)], shared))
+    return pairs
+
+
 def _directions(cases: list[Case]) -> Iterator[_Contrast]:
     """Yield loading over unloading, matched in two ways that disagree, and pooled as the source did."""
-    index = {case: i for i, case in enumerate(cases)}
-    for matching, partner in (("same span", _same_span), ("same initial load", _same_initial_load)):
-        pairs = []
-        for case in cases:
-            given = case.initial_load_kN is not None and case.step_kN is not None
-            if case.direction == "loading" and given and partner(case) in index:
-                shared = {factor: value for factor, value in case._asdict().items() if factor != "direction"}
-                pairs.append(_Pair(index[case], index[partner(case)], shared))
-        yield from _rows(DIRECTIONS, matching, pairs, by="configuration")
+    for matching in MATCHINGS:
+        yield from _rows(DIRECTIONS, matching, direction_pairs(cases, matching), by="configuration")
     for configuration in dict.fromkeys(case.configuration for case in cases):
         directions = [case.direction if case.configuration == configuration else "" for case in cases]
         up, down = ([i for i, d in enumerate(directions) if d == way] for way in ("loading", "unloading"))

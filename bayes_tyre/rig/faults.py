@@ -10,7 +10,9 @@ from pydantic_core import ErrorDetails
 EXPLAINED = "the keys are explained in data/rigs/README.md"
 
 
-def first_fault(error: ValidationError, model: type[BaseModel], content: Mapping[str, object]) -> str:
+def first_fault(
+    error: ValidationError, model: type[BaseModel], content: Mapping[str, object], explained: str = EXPLAINED
+) -> str:
     """Return what is wrong with the first key that is unknown, else with the first that is missing or wrong.
 
     Of a misspelt key it says which key is meant: one of the model that is not in the file's content. That one is not
@@ -26,7 +28,7 @@ def first_fault(error: ValidationError, model: type[BaseModel], content: Mapping
     messages = {"missing": ("is missing", "add it"), "extra_forbidden": ("is unknown", unknown)}
     wrong = f"{first['msg'][0].lower()}{first['msg'][1:]}, not {repr(first['input'])[:40]}", "mend the value"
     what, remedy = messages.get(first["type"], wrong)
-    return f"key {_spelt(first['loc'])}: {what}{more}; {remedy}, {EXPLAINED}"
+    return f"key {_spelt(first['loc'])}: {what}{more}; {remedy}, {explained}"
 
 
 def _spelt(keys: Sequence[str | int]) -> str:

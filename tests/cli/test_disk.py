@@ -17,6 +17,7 @@ from helpers.audit_made_up import audited, blind
 from helpers.command_line import (
     COMMAND,
     COMMANDS,
+    ON_RESULTS,
     ON_TABLES,
     assert_refused,
     environment,
@@ -64,6 +65,7 @@ WRITERS: dict[str, Callable[[Path, Path], list[object]]] = {
     "compare": lambda given, out: ["compare", given / "fit", given / "other", "--out", out],
     "predict": lambda given, out: ["predict", given / "fit", "--case", "direction=unloading", "--out", out],
     "export": lambda given, out: ["export", given / "fit", "--to", "tir", "--out", out],
+    "next": lambda given, out: ["next", given / "fit", *ON_RESULTS["next"][:-1], out],
     "report": lambda given, out: ["report", given / "fit", "--out", out / "report.html"],
     "inspect": lambda given, out: ["inspect", data_path("sample/appendix_b1.lvm"), "--out", out / "channels.csv"],
     "calibrate": lambda given, out: ["calibrate", data_path("sample/appendix_b1.lvm"), "--out", out / "lines.toml"],
@@ -77,7 +79,7 @@ WRITERS: dict[str, Callable[[Path, Path], list[object]]] = {
 RIGS = {name: load_rig(name) for name in ("single", "dual")}
 SILENT = ("show",)
 #: Made-up draws are not those of the records: what is said of them is not to be trusted.
-NOT_TRUSTED = ("fit", "compare", "predict", "export", "report")
+NOT_TRUSTED = ("fit", "compare", "predict", "next", "export", "report")
 
 
 @pytest.fixture(scope="module")

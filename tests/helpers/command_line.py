@@ -22,6 +22,7 @@ ON_TABLES: dict[str, tuple[str, ...]] = {"lsq": (), "fit": ()}
 ON_RESULTS: dict[str, tuple[str, ...]] = {
     "show": (),
     "predict": ("--case", "direction=unloading"),
+    "next": ("--goal", "k single (0)20-30", "--precision", "2%", "--out", "out"),
     "export": ("--to", "tir", "--out", "never_written"),
     "report": (),
 }

@@ -16,7 +16,9 @@ from bayes_tyre.workflow import fit as workflow
 def drawn(table: pd.DataFrame, *_: object) -> xr.DataTree:
     """Return well-mixed draws for a record table, not of its records: residuals correlate, and the verdict fails."""
     factor_table = record_factors(table)
-    return posterior(scattered(factor_table, seed=4), factor_table)
+    draws = scattered(factor_table, seed=4)
+    scatter = {f"sd_log_{name}_repeat": sd * draws["sd_J"] for name, sd in (("k", 0.1), ("beta", 0.2))}
+    return posterior({**draws, **scatter}, factor_table)
 
 
 def put_draws_for_the_sampler(monkeypatch: pytest.MonkeyPatch) -> None:

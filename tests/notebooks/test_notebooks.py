@@ -60,7 +60,7 @@ def notebook(source) -> Any:
 
 
 def test_the_notebooks_are_there():
-    assert {"01", "02", "03", "04", "05", "06"} <= {path.stem[:2] for path in SOURCES}
+    assert {"01", "02", "03", "04", "05", "06", "07"} <= {path.stem[:2] for path in SOURCES}
     assert {path.stem for path in FOLDER.glob("*.ipynb")} == {path.stem for path in SOURCES}
 
 

@@ -1,0 +1,180 @@
+"""The tests that could be run next, and what a posterior says of them: repeats of its cases, and new cases."""
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.sampling.datatree import as_measured, case_parameters, priors_of, tree_cases
+from bayes_tyre.record import AXLE_PARAMETERS, LAW_PARAMETERS, Case
+from bayes_tyre.results.case_draws import factors_along, flat, scatter_of_repeats
+
+#: Factors that a rig sets to numbers; most new cases that are compared.
+LEVELS, MOST_NEW = ("speed_km_h", "initial_load_kN", "step_kN"), 2000
+#: Draws that a mean over standard deviations is taken over.
+_FEW = 400
+#: Least information of a record's points on its parameters, relative to what its case says of them.
+_LEAST_INFORMATION = 0.02
+
+
+class Candidates(NamedTuple):
+    """Cases that can be tested, and what a posterior holds of them.
+
+    Attributes
+    ----------
+    cases, with_records:
+        Those that have records, so many, then the new ones.
+    parameters:
+        What cases have values of: first what a record measures, then what follows from it.
+    log_values:
+        Logarithms of the cases' values, displacement as it was measured; 0 for what follows in new cases.
+    noise:
+        Covariance of a record's estimate about its case: scatter of repeats and error of estimation.
+    """
+
+    cases: tuple[Case, ...]
+    with_records: int
+    parameters: tuple[str, ...]
+    log_values: Float[np.ndarray, "draws cases parameters"]
+    noise: Float[np.ndarray, "cases measured measured"]
+
+
+def new_cases(cases: Sequence[Case], levels: Mapping[str, Sequence[float] | None]) -> list[Case]:
+    """Return the cases without records that combine groups and levels, with a step of the direction's sign.
+
+    Their loads are within those met. `levels` of a factor of `LEVELS` take the place of those of the cases. More than
+    `MOST_NEW` are refused as `BadInput`.
+    """
+    groups, tested = dict.fromkeys(case[:2] for case in cases), set(cases)
+    of_factors = [levels.get(name) or dict.fromkeys(getattr(case, name) for case in cases) for name in LEVELS]
+    signs = {(case.direction, np.sign(case.step_kN or 0.0)) for case in cases}
+    loads = [*(levels.get("initial_load_kN") or ()), *(load for case in cases for load in _loads(case))]
+    every = [Case(*group, *values) for group in groups for values in product(*of_factors)]
+    found = [
+        case
+        for case in every
+        if case not in tested
+        and (case.direction, np.sign(case.step_kN or 0.0)) in signs
+        and all(min(loads) <= load <= max(loads) for load in _loads(case))
+    ]
+    if len(found) > MOST_NEW:
+        raise BadInput(f"{len(found)} new cases are too many to compare; name fewer levels under [rig] of --cost")
+    return found
+
+
+def _loads(case: Case) -> list[float]:
+    """Return the loads that a case begins and ends at, kN, as far as they are given."""
+    if case.initial_load_kN is None:
+        return []
+    return [case.initial_load_kN, round(case.initial_load_kN + (case.step_kN or 0.0), 9)]
+
+
+def candidates(tree: xr.DataTree, new: Sequence[Case], seed: int = 0) -> Candidates:
+    """Return what a posterior of records or motions holds of its own cases and of new ones.
+
+    Draws of a new case are of the linear predictor and the remainder; an effect of a level without data is drawn, by
+    `seed`, with the standard deviation of the factor's effects. A posterior without repeats is refused as `BadInput`.
+    """
+    posterior, priors, rng = as_measured(tree["posterior"].to_dataset()), priors_of(tree), np.random.default_rng(seed)
+    measured = [name for name in (*LAW_PARAMETERS, *AXLE_PARAMETERS) if f"sd_log_{name}_repeat" in posterior]
+    if not measured or "record" not in posterior.dims:
+        raise BadInput("the posterior has no repeats, so it does not say what one more would add; fit a record table")
+    cases, parameters = tree_cases(posterior), tuple(dict.fromkeys((*measured, *case_parameters(posterior))))
+    known = np.log(np.stack([flat(posterior[f"{name}_case"]) for name in parameters], axis=-1))
+    predicted = np.zeros((len(known), len(new), len(parameters)))
+    for p, name in enumerate(measured):
+        predicted[:, :, p] = _predicted(posterior, priors, name, new, rng)
+    noise = _noise(posterior, priors, measured, [*cases, *new], known[:, :, : len(measured)])
+    return Candidates((*cases, *new), len(cases), parameters, np.concatenate([known, predicted], axis=1), noise)
+
+
+def _predicted(
+    posterior: xr.Dataset, priors: Priors, parameter: str, new: Sequence[Case], rng: np.random.Generator
+) -> Float[np.ndarray, "draws new"]:
+    """Return draws of a parameter's logarithm in new cases of the groups that a posterior has."""
+
+    def sd(site: str) -> np.ndarray:  # of a factor that did not vary, its prior's
+        shape = posterior.sizes["chain"] * posterior.sizes["draw"]
+        return flat(posterior[site]) if site in posterior else priors[site].scipy().rvs(shape, random_state=rng)
+
+    groups = np.log(flat(posterior[f"{parameter}_group"])).T
+    of_group = dict(zip(_labels(posterior, "group"), groups, strict=True))
+    values = [of_group[f"{case.configuration or ''} {case.direction or ''}".strip()] for case in new]
+    for factor in ("speed", "load", "step", "direction_step"):
+        site, levels = f"log_{parameter}_{factor}", {_levels(case)[factor] for case in tree_cases(posterior)}
+        effects = dict.fromkeys(levels, np.zeros(groups.shape[1]))
+        if site in posterior:
+            effects |= dict(zip(_labels(posterior, factor), flat(posterior[site]).T, strict=True))
+        for level in dict.fromkeys(_levels(case)[factor] for case in new):
+            if level not in effects and f"sd_{site}" in priors:
+                # Effects are deviations from the mean of the levels in the data, itself uncertain by sd^2 / levels.
+                widened = np.sqrt(1.0 + 1.0 / len(levels)) * sd(f"sd_{site}")
+                effects[level] = widened * rng.standard_normal(len(widened))
+        values = [value + effects.get(_levels(case)[factor], 0.0) for value, case in zip(values, new, strict=True)]
+    remainder = sd(f"sd_log_{parameter}_case")
+    drawn = [value + remainder * rng.standard_normal(len(remainder)) for value in values]
+    return np.reshape(drawn, (len(new), len(remainder))).T
+
+
+def _levels(case: Case) -> dict[str, str]:
+    """Return the level of each factor of a linear predictor as a posterior labels it."""
+    speed, load = ("" if value is None else str(float(value)) for value in case[2:4])
+    step = "" if case.step_kN is None else f"{abs(case.step_kN):g}"
+    return {"speed": speed, "load": load, "step": step, "direction_step": f"{case.direction or ''} {step}".strip()}
+
+
+def _labels(posterior: xr.Dataset, dim: str) -> list[str]:
+    return [str(label) for label in posterior[dim].to_numpy().tolist()] if dim in posterior.coords else [""]
+
+
+def _noise(
+    posterior: xr.Dataset,
+    priors: Priors,
+    measured: Sequence[str],
+    cases: Sequence[Case],
+    log_cases: Float[np.ndarray, "draws known measured"],
+) -> Float[np.ndarray, "cases measured measured"]:
+    """Return the covariance of a record's estimate about its case: that of like records, for each case."""
+    known = factors_along(posterior, "case")
+    of_record = [known.index(factors) for factors in factors_along(posterior, "record")]
+    left = np.log(np.stack([flat(posterior[name]) for name in measured], axis=-1))
+    left, centred = left - left.mean(axis=0), log_cases - log_cases.mean(axis=0)
+    for i, case in enumerate(of_record):  # what its case does not say of a record
+        left[:, i] -= centred[:, case] @ np.linalg.lstsq(centred[:, case], left[:, i], rcond=None)[0]
+    of_kind: dict[tuple[object, ...], np.ndarray] = {}
+    for kind in dict.fromkeys(case[:3] for case in cases):
+        like = [i for i, case in enumerate(of_record) if cases[case][:3] == kind] or slice(None)
+        scatter = np.stack([scatter_of_repeats(posterior, name, kind[2]) for name in measured], axis=1)
+        of_kind[kind] = _record_noise(posterior, priors, scatter, left[:, like])
+    return np.stack([of_kind[case[:3]] for case in cases])
+
+
+def _record_noise(
+    posterior: xr.Dataset,
+    priors: Priors,
+    scatter: Float[np.ndarray, "draws measured"],
+    left: Float[np.ndarray, "draws like measured"],
+) -> Float[np.ndarray, "measured measured"]:
+    """Return the covariance of a normal error that says as much of a case as one record does, averaged over the draws.
+
+    A discordant repeat says little of its case, but it does not mislead, for the model knows it by its distance: what
+    counts is the mean information of usual and discordant repeats, or that of a Student-t.
+    """
+    sd, eye = np.sqrt(np.mean(scatter**2, axis=0)), np.eye(scatter.shape[1])
+    relative = (left / sd).reshape(-1, len(sd))
+    # Given its case, a record has the information of its points, and of the case 1 / scatter^2, which is taken off.
+    values, vectors = np.linalg.eigh(np.linalg.inv(relative.T @ relative / len(relative)) - eye)
+    error = (vectors / np.maximum(values, _LEAST_INFORMATION)) @ vectors.T * np.outer(sd, sd)
+    few = slice(None, None, max(1, len(scatter) // _FEW))
+    variance = scatter[few, :, None] ** 2 * eye
+    if "student_nu" in posterior:
+        nu = flat(posterior["student_nu"])[few, None, None]
+        variance = variance * (nu + len(sd) + 2) / (nu + len(sd))
+    weight = flat(posterior["discordant_weight"])[few, None, None] if "discordant_weight" in posterior else 0.0
+    usual, discordant = (np.linalg.inv(wider**2 * variance + error) for wider in (1.0, priors.discordant_widening))
+    return np.linalg.inv((1.0 - weight) * usual + weight * discordant).mean(axis=0)

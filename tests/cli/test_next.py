@@ -1,0 +1,150 @@
+"""`next` from the command line: the files, what is printed, and what is refused."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import xarray as xr
+from helpers.command_line import assert_refused, here, small, tree_of
+from helpers.hand_made_posteriors import fixed, posterior
+from helpers.quick_fits import drawn
+from helpers.reported_motions import write_motions
+from helpers.reported_results import printed_factors
+
+from bayes_tyre.formats.netcdf import write_tree
+
+FACTORS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN"]
+FILES = {"next.csv", "plan.csv", "figures/", "figures/width_against_tests.png"}
+
+
+@pytest.fixture(scope="module")
+def fit(tmp_path_factory) -> Path:
+    """Return what `next` reads of a result: loading and unloading, three records each; its verdict is fail."""
+    return write_draws(tmp_path_factory.mktemp("fit"), drawn(small()))
+
+
+def write_draws(folder: Path, tree: xr.DataTree) -> Path:
+    write_tree(tree, folder / "posterior.nc")
+    (folder / "diagnostics.json").write_text('{"verdict": "fail"}')
+    (folder / "run.json").write_text("{}")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def motions(tmp_path_factory) -> Path:
+    return write_motions(tmp_path_factory.mktemp("motions") / "motions")
+
+
+def asked(folder: Path, goal: str, out: Path, *options: object):
+    return here("next", folder, "--goal", goal, "--precision", "1%", "--out", out, *options)
+
+
+def test_the_files_are_those_of_the_contract(fit, tmp_path):
+    before = tree_of(fit)
+    done = asked(fit, "k loading / unloading", tmp_path / "out", "--tests", 4)
+    assert done.exit_code == 4  # a forecast from a posterior that is not to be trusted is not either
+    assert "not to be trusted" in done.stderr
+    assert tree_of(tmp_path / "out").keys() == FILES
+    ranked, plan = (pd.read_csv(tmp_path / "out" / name) for name in ("next.csv", "plan.csv"))
+    ends = ["origin", "verdict"]
+    columns = ["rank", "kind", *FACTORS, "tests", "minutes", "width_now", "width_expected", *ends]
+    assert ranked.columns.tolist() == columns
+    assert plan.columns.tolist() == ["test", "kind", *FACTORS, "minutes", "width_expected", *ends]
+    assert set(ranked["kind"]) == {"repeat"}
+    assert set(ranked["tests"]) == {3}
+    assert ranked["minutes"].isna().all()
+    assert (ranked["width_expected"] < ranked["width_now"]).all()
+    assert plan["width_expected"].is_monotonic_decreasing
+    assert len(plan) == 4
+    assert set(ranked["origin"]) == {"simulated"}
+    assert set(plan["verdict"]) == {"fail"}
+    assert tree_of(fit) == before
+
+
+def test_the_answer_is_printed_and_then_where_the_files_are(fit, tmp_path):
+    costs = tmp_path / "costs.toml"
+    costs.write_text("minutes_per_test = 5\n[setup_minutes]\nspeed_km_h = 10\n")
+    done = asked(fit, "k single (0)20-30", tmp_path / "out", "--cost", costs, "--tests", 2)
+    first, best, *_, plan, _, _, last = done.stdout.splitlines()
+    ranked, planned = (pd.read_csv(tmp_path / "out" / name) for name in ("next.csv", "plan.csv"))
+    now, after = (f"{100 * ranked[name][0]:.3g} %" for name in ("width_now", "width_expected"))
+    assert first.startswith("k single (0)20-30: median ")
+    assert first.endswith(f"95 % interval {now} of it wide (one case)")
+    assert best == f"1  3 more repeats of single (0)20-30: interval {now} to {after}, 25 min"
+    assert plan.startswith("plan not expected to reach 1 %: 2 tests, ")
+    assert plan.endswith(f"{100 * planned['width_expected'][1]:.3g} %, 20 min")
+    assert last == f"wrote {tmp_path / 'out' / 'figures' / 'width_against_tests.png'} (data: simulated, verdict fail)"
+    quiet = asked(fit, "k single (0)20-30", tmp_path / "quiet", "--cost", costs, "--tests", 2, "--quiet")
+    assert quiet.stdout == ""
+    assert tree_of(tmp_path / "quiet") == tree_of(tmp_path / "out")
+
+
+def test_levels_of_the_rig_make_new_cases(fit, tmp_path):
+    costs = tmp_path / "costs.toml"
+    costs.write_text("minutes_per_test = 5\n[rig]\nspeed_km_h = [50]\n")
+    asked(fit, "k single (50)20-30", tmp_path / "out", "--cost", costs, "--repeats", 1)
+    ranked = pd.read_csv(tmp_path / "out" / "next.csv")
+    assert set(ranked.loc[ranked["kind"] == "case", "speed_km_h"]) == {50.0}
+    assert set(ranked.loc[ranked["kind"] == "repeat", "speed_km_h"]) == {0.0}
+    assert (ranked.loc[0, "kind"], ranked.loc[0, "tests"], ranked.loc[0, "minutes"]) == ("case", 1, 5)
+
+
+def test_a_slope_over_the_actual_load_leaves_new_cases_out(tmp_path):
+    tree = drawn(small())
+    data = tree["posterior"].to_dataset()
+    slope = xr.DataArray(0.1 * data["k_case"].to_numpy()[..., :1], dims=("chain", "draw", "load"))
+    tree["posterior"] = xr.DataTree(data.assign(log_k_load=slope).assign_coords(load=["per 10 kN"]))
+    costs = tmp_path / "costs.toml"
+    costs.write_text("minutes_per_test = 5\n[rig]\nspeed_km_h = [50]\n")
+    done = asked(write_draws(tmp_path, tree), "k single (0)20-30", tmp_path / "out", "--cost", costs)
+    assert done.exit_code == 4, done.stderr
+    assert set(pd.read_csv(tmp_path / "out" / "next.csv")["kind"]) == {"repeat"}
+
+
+def test_energy_is_a_goal_of_motions_alone(fit, motions, tmp_path):
+    done = asked(motions, "energy_per_cycle dual / single", tmp_path / "out", "--tests", 2)
+    assert done.exit_code == 0, done.stderr
+    assert len(pd.read_csv(tmp_path / "out" / "plan.csv")) == 2
+    refused = asked(fit, "energy_per_cycle dual / single", tmp_path / "refused")
+    assert_refused(refused.exit_code, refused.stderr, "energy_per_cycle", "run bayes-tyre motion")
+    assert not (tmp_path / "refused").exists()
+
+
+def test_a_posterior_of_printed_tables_has_no_repeats_to_go_by(tmp_path):
+    printed = posterior({"k_case": fixed([1.0] * 8), "beta_case": fixed([0.1] * 8)}, printed_factors("single", "dual"))
+    done = asked(write_draws(tmp_path, printed), "k dual / single", tmp_path / "out")
+    assert_refused(done.exit_code, done.stderr, "posterior.nc", "no repeats", "fit a record table")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("minutes_per_test = ", "cannot be read as TOML"),
+        ("budget_minutes = 5", "minutes_per_test: is missing"),
+        ("minutes_per_test = 5\n[setup_minutes]\nsped_km_h = 1", "did you mean setup_minutes.speed_km_h?"),
+        ("minutes_per_test = -5", "minutes_per_test"),
+        ("minutes_per_test = 5\n[rig]\nstep_kN = 5", "rig.step_kN"),
+        (None, "cannot be read"),
+    ],
+)
+def test_a_cost_file_that_cannot_be_is_refused(text, said, fit, tmp_path):
+    costs = tmp_path / "costs.toml"
+    if text is not None:
+        costs.write_text(text)
+    done = asked(fit, "k single (0)20-30", tmp_path / "out", "--cost", costs)
+    assert_refused(done.exit_code, done.stderr, f"--cost {costs}", said)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("precision", ["x", "0", "-2%", "nan", "%"])
+def test_a_precision_that_cannot_be_is_a_usage_error(precision, fit, tmp_path):
+    done = here("next", fit, "--goal", "k", "--precision", precision, "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert "--precision" in done.stderr
+
+
+def test_a_posterior_without_the_means_of_groups_is_refused(tmp_path):
+    tree = drawn(small())
+    tree["posterior"] = xr.DataTree(tree["posterior"].to_dataset().drop_vars(["k_group"]))
+    done = asked(write_draws(tmp_path, tree), "k single (0)20-30", tmp_path / "out")
+    assert_refused(done.exit_code, done.stderr, "posterior.nc", "k_group", "run fit again")
