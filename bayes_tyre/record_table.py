@@ -86,7 +86,8 @@ def check_columns(table: pd.DataFrame, name: str, unit: str, required: Sequence[
     if missing:
         present = one_line(", ".join(map(str, table.columns)), REASON)
         raise BadInput(
-            f"{name}: missing column {', '.join(missing)}; found {present}; a {unit} table needs {', '.join(required)}"
+            f"{name}: missing column {', '.join(missing)}; found {present}; a {unit} table needs {', '.join(required)}: "
+            "rename yours, or map them (--columns)"
         )
     repeated = table.columns[table.columns.duplicated()]
     if len(repeated):

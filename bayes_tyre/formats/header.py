@@ -40,8 +40,10 @@ class Layout(NamedTuple):
     skip_rows: int | None = None
 
     def header(self, lines: Iterable[Sequence[str]]) -> int:
-        """Return which line is the header, counted from 0: the first of those with most known names."""
-        counts = [len({cell for cell in map(str.strip, cells) if self.known(cell)}) for cells in lines]
+        """Return which line is the header, counted from 0: that with most known names, else with most text cells."""
+        texts = [{cell for cell in map(str.strip, cells) if cell and not _is_number(cell)} for cells in lines]
+        counts = [sum(map(self.known, cells)) for cells in texts]
+        counts = counts if any(counts) else [*map(len, texts)]
         return counts.index(max(counts)) if counts else 0
 
     def renamed(self, names: Sequence[str], path: Path) -> list[str]:

@@ -86,8 +86,8 @@ def _read_xlsx(path: Path, layout: Layout | None) -> pd.DataFrame:
     names += [""] * (width - len(names))
     ours = names if layout is None else layout.renamed(names, path)
     cells = pd.DataFrame([[*row, *[None] * (width - len(row))] for _, row in rows], columns=range(width), dtype=object)
-    cells = cells[[i for i in range(width) if ours[i] or cells[i].notna().any()]]
-    table = cells.set_axis([ours[i] or f"column {i + 1}" for i in cells.columns], axis=1).infer_objects()
+    kept = [i for i in range(width) if ours[i] or cells[i].notna().any()]
+    table = cells[kept].set_axis([ours[i] or f"column {i + 1}" for i in kept], axis=1).infer_objects()
     table.attrs |= {NOTES: sheet.notes, UNITS_ROW: dict(zip(ours, units, strict=False))}
     table.attrs[FIRST_LINE] = rows[0][0] if rows else 2
     return map_texts(table, _text)
