@@ -85,9 +85,9 @@ def check_columns(table: pd.DataFrame, name: str, unit: str, required: Sequence[
     missing = [column for column in required if column not in table.columns]
     if missing:
         present = one_line(", ".join(map(str, table.columns)), REASON)
+        needs = f"a {unit} table needs {', '.join(required)}"
         raise BadInput(
-            f"{name}: missing column {', '.join(missing)}; found {present}; a {unit} table needs {', '.join(required)}: "
-            "rename yours, or map them (--columns)"
+            f"{name}: missing column {', '.join(missing)}; found {present}; {needs}: rename yours, or give --columns"
         )
     repeated = table.columns[table.columns.duplicated()]
     if len(repeated):

@@ -7,6 +7,7 @@ import typer
 
 from bayes_tyre.cli.commands.audit import audit
 from bayes_tyre.cli.commands.calibrate import calibrate
+from bayes_tyre.cli.commands.columns import columns
 from bayes_tyre.cli.commands.compare import compare
 from bayes_tyre.cli.commands.fit import fit
 from bayes_tyre.cli.commands.inspect import inspect
@@ -41,7 +42,20 @@ def main(show_version: Annotated[bool, typer.Option("--version", help="Print the
 
 _FITS = (lsq, load_deflection, fit, motion)
 _SIMULATED = (simulate, audit)
-for command in (published, campaign, inspect, calibrate, process, *_FITS, compare, predict, report, show, *_SIMULATED):
+for command in (
+    published,
+    campaign,
+    inspect,
+    calibrate,
+    process,
+    columns,
+    *_FITS,
+    compare,
+    predict,
+    report,
+    show,
+    *_SIMULATED,
+):
     app.command(cls=Command)(guarded(command))
 app.add_typer(study)
 
