@@ -90,20 +90,12 @@ def _proposal(table: pd.DataFrame, could_be: Mapping[str, str | None], required:
     columns: dict[str, object] = {}
     unplaced: list[str] = []
     for name, ours in could_be.items():
-        rivals = [other for other, its in could_be.items() if its == ours]
-        unit, known = _unit(name, table), UNITS.get(OUR_UNITS.get(ours or "", ""), {})
-        others = f"{quoted(unit)} is none of {', '.join(known)}"
-        if ours is None:
-            unplaced.append(f"column {quoted(name)}: stays as a further column")
-        elif len(rivals) > 1:
-            unplaced.append(f"column {quoted(name)}: {ours}, as {len(rivals)} columns could be; choose one")
-        elif unit and known and unit not in known:
-            unplaced.append(
-                f"column {quoted(name)}: {ours}, but {quoted(unit)} is none of {', '.join(known)}; convert it"
-            )
+        unit = _unit(name, table)
+        if ours is None or (why := _why_not(ours, unit, [*could_be.values()])):
+            unplaced.append(f"column {quoted(name)}: {'stays as a further column' if ours is None else why}")
         elif name != ours:
-            in_row = bool(table.attrs.get(UNITS_ROW, {}).get(name))
-            columns[ours] = {"name": name, "unit": unit} if unit and known and not in_row else name
+            plain = unit in ("", OUR_UNITS.get(ours, unit)) or table.attrs.get(UNITS_ROW, {}).get(name)
+            columns[ours] = name if plain else {"name": name, "unit": unit}
     directions, unknown = _directions(table, could_be)
     unplaced += unknown
     missing = [ours for ours in required if ours not in columns and ours not in table]
@@ -112,6 +104,14 @@ def _proposal(table: pd.DataFrame, could_be: Mapping[str, str | None], required:
     content = {"columns": columns, **({"values": {"direction": directions}} if directions else {})}
     comments = "".join(f"# not placed: {text}\n" for text in unplaced)
     return Proposal(comments + tomli_w.dumps(content), unplaced, command)
+
+
+def _why_not(ours: str, unit: str, all_ours: Sequence[str | None]) -> str:
+    """Return why a column is not placed though it could be one of ours; empty where it is."""
+    if all_ours.count(ours) > 1:
+        return f"{ours}, as {all_ours.count(ours)} columns could be; choose one"
+    known = UNITS.get(OUR_UNITS.get(ours, ""), {unit: 1.0})
+    return f"{ours}, but not in {', '.join(known)}; convert it first" if unit and unit not in known else ""
 
 
 def _normalised(text: str) -> str:
