@@ -103,14 +103,14 @@ def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
         model = ModelSettings(**chosen, priors=PRIORS.changed(options.get("priors", {})))
         records = [_input(path, name, digest) for name, digest in run["inputs"].items()]
         columns = None if options.get(_COLUMNS) is None else records.pop()
+        if not records:
+            raise ValueError
         plan = Plan(
             *(tuple(records), sampler, model),
             *(float(options["interval"]), options["units_checked"] is True, columns),
         )
     except (KeyError, TypeError, ValueError):
         raise BadInput(f"{path}: is not what fit writes; name the run.json in a folder that fit wrote") from None
-    if not plan.records:
-        raise BadInput(f"{path}: names no input; name the run.json in a folder that fit wrote")
     now = versions()
     changed = [f"{name} {was}, now {now[name]}" for name, was in run["versions"].items() if now.get(name, was) != was]
     if changed:

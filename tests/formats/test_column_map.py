@@ -81,9 +81,7 @@ def test_the_same_table_from_a_sheet_that_is_named(tmp_path):
     assert table.attrs["first_line"] == 5
     with pytest.raises(BadInput, match="no sheet 'Messung 2'; name one of 'Sheet', 'Messung 1'"):
         read(tmp_path / "a.xlsx#Messung 2", mapped(tmp_path, MAP))
-    with pytest.raises(
-        BadInput, match=r"no column 'Versuch', 'Weg', 'Kraft' and 1 more, .*; found notes; mend the map"
-    ):
+    with pytest.raises(BadInput, match=r"no column 'Versuch', 'Weg', 'Kraft' and 1 more, .*; found notes; mend"):
         read(tmp_path / "a.xlsx", mapped(tmp_path, MAP))
 
 
