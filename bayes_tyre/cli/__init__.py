@@ -40,22 +40,10 @@ def main(show_version: Annotated[bool, typer.Option("--version", help="Print the
         raise typer.Exit
 
 
+_INPUT = (inspect, calibrate, process, columns)
 _FITS = (lsq, load_deflection, fit, motion)
 _SIMULATED = (simulate, audit)
-for command in (
-    published,
-    campaign,
-    inspect,
-    calibrate,
-    process,
-    columns,
-    *_FITS,
-    compare,
-    predict,
-    report,
-    show,
-    *_SIMULATED,
-):
+for command in (published, campaign, *_INPUT, *_FITS, compare, predict, report, show, *_SIMULATED):
     app.command(cls=Command)(guarded(command))
 app.add_typer(study)
 

@@ -5,18 +5,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from bayes_tyre.cli.shell import (
-    ColumnsMap,
-    NoSeed,
-    Out,
-    Quiet,
-    Records,
-    assignments,
-    progress,
-    read_records,
-    say,
-    warn,
-)
+from bayes_tyre.cli import shell
+from bayes_tyre.cli.shell import NoSeed, Out, Quiet, Records, assignments, progress, say, warn
 from bayes_tyre.errors import BadInput
 
 
@@ -41,7 +31,7 @@ def _bounds(options: list[str]) -> dict[str, tuple[float, float]]:
 def lsq(
     records: Records,
     out: Out,
-    columns: ColumnsMap = None,
+    columns: shell.ColumnsMap = None,
     region: Annotated[
         Literal["all", "thesis"],
         typer.Option(help="all points, starts found from the data; or the thesis's first 70 % and its starts."),
@@ -71,7 +61,7 @@ def lsq(
         settings = FitSettings(region, fixed, tuple(free or ()), starts, _bounds(bounds or []))
     except BadInput as error:
         raise typer.BadParameter(str(error)) from None
-    table, suspicions, _ = read_records(records, columns)
+    table, suspicions, _ = shell.read_records(records, columns)
     prepare_jax()
     from bayes_tyre.workflow.least_squares import fit_least_squares
 
