@@ -73,11 +73,10 @@ def find_dialect(path: Path, layout: Layout | None = None) -> Dialect:
         filled = ((i, row, above + reader.line_num) for i, row in enumerate(reader) if "".join(row).strip())
         _, names, line = next(filled, (0, [], above))
         _check_names(path, names)
-        below, cells, units_line = next(filled, (0, [], 0)) if layout is not None else (0, [], 0)
-        units = units_in(cells)
-    if units:
-        return Dialect(encoding, separator, tuple(names), above, units_line + 1, units, below)
-    return Dialect(encoding, separator, tuple(names), above, line + 1)
+        header = Dialect(encoding, separator, tuple(names), above, line + 1)
+        below, cells, line = next(filled, (0, [], 0)) if layout is not None else (0, [], 0)
+    units = units_in(cells)
+    return header._replace(units=units, units_row=below, first_line=line + 1) if units else header
 
 
 def lines_below(lines: TextIO, above: int) -> TextIO:
@@ -96,7 +95,6 @@ def _encoding(path: Path) -> str:
                 raise BadInput(f"{path}: is {kind} under the name of a CSV file; {remedy}")
         if encoding := next((name for mark, name in _MARKS if start.startswith(mark)), ""):
             return encoding
-        file.seek(0)
         return next((one for one in _WITHOUT_MARK if _fits(file, one)), _WITHOUT_MARK[0])
 
 

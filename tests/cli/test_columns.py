@@ -54,7 +54,8 @@ def as_csv(encoding: str):
     """Return what writes their table with a preamble, a row of units, semicolons and decimal commas."""
 
     def write(folder: Path) -> Path:
-        rows = [";".join(row) for row in [*PREAMBLE, list(theirs()), [UNITS.get(name, "") for name in theirs()]]]
+        header = [str(name) for name in theirs()]
+        rows = [";".join(row) for row in [*PREAMBLE, header, [UNITS.get(name, "") for name in header]]]
         cells = theirs().to_csv(index=False, header=False, sep=";", decimal=",", lineterminator="\r\n")
         (folder / "lab.csv").write_bytes(("\r\n".join(rows) + "\r\n" + cells).encode(encoding))
         return folder / "lab.csv"

@@ -107,6 +107,13 @@ def test_what_was_converted_is_said_once_for_all_files(halves, tmp_path):
     pd.testing.assert_frame_equal(table, given.table)
 
 
+def test_the_python_face_takes_the_same_map(halves, tmp_path):
+    paths = [written(pd.read_csv(path).rename(columns={"force_kN": "F"}), path) for path in halves]
+    (tmp_path / "map.toml").write_text('[columns]\nforce_kN = { name = "F", unit = "lbf" }\n')
+    table = bt.read_records(*paths, columns=str(tmp_path / "map.toml"))
+    assert table["force_kN"].to_list() == pytest.approx([*small()["force_kN"] * 4.4482216152605e-3], rel=1e-14)
+
+
 def test_slow_tests_are_mapped_and_joined_like_records(tmp_path):
     table = slow_tests.campaign(repeats=1).drop(columns=["test"])
     one = table[(table["configuration"] == "single") & (table["speed_km_h"] == table["speed_km_h"].iloc[0])]
