@@ -5,6 +5,7 @@ a host device for each chain; the functions they call leave JAX as they find it.
 `read_posterior` returns carries its verdict, which then stands in every table made of it.
 """
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,6 @@ from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre import __all__ as __all__
 from bayes_tyre.errors import BadInput as BadInput
-from bayes_tyre.formats.tables import read_table
 from bayes_tyre.inference.diagnostics import verdict as diagnostics
 from bayes_tyre.inference.diagnostics.attempts import FAILED, Attempt, Attempts, checks_in, with_checks
 from bayes_tyre.inference.diagnostics.judge import judge, with_failures
@@ -42,20 +42,31 @@ from bayes_tyre.results.case_selection import parse_query
 from bayes_tyre.results.prediction import Prediction
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.workflow.predict import read_result
+from bayes_tyre.workflow.record_tables import read_given
 
 #: Host devices, fixed when JAX starts: enough for the chains of a fit that may come after.
 _DEVICES = SamplerSettings().chains
 
 
-def read_records(path: str | Path) -> pd.DataFrame:
-    """Return a record table from a `.csv` or `.parquet` file, checked: mm, kN, a row a point.
+def read_records(*paths: str | Path, columns: str | Path | None = None) -> pd.DataFrame:
+    """Return the record table in files and folders, checked: mm, kN, a row a point.
+
+    Parameters
+    ----------
+    paths:
+        `.csv`, `.parquet`, `.xlsx` or `.mat` files, or folders of them.
+    columns:
+        A column map in TOML, of other names and units; what a file's own row of units converts is warned of.
 
     Raises
     ------
     BadInput
         For a file that cannot be read, and for cells, factors or columns that cannot be right.
     """
-    return check_record_table(read_table(Path(path)), str(path))
+    given = read_given([*map(Path, paths)], None if columns is None else Path(columns))
+    for note in given.notes:
+        warnings.warn(note, stacklevel=2)
+    return given.table
 
 
 def reconstruct_campaign() -> Reconstruction:

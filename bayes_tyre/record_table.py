@@ -59,7 +59,7 @@ def check_record_table(table: pd.DataFrame, name: str = "record table") -> pd.Da
     try:
         _schema().validate(typed, lazy=True, inplace=True)
     except pa.errors.SchemaErrors as error:
-        raise BadInput(_first_failure(error.failure_cases, name)) from None
+        raise BadInput(_first_failure(error.failure_cases, name, first_line(typed))) from None
     _check_factors(typed, name)
     _check_time(typed, name)
     return typed
@@ -85,8 +85,9 @@ def check_columns(table: pd.DataFrame, name: str, unit: str, required: Sequence[
     missing = [column for column in required if column not in table.columns]
     if missing:
         present = one_line(", ".join(map(str, table.columns)), REASON)
+        needs = f"a {unit} table needs {', '.join(required)}"
         raise BadInput(
-            f"{name}: missing column {', '.join(missing)}; found {present}; a {unit} table needs {', '.join(required)}"
+            f"{name}: missing column {', '.join(missing)}; found {present}; {needs}: rename yours, or give --columns"
         )
     repeated = table.columns[table.columns.duplicated()]
     if len(repeated):
@@ -143,17 +144,23 @@ def _as_text(column: pd.Series) -> pd.Series:
     return column.astype(object).where(column.notna(), "").astype(str)
 
 
+def first_line(table: pd.DataFrame) -> int:
+    """Return the line of the first row in the table's file, counted from 1."""
+    return table.attrs.get("first_line", 2)
+
+
 def _where(name: str, table: pd.DataFrame, row: int, column: str) -> str:
-    return f"{name}: row {row + 1} (line {row + 2}), record {str(table['record'].iloc[row])[:60]!r}, column {column}"
+    record = str(table["record"].iloc[row])[:60]
+    return f"{name}: row {row + 1} (line {row + first_line(table)}), record {record!r}, column {column}"
 
 
-def _first_failure(failures: pd.DataFrame, name: str) -> str:
-    first = failures.sort_values("index", kind="stable").iloc[0]
+def _first_failure(failures: pd.DataFrame, name: str, first: int) -> str:
+    failure = failures.sort_values("index", kind="stable").iloc[0]
     more = "" if len(failures) == 1 else f" (and {len(failures) - 1} more)"
-    row = int(first["index"])
+    row = int(failure["index"])
     return (
-        f"{name}: row {row + 1} (line {row + 2}), column {first['column']}: "
-        f"{str(first['failure_case'])[:60]!r} {first['check']}{more}; mend the cell or remove the row"
+        f"{name}: row {row + 1} (line {row + first}), column {failure['column']}: "
+        f"{str(failure['failure_case'])[:60]!r} {failure['check']}{more}; mend the cell or remove the row"
     )
 
 

@@ -7,6 +7,7 @@ import typer
 
 from bayes_tyre.cli.commands.audit import audit
 from bayes_tyre.cli.commands.calibrate import calibrate
+from bayes_tyre.cli.commands.columns import columns
 from bayes_tyre.cli.commands.compare import compare
 from bayes_tyre.cli.commands.export import export
 from bayes_tyre.cli.commands.fit import fit
@@ -41,10 +42,11 @@ def main(show_version: Annotated[bool, typer.Option("--version", help="Print the
         raise typer.Exit
 
 
+_INPUT = (inspect, calibrate, process, columns)
 _FITS = (lsq, load_deflection, fit, motion)
 _READ_RESULTS = (compare, predict, next_tests, export, report, show)
 _SIMULATED = (simulate, audit)
-for command in (published, campaign, inspect, calibrate, process, *_FITS, *_READ_RESULTS, *_SIMULATED):
+for command in (published, campaign, *_INPUT, *_FITS, *_READ_RESULTS, *_SIMULATED):
     app.command(cls=Command)(guarded(command))
 app.add_typer(study)
 

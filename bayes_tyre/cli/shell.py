@@ -4,7 +4,7 @@ import functools
 import inspect
 import shlex
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -21,19 +21,28 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.plain_text import listed, one_line
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from bayes_tyre.inference.diagnostics.verdict import Diagnostics
+    from bayes_tyre.workflow.record_tables import Given
 
 BAD_INPUT, NOT_TRUSTED = 3, 4
 _CHECK_KINDS = ("sampling", "model", "data")
 RESUME = "--resume"
 
 RECORD_TABLE = typer.Argument(
-    help=f"Record table ({suffixes.TABLE}): record, displacement_mm, force_kN; optional time_s, configuration, "
-    "direction, speed_km_h, initial_load_kN, step_kN, repeat, origin."
+    metavar="RECORDS...",
+    help=f"Record tables ({suffixes.TABLE}; FILE.xlsx#SHEET names a sheet), or folders of them: record, "
+    "displacement_mm, force_kN; optional time_s, configuration, direction, speed_km_h, initial_load_kN, step_kN, "
+    "repeat, origin. Other names and units: --columns.",
 )
-Records = Annotated[Path, RECORD_TABLE]
+Records = Annotated[list[Path], RECORD_TABLE]
+ColumnsMap = Annotated[
+    Path | None,
+    typer.Option(
+        "--columns",
+        metavar="MAP.TOML",
+        help="What your tables call these columns, and their units; `bayes-tyre columns FILE` proposes a map.",
+    ),
+]
 Out = Annotated[Path, typer.Option(help="Folder to write into; made if it is not there.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors and warnings.")]
 Resume = Annotated[
@@ -111,12 +120,14 @@ def progress(what: str, total: int, quiet: bool) -> Iterator[Callable[[int], Non
         yield lambda done: bar.advance(task, done)
 
 
-def read_records(path: Path) -> "pd.DataFrame":
-    """Return a record table from disk, checked."""
-    from bayes_tyre.formats.tables import read_table
-    from bayes_tyre.record_table import check_record_table
+def read_records(paths: Sequence[Path], columns: Path | None) -> "Given":
+    """Return the record table on disk, checked; what was converted or left out goes to stderr."""
+    from bayes_tyre.workflow.record_tables import read_given
 
-    return check_record_table(read_table(path), str(path))
+    given = read_given(paths, columns)
+    for text in given.notes:
+        warn(text)
+    return given
 
 
 def assignments(options: list[str], flag: str) -> dict[str, float]:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.header import FIRST_LINE
 from bayes_tyre.record import NUMBER_COLUMNS, TEXT_COLUMNS
 
 _SIGN, _POWER = r"\s*[+-]?", r"(?:[eE][+-]?\d+)?\s*"
@@ -109,4 +110,5 @@ def _is_text(cells: pd.Series) -> bool:
 
 def _where(table: pd.DataFrame, cell: _Cell) -> str:
     record = f", record {str(table['record'].iloc[cell.row])[:60]!r}" if "record" in table else ""
-    return f"row {cell.row + 1} (line {cell.row + 2}){record}, column {cell.column} holds {cell.text[:40].strip()!r}"
+    line = cell.row + table.attrs.get(FIRST_LINE, 2)
+    return f"row {cell.row + 1} (line {line}){record}, column {cell.column} holds {cell.text[:40].strip()!r}"

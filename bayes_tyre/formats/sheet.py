@@ -10,12 +10,10 @@ from openpyxl.utils import get_column_letter
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.column_signals import named_by_number, signals_of
 from bayes_tyre.formats.lvm.roles import COMMENT, is_x
+from bayes_tyre.formats.workbook import NumberedRows, Row
 from bayes_tyre.formats.x_column import is_time, unit_in
 from bayes_tyre.plain_text import quoted
 from bayes_tyre.record import RawSignals
-
-type Row = Sequence[object]
-type NumberedRows = Sequence[tuple[int, Row]]
 
 
 class _Names(NamedTuple):

@@ -14,6 +14,7 @@ from typing import Any
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import write_text
+from bayes_tyre.formats.workbook import split_sheet
 from bayes_tyre.inference.sampling.run import SamplerRun
 
 LIBRARIES = ("bayes-tyre", "jax", "jaxlib", "numpyro", "optimistix", "equinox", "arviz", "numpy", "pandas", "xarray")
@@ -47,8 +48,8 @@ def begin_run(command: str, options: Mapping[str, object], seed: int, inputs: li
 
 
 def sha256(path: Path) -> str:
-    """Return the SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    """Return the SHA-256 of a file; of ``FILE.xlsx#Sheet``, that of the whole workbook."""
+    return hashlib.sha256(split_sheet(path)[0].read_bytes()).hexdigest()
 
 
 def versions() -> dict[str, str]:

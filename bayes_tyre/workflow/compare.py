@@ -12,17 +12,17 @@ import xarray as xr
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder, whole_file
-from bayes_tyre.formats.tables import read_table, write_table
+from bayes_tyre.formats.tables import write_table
 from bayes_tyre.inference.diagnostics.attempts import Attempt, Attempts
 from bayes_tyre.inference.diagnostics.leave_one_out import LeaveOneOut, leave_one_record_out
 from bayes_tyre.inference.motion.hierarchy.leave_one_out import leave_one_motion_out
 from bayes_tyre.inference.sampling.datatree import is_of_motions
 from bayes_tyre.inference.sampling.run import SamplerSettings, kept_acceptance
-from bayes_tyre.record_table import check_record_table
 from bayes_tyre.results.model_comparison import by_record, compare, sentence
 from bayes_tyre.results.provenance import RUN_JSON
 from bayes_tyre.workflow.fit import Plan, planned_in
 from bayes_tyre.workflow.predict import Result, read_posterior, read_result
+from bayes_tyre.workflow.record_tables import read_given
 from bayes_tyre.workflow.result_names import names
 
 NAME, BY_RECORD = "comparison.csv", "comparison_records.csv"
@@ -166,7 +166,7 @@ def _refit(seed: int, tree: xr.DataTree) -> SamplerSettings:
 
 def _read(folder: Path, on_note: Callable[[str], None]) -> tuple[Plan, Result, pd.DataFrame]:
     result, plan = read_result(folder), planned_in(folder / RUN_JSON, on_note)
-    return plan, result, check_record_table(read_table(plan.records))
+    return plan, result, read_given(plan.records, plan.columns).table
 
 
 def _check_same(read: Sequence[tuple[str, Plan, Result, pd.DataFrame]]) -> None:

@@ -10,7 +10,9 @@ import pandas as pd
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.column_map import read_column_map
 from bayes_tyre.formats.files import check_folder, prepare_folder
+from bayes_tyre.formats.workbook import split_sheet
 from bayes_tyre.inference.diagnostics.attempts import Attempts
 from bayes_tyre.inference.diagnostics.judge import judge
 from bayes_tyre.inference.diagnostics.power_scaling import identify_published, identify_records
@@ -26,11 +28,12 @@ from bayes_tyre.record_table import origin_of
 from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.results.provenance import begin_run, read_run, sha256, versions
 from bayes_tyre.workflow.execution.resume import Callbacks, open_checkpoints
+from bayes_tyre.workflow.record_tables import names, table_files
 from bayes_tyre.workflow.result_folder import write_fit
 
 _SAMPLER = ("chains", "warmup", "draws")
 #: Missing in a `run.json` of an earlier version, and then None.
-_TARGET = "target_accept"
+_TARGET, _COLUMNS = "target_accept", "columns"
 
 
 @dataclass(frozen=True)
@@ -40,20 +43,28 @@ class Plan:
     Attributes
     ----------
     records:
-        The record table's file.
+        Files and folders of record tables.
     sampler, model:
         How much to sample, and of what.
     interval:
         Probability of every interval, equal-tailed.
     units_checked:
         Whether somebody vouches for suspicious units.
+    columns:
+        The column map's file; None: the columns are ours.
     """
 
-    records: Path
+    records: tuple[Path, ...]
     sampler: SamplerSettings
     model: ModelSettings
     interval: float = 0.95
     units_checked: bool = False
+    columns: Path | None = None
+
+    @property
+    def inputs(self) -> list[Path]:
+        """The files of records, then the column map if there is one."""
+        return [*table_files(self.records)[0], *([] if self.columns is None else [self.columns])]
 
     @property
     def options(self) -> dict[str, object]:
@@ -63,6 +74,7 @@ class Plan:
             **{field.name: getattr(self.model, field.name) for field in fields(ModelSettings)},
             "priors": self.model.priors.given(),
             **{"interval": self.interval, "units_checked": self.units_checked},
+            _COLUMNS: None if self.columns is None else read_column_map(self.columns).options,
         }
 
 
@@ -79,24 +91,26 @@ def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
     """
     run = read_run(path)
     options, fields_of_model = run["options"], {field.name for field in fields(ModelSettings)}
-    if unknown := sorted(set(options) - fields_of_model - {*_SAMPLER, _TARGET, "interval", "units_checked"}):
+    if unknown := sorted(set(options) - fields_of_model - {*_SAMPLER, _TARGET, _COLUMNS, "interval", "units_checked"}):
         raise BadInput(
             f"{path}: option {unknown[0]} is unknown to this version; repeat the run with the version it names"
         )
     try:
-        (name, digest), *others = run["inputs"].items()
         sampler = SamplerSettings(
             **{key: options[key] for key in _SAMPLER}, seed=run["seed"], target_accept=options.get(_TARGET)
         )
         chosen = {key: value for key, value in options.items() if key in fields_of_model - {"priors"}}
         model = ModelSettings(**chosen, priors=PRIORS.changed(options.get("priors", {})))
+        records = [_input(path, name, digest) for name, digest in run["inputs"].items()]
+        columns = None if options.get(_COLUMNS) is None else records.pop()
+        if not records:
+            raise ValueError
         plan = Plan(
-            _input(path, name, digest), sampler, model, float(options["interval"]), options["units_checked"] is True
+            *(tuple(records), sampler, model),
+            *(float(options["interval"]), options["units_checked"] is True, columns),
         )
     except (KeyError, TypeError, ValueError):
         raise BadInput(f"{path}: is not what fit writes; name the run.json in a folder that fit wrote") from None
-    if others:
-        raise BadInput(f"{path}: names more than one input; name the run.json in a folder that fit wrote")
     now = versions()
     changed = [f"{name} {was}, now {now[name]}" for name, was in run["versions"].items() if now.get(name, was) != was]
     if changed:
@@ -106,7 +120,7 @@ def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
 
 def _input(run_json: Path, name: str, digest: str) -> Path:
     above = [folder / name for folder in run_json.absolute().parents]
-    there = [path for path in (Path(name), *above) if path.is_file()]
+    there = [path for path in (Path(name), *above) if split_sheet(path)[0].is_file()]
     if not there:
         raise BadInput(f"{run_json}: its input {name} is not there; run from the folder it was run from")
     same = next((path for path in there if sha256(path) == digest), None)
@@ -148,7 +162,7 @@ def fit_table(
     check_folder(out)
     callbacks = callbacks or Callbacks()
     call = shlex.join(["bayes-tyre", *command])
-    run = begin_run(call, plan.options, plan.sampler.seed, [plan.records], origin_of(table))
+    run = begin_run(call, plan.options, plan.sampler.seed, plan.inputs, origin_of(table))
     checkpoints = open_checkpoints(out, run, callbacks, resume)
     if isinstance(checkpoints, Diagnostics):
         return checkpoints
@@ -157,7 +171,7 @@ def fit_table(
         records = prepare_records(table, plan.model)
         tree = fit_hierarchical(table, settings, plan.model, records)
     except BadInput as error:
-        raise BadInput(f"{plan.records}: {error}") from None
+        raise BadInput(f"{names(plan.records)}: {error}") from None
     prepare_folder(out)
     table = used_points(table, plan.model.region)
     tree, diagnostics = judge(

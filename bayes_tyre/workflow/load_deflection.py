@@ -25,10 +25,13 @@ from bayes_tyre.signals.load_deflection import (
     check_load_deflection,
     with_deflection,
 )
+from bayes_tyre.workflow.record_tables import Kind
 
 TESTS, CASES, SHARED = "load_deflection.csv", "load_deflection_cases.csv", "shared_stiffness.csv"
 FIGURE = "figures/load_deflection_loops.png"
 NO_RIG = "none"
+#: What `record_tables.read_given` checks these tables by.
+SLOW_TESTS = Kind("test", check_load_deflection, "load_kN", "load")
 
 
 @dataclass(frozen=True)
@@ -42,11 +45,6 @@ class Written:
     paths: list[Path]
 
 
-def read_load_deflection(path: Path) -> pd.DataFrame:
-    """Return a table of slow tests from disk, checked."""
-    return check_load_deflection(read_table(path), str(path))
-
-
 def fit_load_deflection(
     table: pd.DataFrame, out: Path, *, rig: str | None = None, beta_mm: float | None = None, steps: Path | None = None
 ) -> Written:
@@ -55,7 +53,7 @@ def fit_load_deflection(
     Parameters
     ----------
     table:
-        As `read_load_deflection` returns it.
+        As `check_load_deflection` returns it.
     rig:
         Name or TOML file; ``none`` where the readings are of the tyre itself, on flat ground; None for the rig that
         the configuration names.

@@ -7,7 +7,7 @@ import pandas as pd
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import prepare_folder
-from bayes_tyre.formats.tables import READERS, read_table, write_table
+from bayes_tyre.formats.tables import WRITERS, read_table, write_table
 from bayes_tyre.inference.least_squares.table import FitSettings, fit_records
 from bayes_tyre.published import campaign, checks
 from bayes_tyre.record_table import check_record_table
@@ -23,8 +23,8 @@ def write_campaign(out: Path, seed: int | None = None) -> tuple[Path, Path]:
     BadInput
         If the suffix of `out` is not that of a record table.
     """
-    if out.suffix.lower() not in READERS:
-        raise BadInput(f"--out {out}: {out.suffix or 'no suffix'} is not a table format; use {' or '.join(READERS)}")
+    if out.suffix.lower() not in WRITERS:
+        raise BadInput(f"--out {out}: {out.suffix or 'no suffix'} is not a table format; use {' or '.join(WRITERS)}")
     made = campaign.reconstruct(campaign.SEED if seed is None else seed)
     truth = out.with_name(f"{out.stem}_truth{out.suffix}")
     return write_table(made.records, out), write_table(made.truth, truth)

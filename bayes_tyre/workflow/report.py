@@ -14,7 +14,6 @@ from bayes_tyre.inference.diagnostics.attempts import Attempts
 from bayes_tyre.inference.model.prepared_records import used_points
 from bayes_tyre.inference.sampling.datatree import is_of_motions
 from bayes_tyre.published import tables
-from bayes_tyre.record_table import check_record_table
 from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.report.html.between_results import ComparedResult, compare_results, has_cases
 from bayes_tyre.report.html.figures import embedded_figures, stored_figures
@@ -25,6 +24,7 @@ from bayes_tyre.results.motion_traces import MOTIONS_CSV, check_readings
 from bayes_tyre.results.provenance import RUN_JSON
 from bayes_tyre.results.separate_fits import read_separate_fits
 from bayes_tyre.workflow.fit import planned_in
+from bayes_tyre.workflow.record_tables import read_given
 from bayes_tyre.workflow.result_names import names
 
 NAME, SUFFIXES = "report.html", (".html", ".htm")
@@ -130,7 +130,7 @@ def _records(folder: Path, result: Reported, on_note: Callable[[str], None]) -> 
         return None
     try:
         plan = planned_in(folder / RUN_JSON, lambda _: None)
-        table = used_points(check_record_table(read_table(plan.records), str(plan.records)), plan.model.region)
+        table = used_points(read_given(plan.records, plan.columns).table, plan.model.region)
     except BadInput as error:
         on_note(f"figures of records are as the fit drew them: {error}")
         return None

@@ -69,6 +69,7 @@ WRITERS: dict[str, Callable[[Path, Path], list[object]]] = {
     "report": lambda given, out: ["report", given / "fit", "--out", out / "report.html"],
     "inspect": lambda given, out: ["inspect", data_path("sample/appendix_b1.lvm"), "--out", out / "channels.csv"],
     "calibrate": lambda given, out: ["calibrate", data_path("sample/appendix_b1.lvm"), "--out", out / "lines.toml"],
+    "columns": lambda given, out: ["columns", given / "records.csv", "--out", out / "map.toml"],
     "process": lambda given, out: ["process", given / "raw", "--out", out / "records.csv", "--workers", "1"],
     "motion": lambda given, out: ["motion", given / "raw", "--out", out, "--workers", "1"],
     "simulate": lambda given, out: ["simulate", "--out", out, "--rate", "1000"],

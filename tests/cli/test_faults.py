@@ -44,7 +44,6 @@ FAULTS: dict[str, tuple[Callable[[], bytes], tuple[str, ...]]] = {
         lambda: text_of(small()).replace(b"simulated\n", b"simulated,7\n"),
         ("row 1 (line 2) holds 11 cells, the header 10",),
     ),
-    "Latin-1": (lambda: text_of(small().assign(configuration="ö")).decode().encode("latin-1"), ("as UTF-8",)),
     "empty cell": (lambda: text_of(with_cell(9, "displacement_mm", "")), ("row 9", "displacement_mm", "is empty")),
     "NaN": (lambda: text_of(with_cell(2, "force_kN", "NaN")), ("row 2", "force_kN", "NaN")),
     "infinity": (lambda: text_of(with_cell(3, "displacement_mm", "inf")), ("row 3", "displacement_mm", "inf")),

@@ -28,12 +28,16 @@ NO_TABLES: dict[str, tuple[str, Callable[[Path], object], tuple[str, ...]]] = {
         ("cannot be read as csv", "UTF-8"),
     ),
     "a folder": ("records.csv", lambda path: path.mkdir(), ("is a folder",)),
-    "a workbook": ("records.xlsx", lambda path: path.write_bytes(b"PK\x03\x04"), (".xlsx", "save the sheet as CSV")),
+    "a workbook": (
+        "records.xlsx",
+        lambda path: path.write_bytes(b"PK\x03\x04"),
+        ("is no workbook", "as .xlsx"),
+    ),
     "a workbook by another name": ("records.csv", lambda path: path.write_bytes(b"PK\x03\x04"), ("workbook",)),
     "half a parquet": ("records.parquet", lambda path: half_of(parquet(path)), ("cannot be read as parquet",)),
     "a parquet of text": ("records.parquet", lambda path: path.write_bytes(text_of(small())), ("parquet",)),
     "another table": ("records.parquet", lambda path: parquet(path, ["force_kN"]), ("missing column record",)),
-    "no suffix": ("records", lambda path: path.write_bytes(text_of(small())), ("no suffix", ".csv or .parquet")),
+    "no suffix": ("records", lambda path: path.write_bytes(text_of(small())), ("no suffix", ".xlsx or .mat")),
 }
 
 #: What is no finished result: which commands read it, how it is spoilt, and what the line on stderr must name.

@@ -7,7 +7,7 @@ from bayes_tyre.inference.motion.laws import MOTION_LAWS
 
 
 def test_help_names_the_suffixes_that_are_read():
-    assert suffixes.TABLE.split(" or ") == list(tables.READERS)
+    assert suffixes.TABLE.replace(" or ", ", ").split(", ") == list(tables.READERS)
     assert suffixes.RAW.split(", ") == [suffix for suffix in raw.READERS if suffix != ".txt"]
 
 

@@ -150,7 +150,7 @@ def test_one_bad_cell_is_the_one_that_is_named_by_either_decimal_sign(decimal, t
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ("record;displacement_mm\nä;1\n".encode("latin-1"), "save it again as UTF-8"),
+        ("record;displacement_mm\nä\x81;1\n".encode("latin-1"), "save it again as UTF-8"),
         ("record;displacement_mm\nr;1\n".encode("utf-16-le"), "UTF-16 without its mark; save it as UTF-8"),
         ("record;displacement_mm\nr;1\n".encode("utf-16")[:-1], "save it again as UTF-8"),
         (b"\0" * 4096, "zero bytes"),

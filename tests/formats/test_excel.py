@@ -9,7 +9,7 @@ import openpyxl
 import pytest
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats import excel
+from bayes_tyre.formats import workbook
 from bayes_tyre.formats.excel import read_excel
 
 NAMES = ["Time (ms)", "note", "Acc m/s^2", "Load [kN]"]
@@ -168,7 +168,7 @@ def test_sheets_that_go_on_and_on_are_refused(path, monkeypatch):
     with pytest.raises(BadInput, match="row 3, cell 18278: a sheet of over"):
         read_excel(path)
     written(path, [["time", "acc"], [0, 1], [1, 2]])
-    monkeypatch.setattr(excel, "_MOST_CELLS", 5)
+    monkeypatch.setattr(workbook, "_MOST_CELLS", 5)
     with pytest.raises(BadInput, match="row 3"):
         read_excel(path)
 

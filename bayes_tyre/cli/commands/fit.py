@@ -23,7 +23,8 @@ BESIDE_FROM = ("out", "from_run", "resume", "quiet")
 def fit(
     context: typer.Context,
     out: shell.Out,
-    records: Annotated[Path | None, shell.RECORD_TABLE] = None,
+    records: Annotated[list[Path] | None, shell.RECORD_TABLE] = None,
+    columns: shell.ColumnsMap = None,
     law: model_options.LawOption = "equation_2",
     region: model_options.RegionOption = "all",
     initial_load: model_options.InitialLoadOption = "nominal",
@@ -76,7 +77,7 @@ def fit(
         displacement_sd,
     )
     settings = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
-    plan = Plan(Path(records or ""), settings, model, interval, units_checked)
+    plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns)
     _run(plan, out, resume, quiet)
 
 
@@ -97,10 +98,10 @@ def _run(plan: "Plan", out: Path, resume: bool, quiet: bool) -> None:
     shell.conclude(diagnostics, out, quiet)
 
 
-def _check_usage(context: typer.Context, records: Path | None, from_run: Path | None) -> None:
+def _check_usage(context: typer.Context, records: list[Path] | None, from_run: Path | None) -> None:
     """Refuse neither RECORDS nor --from, and options that --from would contradict."""
     if from_run is None:
-        if records is None:
+        if not records:
             raise typer.BadParameter("missing; name a record table, or give --from RUN.JSON", param_hint="RECORDS")
         return
     for option in context.command.params:
@@ -111,10 +112,7 @@ def _check_usage(context: typer.Context, records: Path | None, from_run: Path | 
 
 
 def _checked_table(plan: "Plan") -> "pd.DataFrame":
-    from bayes_tyre.record_table import suspicious_units
-
-    table = shell.read_records(plan.records)
-    suspicions = suspicious_units(table)
-    if suspicions and not plan.units_checked:
-        raise BadInput(f"{plan.records}: {suspicions[0]}; or say --units-checked")
-    return table
+    given = shell.read_records(plan.records, plan.columns)
+    if given.suspicions and not plan.units_checked:
+        raise BadInput(f"{given.suspicions[0]}; or say --units-checked")
+    return given.table

@@ -6,19 +6,22 @@ from typing import Annotated
 import typer
 
 from bayes_tyre.cli import suffixes
-from bayes_tyre.cli.shell import NoSeed, Out, Quiet, say, warn
+from bayes_tyre.cli.shell import ColumnsMap, NoSeed, Out, Quiet, say, warn
 
 
 def load_deflection(
     table: Annotated[
-        Path,
+        list[Path],
         typer.Argument(
-            help=f"Table of readings ({suffixes.TABLE}), a row a reading, in measured order: test (a name), load_kN of "
-            "the cylinder, displacement_mm at the measurement point since first touch; optional configuration, "
-            "speed_km_h, repeat, direction (loading or unloading), origin."
+            metavar="TABLE...",
+            help=f"Tables of readings ({suffixes.TABLE}), or folders of them, a row a reading, in measured order: "
+            "test (a name), load_kN of the cylinder, displacement_mm at the measurement point since first touch; "
+            "optional configuration, speed_km_h, repeat, direction (loading or unloading), origin. Other names and "
+            "units: --columns.",
         ),
     ],
     out: Out,
+    columns: ColumnsMap = None,
     rig: Annotated[
         str | None,
         typer.Option(
@@ -54,18 +57,19 @@ def load_deflection(
     del seed
     if beta is not None and not 0 < beta < float("inf"):
         raise typer.BadParameter(f"{beta:g} is no length; beta is in mm, above 0", param_hint="--beta")
-    from bayes_tyre.record_table import origin_of, suspicious_units
+    from bayes_tyre.record_table import origin_of
     from bayes_tyre.runtime import prepare_jax
 
     prepare_jax()
-    from bayes_tyre.workflow.load_deflection import fit_load_deflection, read_load_deflection
+    from bayes_tyre.workflow.load_deflection import SLOW_TESTS, fit_load_deflection
+    from bayes_tyre.workflow.record_tables import names, read_given
 
-    readings = read_load_deflection(table)
-    for warning in suspicious_units(readings, "test", "load_kN", "load"):
-        warn(f"{table}: {warning}")
+    readings, suspicions, notes = read_given(table, columns, SLOW_TESTS)
+    for warning in [*notes, *suspicions]:
+        warn(warning)
     written = fit_load_deflection(readings, out, rig=rig, beta_mm=beta, steps=steps)
     for text in written.notes:
-        warn(f"{table}: {text}")
+        warn(f"{names(table)}: {text}")
     for path in written.paths:
         say(f"wrote {path} (data: {origin_of(readings)})", quiet)
     if written.shared is not None:

@@ -5,7 +5,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from bayes_tyre.cli.shell import NoSeed, Out, Quiet, Records, assignments, progress, read_records, say, warn
+from bayes_tyre.cli import shell
+from bayes_tyre.cli.shell import NoSeed, Out, Quiet, Records, assignments, progress, say, warn
 from bayes_tyre.errors import BadInput
 
 
@@ -30,6 +31,7 @@ def _bounds(options: list[str]) -> dict[str, tuple[float, float]]:
 def lsq(
     records: Records,
     out: Out,
+    columns: shell.ColumnsMap = None,
     region: Annotated[
         Literal["all", "thesis"],
         typer.Option(help="all points, starts found from the data; or the thesis's first 70 % and its starts."),
@@ -61,7 +63,7 @@ def lsq(
     Example: bayes-tyre lsq data/campaign/records.csv --out results/lsq --region thesis
     """
     from bayes_tyre.inference.least_squares.settings import FitSettings
-    from bayes_tyre.record_table import origin_of, suspicious_units
+    from bayes_tyre.record_table import origin_of
     from bayes_tyre.runtime import prepare_jax
 
     del seed
@@ -74,14 +76,14 @@ def lsq(
         prepare_jax()
         from bayes_tyre.workflow.loops import fit_loops, read_loops
 
-        table = read_loops(records)
+        table, suspicions = read_loops(records, columns, warn)
     else:
-        table = read_records(records)
+        table, suspicions, _ = shell.read_records(records, columns)
         prepare_jax()
         from bayes_tyre.workflow.least_squares import fit_least_squares
 
-    for warning in suspicious_units(table):
-        warn(f"{records}: {warning}")
+    for warning in suspicions:
+        warn(warning)
     with progress("least squares", table["record"].nunique(), quiet) as on_progress:
         if loops:
             fits, cycles = fit_loops(table, settings, out, on_progress)

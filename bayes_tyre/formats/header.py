@@ -1,0 +1,86 @@
+"""The header of a lab's table: found below lines of preamble, its columns renamed, and the row of units below it."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.plain_text import NAME, REASON, listed, one_line, quoted
+
+#: Units that are read, by ours: the divisor that turns a number into ours.
+UNITS: dict[str, dict[str, float]] = {
+    "kN": {"kN": 1.0, "N": 1e3, "lbf": 1e3 / 4.4482216152605},
+    "mm": {"mm": 1.0, "m": 1e-3, "in": 1 / 25.4},
+    "s": {"s": 1.0, "ms": 1e3},
+    "km/h": {"km/h": 1.0},
+}
+_KNOWN = {unit for units in UNITS.values() for unit in units}
+#: Lines among which the header is looked for.
+SEARCHED = 200
+#: What a table from disk says of itself in its `attrs`: the line of its first row, the units by column that stand in a
+#: row below the header, and sentences on what was left out.
+FIRST_LINE, UNITS_ROW, NOTES = "first_line", "units", "notes"
+
+
+class Layout(NamedTuple):
+    """Where the header of a lab's table is, and what its columns are called.
+
+    Attributes
+    ----------
+    known:
+        Whether a name is one that is looked for: the header is the line that holds most of them.
+    names:
+        Our name by theirs, of the columns to rename; every one must be there.
+    skip_rows:
+        Lines above the header; None: it is looked for.
+    """
+
+    known: Callable[[str], bool]
+    names: Mapping[str, str] = {}
+    skip_rows: int | None = None
+
+    def header(self, lines: Iterable[Sequence[str]]) -> int:
+        """Return which line is the header, counted from 0: that with most known names, else with most text cells."""
+        texts = [{cell for cell in map(str.strip, cells) if cell and not _is_number(cell)} for cells in lines]
+        counts = [sum(map(self.known, cells)) for cells in texts]
+        counts = counts if any(counts) else [*map(len, texts)]
+        return counts.index(max(counts)) if counts else 0
+
+    def renamed(self, names: Sequence[str], path: Path) -> list[str]:
+        """Return the columns as we call them.
+
+        Raises
+        ------
+        BadInput
+            If one to be renamed is missing, or another has its name already.
+        """
+        if missing := [name for name in self.names if name not in names]:
+            found = one_line(", ".join(filter(None, names)), REASON)
+            called = f"{listed(missing, 3, quoted)}, which the column map calls {listed(self._ours(missing), 3)}"
+            raise BadInput(f"{path}: no column {called}; found {found}; mend the map, or its skip_rows")
+        ours = [self.names.get(name, name) for name in names]
+        twice = next((name for i, name in enumerate(ours) if name and name in ours[:i]), None)
+        if twice is not None:
+            what = " beside the one that the column map calls so" if twice in self.names.values() else " twice"
+            raise BadInput(f"{path}: column {one_line(twice, NAME)!r} stands{what}; keep one")
+        return ours
+
+    def _ours(self, theirs: Sequence[str]) -> list[str]:
+        return [self.names[name] for name in theirs]
+
+
+def units_in(cells: Sequence[object]) -> tuple[str, ...]:
+    """Return the units in the row below the header, one a column; nothing if it is no row of units.
+
+    It is one if it holds two known units at least, with or without brackets, and no number.
+    """
+    texts = tuple("" if cell is None else str(cell).strip().strip("[]()").strip() for cell in cells)
+    return texts if sum(text in _KNOWN for text in texts) > 1 and not any(map(_is_number, texts)) else ()
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.replace(",", "."))
+    except ValueError:
+        return False
+    return True
