@@ -12,6 +12,7 @@ from bayes_tyre.cli.commands.fit import fit
 from bayes_tyre.cli.commands.inspect import inspect
 from bayes_tyre.cli.commands.load_deflection import load_deflection
 from bayes_tyre.cli.commands.lsq import lsq
+from bayes_tyre.cli.commands.modes import modes
 from bayes_tyre.cli.commands.motion import motion
 from bayes_tyre.cli.commands.predict import predict
 from bayes_tyre.cli.commands.process import process
@@ -39,7 +40,7 @@ def main(show_version: Annotated[bool, typer.Option("--version", help="Print the
         raise typer.Exit
 
 
-_FITS = (lsq, load_deflection, fit, motion)
+_FITS = (lsq, load_deflection, modes, fit, motion)
 _SIMULATED = (simulate, audit)
 for command in (published, campaign, inspect, calibrate, process, *_FITS, compare, predict, report, show, *_SIMULATED):
     app.command(cls=Command)(guarded(command))

@@ -64,4 +64,4 @@ class FlexibleRing(eqx.Module):
         )
         coriolis = mode * (square - 1) * jnp.asarray(spin)
         root = jnp.sqrt(coriolis**2 + (square + 1) * stiffness)
-        return (wave * coriolis + root) / (square + 1) / (2 * np.pi)
+        return (jnp.asarray(wave) * coriolis + root) / (square + 1) / (2 * np.pi)

@@ -1,4 +1,4 @@
-"""The flexible ring: its limits in closed form, and the modes of a polygon of masses and springs, at rest and turning."""
+"""The flexible ring: its limits in closed form, and the modes of a polygon of masses and springs, also as it turns."""
 
 import jax
 import jax.numpy as jnp
@@ -8,9 +8,10 @@ import pytest
 from bayes_tyre.laws.flexible_ring import FlexibleRing
 
 #: 1/s^2, such that every term of mode 3 counts.
-RING = FlexibleRing(bending=600.0, tension=2e4, radial=2e5, tangential=6e4)
+TENSION = 2e4
+RING = FlexibleRing(bending=600.0, tension=TENSION, radial=2e5, tangential=6e4)
 MODES = np.array([0.0, 1.0, 2.0, 3.0])
-#: Nodes of the polygon; stretch stiffness EA / (rho A R^2), 1/s^2: far above all else, for a ring that does not stretch.
+#: Nodes of the polygon; stretch stiffness EA / (rho A R^2), 1/s^2: far above all else, so that it does not stretch.
 NODES, STRETCH = 96, 1e9
 
 
@@ -35,7 +36,7 @@ def test_a_free_ring_has_the_frequencies_of_bending_and_of_tension_alone(n):
 def test_tension_alone_is_a_string_for_short_waves_and_its_centrifugal_one_carries_a_wave_that_stands():
     taut = FlexibleRing(bending=0.0, tension=2e4, radial=0.0, tangential=0.0)
     assert squared(taut, 200.0) == pytest.approx(2e4 * 200.0**2, rel=1e-4)
-    # The centrifugal tension makes waves as fast as the belt: against the rotation they stand, with it they go at twice.
+    # Under centrifugal tension waves are as fast as the belt: against the rotation they stand, with it they go twice.
     loose = FlexibleRing(bending=0.0, tension=0.0, radial=0.0, tangential=0.0)
     with_it, against = 2 * np.pi * loose.frequencies(np.full(2, 200.0), 50.0, np.array([1.0, -1.0]))
     assert (float(with_it), float(against)) == (pytest.approx(2 * 200 * 50.0, rel=1e-4), pytest.approx(0, abs=1e-9))
@@ -44,16 +45,16 @@ def test_tension_alone_is_a_string_for_short_waves_and_its_centrifugal_one_carri
 def polygon_frequencies(ring: FlexibleRing, spin: float, nodes: int) -> np.ndarray:
     """Return the angular frequencies, 1/s, of masses on a circle of radius 1 in the turning frame, from its energy.
 
-    Each side stretches, each corner bends, pressure works on the enclosed area, springs hold each node in its place, and
-    the frame's rotation acts: nothing of the ring's formula is used. Sorted; both waves of each mode.
+    Each side stretches, each corner bends, pressure works on the enclosed area, springs hold each node in its place,
+    and the frame's rotation acts: nothing of the ring's formula is used. Sorted; both waves of each mode.
     """
     angle = 2 * np.pi * np.arange(nodes) / nodes
     out, along = np.stack([np.cos(angle), np.sin(angle)], 1), np.stack([-np.sin(angle), np.cos(angle)], 1)
     length = 2 * np.sin(np.pi / nodes)
     mass = 2 * np.pi / nodes
     # The side's tension that holds corner, pressure and centrifugal force in balance: that of the whole ring.
-    whole = float(ring.tension) + spin**2
-    pull = (float(ring.tension) * length * np.cos(np.pi / nodes) + spin**2 * mass) / (2 * np.sin(np.pi / nodes))
+    whole = TENSION + spin**2
+    pull = (TENSION * length * np.cos(np.pi / nodes) + spin**2 * mass) / (2 * np.sin(np.pi / nodes))
     assert pull == pytest.approx(whole, rel=2e-3)
 
     def energy(moved: jax.Array) -> jax.Array:
@@ -69,15 +70,15 @@ def polygon_frequencies(ring: FlexibleRing, spin: float, nodes: int) -> np.ndarr
         bent = ring.bending * ((turned - 2 * np.pi / nodes) ** 2).sum() / (2 * length)
         w, v = (moved * out).sum(1), (moved * along).sum(1)
         held = mass * (ring.radial * w**2 + ring.tangential * v**2).sum() / 2
-        return stretched + bent - ring.tension * area + held - mass * spin**2 * (place**2).sum() / 2
+        return stretched + bent - TENSION * area + held - mass * spin**2 * (place**2).sum() / 2
 
     start = jnp.zeros(2 * nodes)
     np.testing.assert_allclose(jax.grad(energy)(start), 0.0, atol=1e-7 * STRETCH * mass)  # at rest in the turning frame
     K = np.asarray(jax.hessian(energy)(start)) / mass
     coriolis = np.kron(np.eye(nodes), 2 * spin * np.array([[0.0, -1.0], [1.0, 0.0]]))
     zero, one = np.zeros_like(K), np.eye(2 * nodes)
-    values = np.linalg.eigvals(np.block([[zero, one], [-K, -coriolis]]))
-    return np.sort(np.abs(values.imag[values.imag > 1e-3]))
+    values = np.imag(np.linalg.eigvals(np.block([[zero, one], [-K, -coriolis]])))
+    return np.sort(values[values > 1e-3])
 
 
 @pytest.mark.parametrize("spin", [0.0, 60.0])
