@@ -24,6 +24,7 @@ from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.published import tables
 from bayes_tyre.record_table import origin_of
 from bayes_tyre.report.figures.catalogue import Result
+from bayes_tyre.results.limits import OF_RECORDS, parse_limit
 from bayes_tyre.results.provenance import begin_run, read_run, sha256, versions
 from bayes_tyre.workflow.execution.resume import Callbacks, open_checkpoints
 from bayes_tyre.workflow.result_folder import write_fit
@@ -47,6 +48,8 @@ class Plan:
         Probability of every interval, equal-tailed.
     units_checked:
         Whether somebody vouches for suspicious units.
+    limit:
+        What `cases.csv` says the probability of, such as ``k >= 1.8``; None: nothing.
     """
 
     records: Path
@@ -54,6 +57,7 @@ class Plan:
     model: ModelSettings
     interval: float = 0.95
     units_checked: bool = False
+    limit: str | None = None
 
     @property
     def options(self) -> dict[str, object]:
@@ -63,6 +67,7 @@ class Plan:
             **{field.name: getattr(self.model, field.name) for field in fields(ModelSettings)},
             "priors": self.model.priors.given(),
             **{"interval": self.interval, "units_checked": self.units_checked},
+            **({} if self.limit is None else {"limit": self.limit}),
         }
 
 
@@ -79,7 +84,7 @@ def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
     """
     run = read_run(path)
     options, fields_of_model = run["options"], {field.name for field in fields(ModelSettings)}
-    if unknown := sorted(set(options) - fields_of_model - {*_SAMPLER, _TARGET, "interval", "units_checked"}):
+    if unknown := sorted(set(options) - fields_of_model - {*_SAMPLER, _TARGET, "interval", "units_checked", "limit"}):
         raise BadInput(
             f"{path}: option {unknown[0]} is unknown to this version; repeat the run with the version it names"
         )
@@ -91,7 +96,9 @@ def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
         chosen = {key: value for key, value in options.items() if key in fields_of_model - {"priors"}}
         model = ModelSettings(**chosen, priors=PRIORS.changed(options.get("priors", {})))
         plan = Plan(
-            _input(path, name, digest), sampler, model, float(options["interval"]), options["units_checked"] is True
+            *(_input(path, name, digest), sampler, model, float(options["interval"])),
+            options["units_checked"] is True,
+            options.get("limit"),
         )
     except (KeyError, TypeError, ValueError):
         raise BadInput(f"{path}: is not what fit writes; name the run.json in a folder that fit wrote") from None
@@ -146,6 +153,7 @@ def fit_table(
         For a record that cannot be fitted; and, to resume, if what is in the folder is of another run.
     """
     check_folder(out)
+    limit = None if plan.limit is None else parse_limit(plan.limit, OF_RECORDS)
     callbacks = callbacks or Callbacks()
     call = shlex.join(["bayes-tyre", *command])
     run = begin_run(call, plan.options, plan.sampler.seed, [plan.records], origin_of(table))
@@ -168,7 +176,8 @@ def fit_table(
     )
     # Only records made from the printed tables have printed values to be held against.
     printed = tables.case_means() if origin_of(table) == "reconstructed" else None
-    diagnostics = write_fit(Result(tree, diagnostics.verdict, table, printed, plan.interval), diagnostics, run, out)
+    result = Result(tree, diagnostics.verdict, table, printed, plan.interval, limit=limit)
+    diagnostics = write_fit(result, diagnostics, run, out)
     checkpoints.clear()
     return diagnostics
 

@@ -40,6 +40,7 @@ def fit(
     sampler: model_options.SamplerOption = "collapsed",
     seed: shell.Seed = 0,
     interval: shell.Interval = 0.95,
+    limit: shell.LimitOption = None,
     units_checked: Annotated[bool, typer.Option("--units-checked", help="The forces are kN, travel is mm.")] = False,
     resume: shell.Resume = False,
     from_run: Annotated[
@@ -74,13 +75,16 @@ def fit(
         law,
     )
     settings = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
-    plan = Plan(Path(records or ""), settings, model, interval, units_checked)
+    limit = shell.checked_limit(limit, of_records=True)
+    plan = Plan(Path(records or ""), settings, model, interval, units_checked, limit)
     _run(plan, out, resume, quiet)
 
 
 def _run(plan: "Plan", out: Path, resume: bool, quiet: bool) -> None:
     """Fit as planned, print its progress, and end as the verdict says."""
+    from bayes_tyre.formats.tables import read_table
     from bayes_tyre.record_table import origin_of
+    from bayes_tyre.report.limits import MOST_SENTENCES, limit_sentences
     from bayes_tyre.runtime import prepare_jax
     from bayes_tyre.workflow.fit import Callbacks, fit_table  # imports JAX, which starts only when it computes
 
@@ -92,6 +96,9 @@ def _run(plan: "Plan", out: Path, resume: bool, quiet: bool) -> None:
         callbacks = Callbacks(partial(shell.note, quiet=quiet), shell.warn, advance)
         diagnostics = fit_table(table, plan, out, sys.argv[1:], callbacks, resume=resume)
     shell.say(f"done in {time.monotonic() - began:.0f} s", quiet)
+    if plan.limit is not None and (out / "cases.csv").is_file():  # a table that failed is in the verdict
+        for sentence in limit_sentences(read_table(out / "cases.csv"), MOST_SENTENCES):
+            shell.say(sentence, quiet)
     shell.conclude(diagnostics, out, quiet)
 
 

@@ -29,8 +29,10 @@ def frequencies_by_mode(table: pd.DataFrame, condition: pd.Series, setting: Sett
     looks, entries = looks_of_none(condition), []
     for label, rows in table.sort_values("mode").groupby(condition, sort=False):
         look = looks[str(label)]
-        ax.fill_between(rows["mode"], rows["lower"], rows["upper"], **look.band)
-        (line,) = ax.plot(rows["mode"], rows["fitted_Hz"], color=look.colour, linestyle=look.line)
+        fitted = rows["fitted_Hz"]
+        sides = [fitted - rows["lower"], rows["upper"] - fitted]
+        style = {"color": look.colour, "linestyle": look.line, "marker": look.marker, "fillstyle": "none"}
+        line = ax.errorbar(rows["mode"], fitted, sides, **style, markersize=7, capsize=5, elinewidth=1)
         entries.append((line, plain(f"fitted {label}".strip())))
     errors = 2 * table["standard_deviation_Hz"] if "standard_deviation_Hz" in table else None
     points = ax.errorbar(table["mode"], table["frequency_Hz"], errors, fmt="o", color=INK, markersize=3.5, linewidth=1)
@@ -39,5 +41,5 @@ def frequencies_by_mode(table: pd.DataFrame, condition: pd.Series, setting: Sett
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_xlabel("mode (waves around the ring)")
     ax.set_ylabel("natural frequency (Hz)")
-    bands = f"Bands: {interval_name(float(table['interval'].iloc[0]))} of the fitted frequency. "
-    return layout.finish(figure, setting, bands + note)
+    bars = f"Bars with caps: {interval_name(float(table['interval'].iloc[0]))} of the fitted frequency. "
+    return layout.finish(figure, setting, bars + note)
