@@ -59,6 +59,9 @@ Seed = Annotated[int, typer.Option(min=0, max=2**32 - 1, help="The same seed, da
 NoSeed = Annotated[int, typer.Option("--seed", min=0, help="Accepted by every command; nothing here is random.")]
 Interval = Annotated[float, typer.Option(min=0.01, max=0.999, help="Probability of every interval, equal-tailed.")]
 
+Xlsx = Annotated[
+    bool, typer.Option("--xlsx", help="Write the tables as one Excel workbook too, a sheet each, numbers as numbers.")
+]
 LimitOption = Annotated[
     str | None,
     typer.Option(

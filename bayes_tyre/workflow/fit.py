@@ -133,6 +133,7 @@ def fit_table(
     callbacks: Callbacks | None = None,
     *,
     resume: bool = False,
+    xlsx: bool = False,
 ) -> Diagnostics:
     """Fit a record table hierarchically and write the result's folder; return the verdict.
 
@@ -146,6 +147,8 @@ def fit_table(
         Called as the run goes on, with its warnings and its progress.
     resume:
         Go on from the checkpoints of the same run in the folder, or take its finished result.
+    xlsx:
+        Write the tables as one workbook too.
 
     Raises
     ------
@@ -177,7 +180,7 @@ def fit_table(
     # Only records made from the printed tables have printed values to be held against.
     printed = tables.case_means() if origin_of(table) == "reconstructed" else None
     result = Result(tree, diagnostics.verdict, table, printed, plan.interval, limit=limit)
-    diagnostics = write_fit(result, diagnostics, run, out)
+    diagnostics = write_fit(result, diagnostics, run, out, xlsx=xlsx)
     checkpoints.clear()
     return diagnostics
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from bayes_tyre.cli.shell import NoSeed, Out, Quiet, Records, assignments, progress, read_records, say, warn
+from bayes_tyre.cli.shell import NoSeed, Out, Quiet, Records, Xlsx, assignments, progress, read_records, say, warn
 from bayes_tyre.errors import BadInput
 
 
@@ -40,12 +40,14 @@ def lsq(
     bounds: Annotated[
         list[str] | None, typer.Option(help="NAME=LOW:HIGH (kN/mm, kN, mm); either side may be empty, such as beta=:1.")
     ] = None,
+    xlsx: Xlsx = False,
     seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Fit Equation 2 to each record by least squares: k (kN/mm), C (kN), beta (mm), with standard errors.
 
-    Writes least_squares.csv, a row a record; status names what a record does not determine.
+    Writes least_squares.csv (with --xlsx least_squares.xlsx too), a row a record; status names what a record does not
+    determine.
 
     Example: bayes-tyre lsq data/campaign/records.csv --out results/lsq --region thesis
     """
@@ -66,7 +68,7 @@ def lsq(
     for warning in suspicious_units(table):
         warn(f"{records}: {warning}")
     with progress("least squares", table["record"].nunique(), quiet) as on_progress:
-        fits = fit_least_squares(table, settings, out, on_progress)
+        fits = fit_least_squares(table, settings, out, on_progress, xlsx=xlsx)
     failed = int((fits["status"] != "ok").sum())
     say(f"wrote {out / 'least_squares.csv'} (data: {origin_of(table)})", quiet)
     say(f"{len(fits)} records, {failed} not ok", quiet)
