@@ -123,15 +123,21 @@ def fit_ring(modes: MeasuredModes, seed: int = 0) -> RingFit:
     rank = int((singular > _ZERO * singular[0]).sum())
     rng = np.random.default_rng(seed)
     proposed = _weighted(modes, likely, rank, rng)
-    log_weights, pareto_k = smooth_log_weights(proposed.log_weights)
-    weights = np.exp(log_weights)
+    log_weights, pareto_k = proposed.log_weights, np.nan
+    if len(log_weights) >= EFFECTIVE_LEAST:  # fewer have no tail to be smoothed, and fail
+        log_weights, pareto_k = smooth_log_weights(log_weights)
+    weights = np.exp(log_weights - log_weights.max())
     chosen = rng.choice(len(weights), DRAWS, p=weights / weights.sum())
     unknowns = np.column_stack([proposed.values, proposed.sigma])[chosen]
     draws = dict(zip(modes.priors, unknowns.T, strict=False))  # sigma comes last, where it is unknown
     frequencies = np.asarray(jax.vmap(modes.fitted)(jnp.asarray(proposed.values[chosen])))
-    status = {name: _status(prior, np.log(draws[name])) for name, prior in modes.priors.items()}
-    checks = [*_sampling(pareto_k, float(weights.sum() ** 2 / (weights**2).sum())), *_misfit(modes, best, rank)]
-    return RingFit(draws, frequencies, rank, status, checks)
+    sampling = _sampling(pareto_k, float(weights.sum() ** 2 / (weights**2).sum()))
+    sampled = all(check.passed for check in sampling)
+    status = {
+        name: _status(prior, np.log(draws[name])) if sampled else "not determined: the sampling failed"
+        for name, prior in modes.priors.items()
+    }
+    return RingFit(draws, frequencies, rank, status, [*sampling, *_misfit(modes, best, rank)])
 
 
 class _Weighted(NamedTuple):
@@ -180,21 +186,23 @@ def _deviations(
 def _weighted(modes: MeasuredModes, likely: Float[np.ndarray, " 4"], rank: int, rng: np.random.Generator) -> _Weighted:
     """Return draws near the posterior, and their log weights.
 
-    What the frequencies determine is solved for, given draws of the other parameters from their priors.
+    What the frequencies determine is solved for, about the likely values and given draws of the other parameters from
+    their priors.
     """
     location, scale = (np.asarray([modes.priors[name].parameters[i] for name in PARAMETERS]) for i in (0, 1))
     unit, slopes = np.exp(location), np.asarray(jax.jacfwd(modes.fitted)(jnp.asarray(likely)))
     left = modes.frequency_Hz - np.asarray(modes.fitted(jnp.asarray(likely)))
     typical, ratio, log_weights = _deviations(modes, left, rank, rng)
     pivoted: Any = linalg.qr(slopes * unit / typical[:, None], mode="economic", pivoting=True)
-    q, r, order = pivoted
+    _, r, order = pivoted
     count = int((np.abs(np.diag(r)) > _SOLVED).sum())
     solved, kept = order[:count], order[count:]
     values = unit * np.exp(scale * rng.standard_normal((_PROPOSED, len(unit))))
     noise = rng.standard_normal((_PROPOSED, count)) / np.sqrt(rng.chisquare(_TAILS, (_PROPOSED, 1)) / _TAILS)
     given = (values[:, kept] - likely[kept]) / unit[kept]
-    determined = q[:, :count].T @ (left / typical) - given @ r[:count, count:].T + _WIDENING * ratio * noise
+    determined = _WIDENING * ratio * noise - given @ r[:count, count:].T
     values[:, solved] = likely[solved] + unit[solved] * linalg.solve_triangular(r[:count, :count], determined.T).T
+    values[0] = likely  # so that there is one, where frequencies contradict every ring
     possible = (values > 0).all(axis=1)
     values = np.where(possible[:, None], values, unit)
     fitted = np.asarray(jax.jit(jax.vmap(modes.fitted))(jnp.asarray(values)))
@@ -208,7 +216,7 @@ def _weighted(modes: MeasuredModes, likely: Float[np.ndarray, " 4"], rank: int, 
 def _sampling(pareto_k: float, effective: float) -> list[Check]:
     """Return the checks of the importance weights."""
     remedy = "give more modes, or larger standard deviations where these are too small to be true"
-    tail = f"Pareto k of the importance weights {pareto_k:.2f} is above {PARETO_K_MOST}"
+    tail = f"Pareto k of the importance weights {pareto_k:.2f}, at most {PARETO_K_MOST} needed"
     few = f"{effective:.0f} effective draws are fewer than {EFFECTIVE_LEAST}"
     return [
         Check("pareto_k", "sampling", pareto_k <= PARETO_K_MOST, pareto_k, PARETO_K_MOST, "", tail, remedy),

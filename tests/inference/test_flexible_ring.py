@@ -110,6 +110,15 @@ def test_frequencies_that_no_ring_has_fail_the_verdict_by_name_and_are_written()
     assert check.value > check.limit == pytest.approx(stats.chi2.ppf(0.99, 2))
 
 
+def test_frequencies_far_from_every_ring_fail_the_verdict_and_claim_nothing():
+    for sd in (0.01, 1.0):
+        fit = fit_ring(measured([1, 2, 3, 4, 5], sd, frequency=[180.0, 150.0, 100.0, 60.0, 20.0]))
+        failed = {check.name for check in fit.checks if not check.passed}
+        assert failed >= {"ring", "effective"}
+        assert set(fit.status.values()) == {"not determined: the sampling failed"}
+        assert all(np.isfinite(draws).all() and (draws > 0).all() for draws in fit.draws.values())
+
+
 def test_without_standard_deviations_or_with_as_many_parameters_nothing_can_be_refuted():
     for modes in (measured([1, 2, 3, 4, 5, 6], None, noise=0.5), measured([1, 2, 3, 4], 0.5, noise=0.5)):
         assert "ring" not in {check.name for check in fit_ring(modes).checks}
