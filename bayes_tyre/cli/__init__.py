@@ -14,6 +14,7 @@ from bayes_tyre.cli.commands.fit import fit
 from bayes_tyre.cli.commands.inspect import inspect
 from bayes_tyre.cli.commands.load_deflection import load_deflection
 from bayes_tyre.cli.commands.lsq import lsq
+from bayes_tyre.cli.commands.modes import modes
 from bayes_tyre.cli.commands.motion import motion
 from bayes_tyre.cli.commands.next import next as next_tests
 from bayes_tyre.cli.commands.predict import predict
@@ -43,7 +44,7 @@ def main(show_version: Annotated[bool, typer.Option("--version", help="Print the
 
 
 _INPUT = (inspect, calibrate, process, columns)
-_FITS = (lsq, load_deflection, fit, motion)
+_FITS = (lsq, load_deflection, modes, fit, motion)
 _READ_RESULTS = (compare, predict, next_tests, export, report, show)
 _SIMULATED = (simulate, audit)
 for command in (published, campaign, *_INPUT, *_FITS, *_READ_RESULTS, *_SIMULATED):

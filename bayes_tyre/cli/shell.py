@@ -68,6 +68,18 @@ Seed = Annotated[int, typer.Option(min=0, max=2**32 - 1, help="The same seed, da
 NoSeed = Annotated[int, typer.Option("--seed", min=0, help="Accepted by every command; nothing here is random.")]
 Interval = Annotated[float, typer.Option(min=0.01, max=0.999, help="Probability of every interval, equal-tailed.")]
 
+Xlsx = Annotated[
+    bool, typer.Option("--xlsx", help="Write the tables as one Excel workbook too, a sheet each, numbers as numbers.")
+]
+LimitOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar='"k >= 1.8"',
+        help="A limit on k (kN/mm), beta (mm) or what else cases have, with >= or <=: how probable it is that each "
+        "case keeps it.",
+    ),
+]
+
 
 class Command(TyperCommand):
     """A command whose context is Typer's own class, as the annotations of commands say, not its base class."""
@@ -142,6 +154,16 @@ def assignments(options: list[str], flag: str) -> dict[str, float]:
         if not equals or not name:
             raise typer.BadParameter(f"{option!r} is not NAME=VALUE, such as {flag} k=1.8", param_hint=flag)
     return values
+
+
+def checked_limit(text: str | None, of_records: bool = False) -> str | None:
+    """Return a limit as `run.json` has it; anything else, or of records on more than k and beta, is a usage error."""
+    from bayes_tyre.results.limits import LIMITED, OF_RECORDS, parse_limit
+
+    try:
+        return None if text is None else parse_limit(text, OF_RECORDS if of_records else LIMITED).text
+    except BadInput as error:
+        raise typer.BadParameter(str(error), param_hint="--limit") from None
 
 
 def conclude(diagnostics: "Diagnostics", out: Path, quiet: bool) -> None:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 import xarray as xr
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from bayes_tyre.inference.sampling.datatree import case_parameters, tree_cases
 from bayes_tyre.record import CASE_FACTORS, Case
@@ -157,11 +157,16 @@ def contrasts(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.Dat
 
 
 def probability_above_1(ratio: Float[np.ndarray, " draws"]) -> float:
-    """Return P(ratio > 1) from draws: (count + 1/2) / (draws + 1), the mean under Jeffreys' prior of a share.
+    """Return P(ratio > 1) from draws, as `probability_of` has it."""
+    return probability_of(ratio > 1.0)
 
-    Draws that are all above 1 do not show that the probability is 1, only that it is about 1 - 1 / (2 draws) or more.
+
+def probability_of(holds: Bool[np.ndarray, "..."]) -> float:
+    """Return the probability of what holds in some draws: (count + 1/2) / (draws + 1), the mean under Jeffreys' prior.
+
+    Draws in which all hold do not show that the probability is 1, only that it is about 1 - 1 / (2 draws) or more.
     """
-    return float((np.count_nonzero(ratio > 1.0) + 0.5) / (len(ratio) + 1.0))
+    return float((np.count_nonzero(holds) + 0.5) / (holds.size + 1.0))
 
 
 def _given(factors: dict[str, object]) -> dict[str, object]:

@@ -26,6 +26,7 @@ from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.published import tables
 from bayes_tyre.record_table import origin_of
 from bayes_tyre.report.figures.catalogue import Result
+from bayes_tyre.results.limits import OF_RECORDS, parse_limit
 from bayes_tyre.results.provenance import begin_run, read_run, sha256, versions
 from bayes_tyre.workflow.execution.resume import Callbacks, open_checkpoints
 from bayes_tyre.workflow.record_tables import names, table_files
@@ -52,6 +53,8 @@ class Plan:
         Whether somebody vouches for suspicious units.
     columns:
         The column map's file; None: the columns are ours.
+    limit:
+        What `cases.csv` says the probability of, such as ``k >= 1.8``; None: nothing.
     """
 
     records: tuple[Path, ...]
@@ -60,6 +63,7 @@ class Plan:
     interval: float = 0.95
     units_checked: bool = False
     columns: Path | None = None
+    limit: str | None = None
 
     @property
     def inputs(self) -> list[Path]:
@@ -75,6 +79,7 @@ class Plan:
             "priors": self.model.priors.given(),
             **{"interval": self.interval, "units_checked": self.units_checked},
             _COLUMNS: None if self.columns is None else read_column_map(self.columns).options,
+            **({} if self.limit is None else {"limit": self.limit}),
         }
 
 
@@ -91,7 +96,8 @@ def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
     """
     run = read_run(path)
     options, fields_of_model = run["options"], {field.name for field in fields(ModelSettings)}
-    if unknown := sorted(set(options) - fields_of_model - {*_SAMPLER, _TARGET, _COLUMNS, "interval", "units_checked"}):
+    known = {*fields_of_model, *_SAMPLER, _TARGET, _COLUMNS, "interval", "units_checked", "limit"}
+    if unknown := sorted(set(options) - known):
         raise BadInput(
             f"{path}: option {unknown[0]} is unknown to this version; repeat the run with the version it names"
         )
@@ -107,7 +113,7 @@ def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
             raise ValueError
         plan = Plan(
             *(tuple(records), sampler, model),
-            *(float(options["interval"]), options["units_checked"] is True, columns),
+            *(float(options["interval"]), options["units_checked"] is True, columns, options.get("limit")),
         )
     except (KeyError, TypeError, ValueError):
         raise BadInput(f"{path}: is not what fit writes; name the run.json in a folder that fit wrote") from None
@@ -140,6 +146,7 @@ def fit_table(
     callbacks: Callbacks | None = None,
     *,
     resume: bool = False,
+    xlsx: bool = False,
 ) -> Diagnostics:
     """Fit a record table hierarchically and write the result's folder; return the verdict.
 
@@ -153,6 +160,8 @@ def fit_table(
         Called as the run goes on, with its warnings and its progress.
     resume:
         Go on from the checkpoints of the same run in the folder, or take its finished result.
+    xlsx:
+        Write the tables as one workbook too.
 
     Raises
     ------
@@ -160,6 +169,7 @@ def fit_table(
         For a record that cannot be fitted; and, to resume, if what is in the folder is of another run.
     """
     check_folder(out)
+    limit = None if plan.limit is None else parse_limit(plan.limit, OF_RECORDS)
     callbacks = callbacks or Callbacks()
     call = shlex.join(["bayes-tyre", *command])
     run = begin_run(call, plan.options, plan.sampler.seed, plan.inputs, origin_of(table))
@@ -182,7 +192,8 @@ def fit_table(
     )
     # Only records made from the printed tables have printed values to be held against.
     printed = tables.case_means() if origin_of(table) == "reconstructed" else None
-    diagnostics = write_fit(Result(tree, diagnostics.verdict, table, printed, plan.interval), diagnostics, run, out)
+    result = Result(tree, diagnostics.verdict, table, printed, plan.interval, limit=limit)
+    diagnostics = write_fit(result, diagnostics, run, out, xlsx=xlsx)
     checkpoints.clear()
     return diagnostics
 

@@ -7,20 +7,26 @@ import pandas as pd
 
 from bayes_tyre.formats.files import prepare_folder
 from bayes_tyre.formats.tables import write_table
+from bayes_tyre.formats.workbook_writer import write_workbook
 from bayes_tyre.inference.least_squares.table import FitSettings, fit_records
 
-FITS = "least_squares.csv"
+FITS, WORKBOOK = "least_squares.csv", "least_squares.xlsx"
 #: What `bayes_tyre.workflow.loops` writes beside it.
 LOOPS, BACKBONE, FIGURE = "loops.csv", "backbone.csv", "figures/loops.png"
 
 
 def fit_least_squares(
-    table: pd.DataFrame, settings: FitSettings, out: Path, on_progress: Callable[[int], None]
+    table: pd.DataFrame, settings: FitSettings, out: Path, on_progress: Callable[[int], None], *, xlsx: bool = False
 ) -> pd.DataFrame:
-    """Write `least_squares.csv` into `out`; return it. What an older run on loops left there is removed."""
+    """Write `least_squares.csv` into `out`, and as a workbook if asked for; return it.
+
+    What an older run, or one on loops, left there is removed.
+    """
     prepare_folder(out)
     fits = fit_records(table, settings, on_progress)
-    for name in (LOOPS, BACKBONE, FIGURE):
+    for name in (LOOPS, BACKBONE, FIGURE, WORKBOOK):
         (out / name).unlink(missing_ok=True)
     write_table(fits, out / FITS)
+    if xlsx:
+        write_workbook({"least_squares": fits}, out / WORKBOOK)
     return fits

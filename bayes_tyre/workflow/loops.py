@@ -7,6 +7,7 @@ import pandas as pd
 
 from bayes_tyre.formats.files import prepare_folder
 from bayes_tyre.formats.tables import write_table
+from bayes_tyre.formats.workbook_writer import write_workbook
 from bayes_tyre.inference.least_squares.loops import backbone, cycle_table, law_curves
 from bayes_tyre.inference.least_squares.table import FitSettings, fit_records
 from bayes_tyre.record_table import check_record_table, origin_of
@@ -14,7 +15,7 @@ from bayes_tyre.report.figures.colours import Setting
 from bayes_tyre.report.figures.layout import save
 from bayes_tyre.report.figures.loops import driven_loops
 from bayes_tyre.signals.reversals import cut_loops
-from bayes_tyre.workflow.least_squares import BACKBONE, FIGURE, FITS, LOOPS
+from bayes_tyre.workflow.least_squares import BACKBONE, FIGURE, FITS, LOOPS, WORKBOOK
 from bayes_tyre.workflow.record_tables import RECORDS, read_given
 
 
@@ -44,7 +45,7 @@ _CURVES = RECORDS._replace(check=_check_curves)
 
 
 def fit_loops(
-    branches: pd.DataFrame, settings: FitSettings, out: Path, on_progress: Callable[[int], None]
+    branches: pd.DataFrame, settings: FitSettings, out: Path, on_progress: Callable[[int], None], *, xlsx: bool = False
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Write fits of branches, their closed cycles, backbones and a figure into `out`; return fits and cycles.
 
@@ -54,6 +55,7 @@ def fit_loops(
         As `read_loops` returns them.
     """
     prepare_folder(out)
+    (out / WORKBOOK).unlink(missing_ok=True)  # an older run's
     fits = fit_records(branches, settings, on_progress).astype({"branch": int, "cycle": int})
     backbones = backbone(branches)
     cycles = cycle_table(branches, fits, backbones)
@@ -63,4 +65,6 @@ def fit_loops(
     configurations = branches["configuration"].unique() if "configuration" in branches else [""]
     setting = Setting(origin_of(branches), configurations=tuple(configurations))
     save(driven_loops(branches, law_curves(branches, fits), backbones, setting), out / FIGURE)
+    if xlsx:
+        write_workbook({"least_squares": fits, "loops": cycles, "backbone": backbones}, out / WORKBOOK)
     return fits, cycles

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -9,6 +10,7 @@ import pandas as pd
 from bayes_tyre.formats.files import prepare_folder
 from bayes_tyre.formats.netcdf import write_tree
 from bayes_tyre.formats.tables import write_table
+from bayes_tyre.formats.workbook_writer import write_workbook
 from bayes_tyre.inference.diagnostics.attempts import Attempts
 from bayes_tyre.inference.diagnostics.judge import with_failures
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
@@ -22,6 +24,9 @@ from bayes_tyre.results import summary
 from bayes_tyre.results.motion_traces import MOTIONS_CSV
 from bayes_tyre.results.provenance import RUN_JSON, Run, write_json, write_run
 
+#: All tables of a result, a sheet each.
+WORKBOOK = "results.xlsx"
+
 
 def write_fit(
     result: Result,
@@ -29,6 +34,8 @@ def write_fit(
     run: Run,
     out: Path,
     beside: Mapping[str, pd.DataFrame] | None = None,
+    *,
+    xlsx: bool = False,
 ) -> Diagnostics:
     """Write a posterior with its tables, diagnostics and figures into `out`; return the diagnostics that were written.
 
@@ -40,25 +47,37 @@ def write_fit(
         The posterior with what its figures need, its diagnostics, and how it was computed.
     beside:
         Further tables, by the names of their files.
+    xlsx:
+        Write the tables as one workbook too.
     """
     prepare_folder(out)
     (out / RUN_JSON).unlink(missing_ok=True)  # of an older run: it marks a folder as finished
     write_tree(result.tree, out / "posterior.nc")
-    judged = _write_tables_and_figures(result, diagnostics, out, beside or {})
+    judged = _write_tables_and_figures(result, diagnostics, out, beside or {}, xlsx)
     if judged.verdict != result.verdict:  # tables and figures say so too
-        judged = _write_tables_and_figures(replace(result, verdict=judged.verdict), diagnostics, out, beside or {})
+        judged = _write_tables_and_figures(
+            replace(result, verdict=judged.verdict), diagnostics, out, beside or {}, xlsx
+        )
     write_json(judged._asdict(), out / "diagnostics.json")
     write_run(run, out, sampler_runs(result.tree))
     return judged
 
 
 def _write_tables_and_figures(
-    result: Result, diagnostics: Diagnostics, out: Path, beside: Mapping[str, pd.DataFrame]
+    result: Result, diagnostics: Diagnostics, out: Path, beside: Mapping[str, pd.DataFrame], xlsx: bool
 ) -> Diagnostics:
     attempts = Attempts()
+    sheets: dict[str, pd.DataFrame] = {}
+
+    def write(name: str, table: Callable[[], pd.DataFrame]) -> Path:
+        sheets[Path(name).stem] = table()
+        return write_table(sheets[Path(name).stem], out / name)
+
     for name, table in _tables(result, beside).items():
-        if attempts(name, lambda name=name, table=table: write_table(table(), out / name), None) is None:
+        if attempts(name, partial(write, name, table), None) is None:
             (out / name).unlink(missing_ok=True)
+    if not xlsx or attempts(WORKBOOK, lambda: write_workbook(sheets, out / WORKBOOK), None) is None:
+        (out / WORKBOOK).unlink(missing_ok=True)
     _write_figures(result, out / "figures", attempts)
     return with_failures(diagnostics, attempts.failed)
 

@@ -42,7 +42,7 @@ from bayes_tyre.report.figures import audit as audit_figures
 from bayes_tyre.report.figures import catalogue
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import PLANS
-from bayes_tyre.workflow import compare, fit, least_squares, load_deflection, loops, published, studies
+from bayes_tyre.workflow import compare, fit, least_squares, load_deflection, loops, modes, published, studies
 from bayes_tyre.workflow.raw import motion as raw_motion
 from bayes_tyre.workflow.raw.simulate import write_simulated
 
@@ -59,6 +59,7 @@ WRITERS: dict[str, Callable[[Path, Path], list[object]]] = {
     "lsq": of_a_table("lsq"),
     "lsq --loops": lambda given, out: ["lsq", given / "records.csv", "--loops", "--out", out],
     "load-deflection": lambda given, out: ["load-deflection", given / "slow.csv", "--out", out],
+    "modes": lambda given, out: ["modes", given / "modes.csv", "--out", out],
     "fit": of_a_table("fit"),
     "published": lambda given, out: ["published", "--out", out],
     "campaign": lambda given, out: ["campaign", "--out", out / "campaign.csv"],
@@ -85,10 +86,11 @@ NOT_TRUSTED = ("fit", "compare", "predict", "next", "export", "report")
 
 @pytest.fixture(scope="module")
 def given(tmp_path_factory) -> Path:
-    """Return a folder with a record table, one of slow tests, what `fit` wrote of one, and two raw files."""
+    """Return a folder with a record table, one of slow tests, one of modes, what `fit` wrote, and two raw files."""
     folder = tmp_path_factory.mktemp("given")
     written(small(), folder / "records.csv")
     written(slow_tests.campaign(repeats=2), folder / "slow.csv")
+    written(pd.DataFrame({"mode": [1, 2], "frequency_Hz": [60.0, 88.0]}), folder / "modes.csv")
     for name in ("fit", "other"):
         write_result(folder / name)
     write_simulated(PLANS["quick"](2000.0)[:2], RIGS, 0, folder / "raw", lambda _: None)
@@ -105,6 +107,7 @@ def quick(monkeypatch) -> None:
     for module, work in (
         *((module, "judge") for module in (fit, raw_motion)),
         *((load_deflection, work) for work in ("_tests", "_cases", "law_loop")),
+        (modes, "fit_ring"),
         *((published.campaign, "reconstruct"), (least_squares, "fit_records"), (loops, "fit_records")),
     ):
         monkeypatch.setattr(module, work, once(getattr(module, work)))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from bayes_tyre.workflow.fit import Plan
 
 #: What may stand beside --from: everything else is in the run.json.
-BESIDE_FROM = ("out", "from_run", "resume", "quiet")
+BESIDE_FROM = ("out", "from_run", "resume", "xlsx", "quiet")
 
 
 def fit(
@@ -42,7 +42,9 @@ def fit(
     sampler: model_options.SamplerOption = "collapsed",
     seed: shell.Seed = 0,
     interval: shell.Interval = 0.95,
+    limit: shell.LimitOption = None,
     units_checked: Annotated[bool, typer.Option("--units-checked", help="The forces are kN, travel is mm.")] = False,
+    xlsx: shell.Xlsx = False,
     resume: shell.Resume = False,
     from_run: Annotated[
         Path | None,
@@ -52,10 +54,10 @@ def fit(
 ) -> None:
     """Fit all records together, hierarchically: posteriors of k, beta, J, C and sigma (kN, mm), none dropped.
 
-    Writes posterior.nc, summary.csv, cases.csv, contrasts.csv, repeats.csv, diagnostics.json, run.json and
-    figures/. Ends with code 4 when the diagnostics say that the result is not to be trusted. What was sampled is
-    saved on the way in .checkpoint, until the files are written; compiled code is kept in the user's cache folder
-    (JAX_COMPILATION_CACHE_DIR says where, JAX_ENABLE_COMPILATION_CACHE=0 switches it off).
+    Writes posterior.nc, summary.csv, cases.csv, contrasts.csv, repeats.csv (with --xlsx results.xlsx too, a sheet for
+    each), diagnostics.json, run.json and figures/. Ends with code 4 when the diagnostics say that the result is not to
+    be trusted. What was sampled is saved on the way in .checkpoint, until the files are written; compiled code is kept
+    in the user's cache folder (JAX_COMPILATION_CACHE_DIR says where, JAX_ENABLE_COMPILATION_CACHE=0 switches it off).
 
     Example: bayes-tyre fit data/campaign/records.csv --out results/fit
     """
@@ -63,7 +65,7 @@ def fit(
     if from_run is not None:
         from bayes_tyre.workflow.fit import planned_in
 
-        _run(planned_in(from_run, shell.warn), out, resume, quiet)
+        _run(planned_in(from_run, shell.warn), out, resume, xlsx, quiet)
         return
     from bayes_tyre.inference.model.settings import ModelSettings
     from bayes_tyre.inference.sampling.run import SamplerSettings
@@ -77,13 +79,16 @@ def fit(
         displacement_sd,
     )
     settings = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
-    plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns)
-    _run(plan, out, resume, quiet)
+    limit = shell.checked_limit(limit, of_records=True)
+    plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns, limit)
+    _run(plan, out, resume, xlsx, quiet)
 
 
-def _run(plan: "Plan", out: Path, resume: bool, quiet: bool) -> None:
+def _run(plan: "Plan", out: Path, resume: bool, xlsx: bool, quiet: bool) -> None:
     """Fit as planned, print its progress, and end as the verdict says."""
+    from bayes_tyre.formats.tables import read_table
     from bayes_tyre.record_table import origin_of
+    from bayes_tyre.report.limits import MOST_SENTENCES, limit_sentences
     from bayes_tyre.runtime import prepare_jax
     from bayes_tyre.workflow.fit import Callbacks, fit_table  # imports JAX, which starts only when it computes
 
@@ -93,8 +98,11 @@ def _run(plan: "Plan", out: Path, resume: bool, quiet: bool) -> None:
     began = time.monotonic()
     with shell.progress("fit", sampler.warmup + sampler.draws, quiet) as advance:
         callbacks = Callbacks(partial(shell.note, quiet=quiet), shell.warn, advance)
-        diagnostics = fit_table(table, plan, out, sys.argv[1:], callbacks, resume=resume)
+        diagnostics = fit_table(table, plan, out, sys.argv[1:], callbacks, resume=resume, xlsx=xlsx)
     shell.say(f"done in {time.monotonic() - began:.0f} s", quiet)
+    if plan.limit is not None and (out / "cases.csv").is_file():  # a table that failed is in the verdict
+        for sentence in limit_sentences(read_table(out / "cases.csv"), MOST_SENTENCES):
+            shell.say(sentence, quiet)
     shell.conclude(diagnostics, out, quiet)
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from bayes_tyre.cli import shell
-from bayes_tyre.cli.shell import NoSeed, Out, Quiet, Records, assignments, progress, say, warn
+from bayes_tyre.cli.shell import NoSeed, Out, Quiet, Records, Xlsx, assignments, progress, say, warn
 from bayes_tyre.errors import BadInput
 
 
@@ -50,13 +50,14 @@ def lsq(
             "without a column record is one curve.",
         ),
     ] = False,
+    xlsx: Xlsx = False,
     seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Fit Equation 2 to each record by least squares: k (kN/mm), C (kN), beta (mm), with standard errors.
 
-    Writes least_squares.csv, a row a record; status names what a record does not determine. With --loops a row a
-    branch, and loops.csv, a row a closed cycle (energy in J by its area and by the law, secant stiffness in kN/mm,
+    Writes least_squares.csv (with --xlsx least_squares.xlsx too), a row a record; status names what a record does not determine. With --loops a
+    row a branch, and loops.csv, a row a closed cycle (energy in J by its area and by the law, secant stiffness in kN/mm,
     drift), backbone.csv (the mean of both branches, kN) and figures/loops.png. A reversal counts once the displacement
     has come back by 6 standard deviations of its noise or 3 of its smallest steps, 5 to 10 % of the travel.
 
@@ -86,9 +87,9 @@ def lsq(
         warn(warning)
     with progress("least squares", table["record"].nunique(), quiet) as on_progress:
         if loops:
-            fits, cycles = fit_loops(table, settings, out, on_progress)
+            fits, cycles = fit_loops(table, settings, out, on_progress, xlsx=xlsx)
         else:
-            fits, cycles = fit_least_squares(table, settings, out, on_progress), None
+            fits, cycles = fit_least_squares(table, settings, out, on_progress, xlsx=xlsx), None
     failed = int((fits["status"] != "ok").sum())
     say(f"wrote {out / 'least_squares.csv'} (data: {origin_of(table)})", quiet)
     if cycles is not None:

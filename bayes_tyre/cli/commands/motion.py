@@ -61,6 +61,7 @@ def motion(
             "--draws, --amplitude and the like the hierarchy is fitted anew.",
         ),
     ] = False,
+    xlsx: shell.Xlsx = False,
     quiet: shell.Quiet = False,
 ) -> None:
     """Identify k, x, beta (kN/mm, kN, mm), m (kg), c (kN s/mm) and energy lost (J) from the axle's own motion.
@@ -70,9 +71,10 @@ def motion(
     stiffness. compare says which of them predicts the same files best.
 
     Each raw file is fitted by itself, its motion simulated through step and ring-down; the estimates with their
-    covariances then go into one hierarchy. Writes what fit writes, and estimates.csv (a row a record) and rejected.csv
-    (file, reason); with no usable file only the latter, and exit 3. Ends with code 4 when the diagnostics say that the
-    result is not to be trusted. Estimates are kept, file by file, in .estimates.csv.parts, for --resume.
+    covariances then go into one hierarchy. Writes what fit writes (--xlsx likewise), and estimates.csv (a row a record)
+    and rejected.csv (file, reason); with no usable file only the latter, and exit 3. Ends with code 4 when the
+    diagnostics say that the result is not to be trusted. Estimates are kept, file by file, in .estimates.csv.parts, for
+    --resume.
 
     Example: bayes-tyre motion data/raw --out results/motion --figures results/motion/records
     """
@@ -89,10 +91,10 @@ def motion(
         shell.warn(warning)
     sampler = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
     plan = MotionPlan(sampler, rig, cases, figures, law.value, amplitude, repeats, interval, read_priors(priors))
-    _run(files, plan, Machines(workers, cluster, resume), out, quiet)
+    _run(files, plan, Machines(workers, cluster, resume), out, xlsx, quiet)
 
 
-def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path, quiet: bool) -> None:
+def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path, xlsx: bool, quiet: bool) -> None:
     """Estimate each file, fit the estimates as planned, print its progress, and end as the verdict says."""
     from bayes_tyre.runtime import prepare_jax
     from bayes_tyre.workflow.execution.resume import Callbacks
@@ -107,6 +109,6 @@ def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path,
     shell.say(f"{counts} (data: {estimated.origin}), {sampler.chains} chains", quiet)
     with shell.progress("hierarchy", sampler.warmup + sampler.draws, quiet) as advance:
         callbacks = Callbacks(partial(shell.note, quiet=quiet), shell.warn, advance)
-        diagnostics = fit_estimates(estimated, plan, out, sys.argv[1:], callbacks, resume=machines.resume)
+        diagnostics = fit_estimates(estimated, plan, out, sys.argv[1:], callbacks, resume=machines.resume, xlsx=xlsx)
     shell.say(f"done in {time.monotonic() - began:.0f} s", quiet)
     shell.conclude(diagnostics, out, quiet)

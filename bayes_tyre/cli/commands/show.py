@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from bayes_tyre.cli.shell import NoSeed
+from bayes_tyre.cli.shell import LimitOption, NoSeed, checked_limit
 
 
 def show(
@@ -22,6 +22,7 @@ def show(
         Path | None,
         typer.Option(help="truth.csv of simulate: print k and beta of each record beside it, and the errors in %."),
     ] = None,
+    limit: LimitOption = None,
     seed: NoSeed = 0,
     quiet: Annotated[
         bool, typer.Option("--quiet", help="Print nothing; only check that the results can be read.")
@@ -31,9 +32,12 @@ def show(
 
     Of lsq and load-deflection it prints the first 20 rows of each table, with standard errors, units and status.
 
-    Example: bayes-tyre show results/published/posterior results/fit
+    Example: bayes-tyre show results/published/posterior results/fit --limit "k >= 1.8"
     """
     del seed
+    if limit is not None and truth is not None:
+        raise typer.BadParameter("is of posteriors; leave --truth out", param_hint="--limit")
+    limit = checked_limit(limit)
     with redirect_stdout(StringIO()) if quiet else nullcontext():
         if truth is not None:
             from bayes_tyre.report.terminal.recovery_table import print_recovery
@@ -43,3 +47,8 @@ def show(
         from bayes_tyre.report.terminal.results_table import print_overview
 
         print_overview(results)
+        if limit is not None:
+            from bayes_tyre.workflow.limits import limits_of
+
+            for sentence in limits_of(results, limit):
+                typer.echo(sentence)

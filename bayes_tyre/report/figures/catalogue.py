@@ -30,6 +30,7 @@ from bayes_tyre.results import posterior_predictive, summary
 from bayes_tyre.results.contrasts import contrasts
 from bayes_tyre.results.hyperparameters import Hyperparameter, divergences, hyperparameters, paired
 from bayes_tyre.results.hysteresis_loops import LAW, friction_loops
+from bayes_tyre.results.limits import Limit, with_limit
 from bayes_tyre.results.prior_curves import prior_panels
 from bayes_tyre.results.prior_posterior import prior_posteriors
 from bayes_tyre.results.ranks import ranks
@@ -59,6 +60,8 @@ class Result:
         Probability of every interval, equal-tailed.
     motions:
         Readings and fitted motion of a few records, as `bayes_tyre.results.motion_traces` has them; None without.
+    limit:
+        What `cases` says the probability of; None without.
     """
 
     tree: xr.DataTree
@@ -67,11 +70,13 @@ class Result:
     printed: pd.DataFrame | None = None
     interval: float = 0.95
     motions: pd.DataFrame | None = None
+    limit: Limit | None = None
 
     @cached_property
     def cases(self) -> pd.DataFrame:
         """As `cases.csv` holds them."""
-        return summary.cases(self.tree, self.verdict, self.interval)
+        cases = summary.cases(self.tree, self.verdict, self.interval)
+        return cases if self.limit is None else with_limit(cases, self.tree, self.limit)
 
     @cached_property
     def contrasts(self) -> pd.DataFrame:

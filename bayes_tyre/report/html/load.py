@@ -133,8 +133,8 @@ def _table(path: Path, name: str) -> pd.DataFrame:
     missing = [column for column in _NEEDED[name] if column not in read]
     if missing:
         raise BadInput(f"{path}: is not what fit writes: no column {missing[0]}; run fit again")
-    factor_names = ("record", *CASE_FACTORS[:2], "parameter", "unit", "contrast", "matching", "decided_by")
-    measures = (*CASE_FACTORS[2:], "repeat", *_NUMBERS, "p_greater_than_1", "outlier_probability", "r_hat")
+    factor_names = ("record", *CASE_FACTORS[:2], "parameter", "unit", "contrast", "matching", "decided_by", "limit")
+    measures = (*CASE_FACTORS[2:], "repeat", *_NUMBERS, "p_greater_than_1", "outlier_probability", "r_hat", "p_limit")
     table = pd.DataFrame(
         {
             **{factor: texts(read, factor) for factor in factor_names},

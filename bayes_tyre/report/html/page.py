@@ -20,6 +20,7 @@ from bayes_tyre.report.html.glossary import glossary
 from bayes_tyre.report.html.headline import STIFFNESS, comparison_of, headline
 from bayes_tyre.report.html.load import Reported
 from bayes_tyre.report.html.tables import Cell, Column, Table
+from bayes_tyre.report.limits import MOST_SENTENCES, limit_sentences
 from bayes_tyre.report.wording import probability_text, text_name
 
 TEMPLATES = Path(__file__).parents[1] / "templates"
@@ -115,7 +116,7 @@ def _shown(part: Part) -> dict[str, Any]:
         "reasons": [label(each, _LONG) for each in result.sentences("reasons")],
         "limitations": [label(each, _LONG) for each in result.sentences("limitations")],
         "origins": [(each, origin_sentence(each)) for each in result.origins],
-        "headline": headline(result),
+        "headline": [*headline(result), *limit_sentences(result.cases, MOST_SENTENCES)],
         "caveats": caveats(result),
         "note": part.note,
     }

@@ -166,6 +166,7 @@ def fit_estimates(
     callbacks: Callbacks | None = None,
     *,
     resume: bool = False,
+    xlsx: bool = False,
 ) -> Diagnostics:
     """Fit the hierarchy to the estimates of raw files and write the result's folder; return the verdict.
 
@@ -173,7 +174,7 @@ def fit_estimates(
     ----------
     estimated, plan:
         As `estimate_files` gives them, and the plan that it took.
-    out, command, callbacks, resume:
+    out, command, callbacks, resume, xlsx:
         As `bayes_tyre.workflow.fit.fit_table` has them.
 
     Raises
@@ -204,7 +205,7 @@ def fit_estimates(
     diagnostics = with_estimates(diagnostics, estimated)
     beside = {ESTIMATES: estimated.table, REJECTED: estimated.rejected}
     result = Result(tree, diagnostics.verdict, interval=plan.interval, motions=estimated.shown)
-    diagnostics = write_fit(result, diagnostics, run, out, beside)
+    diagnostics = write_fit(result, diagnostics, run, out, beside, xlsx=xlsx)
     checkpoints.clear()
     return diagnostics
 

@@ -1,0 +1,67 @@
+"""`modes`: a flexible ring on an elastic foundation, fitted to measured natural frequencies."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bayes_tyre.cli import suffixes
+from bayes_tyre.cli.shell import NOT_TRUSTED, Interval, Out, Quiet, Seed, fault, say
+
+
+def modes(
+    table: Annotated[
+        Path,
+        typer.Argument(
+            help=f"Table ({suffixes.TABLE}): mode (waves around the tyre: 1 moves the belt as a whole, 0 turns it "
+            "about the rim), frequency_Hz; optional standard_deviation_Hz, pressure_bar, speed_km_h, wave (forward or "
+            "backward, of a rolling tyre), origin."
+        ),
+    ],
+    out: Out,
+    mass_per_length: Annotated[
+        float | None, typer.Option(min=0.001, help="Mass of the belt per length, kg/m; with --radius.")
+    ] = None,
+    radius: Annotated[
+        float | None, typer.Option(min=1.0, help="Radius of the belt, mm; a rolling tyre needs it.")
+    ] = None,
+    interval: Interval = 0.95,
+    seed: Seed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Fit a flexible ring on an elastic foundation to the natural frequencies (Hz) of a tyre.
+
+    Frequencies determine bending stiffness EI, belt tension T and the sidewalls' radial and tangential stiffness k_w
+    and k_v per mass of the belt alone (1/s^2); with --mass-per-length and --radius they are in kN mm^2, kN and kN/mm^2
+    (per length of the belt). With pressure_bar T is proportional to pressure. speed_km_h turns the ring: each mode from
+    2 on has a forward and a backward wave, their frequencies as seen from the ground.
+
+    Writes modes.csv, a row a parameter (status says what is not identified), frequencies.csv, run.json and figures/.
+    Ends with code 4 where the frequencies contradict the ring, given their standard deviations.
+
+    Example: bayes-tyre modes modes_of_a_tyre.csv --out results/modes --mass-per-length 10 --radius 500
+    """
+    if mass_per_length is not None and radius is None:
+        raise typer.BadParameter("needs the radius of the belt beside it; give --radius in mm", param_hint="--radius")
+    from bayes_tyre.runtime import prepare_jax
+
+    prepare_jax()
+    from bayes_tyre.workflow.modes import Belt, fit_modes
+
+    belt = Belt(radius, mass_per_length)
+    parameters, fit = fit_modes(table, out, belt, sys.argv[1:], interval=interval, seed=seed)
+    for row in parameters.itertuples():
+        text = f"{row.parameter} {row.median:.4g} [{row.lower:.4g}, {row.upper:.4g}] {row.unit}"
+        status = str(row.status).partition(";")[0]
+        say(text if status == "ok" else f"{text}: {status}", quiet)
+    say(f"wrote {out}: verdict {fit.verdict} (data: {parameters['origin'].iloc[0]})", quiet)
+    if not any(check.name == "ring" for check in fit.checks):
+        say(
+            "note: whether the tyre is such a ring was not tested: that takes more modes, with standard deviations",
+            quiet,
+        )
+    for check in (check for check in fit.checks if not check.passed):
+        fault(check.reason)
+    if fit.verdict != "pass":
+        raise typer.Exit(NOT_TRUSTED)
