@@ -64,7 +64,7 @@ class CoverageFit:
         return rows.assign(verdict=found.verdict, failed_checks=_failed(found), seconds=took, origin="simulated")
 
     def _compiled(self, kind: Kind, records: PreparedRecords, model: ModelSettings) -> Chains:
-        key = kind.speeds_km_h, kind.loads_kN, kind.repeats, kind.points, kind.settings
+        key = *records.batch.records, kind.points, kind.settings
         if key not in self._chains:
             self._chains[key] = joint_chains(records, self.sampler, model)
         return self._chains[key]
@@ -135,9 +135,9 @@ def _covered(estimates: pd.DataFrame, share: float) -> tuple[float, float]:
 def verdicts(estimates: pd.DataFrame) -> pd.DataFrame:
     """Return by kind how many data sets there are, how many passed, how many failed each check; and seconds of one."""
     sets = estimates.drop_duplicates([*_KEYS, "set"])
-    names = sets["failed_checks"].str.split(_BETWEEN)
-    checks = dict.fromkeys(name for of_set in names for name in of_set if name)
-    counts = {name: names.map(lambda failed, name=name: name in failed) for name in checks}
+    failed = sets["failed_checks"].str.split(_BETWEEN)
+    names = dict.fromkeys(name for of_set in failed for name in of_set if name)
+    counts = {name: failed.map(lambda of_set, name=name: name in of_set) for name in names}
     counted = sets.assign(sets=1, passed=sets["verdict"] == "pass", **counts)
     by_kind = counted.groupby(_KEYS, sort=False)[["sets", "passed", *counts]].sum().astype(int)
     by_kind.insert(2, "seconds", sets.groupby(_KEYS, sort=False)["seconds"].mean())
@@ -147,11 +147,9 @@ def verdicts(estimates: pd.DataFrame) -> pd.DataFrame:
 def overview(table: pd.DataFrame) -> pd.DataFrame:
     """Return the coverage of 95 % intervals of all data sets, and the bias of beta, as text, a row a kind."""
     rows = []
-    for key, of_kind in table[table["interval"] == 0.95].groupby(_KEYS, sort=False):
-        by_quantity = of_kind.set_index("quantity")
-        row = dict(zip(_KEYS, key, strict=True))
-        row["pass"] = "{sets_passed} of {sets}".format_map(of_kind.iloc[0])
-        for quantity, found in by_quantity.iterrows():
-            row[str(quantity)] = f"{found['coverage_all']:.1%} ± {found['se_all']:.1%}"
-        rows.append(row | {"bias of beta": f"{by_quantity.loc['beta', 'bias']:+.1%}"})
+    for key, of_kind in table[table["interval"] == 0.95].set_index("quantity").groupby(_KEYS, sort=False):
+        row = dict(zip(_KEYS, key, strict=True)) | {"pass": "{sets_passed} of {sets}".format_map(of_kind.iloc[0])}
+        shares = zip(of_kind.index, of_kind["coverage_all"], of_kind["se_all"], strict=True)
+        row |= {str(quantity): f"{share:.1%} ± {se:.1%}" for quantity, share, se in shares}
+        rows.append(row | {"bias of beta": f"{of_kind.loc['beta', 'bias']:+.1%}"})
     return pd.DataFrame(rows)

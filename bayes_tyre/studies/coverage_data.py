@@ -7,6 +7,7 @@ remainder, and repeats scatter about their case, by the standard deviations in `
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -68,7 +69,7 @@ class Kind:
     hardening_per_mm: float = 0.0
     repeat_freedom: float = np.inf
     case_apart: float = 1.0
-    options: Mapping[str, str] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def settings(self) -> str:
@@ -107,7 +108,9 @@ def simulate(kind: Kind, seed: int, number: int) -> tuple[pd.DataFrame, pd.DataF
     """
     rng = np.random.default_rng([seed, number])
     truth = _truths(kind, rng)
-    u = np.sign(truth["step_kN"].to_numpy())[:, None] * _travelled(kind.points)
+    # Half a cosine in time: points lie densest at both ends.
+    travelled = TRAVEL_MM * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, kind.points))) / 2.0
+    u = np.sign(truth["step_kN"].to_numpy())[:, None] * travelled
     force = _noiseless(kind, truth, u) + _noise(kind, u, rng)
     displacement = START_MM + u + kind.displacement_noise_mm * rng.standard_normal(u.shape)
     if kind.step_of_reading_mm:
@@ -118,20 +121,12 @@ def simulate(kind: Kind, seed: int, number: int) -> tuple[pd.DataFrame, pd.DataF
 
 
 def _truths(kind: Kind, rng: np.random.Generator) -> pd.DataFrame:
-    levels = product(TYPICAL_K, (1, -1), kind.speeds_km_h, kind.loads_kN)
-    cases = pd.DataFrame(
-        [
-            Case(configuration, "loading" if way > 0 else "unloading", speed, load, way * STEP_KN)
-            for configuration, way, speed, load in levels
-        ]
-    )
+    ways = {"loading": STEP_KN, "unloading": -STEP_KN}
+    levels = product(TYPICAL_K, ways, kind.speeds_km_h, kind.loads_kN)
+    cases = pd.DataFrame([Case(*level, ways[level[1]]) for level in levels])
     typical = {"k": cases["configuration"].map(TYPICAL_K).to_numpy(), "beta": np.full(len(cases), kind.beta_mm)}
-    grouping = {
-        "group": cases["configuration"] + cases["direction"],
-        "speed": cases["speed_km_h"],
-        "load": cases["initial_load_kN"],
-        "remainder": pd.Series(cases.index),
-    }
+    grouping = {"group": cases["configuration"] + cases["direction"], "speed": cases["speed_km_h"]}
+    grouping |= {"load": cases["initial_load_kN"], "remainder": pd.Series(cases.index)}
     for name, sd in SD.items():
         log_effects = sum(sd[effect] * _effects(levels, rng) for effect, levels in grouping.items())
         cases[f"{name}_case"] = typical[name] * np.exp(log_effects)
@@ -158,11 +153,6 @@ def _repeats(kind: Kind, cases: pd.DataFrame, rng: np.random.Generator) -> pd.Da
     J = OFFSET_KN * np.exp(SD_OFFSET * rng.standard_normal(len(records)))
     records["J"], records["F_i"] = np.sign(records["step_kN"]) * J, records["initial_load_kN"]
     return records
-
-
-def _travelled(points: int) -> Float[np.ndarray, " points"]:
-    """Return the distance from the start, mm: half a cosine in time, points lie densest at both ends."""
-    return TRAVEL_MM * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, points))) / 2.0
 
 
 def _noiseless(

@@ -28,26 +28,25 @@ def estimates() -> pd.DataFrame:
 def test_intervals_are_quantiles_of_the_draws_beside_the_truth_of_the_same_record():
     truth = simulate(Kind(), 0, 0)[1]
     posterior = posterior_about(truth, 0)
-    shuffled = posterior.isel(record=np.random.default_rng(0).permutation(24))
-    rows = intervals(shuffled, truth).set_index(["quantity", "element"])
+    rows = intervals(posterior.isel(record=np.random.default_rng(0).permutation(24)), truth)
     assert len(rows) == 2 * 24 + 2 * 8
     for quantity, dim in (("beta", "record"), ("k_case", "case")):
-        label = str(truth[dim].iloc[-1])
+        label = truth[dim].to_list()[-1]
         draws = posterior[quantity].sel({dim: label}).to_numpy().ravel()
-        row = rows.loc[(quantity, label)]
-        assert row["truth"] == truth[quantity].iloc[-1]
-        found = row[["lower_95", "lower_50", "median", "upper_50", "upper_95"]].to_numpy(float)
+        row = rows[(rows["quantity"] == quantity) & (rows["element"] == label)]
+        assert row["truth"].to_list() == truth[quantity].to_list()[-1:]
+        found = row[["lower_95", "lower_50", "median", "upper_50", "upper_95"]].to_numpy(float)[0]
         np.testing.assert_allclose(found, np.quantile(draws, [0.025, 0.25, 0.5, 0.75, 0.975]))
-    assert set(rows.loc["k", "unit"]) == {"kN/mm"}
-    assert set(rows.loc["beta_case", "unit"]) == {"mm"}
+    units = dict(zip(rows["quantity"], rows["unit"], strict=True))
+    assert units == {"k": "kN/mm", "beta": "mm", "k_case": "kN/mm", "beta_case": "mm"}
 
 
 def test_coverage_and_its_standard_error_are_those_of_numpy(estimates):
-    table = coverage(estimates).set_index(["kind", "quantity", "interval"])
+    table = coverage(estimates)
     assert len(table) == 2 * 4 * 2
-    for (kind, quantity, share), row in table.iterrows():
-        rows = estimates[(estimates["kind"] == kind) & (estimates["quantity"] == quantity)]
-        ends = f"lower_{100 * share:.0f}", f"upper_{100 * share:.0f}"
+    for row in table.to_dict("records"):
+        rows = estimates[(estimates["kind"] == row["kind"]) & (estimates["quantity"] == row["quantity"])]
+        ends = (f"{side}_{100 * row['interval']:.0f}" for side in ("lower", "upper"))
         truth, lower, upper = (rows[name].to_numpy().reshape(SETS, -1) for name in ("truth", *ends))
         # Every data set has as many elements: the ratio's standard error is that of the mean of their shares.
         by_set = ((lower <= truth) & (truth <= upper)).mean(axis=1)

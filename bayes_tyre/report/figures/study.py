@@ -107,25 +107,25 @@ def outlier_plot(table: pd.DataFrame) -> Figure:
 @matplotlib.style.context(STYLE)
 def coverage_plot(table: pd.DataFrame) -> Figure:
     """Return the coverage of 95 % intervals by kind of data, of all data sets and of those whose verdict is `pass`."""
-    shown = table[table["interval"] == 0.95]
-    kinds = list(dict.fromkeys(shown["kind"]))
+    shown = table[table["interval"] == 0.95].set_index("kind")
+    kinds = list(shown.index.unique())
     figure = layout.page(WIDTH, 1.6 + 0.27 * len(kinds))
-    quantities = {"k": "k of records", "beta": "beta of records", "k_case": "k of cases", "beta_case": "beta of cases"}
-    axes = figure.subplots(1, len(quantities), sharex=True, sharey=True)
-    appearance = looks_of_none(["all", "passed"])
-    for ax, (quantity, title) in zip(axes, quantities.items(), strict=True):
-        rows = shown[shown["quantity"] == quantity].set_index("kind").loc[kinds]
-        for up, (which, look) in zip((-0.13, 0.13), appearance.items(), strict=True):
-            share, error = (100.0 * rows[f"{name}_{which}"].to_numpy() for name in ("coverage", "se"))
+    titles = {"k": "k of records", "beta": "beta of records", "k_case": "k of cases", "beta_case": "beta of cases"}
+    axes = figure.subplots(1, len(titles), sharex=True, sharey=True)
+    appearance = {"all": "all data sets", "passed": "data sets whose verdict is pass"}
+    looks = looks_of_none(appearance)
+    for ax, (quantity, title) in zip(axes, titles.items(), strict=True):
+        rows = shown[shown["quantity"] == quantity]
+        for up, (which, look) in zip((-0.13, 0.13), looks.items(), strict=True):
+            share, error = 100.0 * rows[f"coverage_{which}"], 196.0 * rows[f"se_{which}"].fillna(0.0)
             line = {"color": look.colour, "marker": look.marker, "linestyle": "none", "markersize": 3.5}
-            ax.errorbar(share, np.arange(len(kinds)) + up, xerr=1.96 * np.nan_to_num(error), linewidth=1, **line)
+            ax.errorbar(share, np.arange(len(kinds)) + up, xerr=error, linewidth=1, **line)
         ax.axvline(95.0, color=PALE, linewidth=0.8, zorder=0)
         ax.set_title(title, fontsize=8)
         ax.set_xlabel("coverage (%)", fontsize=8)
+    axes[0].set(xlim=(-3, 103), ylim=(len(kinds) - 0.5, -0.5))
     axes[0].set_yticks(range(len(kinds)), [plain(kind.replace("_", " "), 30) for kind in kinds], fontsize=7)
-    axes[0].invert_yaxis()
-    names = {"all": "all data sets", "passed": "data sets whose verdict is pass"}
-    layout.legend(figure, [(look.interval_handle, names[which]) for which, look in appearance.items()])
+    layout.legend(figure, [(look.interval_handle, appearance[which]) for which, look in looks.items()])
     note = (
         f"Share of 95 % intervals that hold the true value, of {shown['sets'].min()} simulated data sets of each kind. "
         "Bars: 1.96 standard errors over data sets. No point: no data set of the kind passed."
