@@ -28,8 +28,8 @@ _BETWEEN = "; "
 class CoverageFit:
     """The fit and verdict of `fit` on many data sets: chains are compiled once for all of one design and model.
 
-    What a verdict does not depend on, the sensitivity of each quantity to its prior, is left out: it takes longer than
-    the sampling.
+    Sensitivities to priors, which only notes of a verdict rest on, are left out: they take longer than the sampling.
+    So few records are sampled jointly, as `fit` does.
     """
 
     def __init__(self, sampler: SamplerSettings | None = None) -> None:
