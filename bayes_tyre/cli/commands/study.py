@@ -168,7 +168,7 @@ def coverage(
 ) -> None:
     """Count how often intervals of k (kN/mm) and beta (mm) hold the truth, on records as modelled and with a fault.
 
-    Fits data sets of 24 records (of kind case_apart 48) with the defaults of fit, in three quarters of an hour on two cores.
+    Fits data sets of 24 records (of kind case_apart 48) with the defaults of fit: 45 minutes on two cores.
     Writes coverage.csv (50 and 95 % intervals, of all data sets and of those whose verdict is pass), verdicts.csv
     (failed checks by kind), coverage_estimates.csv (a row a record or case, with its truth) and figures/.
 
