@@ -1,29 +1,37 @@
 """The studies and the audit: computation, figures and files."""
 
+import hashlib
+import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from bayes_tyre.formats.files import prepare_folder, write_text
+from bayes_tyre.formats.joined import read_part
 from bayes_tyre.formats.tables import write_table
 from bayes_tyre.published.tables import characteristic_deflection
 from bayes_tyre.report.figures import audit as audit_figures
 from bayes_tyre.report.figures.layout import save
-from bayes_tyre.report.figures.study import RankCurves, calibration_plot, outlier_plot
+from bayes_tyre.report.figures.study import RankCurves, calibration_plot, coverage_plot, outlier_plot
 from bayes_tyre.results.provenance import RUN_JSON, begin_run, write_run
 from bayes_tyre.studies.audit import study_audit
 from bayes_tyre.studies.audit_grid import FACTOR_NAMES, PLANS, TYPICAL_LEVELS
 from bayes_tyre.studies.audit_overview import beta_by_window, bias_by_factor, overview
 from bayes_tyre.studies.audit_sentences import conclusion
 from bayes_tyre.studies.calibration import Calibration, calibrate
+from bayes_tyre.studies.coverage import CoverageFit, coverage, verdicts
 from bayes_tyre.studies.law_ranking import Ranked, rank_laws
 from bayes_tyre.studies.motion_study import MotionStudy, study_motion, study_records
 from bayes_tyre.studies.outliers import Outliers, study_outliers
 from bayes_tyre.studies.truths import study_priors
 from bayes_tyre.studies.uniformity import TOGETHER, band, pit
+from bayes_tyre.workflow.execution.outcome import Done
+from bayes_tyre.workflow.execution.task_cache import TaskCache
+from bayes_tyre.workflow.fit import sampler_options
 
 
 @contextmanager
@@ -85,6 +93,39 @@ def write_law_ranking(
         write_table(result.records, out / "law_ranking_records.csv")
         write_table(result.table, out / "law_ranking.csv")
     return result
+
+
+def write_coverage(
+    out: Path, kinds: Sequence[str], sets: int, seed: int, on_progress: Callable[[int], None], resume: bool = False
+) -> pd.DataFrame:
+    """Write `coverage.csv`, `verdicts.csv`, `coverage_estimates.csv` and the figure into `out`; return the first.
+
+    Each data set is cached as it is done; to resume, those in the cache are not fitted again.
+    """
+    fit = CoverageFit()
+    with study_run("study coverage", out, seed, kinds=list(kinds), sets=sets, **sampler_options(fit.sampler)):
+        cache = TaskCache(out / "coverage.csv")
+        cache.prepare(resume, ())
+        parts: dict[str, list[Path]] = {name: [] for name in kinds}
+        for number in range(sets):  # of all kinds in turn: of an interrupted study each kind has as many
+            for name in kinds:
+                parts[name].append(_cached_estimate(fit, cache, name, seed, number))
+                on_progress(1)
+        estimates = pd.concat([read_part(part) for of_kind in parts.values() for part in of_kind], ignore_index=True)
+        table = coverage(estimates)
+        write_table(estimates, out / "coverage_estimates.csv")
+        write_table(verdicts(estimates), out / "verdicts.csv")
+        write_table(table, out / "coverage.csv")
+        save(coverage_plot(table), out / "figures" / "coverage.png")
+    return table
+
+
+def _cached_estimate(fit: CoverageFit, cache: TaskCache, name: str, seed: int, number: int) -> Path:
+    decides = {"version": version("bayes-tyre"), **fit.decides(name, seed, number)}
+    key = hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()
+    found = cache.find(key, None) or cache.keep(key, Done(fit.estimate(name, seed, number)), None)
+    assert isinstance(found, Path)
+    return found
 
 
 def _curves(result: Calibration) -> RankCurves:

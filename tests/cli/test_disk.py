@@ -30,6 +30,7 @@ from helpers.command_line import (
     tree_of,
     written,
 )
+from helpers.coverage_studies import estimated
 from helpers.law_rankings import ranked
 from helpers.left_out import made_up
 from helpers.motion_studies import studied
@@ -42,6 +43,7 @@ from bayes_tyre.report.figures import audit as audit_figures
 from bayes_tyre.report.figures import catalogue
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import PLANS
+from bayes_tyre.studies.coverage import CoverageFit
 from bayes_tyre.workflow import compare, fit, least_squares, load_deflection, loops, modes, published, studies
 from bayes_tyre.workflow.raw import motion as raw_motion
 from bayes_tyre.workflow.raw.simulate import write_simulated
@@ -76,6 +78,7 @@ WRITERS: dict[str, Callable[[Path, Path], list[object]]] = {
     "simulate": lambda given, out: ["simulate", "--out", out, "--rate", "1000"],
     "audit": lambda given, out: ["audit", "--out", out],
     "study motion": lambda given, out: ["study", "motion", "--out", out, "--stationary", "1", "--rolling", "0"],
+    "study coverage": lambda given, out: ["study", "coverage", "--out", out, "--kinds", "clean", "--sets", "2"],
     "study laws": lambda given, out: ["study", "laws", "--out", out, "--law", "fancher", "--records", "2"],
 }
 RIGS = {name: load_rig(name) for name in ("single", "dual")}
@@ -119,6 +122,7 @@ def quick(monkeypatch) -> None:
     monkeypatch.setattr(catalogue, "draw", lambda *of: islice(every_figure(*of), 2))
     monkeypatch.setattr(studies, "study_audit", lambda *_: audited(blind, replicates=1))
     monkeypatch.setattr(studies, "study_motion", lambda records, *_: studied(records))
+    monkeypatch.setattr(CoverageFit, "estimate", estimated)
     monkeypatch.setattr(studies, "rank_laws", lambda true_laws, **_: ranked(true_laws))
     monkeypatch.setattr(audit_figures, "draw", lambda *of: islice(every_audit_figure(*of), 1))
     whole_plan = PLANS["quick"]

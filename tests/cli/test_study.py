@@ -8,12 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 from helpers.command_line import environment, here, tree_of
+from helpers.coverage_studies import estimated
 from helpers.law_rankings import ranked
 from helpers.motion_studies import motion_rows
 
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.studies import motion_study
 from bayes_tyre.studies.calibration import Calibration
+from bayes_tyre.studies.coverage import CoverageFit
 from bayes_tyre.studies.motion_study import STATIONARY, MotionStudy, StudyRecord, study_records, summarise
 from bayes_tyre.studies.outliers import KINDS, POSTERIOR, SHARES, Outliers, compare
 from bayes_tyre.studies.repeat_means import RULES
@@ -166,11 +168,48 @@ def test_laws_are_ranked_and_a_wrong_order_is_a_code(tmp_path, monkeypatch, firs
     assert told == {"laws": ["fancher", "rigid_ring"], "records": 3, "seed": 5}
 
 
+def test_coverage_is_written_shown_and_resumed(tmp_path, monkeypatch):
+    fitted = []
+
+    def counted(fit: CoverageFit, name: str, seed: int, number: int) -> pd.DataFrame:
+        fitted.append((number, name))
+        return estimated(fit, name, seed, number)
+
+    monkeypatch.setattr(CoverageFit, "estimate", counted)
+    options = ["--out", tmp_path / "made", "--kinds", "clean,one_repeat", "--seed", 3]
+    done = here("study", "coverage", *options, "--sets", 2)
+    assert done.exit_code == 0, done.stderr
+    # Kinds take turns, so that an interrupted study has as many data sets of each.
+    assert fitted == [(0, "clean"), (0, "one_repeat"), (1, "clean"), (1, "one_repeat")]
+    written = {name for name in tree_of(tmp_path / "made") if not name.startswith(".")}
+    tables = {"coverage.csv", "verdicts.csv", "coverage_estimates.csv"}
+    assert written == {*tables, "run.json", "figures/", "figures/coverage.png"}
+    assert all(word in done.stdout for word in ("one_repeat", "1 of 2", "coverage of 95 % intervals ± its"))
+    estimates = pd.read_csv(tmp_path / "made" / "coverage_estimates.csv")
+    assert len(estimates) == 2 * (2 * (24 + 8) + 2 * (24 + 24))
+    assert set(pd.read_csv(tmp_path / "made" / "coverage.csv")["sets"]) == {2}
+    assert pd.read_csv(tmp_path / "made" / "verdicts.csv")["law"].tolist() == [1, 1]
+    again = here("study", "coverage", *options, "--sets", 3, "--resume", "--quiet")
+    assert (again.exit_code, again.stdout, again.stderr) == (0, "", "")
+    assert fitted[4:] == [(2, "clean"), (2, "one_repeat")]
+    table = pd.read_csv(tmp_path / "made" / "coverage.csv")
+    assert set(table["sets"]) == {3}
+    run = json.loads((tmp_path / "made" / "run.json").read_text())["options"]
+    assert (run["kinds"], run["sets"], run["seed"], run["chains"]) == (["clean", "one_repeat"], 3, 3, 4)
+
+
+def test_an_unknown_kind_of_data_is_a_usage_error_that_lists_them(tmp_path):
+    done = here("study", "coverage", "--out", tmp_path / "made", "--kinds", "clean,dirty")
+    assert done.exit_code == 2
+    assert all(word in done.stderr for word in ("'dirty'", "clean", "case_apart"))
+    assert not (tmp_path / "made").exists()
+
+
 def test_help_names_units_and_an_example_and_waits_for_no_library(tmp_path):
     script = """
 import sys
 from bayes_tyre.cli import app
-for words in ([], ["calibration"], ["outliers"], ["motion"], ["laws"]):
+for words in ([], ["calibration"], ["outliers"], ["motion"], ["laws"], ["coverage"]):
     try:
         app(["study", *words, "--help"], prog_name="bayes-tyre")
     except SystemExit:
@@ -180,6 +219,6 @@ print([name for name in ("jax", "pandas", "scipy", "numpyro") if name in sys.mod
     command = [sys.executable, "-c", script]
     done = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True)
     assert done.stdout.endswith("[]\n")
-    for name in ("calibration", "outliers", "motion", "laws"):
+    for name in ("calibration", "outliers", "motion", "laws", "coverage"):
         assert f"Example: bayes-tyre study {name} --out" in done.stdout
     assert "kN/mm" in done.stdout

@@ -56,10 +56,11 @@ def lsq(
 ) -> None:
     """Fit Equation 2 to each record by least squares: k (kN/mm), C (kN), beta (mm), with standard errors.
 
-    Writes least_squares.csv (with --xlsx least_squares.xlsx too), a row a record; status names what a record does not determine. With --loops a
-    row a branch, and loops.csv, a row a closed cycle (energy in J by its area and by the law, secant stiffness in kN/mm,
-    drift), backbone.csv (the mean of both branches, kN) and figures/loops.png. A reversal counts once the displacement
-    has come back by 6 standard deviations of its noise or 3 of its smallest steps, 5 to 10 % of the travel.
+    Writes least_squares.csv (with --xlsx least_squares.xlsx too), a row a record; status names what a record does not
+    determine. With --loops a row a branch, and loops.csv, a row a closed cycle (energy in J by its area and by the law,
+    secant stiffness in kN/mm, drift), backbone.csv (the mean of both branches, kN) and figures/loops.png. A reversal
+    counts once the displacement has come back by 6 standard deviations of its noise or 3 of its smallest steps, 5 to
+    10 % of the travel.
 
     Example: bayes-tyre lsq data/campaign/records.csv --out results/lsq --region thesis
     """

@@ -21,6 +21,7 @@ from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.collapsed_fit import sample_collapsed
 from bayes_tyre.inference.sampling.datatree import scale_displacement, to_datatree
+from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.run import (
     RUNS,
     Draws,
@@ -77,8 +78,13 @@ def fit_hierarchical(
     return tree
 
 
-def fit_prepared(records: PreparedRecords, settings: SamplerSettings, model: ModelSettings) -> xr.DataTree:
-    """Return the posterior of records as `fit_hierarchical` does, for displacement as it was measured."""
+def fit_prepared(
+    records: PreparedRecords, settings: SamplerSettings, model: ModelSettings, chains: Chains | None = None
+) -> xr.DataTree:
+    """Return the posterior of records as `fit_hierarchical` does, for displacement as it was measured.
+
+    `chains`, of `joint_chains`, may be those of other records of the same factors and number of points.
+    """
     attributes = {
         name: str(getattr(model, name)) for name in ("repeats", "noise", "noise_window", "displacement_sd", "law")
     }
@@ -88,7 +94,7 @@ def fit_prepared(records: PreparedRecords, settings: SamplerSettings, model: Mod
         draws, runs, error = sample_collapsed(records, settings, model)
         attributes[RECORD_SUMMARIES] = error.to_json()
     if draws is None:
-        draws, joint = _sample_joint(records, after_run(after_run(settings)) if runs else settings, model)
+        draws, joint = _sample_joint(records, after_run(after_run(settings)) if runs else settings, model, chains)
         runs += joint
     attributes[RUNS] = runs_to_json(runs)
     return to_datatree(draws.sites, draws.statistics, records.factors, records.factor_table, attributes)
@@ -100,16 +106,22 @@ def collapses(records: PreparedRecords, model: ModelSettings) -> bool:
     return model.sampler == "collapsed" and enough and can_collapse(records.factors, model.repeats)
 
 
+def joint_chains(records: PreparedRecords, settings: SamplerSettings, model: ModelSettings) -> Chains:
+    """Return the chains of the joint sampler compiled for records, which need not be estimated for it."""
+    arguments = records.arguments(model)
+    blank = {"approximation": empty_approximation(len(records.batch.records), records.factors), **arguments}
+    return make_chains(records_in_coordinates, blank, settings, record_starts(arguments))
+
+
 def _sample_joint(
-    records: PreparedRecords, settings: SamplerSettings, model: ModelSettings
+    records: PreparedRecords, settings: SamplerSettings, model: ModelSettings, chains: Chains | None
 ) -> tuple[Draws, tuple[SamplerRun, ...]]:
     """Return draws of the joint sampler, and its runs."""
-    factors, arguments = records.factors, records.arguments(model)
+    arguments = records.arguments(model)
     # Least squares and the chains are compiled side by side: these need the shapes of the approximation alone.
     with ThreadPoolExecutor(1) as beside:
         estimating = beside.submit(records.approximation, model)
-        blank = {"approximation": empty_approximation(len(records.batch.records), factors), **arguments}
-        chains = make_chains(records_in_coordinates, blank, settings, record_starts(arguments))
+        chains = chains or joint_chains(records, settings, model)
         approximation = estimating.result()
     known = {"approximation": approximation, **arguments}
     return run_until_sound(chains.given(known, record_starts(arguments, approximation.records)), settings)

@@ -140,6 +140,7 @@ class Chains:
         self._shapes = self._find_shapes()
         self._blocks = Blocks(self._shapes, tuple(starts))
         self._begin, self._advance, self._constrain = self._compile_together()
+        self._of_acceptance: dict[float, Chains] = {}
 
     def given(self, arguments: Mapping[str, Any], starts: Mapping[str, Any]) -> "Chains":
         """Return these chains, compiled as they are, of other data of the same shapes and from other starts."""
@@ -149,8 +150,14 @@ class Chains:
         return other
 
     def at_acceptance(self, acceptance: float) -> "Chains":
-        """Return chains of the same model, data and starts that adapt to another acceptance; they are compiled anew."""
-        return Chains(self._model, self._arguments(self._data), self.chains, self._warmup, self._starts, acceptance)
+        """Return chains of the same model, data and starts that adapt to another acceptance.
+
+        They are compiled the first time that these chains, or chains that they were `given`, are asked for them.
+        """
+        arguments, made = self._arguments(self._data), self._of_acceptance
+        if acceptance not in made:
+            made[acceptance] = Chains(self._model, arguments, self.chains, self._warmup, self._starts, acceptance)
+        return made[acceptance].given(arguments, self._starts)
 
     @property
     def sampled(self) -> tuple[str, ...]:

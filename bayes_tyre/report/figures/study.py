@@ -1,4 +1,4 @@
-"""Figures of the studies: ranks of truths against uniform ones, and methods against ever more discordant repeats."""
+"""Figures of the studies: ranks of truths, methods under discordant repeats, and coverage by kind of data."""
 
 from typing import NamedTuple
 
@@ -100,5 +100,34 @@ def outlier_plot(table: pd.DataFrame) -> Figure:
         "Simulated campaigns of 12 cases x 3 repeats. Scattered: a discordant repeat has six times the usual scatter; "
         "shifted: it is 20 to 40 % off. Bars: 95 % interval of what is shown. The mean and the rules have Student's "
         "interval of the repeats kept."
+    )
+    return layout.finish(figure, _SETTING, note)
+
+
+@matplotlib.style.context(STYLE)
+def coverage_plot(table: pd.DataFrame) -> Figure:
+    """Return the coverage of 95 % intervals by kind of data, of all data sets and of those whose verdict is `pass`."""
+    shown = table[table["interval"] == 0.95].set_index("kind")
+    kinds = list(shown.index.unique())
+    figure = layout.page(WIDTH, 1.6 + 0.27 * len(kinds))
+    titles = {"k": "k of records", "beta": "beta of records", "k_case": "k of cases", "beta_case": "beta of cases"}
+    axes = figure.subplots(1, len(titles), sharex=True, sharey=True)
+    appearance = {"all": "all data sets", "passed": "data sets whose verdict is pass"}
+    looks = looks_of_none(appearance)
+    for ax, (quantity, title) in zip(axes, titles.items(), strict=True):
+        rows = shown[shown["quantity"] == quantity]
+        for up, (which, look) in zip((-0.13, 0.13), looks.items(), strict=True):
+            share, error = 100.0 * rows[f"coverage_{which}"], 196.0 * rows[f"se_{which}"].fillna(0.0)
+            line = {"color": look.colour, "marker": look.marker, "linestyle": "none", "markersize": 3.5}
+            ax.errorbar(share, np.arange(len(kinds)) + up, xerr=error, linewidth=1, **line)
+        ax.axvline(95.0, color=PALE, linewidth=0.8, zorder=0)
+        ax.set_title(title, fontsize=8)
+        ax.set_xlabel("coverage (%)", fontsize=8)
+    axes[0].set(xlim=(-3, 103), ylim=(len(kinds) - 0.5, -0.5))
+    axes[0].set_yticks(range(len(kinds)), [plain(kind.replace("_", " "), 30) for kind in kinds], fontsize=7)
+    layout.legend(figure, [(look.interval_handle, appearance[which]) for which, look in looks.items()])
+    note = (
+        f"Share of 95 % intervals that hold the true value, of {shown['sets'].min()} simulated data sets of each kind. "
+        "Bars: 1.96 standard errors over data sets. No point: no data set of the kind passed."
     )
     return layout.finish(figure, _SETTING, note)

@@ -70,6 +70,14 @@ def test_chains_made_for_other_data_give_the_draws_of_chains_made_for_these(draw
     assert not np.array_equal(sampling.run(elsewhere, SETTINGS).sites["mu"], drawn.sites["mu"])
 
 
+def test_chains_of_another_acceptance_are_compiled_once_for_all_data():
+    first = chains.Chains(model, {"y": DATA["y"] + 1.0}, 2, 130, STARTS)
+    ones, others = first.at_acceptance(0.9), first.given(DATA, STARTS).at_acceptance(0.9)
+    assert ones._advance is others._advance
+    assert ones.acceptance == others.acceptance == 0.9
+    assert np.array_equal(others._data["y"], DATA["y"])
+
+
 def test_progress_counts_every_iteration_of_a_chain():
     done: list[int] = []
     sample(model, DATA, SamplerSettings(chains=2, warmup=130, draws=110, seed=3, on_progress=done.append), STARTS)
