@@ -81,6 +81,7 @@ KINDS = {
     "clean": Kind(),
     "displacement_steps": Kind(points=120, beta_mm=0.03, step_of_reading_mm=0.0126),
     "displacement_noise": Kind(beta_mm=0.03, displacement_noise_mm=0.01),
+    "displacement_noise_as_known": Kind(beta_mm=0.03, displacement_noise_mm=0.01, options={"displacement_sd": 0.01}),
     "correlated_noise": Kind(rho=0.35),
     "correlated_noise_as_ar1": Kind(rho=0.35, options={"noise": "ar1"}),
     "small_step_limit": Kind(small_step_limit=True),

@@ -15,8 +15,13 @@ from bayes_tyre.workflow.loops import read_loops
 CURVE = pd.DataFrame({"displacement_mm": [0.0, 1, 2, 1, 0, 1, 2, 1, 0], "force_kN": [0.0, 3, 4, 1, 0, 3, 4, 1, 0]})
 
 
+def read(path: Path) -> pd.DataFrame:
+    branches, _ = read_loops([path], None, pytest.fail)
+    return branches
+
+
 def test_a_table_without_records_is_one_curve_named_as_its_file(tmp_path):
-    branches = read_loops(written(CURVE, tmp_path / "damper.csv"))
+    branches = read(written(CURVE, tmp_path / "damper.csv"))
     assert list(branches["record"].unique()) == [f"damper {i}" for i in range(1, 5)]
     assert list(branches.drop_duplicates("record")["cycle"]) == [1, 1, 2, 2]
 
@@ -25,7 +30,7 @@ def test_directions_and_steps_of_a_curve_are_left_out(tmp_path):
     path = written(
         CURVE.assign(record="a", direction=["loading"] * 4 + ["unloading"] * 5, step_kN=1.0), tmp_path / "a.csv"
     )
-    branches = read_loops(path)
+    branches = read(path)
     assert "step_kN" not in branches
     assert list(branches.drop_duplicates("record")["direction"]) == ["loading", "unloading"] * 2
 
@@ -33,7 +38,7 @@ def test_directions_and_steps_of_a_curve_are_left_out(tmp_path):
 def test_a_fault_names_the_file_and_the_row(tmp_path):
     path = written(CURVE.astype(object).replace({"force_kN": {4.0: "x"}}), tmp_path / "a.csv")
     with pytest.raises(BadInput, match=r"a\.csv: row 3 \(line 4\), record 'a', column force_kN"):
-        read_loops(path)
+        read(path)
 
 
 def test_a_run_without_loops_removes_what_one_with_them_left(tmp_path, monkeypatch):

@@ -193,8 +193,8 @@ def _energy_columns(test: pd.DataFrame, flat: CycleEstimate | None, centre: Cycl
         columns[f"{prefix}energy_per_cycle_J"] = np.nan if fitted is None else float(fitted.energy)
         columns[f"{prefix}energy_per_cycle_J_se"] = np.nan if fitted is None else float(fitted.energy_se)
         columns[f"{prefix}loop_area_J"] = float(loop_energy(jnp.asarray(d), jnp.asarray(F))) if closed else np.nan
-    flat = test[FLAT_GROUND[0]]
-    ends = {"flat_ground_low_mm": float(flat.min()), "flat_ground_high_mm": float(flat.max())}
+    travel = test[FLAT_GROUND[0]]
+    ends = {"flat_ground_low_mm": float(travel.min()), "flat_ground_high_mm": float(travel.max())}
     return {"stroke_mm": float(np.ptp(test[WHEEL_CENTRE[0]])), **columns, **ends}
 
 
