@@ -59,7 +59,7 @@ def diagnose(tree: xr.DataTree) -> Diagnostics:
     Pass: R-hat <= 1.01, bulk and tail ESS >= 100 a chain, BFMI >= 0.3, no divergence, finite draws, no doubt of
     `bayes_tyre.inference.diagnostics.data_checks` about the records, and the checks of the model that the posterior
     carries (`bayes_tyre.inference.diagnostics.judge.model_checks`). Of an outlier probability the Monte Carlo error of
-    its mean is judged instead of R-hat and ESS: at most 0.01. Source: Vehtari et al. (2021), "Rank-normalization,
+    its mean is judged instead of R-hat and ESS: at most 0.02. Source: Vehtari et al. (2021), "Rank-normalization,
     folding, and localization".
 
     Parameters

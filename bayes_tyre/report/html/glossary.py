@@ -52,7 +52,7 @@ ALWAYS = {
     "the model does not ask (--repeats student or normal).",
     "Prior": "What was taken to be possible before the data. Where the data say little, it speaks for them.",
     "Verdict": "pass: R-hat at most 1.01 (chains agree), enough effective draws (ESS), a Monte Carlo error of at most "
-    "0.01 in outlier probabilities, no divergence, and no sign that the records cannot carry the model. fail: at least "
+    "0.02 in outlier probabilities, no divergence, and no sign that the records cannot carry the model. fail: at least "
     "one of these is missing, and the reasons say which.",
 }
 
