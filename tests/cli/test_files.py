@@ -37,7 +37,7 @@ NO_TABLES: dict[str, tuple[str, Callable[[Path], object], tuple[str, ...]]] = {
     "half a parquet": ("records.parquet", lambda path: half_of(parquet(path)), ("cannot be read as parquet",)),
     "a parquet of text": ("records.parquet", lambda path: path.write_bytes(text_of(small())), ("parquet",)),
     "another table": ("records.parquet", lambda path: parquet(path, ["force_kN"]), ("missing column record",)),
-    "no suffix": ("records", lambda path: path.write_bytes(text_of(small())), ("no suffix", ".xlsx or .mat")),
+    "no suffix": ("records", lambda path: path.write_bytes(text_of(small())), ("no suffix", ".mat or .tdx")),
 }
 
 #: What is no finished result: which commands read it, how it is spoilt, and what the line on stderr must name.

@@ -20,9 +20,9 @@ import sys
 from bayes_tyre.cli import app
 from bayes_tyre.formats import tables
 read = tables.read_table
-def disturbed(path):
+def disturbed(*given):
     {disturbance}
-    return read(path)
+    return read(*given)
 tables.read_table = disturbed
 app(prog_name="bayes-tyre")
 """

@@ -65,7 +65,7 @@ def test_an_empty_file_is_refused(tmp_path, name):
 )
 def test_another_kind_of_file_is_refused_and_told_the_kinds_that_are_read(tmp_path, name, said, remedy):
     message = refusal(write(tmp_path / name, HEADER.encode()))
-    assert f"{said} is not a table format; use .csv, .parquet, .xlsx or .mat" in message
+    assert f"{said} is not a table format; use .csv, .parquet, .xlsx, .mat or .tdx" in message
     assert remedy in message
 
 

@@ -17,7 +17,7 @@ def columns(
     seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
-    """Propose a column map: which column is the record, the displacement (mm), the force (kN), and so on.
+    """Propose a column map: which columns are the record, displacement and force (mm, kN), and so on.
 
     Columns are placed by English and German names, by their units (N, kN, lbf, m, mm, in, s, ms) and by what the
     directions are called. What could not be placed goes to stderr, and into the map as comments: read it before use.
