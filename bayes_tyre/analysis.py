@@ -35,13 +35,13 @@ from bayes_tyre.published import campaign, tables
 from bayes_tyre.published.campaign import Reconstruction
 from bayes_tyre.record_table import check_record_table
 from bayes_tyre.report.figures.catalogue import Result, chosen_figure
-from bayes_tyre.report.figures.notebook_display import NotebookFigure
+from bayes_tyre.report.figures.page.notebook_display import NotebookFigure
 from bayes_tyre.results import contrasts as ratios
 from bayes_tyre.results import prediction, summary
 from bayes_tyre.results.case_selection import parse_query
 from bayes_tyre.results.prediction import Prediction
 from bayes_tyre.runtime import prepare_jax
-from bayes_tyre.workflow.predict import read_result
+from bayes_tyre.workflow.from_results.predict import read_result
 from bayes_tyre.workflow.record_tables import read_given
 
 #: Host devices, fixed when JAX starts: enough for the chains of a fit that may come after.

@@ -204,7 +204,7 @@ def told(title: str, table: pd.DataFrame, region: str, runs: int, level: bool = 
 
 def main() -> None:
     """Measure the campaign and a large simulated table."""
-    from bayes_tyre.formats.tables import read_table
+    from bayes_tyre.formats.tables.table_files import read_table
     from bayes_tyre.record_table import check_record_table
     from bayes_tyre.runtime import prepare_jax
 

@@ -70,7 +70,7 @@ def measure(path: Path) -> dict[str, float]:
         import bayes_tyre.workflow.least_squares  # noqa: F401
 
     timed("import", imported)
-    from bayes_tyre.formats.tables import read_table, write_table
+    from bayes_tyre.formats.tables.table_files import read_table, write_table
     from bayes_tyre.inference.least_squares.table import fit_records
     from bayes_tyre.record_table import check_record_table
 

@@ -22,10 +22,10 @@ from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical  # n
 from bayes_tyre.inference.sampling.run import SamplerSettings  # noqa: E402
 from bayes_tyre.record import Case  # noqa: E402
 from bayes_tyre.record_table import check_record_table  # noqa: E402
-from bayes_tyre.results.candidates import candidates, new_cases  # noqa: E402
-from bayes_tyre.results.forecast import Forecast, forecast  # noqa: E402
-from bayes_tyre.results.goals import parse_goal  # noqa: E402
-from bayes_tyre.results.plan import Costs, choose_tests  # noqa: E402
+from bayes_tyre.results.next_tests.candidates import candidates, new_cases  # noqa: E402
+from bayes_tyre.results.next_tests.forecast import Forecast, forecast  # noqa: E402
+from bayes_tyre.results.next_tests.goals import parse_goal  # noqa: E402
+from bayes_tyre.results.next_tests.plan import Costs, choose_tests  # noqa: E402
 
 GOALS, TESTS = (
     ("k dual / single", "beta loading / unloading", "k single (0)20-30", "beta dual (25)30-20", "k single (0)20-25"),

@@ -146,7 +146,7 @@ def far_apart(one: Summary, other: Summary) -> tuple[list[str], float]:
 
 def main() -> None:
     """Run the samplers one after another and print what they cost and whether they agree."""
-    from bayes_tyre.formats.tables import read_table
+    from bayes_tyre.formats.tables.table_files import read_table
     from bayes_tyre.record_table import check_record_table
     from bayes_tyre.runtime import prepare_jax
 

@@ -25,7 +25,7 @@ from support import reproduction_figures
 import bayes_tyre as bt
 from bayes_tyre.inference.least_squares.table import FitSettings
 from bayes_tyre.published import campaign, checks, recompute, tables
-from bayes_tyre.report.figures.notebook_display import NotebookFigure
+from bayes_tyre.report.figures.page.notebook_display import NotebookFigure
 
 pd.set_option("display.max_colwidth", 90)
 

@@ -30,7 +30,7 @@ from support.level_means import level_means
 
 import bayes_tyre as bt
 from bayes_tyre.published import tables
-from bayes_tyre.report.figures.notebook_display import NotebookFigure
+from bayes_tyre.report.figures.page.notebook_display import NotebookFigure
 
 pd.set_option("display.max_columns", 20)
 

@@ -25,7 +25,7 @@ from support import results, rule, rule_figures
 from support.without_record import case_without
 
 import bayes_tyre as bt
-from bayes_tyre.report.figures.notebook_display import NotebookFigure
+from bayes_tyre.report.figures.page.notebook_display import NotebookFigure
 
 campaign = bt.reconstruct_campaign()
 fits = bt.fit_least_squares(campaign.records)

@@ -32,12 +32,16 @@ from support.audit_figures import one_record
 
 from bayes_tyre.published.tables import characteristic_deflection
 from bayes_tyre.report.figures import audit as audit_figures
-from bayes_tyre.report.figures.notebook_display import NotebookFigure
+from bayes_tyre.report.figures.page.notebook_display import NotebookFigure
 from bayes_tyre.rig import axle, geometry
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.signals import factors, inertia, process, thesis
 from bayes_tyre.simulate.simulator import simulate_record
-from bayes_tyre.studies import audit, audit_grid, audit_methods, audit_overview, audit_sentences
+from bayes_tyre.studies.audit import grid as audit_grid
+from bayes_tyre.studies.audit import methods as audit_methods
+from bayes_tyre.studies.audit import overview as audit_overview
+from bayes_tyre.studies.audit import sentences as audit_sentences
+from bayes_tyre.studies.audit import study as audit
 
 # %% [markdown]
 # ## What becomes of one record?

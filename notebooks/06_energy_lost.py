@@ -25,11 +25,11 @@ from pathlib import Path
 import pandas as pd
 from support import motion_figures, motion_truth
 
-from bayes_tyre.formats.raw import read_raw
+from bayes_tyre.formats.recordings.raw import read_raw
 from bayes_tyre.inference.motion.record import estimate, window
 from bayes_tyre.laws.loop_energy import dissipated_energy_per_cycle, loop_energy
 from bayes_tyre.report.figures import process as process_figures
-from bayes_tyre.report.figures.notebook_display import NotebookFigure
+from bayes_tyre.report.figures.page.notebook_display import NotebookFigure
 from bayes_tyre.rig import axle, geometry, sensors
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.signals import factors, inertia, process

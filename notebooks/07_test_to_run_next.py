@@ -28,13 +28,13 @@ import xarray as xr
 
 import bayes_tyre as bt
 from bayes_tyre.inference.sampling.datatree import tree_cases
-from bayes_tyre.report.figures.colours import Setting
-from bayes_tyre.report.figures.notebook_display import NotebookFigure
+from bayes_tyre.report.figures.page.colours import Setting
+from bayes_tyre.report.figures.page.notebook_display import NotebookFigure
 from bayes_tyre.report.figures.tests_to_run import width_against_tests
-from bayes_tyre.results.candidates import candidates, new_cases
-from bayes_tyre.results.forecast import Forecast, forecast
-from bayes_tyre.results.goals import parse_goal
-from bayes_tyre.results.plan import Costs, choose_tests, planned
+from bayes_tyre.results.next_tests.candidates import candidates, new_cases
+from bayes_tyre.results.next_tests.forecast import Forecast, forecast
+from bayes_tyre.results.next_tests.goals import parse_goal
+from bayes_tyre.results.next_tests.plan import Costs, choose_tests, planned
 
 # %% [markdown]
 # ## How precise is the ratio after two repeats of each case, and after all three?

@@ -49,7 +49,7 @@ def test_the_wheel_holds_all_data_and_everything_that_is_no_module(installed_whe
     assert tree_of(package / "data") == tree_of(CHECKOUT / "data")
     ours = CHECKOUT / "bayes_tyre"
     beside = {path.relative_to(ours) for path in ours.rglob("*") if path.is_file() and path.suffix != ".pyc"}
-    assert {Path("report/figures/style.mplstyle"), Path("py.typed")} <= beside
+    assert {Path("report/figures/page/style.mplstyle"), Path("py.typed")} <= beside
     assert all((package / path).is_file() for path in beside)
 
 

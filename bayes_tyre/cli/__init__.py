@@ -6,22 +6,22 @@ from typing import Annotated
 import typer
 
 from bayes_tyre.cli.commands.audit import audit
-from bayes_tyre.cli.commands.calibrate import calibrate
-from bayes_tyre.cli.commands.columns import columns
-from bayes_tyre.cli.commands.compare import compare
-from bayes_tyre.cli.commands.export import export
 from bayes_tyre.cli.commands.fit import fit
-from bayes_tyre.cli.commands.inspect import inspect
+from bayes_tyre.cli.commands.from_files.calibrate import calibrate
+from bayes_tyre.cli.commands.from_files.columns import columns
+from bayes_tyre.cli.commands.from_files.inspect import inspect
+from bayes_tyre.cli.commands.from_files.process import process
+from bayes_tyre.cli.commands.from_results.compare import compare
+from bayes_tyre.cli.commands.from_results.export import export
+from bayes_tyre.cli.commands.from_results.next import next as next_tests
+from bayes_tyre.cli.commands.from_results.predict import predict
+from bayes_tyre.cli.commands.from_results.report import report
+from bayes_tyre.cli.commands.from_results.show import show
 from bayes_tyre.cli.commands.load_deflection import load_deflection
 from bayes_tyre.cli.commands.lsq import lsq
 from bayes_tyre.cli.commands.modes import modes
 from bayes_tyre.cli.commands.motion import motion
-from bayes_tyre.cli.commands.next import next as next_tests
-from bayes_tyre.cli.commands.predict import predict
-from bayes_tyre.cli.commands.process import process
 from bayes_tyre.cli.commands.published import campaign, published
-from bayes_tyre.cli.commands.report import report
-from bayes_tyre.cli.commands.show import show
 from bayes_tyre.cli.commands.simulate import simulate
 from bayes_tyre.cli.commands.study import study
 from bayes_tyre.cli.shell import Command, guarded

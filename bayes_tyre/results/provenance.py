@@ -14,7 +14,7 @@ from typing import Any
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import write_text
-from bayes_tyre.formats.workbook import split_sheet
+from bayes_tyre.formats.tables.workbook import split_sheet
 from bayes_tyre.inference.sampling.run import SamplerRun
 
 LIBRARIES = ("bayes-tyre", "jax", "jaxlib", "numpyro", "optimistix", "equinox", "arviz", "numpy", "pandas", "xarray")

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.tables import read_table
+from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.record import ORIGIN_UNKNOWN
 from bayes_tyre.results.columns import numbers, texts
 from bayes_tyre.results.provenance import RUN_JSON

@@ -12,9 +12,9 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.load_deflection.table import law_loop
 from bayes_tyre.inference.sampling.datatree import case_parameters, is_of_motions, law_of, tree_cases
 from bayes_tyre.record import CASE_FACTORS, RECORD_UNITS, parameter_column
-from bayes_tyre.results import hysteresis_loops
 from bayes_tyre.results.case_draws import of_case, travel_mm
 from bayes_tyre.results.case_selection import sign_of
+from bayes_tyre.results.figure_data import hysteresis_loops
 from bayes_tyre.results.prediction import force_kN
 
 _TAILS, _NORMAL = (0.025, 0.975), 1.959964

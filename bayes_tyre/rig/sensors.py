@@ -53,7 +53,7 @@ def _sensor(rig: Rig, quantity: str, unit: str, positive: bool) -> Sensor:
 
 
 def columns_of(rig: Rig) -> dict[str, int] | None:
-    """Return the columns that a rig gives by number, as `bayes_tyre.formats.raw.read_raw` takes them.
+    """Return the columns that a rig gives by number, as `bayes_tyre.formats.recordings.raw.read_raw` takes them.
 
     Returns
     -------

@@ -6,7 +6,7 @@ import numpy as np
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.tables import read_table
+from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.record import CASE_FACTORS, Case
 
 

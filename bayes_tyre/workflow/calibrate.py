@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, write_text
-from bayes_tyre.formats.raw import read_raw
+from bayes_tyre.formats.recordings.raw import read_raw
 from bayes_tyre.plain_text import one_line, path_text
 from bayes_tyre.record import Channel
 from bayes_tyre.rig.axle import load_rig

@@ -10,9 +10,9 @@ import pandas as pd
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.column_map import read_column_map
 from bayes_tyre.formats.files import check_folder, prepare_folder
-from bayes_tyre.formats.workbook import split_sheet
+from bayes_tyre.formats.tables.column_map import read_column_map
+from bayes_tyre.formats.tables.workbook import split_sheet
 from bayes_tyre.inference.diagnostics.attempts import Attempts
 from bayes_tyre.inference.diagnostics.judge import judge
 from bayes_tyre.inference.diagnostics.power_scaling import identify_published, identify_records

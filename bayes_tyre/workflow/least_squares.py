@@ -6,8 +6,8 @@ from pathlib import Path
 import pandas as pd
 
 from bayes_tyre.formats.files import prepare_folder
-from bayes_tyre.formats.tables import write_table
-from bayes_tyre.formats.workbook_writer import write_workbook
+from bayes_tyre.formats.tables.table_files import write_table
+from bayes_tyre.formats.tables.workbook_writer import write_workbook
 from bayes_tyre.inference.least_squares.table import FitSettings, fit_records
 
 FITS, WORKBOOK = "least_squares.csv", "least_squares.xlsx"

@@ -9,13 +9,13 @@ import pandas as pd
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import prepare_folder
-from bayes_tyre.formats.tables import read_table, write_table
+from bayes_tyre.formats.tables.table_files import read_table, write_table
 from bayes_tyre.inference.load_deflection.pooled_stiffness import K_SE, K, shared_stiffness
 from bayes_tyre.inference.load_deflection.table import fit_tests, law_loop
 from bayes_tyre.record_table import carry_extras, origin_of, record_extras
-from bayes_tyre.report.figures.colours import Setting
-from bayes_tyre.report.figures.layout import save
 from bayes_tyre.report.figures.load_deflection import LoopPanel, load_deflection_loops
+from bayes_tyre.report.figures.page.colours import Setting
+from bayes_tyre.report.figures.page.layout import save
 from bayes_tyre.rig.axle import EMBEDDED_RIGS, Rig, load_rig
 from bayes_tyre.signals.load_deflection import (
     CASE_OF_TEST,

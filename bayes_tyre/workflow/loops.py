@@ -6,14 +6,14 @@ from pathlib import Path
 import pandas as pd
 
 from bayes_tyre.formats.files import prepare_folder
-from bayes_tyre.formats.tables import write_table
-from bayes_tyre.formats.workbook_writer import write_workbook
+from bayes_tyre.formats.tables.table_files import write_table
+from bayes_tyre.formats.tables.workbook_writer import write_workbook
 from bayes_tyre.inference.least_squares.loops import backbone, cycle_table, law_curves
 from bayes_tyre.inference.least_squares.table import FitSettings, fit_records
 from bayes_tyre.record_table import check_record_table, origin_of
-from bayes_tyre.report.figures.colours import Setting
-from bayes_tyre.report.figures.layout import save
 from bayes_tyre.report.figures.loops import driven_loops
+from bayes_tyre.report.figures.page.colours import Setting
+from bayes_tyre.report.figures.page.layout import save
 from bayes_tyre.signals.reversals import cut_loops
 from bayes_tyre.workflow.least_squares import BACKBONE, FIGURE, FITS, LOOPS, WORKBOOK
 from bayes_tyre.workflow.record_tables import RECORDS, read_given

@@ -10,12 +10,12 @@ import pandas as pd
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import prepare_folder
-from bayes_tyre.formats.tables import read_table, write_table
+from bayes_tyre.formats.tables.table_files import read_table, write_table
 from bayes_tyre.inference.flexible_ring import MeasuredModes, RingFit, fit_ring
 from bayes_tyre.record_table import origin_of
-from bayes_tyre.report.figures.colours import Setting
 from bayes_tyre.report.figures.flexible_ring import frequencies_by_mode
-from bayes_tyre.report.figures.layout import save
+from bayes_tyre.report.figures.page.colours import Setting
+from bayes_tyre.report.figures.page.layout import save
 from bayes_tyre.results.flexible_ring import ring_frequencies, ring_parameters
 from bayes_tyre.results.provenance import RUN_JSON, begin_run, write_run
 from bayes_tyre.signals.natural_frequencies import CONDITIONS, REQUIRED, WAVES, check_natural_frequencies

@@ -7,7 +7,7 @@ import pandas as pd
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import prepare_folder
-from bayes_tyre.formats.tables import WRITERS, read_table, write_table
+from bayes_tyre.formats.tables.table_files import WRITERS, read_table, write_table
 from bayes_tyre.inference.least_squares.table import FitSettings, fit_records
 from bayes_tyre.published import campaign, checks
 from bayes_tyre.record_table import check_record_table

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.column_map import OUR_COLUMNS, ColumnMap, read_column_map
-from bayes_tyre.formats.header import NOTES
-from bayes_tyre.formats.tables import READERS, read_table
-from bayes_tyre.formats.workbook import split_sheet
+from bayes_tyre.formats.tables.column_map import OUR_COLUMNS, ColumnMap, read_column_map
+from bayes_tyre.formats.tables.header import NOTES
+from bayes_tyre.formats.tables.table_files import READERS, read_table
+from bayes_tyre.formats.tables.workbook import split_sheet
 from bayes_tyre.plain_text import quoted
 from bayes_tyre.record_table import check_record_table, suspicious_units
 

@@ -9,8 +9,8 @@ import pandas as pd
 
 from bayes_tyre.formats.files import prepare_folder
 from bayes_tyre.formats.netcdf import write_tree
-from bayes_tyre.formats.tables import write_table
-from bayes_tyre.formats.workbook_writer import write_workbook
+from bayes_tyre.formats.tables.table_files import write_table
+from bayes_tyre.formats.tables.workbook_writer import write_workbook
 from bayes_tyre.inference.diagnostics.attempts import Attempts
 from bayes_tyre.inference.diagnostics.judge import with_failures
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
@@ -18,10 +18,10 @@ from bayes_tyre.inference.sampling.run import sampler_runs
 from bayes_tyre.record_table import record_extras
 from bayes_tyre.report.figures import catalogue
 from bayes_tyre.report.figures.catalogue import Result
-from bayes_tyre.report.figures.layout import save
+from bayes_tyre.report.figures.page.layout import save
 from bayes_tyre.report.html.figures import HEADINGS
 from bayes_tyre.results import summary
-from bayes_tyre.results.motion_traces import MOTIONS_CSV
+from bayes_tyre.results.figure_data.motion_traces import MOTIONS_CSV
 from bayes_tyre.results.provenance import RUN_JSON, Run, write_json, write_run
 
 #: All tables of a result, a sheet each.

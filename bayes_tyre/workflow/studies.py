@@ -11,17 +11,17 @@ import numpy as np
 import pandas as pd
 
 from bayes_tyre.formats.files import prepare_folder, write_text
-from bayes_tyre.formats.joined import read_part
-from bayes_tyre.formats.tables import write_table
+from bayes_tyre.formats.tables.joined import read_part
+from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.published.tables import characteristic_deflection
 from bayes_tyre.report.figures import audit as audit_figures
-from bayes_tyre.report.figures.layout import save
+from bayes_tyre.report.figures.page.layout import save
 from bayes_tyre.report.figures.study import RankCurves, calibration_plot, coverage_plot, outlier_plot
 from bayes_tyre.results.provenance import RUN_JSON, begin_run, write_run
-from bayes_tyre.studies.audit import study_audit
-from bayes_tyre.studies.audit_grid import FACTOR_NAMES, PLANS, TYPICAL_LEVELS
-from bayes_tyre.studies.audit_overview import beta_by_window, bias_by_factor, overview
-from bayes_tyre.studies.audit_sentences import conclusion
+from bayes_tyre.studies.audit.grid import FACTOR_NAMES, PLANS, TYPICAL_LEVELS
+from bayes_tyre.studies.audit.overview import beta_by_window, bias_by_factor, overview
+from bayes_tyre.studies.audit.sentences import conclusion
+from bayes_tyre.studies.audit.study import study_audit
 from bayes_tyre.studies.calibration import Calibration, calibrate
 from bayes_tyre.studies.coverage import CoverageFit, coverage, verdicts
 from bayes_tyre.studies.law_ranking import Ranked, rank_laws
@@ -160,7 +160,7 @@ def write_audit(
     out:
         Folder, made where it is missing.
     plan:
-        A name in `bayes_tyre.studies.audit_grid.PLANS`.
+        A name in `bayes_tyre.studies.audit.grid.PLANS`.
     replicates, seed:
         Records a point, and where their draws start.
     on_progress:

@@ -7,10 +7,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.audit import method_looks
-from bayes_tyre.report.figures.colours import INK, Setting
-from bayes_tyre.report.figures.layout import STYLE, WIDTH
+from bayes_tyre.report.figures.page import layout
+from bayes_tyre.report.figures.page.colours import INK, Setting
+from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 
 
 @matplotlib.style.context(STYLE)

@@ -10,10 +10,10 @@ from matplotlib.lines import Line2D
 
 from bayes_tyre.inference.sampling.datatree import CASE_PARAMETERS
 from bayes_tyre.record import CASE_FACTORS
-from bayes_tyre.report.figures import case_axis, layout
-from bayes_tyre.report.figures.colours import INK, PALE, Setting
-from bayes_tyre.report.figures.labels import interval_name, plain
-from bayes_tyre.report.figures.layout import STYLE, WIDTH
+from bayes_tyre.report.figures.page import case_axis, layout
+from bayes_tyre.report.figures.page.colours import INK, PALE, Setting
+from bayes_tyre.report.figures.page.labels import interval_name, plain
+from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 
 #: Height of a line, inches; distance between results on it, lines.
 _LINE, _APART = 0.26, 0.34

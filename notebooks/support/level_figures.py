@@ -8,10 +8,10 @@ from matplotlib.lines import Line2D
 
 from bayes_tyre.inference.sampling.datatree import CASE_PARAMETERS
 from bayes_tyre.record import RECORD_UNITS
-from bayes_tyre.report.figures import layout
-from bayes_tyre.report.figures.colours import INK, Look, Setting
-from bayes_tyre.report.figures.labels import configuration_label, interval_name
-from bayes_tyre.report.figures.layout import STYLE, WIDTH
+from bayes_tyre.report.figures.page import layout
+from bayes_tyre.report.figures.page.colours import INK, Look, Setting
+from bayes_tyre.report.figures.page.labels import configuration_label, interval_name
+from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 from bayes_tyre.report.wording import AXIS_NAMES
 
 _TITLES = {

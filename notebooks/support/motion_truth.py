@@ -9,7 +9,7 @@ from jaxtyping import Array, ArrayLike, Float
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
 from bayes_tyre.inference.motion.record.energy import Losses, losses_from_reported
 from bayes_tyre.laws.base import ScalarLike
-from bayes_tyre.results.hysteresis_loops import loop_table, settled_friction
+from bayes_tyre.results.figure_data.hysteresis_loops import loop_table, settled_friction
 from bayes_tyre.rig.axle import Rig
 
 #: Name and unit, in the order of the logarithms, and of the losses.

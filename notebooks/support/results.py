@@ -8,7 +8,7 @@ import xarray as xr
 from bayes_tyre.inference.diagnostics.verdict import diagnose
 from bayes_tyre.inference.sampling.datatree import tree_cases
 from bayes_tyre.record import CASE_FACTORS
-from bayes_tyre.report.figures.colours import Setting
+from bayes_tyre.report.figures.page.colours import Setting
 from bayes_tyre.report.wording import probability_text
 
 _SHOWN = (

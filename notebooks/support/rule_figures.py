@@ -8,9 +8,9 @@ from matplotlib.lines import Line2D
 from support.rule import PLAIN, POSTERIOR, RULE
 
 from bayes_tyre.record import CASE_FACTORS
-from bayes_tyre.report.figures import case_axis, layout
-from bayes_tyre.report.figures.colours import INK, PALE, Setting
-from bayes_tyre.report.figures.layout import STYLE, WIDTH
+from bayes_tyre.report.figures.page import case_axis, layout
+from bayes_tyre.report.figures.page.colours import INK, PALE, Setting
+from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 
 #: Height of a line, inches; how far a method stands below the middle of its line, lines.
 _LINE, _BELOW = 0.5, {PLAIN: -0.12, RULE: 0.1, POSTERIOR: 0.32}

@@ -5,9 +5,9 @@ from pathlib import Path
 from PIL import Image
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.report.figures import layout
-from bayes_tyre.report.figures.labels import origin_note
-from bayes_tyre.report.figures.notebook_display import DOTS, small_png
+from bayes_tyre.report.figures.page import layout
+from bayes_tyre.report.figures.page.labels import origin_note
+from bayes_tyre.report.figures.page.notebook_display import DOTS, small_png
 from bayes_tyre.results.provenance import RUN_JSON, read_run
 
 #: Made small, its lines have shades, which more colours would keep, and few see.

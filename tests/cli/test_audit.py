@@ -8,8 +8,8 @@ from helpers.audit_made_up import audited, blind
 from helpers.command_line import here, tree_of
 
 from bayes_tyre.report.figures import audit as audit_figures
-from bayes_tyre.studies.audit import COLUMNS
-from bayes_tyre.studies.audit_grid import PLANS, Plan
+from bayes_tyre.studies.audit.grid import PLANS, Plan
+from bayes_tyre.studies.audit.study import COLUMNS
 from bayes_tyre.workflow import studies as workflow
 
 pytestmark = pytest.mark.usefixtures("fully_compiled")

@@ -44,7 +44,8 @@ from bayes_tyre.report.figures import catalogue
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import PLANS
 from bayes_tyre.studies.coverage import CoverageFit
-from bayes_tyre.workflow import compare, fit, least_squares, load_deflection, loops, modes, published, studies
+from bayes_tyre.workflow import fit, least_squares, load_deflection, loops, modes, published, studies
+from bayes_tyre.workflow.from_results import compare
 from bayes_tyre.workflow.raw import motion as raw_motion
 from bayes_tyre.workflow.raw.simulate import write_simulated
 

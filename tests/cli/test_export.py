@@ -12,7 +12,7 @@ from helpers.hand_made_posteriors import grid, motion_cases, posterior, scattere
 from helpers.slow_tests import campaign
 
 from bayes_tyre.formats.netcdf import write_tree
-from bayes_tyre.formats.tables import read_table
+from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.results import summary
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.signals.load_deflection import averaged, check_load_deflection, with_deflection

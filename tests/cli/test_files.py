@@ -11,7 +11,7 @@ import pytest
 from helpers.command_line import ON_RESULTS, ON_TABLES, assert_refused, here, installed, small, text_of, tree_of
 from helpers.quick_fits import write_result
 
-from bayes_tyre.formats.tables import write_table
+from bayes_tyre.formats.tables.table_files import write_table
 
 # Compilation and module fixtures: over 10 s for the file from cold.
 pytestmark = pytest.mark.slow

@@ -2,7 +2,8 @@
 
 from bayes_tyre.cli import suffixes
 from bayes_tyre.cli.commands.motion import Law, motion
-from bayes_tyre.formats import raw, tables
+from bayes_tyre.formats.recordings import raw
+from bayes_tyre.formats.tables import table_files as tables
 from bayes_tyre.inference.motion.laws import MOTION_LAWS
 
 

@@ -21,7 +21,7 @@ from helpers.command_line import (
 from helpers.quick_fits import put_draws_for_the_sampler
 
 from bayes_tyre.formats.netcdf import read_tree
-from bayes_tyre.formats.tables import read_table, write_table
+from bayes_tyre.formats.tables.table_files import read_table, write_table
 
 # Compilation and module fixtures: over 10 s for the file from cold.
 pytestmark = pytest.mark.slow

@@ -14,7 +14,7 @@ from helpers.hand_made_posteriors import fixed, grid, posterior, scattered
 
 from bayes_tyre.formats.netcdf import write_tree
 from bayes_tyre.results.prediction import COLUMNS
-from bayes_tyre.workflow import predict as workflow
+from bayes_tyre.workflow.from_results import predict as workflow
 
 # Fixtures and processes of their own: over 10 s for the file from cold.
 pytestmark = pytest.mark.slow

@@ -10,7 +10,7 @@ import pytest
 from helpers.command_line import assert_refused, environment, here, tree_of
 from helpers.readme_rigs import readme_texts
 
-from bayes_tyre.formats.raw import read_raw
+from bayes_tyre.formats.recordings.raw import read_raw
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import thesis_plan
 from bayes_tyre.workflow.raw import simulate as workflow

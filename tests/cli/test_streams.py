@@ -18,7 +18,7 @@ INTERRUPTED = "bayes-tyre: interrupted; nothing half-written is left, run the co
 RUN = """
 import sys
 from bayes_tyre.cli import app
-from bayes_tyre.formats import tables
+from bayes_tyre.formats.tables import table_files as tables
 read = tables.read_table
 def disturbed(*given):
     {disturbance}

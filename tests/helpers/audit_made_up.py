@@ -3,9 +3,9 @@
 from collections.abc import Callable
 
 from bayes_tyre.rig.axle import load_rig
-from bayes_tyre.studies.audit import Audit, summarise, tidy
-from bayes_tyre.studies.audit_grid import CONFIGURATION, Plan, Tyre
-from bayes_tyre.studies.audit_methods import ESTIMATED, MethodEstimate, true_value
+from bayes_tyre.studies.audit.grid import CONFIGURATION, Plan, Tyre
+from bayes_tyre.studies.audit.methods import ESTIMATED, MethodEstimate, true_value
+from bayes_tyre.studies.audit.study import Audit, summarise, tidy
 
 SMALL = Plan(
     {"k_kN_per_mm": (1.8, 2.2), "damping_ratio": (0.03, 0.1)},

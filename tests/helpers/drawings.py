@@ -27,12 +27,12 @@ from bayes_tyre.report.figures import (
 from bayes_tyre.report.figures import (
     sampler as sampler_figures,
 )
-from bayes_tyre.report.figures.colours import Setting
-from bayes_tyre.report.figures.layout import STYLE
-from bayes_tyre.results.hyperparameters import Hyperparameter
-from bayes_tyre.results.prior_curves import PriorPanel
-from bayes_tyre.results.prior_posterior import PriorPosterior
-from bayes_tyre.results.ranks import Ranks
+from bayes_tyre.report.figures.page.colours import Setting
+from bayes_tyre.report.figures.page.layout import STYLE
+from bayes_tyre.results.figure_data.hyperparameters import Hyperparameter
+from bayes_tyre.results.figure_data.prior_curves import PriorPanel
+from bayes_tyre.results.figure_data.prior_posterior import PriorPosterior
+from bayes_tyre.results.figure_data.ranks import Ranks
 
 FACTORS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN"]
 MEASURED = Setting("measured")

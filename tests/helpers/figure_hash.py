@@ -21,9 +21,9 @@ from support.motion_truth import true_loop
 
 from bayes_tyre.report.figures import audit as audit_figures
 from bayes_tyre.report.figures import motion as motion_figures
-from bayes_tyre.report.figures.colours import Setting
-from bayes_tyre.report.figures.layout import STYLE
-from bayes_tyre.results.hysteresis_loops import friction_loops
+from bayes_tyre.report.figures.page.colours import Setting
+from bayes_tyre.report.figures.page.layout import STYLE
+from bayes_tyre.results.figure_data.hysteresis_loops import friction_loops
 
 STORED = Path(__file__).parents[1] / "report" / "figures" / "figure_hashes.json"
 #: Cells a side; share of ink that is the darkest level, thin lines being what counts; levels.

@@ -10,7 +10,7 @@ from support.level_means import BY, level_means
 
 from bayes_tyre.published import tables
 from bayes_tyre.record import CASE_FACTORS
-from bayes_tyre.report.figures.colours import Setting, looks
+from bayes_tyre.report.figures.page.colours import Setting, looks
 
 
 @pytest.fixture(scope="module")

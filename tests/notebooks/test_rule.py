@@ -9,7 +9,7 @@ from support.rule import PLAIN, POSTERIOR, RULE, by_multiple, k_by_method
 from support.rule_figures import rule_and_posterior
 
 from bayes_tyre.record import CASE_FACTORS
-from bayes_tyre.report.figures.colours import Setting, looks
+from bayes_tyre.report.figures.page.colours import Setting, looks
 
 #: k of three repeats: one far off by 30 % of the others' mean, or 7.5 times the usual scatter; none.
 K = {"single": (1.0, 1.0, 1.3), "dual": (2.0, 2.02, 2.04)}

@@ -15,7 +15,7 @@ from bayes_tyre.report.figures import catalogue
 from bayes_tyre.report.figures.catalogue import Result, chosen_figure
 from bayes_tyre.results import summary
 from bayes_tyre.results.contrasts import contrasts
-from bayes_tyre.results.hyperparameters import hyperparameters, paired
+from bayes_tyre.results.figure_data.hyperparameters import hyperparameters, paired
 from bayes_tyre.results.recovery import OF_MOTIONS, of_posterior
 from bayes_tyre.rig.axle import load_rig
 

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 from helpers.hand_made_posteriors import fixed, grid, posterior, scattered
 
-from bayes_tyre.formats.tables import read_table, write_table
+from bayes_tyre.formats.tables.table_files import read_table, write_table
 from bayes_tyre.inference.sampling.group_means import group_means
 from bayes_tyre.published import tables
 from bayes_tyre.results import summary

@@ -29,9 +29,9 @@ def audit(
     from bayes_tyre.runtime import prepare_jax
 
     prepare_jax()
-    from bayes_tyre.studies.audit import count_records
-    from bayes_tyre.studies.audit_grid import PLANS
-    from bayes_tyre.studies.audit_sentences import lines
+    from bayes_tyre.studies.audit.grid import PLANS
+    from bayes_tyre.studies.audit.sentences import lines
+    from bayes_tyre.studies.audit.study import count_records
     from bayes_tyre.workflow.studies import write_audit
 
     with progress("auditing records", count_records(PLANS[plan], replicates), quiet) as on_progress:

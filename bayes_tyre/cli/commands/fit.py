@@ -86,7 +86,7 @@ def fit(
 
 def _run(plan: "Plan", out: Path, resume: bool, xlsx: bool, quiet: bool) -> None:
     """Fit as planned, print its progress, and end as the verdict says."""
-    from bayes_tyre.formats.tables import read_table
+    from bayes_tyre.formats.tables.table_files import read_table
     from bayes_tyre.record_table import origin_of
     from bayes_tyre.report.limits import MOST_SENTENCES, limit_sentences
     from bayes_tyre.runtime import prepare_jax

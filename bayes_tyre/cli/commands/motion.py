@@ -79,7 +79,7 @@ def motion(
     Example: bayes-tyre motion data/raw --out results/motion --figures results/motion/records
     """
     check_machines(workers, cluster)
-    from bayes_tyre.formats.raw import raw_files
+    from bayes_tyre.formats.recordings.raw import raw_files
 
     files, passed_over = raw_files(raw)  # before what takes seconds to import
     from bayes_tyre.inference.sampling.run import SamplerSettings

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 from scipy import stats
 
 from bayes_tyre.inference.model.default_priors import PRIORS
-from bayes_tyre.inference.model.likelihood import DirectLikelihood, Likelihood
+from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood, Likelihood
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.record_data import RecordData
 from bayes_tyre.inference.sampling.datatree import as_measured

@@ -26,7 +26,7 @@ from bayes_tyre.inference.model.coordinates.reparameterisation import (
 )
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.likelihood import Likelihood
+from bayes_tyre.inference.model.likelihood.direct import Likelihood
 from bayes_tyre.inference.record_data import RecordData
 
 #: Points of each integral (a power of two, for Sobol's sequence), and degrees of freedom of the t they are drawn from.

@@ -16,7 +16,6 @@ from numpyro import distributions as dist  # not `import numpyro.distributions`:
 from bayes_tyre.inference.model.case_effects import sample_linear_predictor
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.force_distribution import RecordForces
 from bayes_tyre.inference.model.hyperparameters import (
     PARAMETERS,
     Hyperparameters,
@@ -26,7 +25,8 @@ from bayes_tyre.inference.model.hyperparameters import (
     published_sites,
     sample_hyperparameters,
 )
-from bayes_tyre.inference.model.likelihood import Likelihood
+from bayes_tyre.inference.model.likelihood.direct import Likelihood
+from bayes_tyre.inference.model.likelihood.force_distribution import RecordForces
 from bayes_tyre.inference.model.priors import Prior, Priors
 from bayes_tyre.inference.model.record_effects import sample_records
 from bayes_tyre.inference.record_data import EQUATION_2, RecordData

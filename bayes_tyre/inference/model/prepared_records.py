@@ -11,11 +11,11 @@ from bayes_tyre.batch import Batch, pad
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.correlated_noise import Whitening, smoothed_noise
 from bayes_tyre.inference.least_squares.table import LARGEST, THESIS_SHARE
-from bayes_tyre.inference.model.compressed_likelihood import compress
 from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, laplace_approximation
 from bayes_tyre.inference.model.displacement_errors import converter_step_mm, displacement_errors
 from bayes_tyre.inference.model.factors import Factors, find_factors
-from bayes_tyre.inference.model.likelihood import DirectLikelihood, Likelihood
+from bayes_tyre.inference.model.likelihood.compressed import compress
+from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood, Likelihood
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.record_data import RecordData, record_data
 from bayes_tyre.record_table import record_factors

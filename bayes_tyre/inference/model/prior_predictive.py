@@ -11,8 +11,8 @@ from jaxtyping import Array, Float
 from numpyro.infer import Predictive
 
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.force_distribution import draw_forces
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS
+from bayes_tyre.inference.model.likelihood.force_distribution import draw_forces
 from bayes_tyre.inference.record_data import EQUATION_2, RecordData
 
 #: Draws of the prior by name, shape (draws, ...).

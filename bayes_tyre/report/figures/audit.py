@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from bayes_tyre.report.figures import layout
-from bayes_tyre.report.figures.colours import INK, PALE, Look, Setting, looks_of_none
-from bayes_tyre.report.figures.layout import STYLE, WIDTH
+from bayes_tyre.report.figures.page import layout
+from bayes_tyre.report.figures.page.colours import INK, PALE, Look, Setting, looks_of_none
+from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 from bayes_tyre.report.wording import text_name
 
 #: Simulated, whatever is shown.

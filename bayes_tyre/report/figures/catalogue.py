@@ -15,25 +15,26 @@ from bayes_tyre.inference.diagnostics.residuals import residuals
 from bayes_tyre.inference.sampling.datatree import is_of_motions, priors_of, tree_cases
 from bayes_tyre.inference.sampling.group_means import group_means
 from bayes_tyre.record import RECORD_UNITS
-from bayes_tyre.report.figures.colours import Setting
 from bayes_tyre.report.figures.contrast import contrasts_by_case
 from bayes_tyre.report.figures.densities import posteriors_by_direction, prior_and_posterior_of_scales
 from bayes_tyre.report.figures.forest import forest_of_cases, outlier_probabilities
 from bayes_tyre.report.figures.motion import loops_by_direction, motion_figure
+from bayes_tyre.report.figures.page.colours import Setting
 from bayes_tyre.report.figures.record import (
     prior_predictive_curves,
     records_with_bands,
     residuals_against_displacement,
 )
 from bayes_tyre.report.figures.sampler import pair_plot, rank_plot
-from bayes_tyre.results import posterior_predictive, summary
+from bayes_tyre.results import summary
 from bayes_tyre.results.contrasts import contrasts
-from bayes_tyre.results.hyperparameters import Hyperparameter, divergences, hyperparameters, paired
-from bayes_tyre.results.hysteresis_loops import LAW, friction_loops
+from bayes_tyre.results.figure_data import posterior_predictive
+from bayes_tyre.results.figure_data.hyperparameters import Hyperparameter, divergences, hyperparameters, paired
+from bayes_tyre.results.figure_data.hysteresis_loops import LAW, friction_loops
+from bayes_tyre.results.figure_data.prior_curves import prior_panels
+from bayes_tyre.results.figure_data.prior_posterior import prior_posteriors
+from bayes_tyre.results.figure_data.ranks import ranks
 from bayes_tyre.results.limits import Limit, with_limit
-from bayes_tyre.results.prior_curves import prior_panels
-from bayes_tyre.results.prior_posterior import prior_posteriors
-from bayes_tyre.results.ranks import ranks
 
 ENERGY, CONTRASTS = "energy_per_cycle", "contrasts"
 OUTLIERS, LOOPS = "outlier_probabilities", "loops_by_direction"
@@ -59,7 +60,7 @@ class Result:
     interval:
         Probability of every interval, equal-tailed.
     motions:
-        Readings and fitted motion of a few records, as `bayes_tyre.results.motion_traces` has them; None without.
+        Readings and fitted motion of a few records, from `results.figure_data.motion_traces`; None without.
     limit:
         What `cases` says the probability of; None without.
     """

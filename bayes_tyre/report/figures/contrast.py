@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bayes_tyre.record import CASE_FACTORS
-from bayes_tyre.report.figures import case_axis, layout
-from bayes_tyre.report.figures.colours import INK, Setting
-from bayes_tyre.report.figures.labels import interval_name, plain
-from bayes_tyre.report.figures.layout import STYLE
+from bayes_tyre.report.figures.page import case_axis, layout
+from bayes_tyre.report.figures.page.colours import INK, Setting
+from bayes_tyre.report.figures.page.labels import interval_name, plain
+from bayes_tyre.report.figures.page.layout import STYLE
 from bayes_tyre.report.wording import AXIS_NAMES, panels, probability_text, text_name
 from bayes_tyre.results.columns import numbers, texts
 

@@ -8,14 +8,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from bayes_tyre.report.figures import case_axis, layout
-from bayes_tyre.report.figures.colours import INK, PALE, Look, Setting
-from bayes_tyre.report.figures.labels import configuration_label, decimals, interval_name, plain, unit_name
-from bayes_tyre.report.figures.layout import STYLE, WIDTH
+from bayes_tyre.report.figures.page import case_axis, layout
+from bayes_tyre.report.figures.page.colours import INK, PALE, Look, Setting
+from bayes_tyre.report.figures.page.labels import configuration_label, decimals, interval_name, plain, unit_name
+from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 from bayes_tyre.report.wording import AXIS_NAMES, WIDE, panels
 from bayes_tyre.results.columns import numbers, texts
-from bayes_tyre.results.density import density
-from bayes_tyre.results.prior_posterior import PriorPosterior
+from bayes_tyre.results.figure_data.density import density
+from bayes_tyre.results.figure_data.prior_posterior import PriorPosterior
 
 #: Panels side by side, the height of a row of them (inches), the most panels.
 ACROSS, ROW, MOST_SCALES = 4, 1.35, 60
@@ -111,7 +111,7 @@ def prior_and_posterior_of_scales(hyperparameters: list[PriorPosterior], setting
     Parameters
     ----------
     hyperparameters:
-        As `bayes_tyre.results.prior_posterior.prior_posteriors` gives them.
+        As `bayes_tyre.results.figure_data.prior_posterior.prior_posteriors` gives them.
     setting:
         What all figures of the result share.
     """

@@ -5,10 +5,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from bayes_tyre.report.figures import layout
-from bayes_tyre.report.figures.colours import INK, Setting, looks_of_none
-from bayes_tyre.report.figures.labels import interval_name, plain
-from bayes_tyre.report.figures.layout import STYLE, WIDTH
+from bayes_tyre.report.figures.page import layout
+from bayes_tyre.report.figures.page.colours import INK, Setting, looks_of_none
+from bayes_tyre.report.figures.page.labels import interval_name, plain
+from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 
 
 @matplotlib.style.context(STYLE)

@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bayes_tyre.record import CASE_FACTORS, parameter_column
-from bayes_tyre.report.figures import case_axis, layout
-from bayes_tyre.report.figures.case_axis import Line
-from bayes_tyre.report.figures.colours import INK, Look, Setting
-from bayes_tyre.report.figures.labels import configuration_label, interval_name, plain
-from bayes_tyre.report.figures.layout import STYLE, TALLEST, WIDTH
+from bayes_tyre.report.figures.page import case_axis, layout
+from bayes_tyre.report.figures.page.case_axis import Line
+from bayes_tyre.report.figures.page.colours import INK, Look, Setting
+from bayes_tyre.report.figures.page.labels import configuration_label, interval_name, plain
+from bayes_tyre.report.figures.page.layout import STYLE, TALLEST, WIDTH
 from bayes_tyre.report.wording import AXIS_NAMES, USUAL, WIDE, panels
 from bayes_tyre.results.columns import numbers, texts
 

@@ -9,10 +9,10 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from bayes_tyre.report.figures import layout
-from bayes_tyre.report.figures.colours import INK, PALE, Setting
-from bayes_tyre.report.figures.labels import plain
-from bayes_tyre.report.figures.layout import STYLE
+from bayes_tyre.report.figures.page import layout
+from bayes_tyre.report.figures.page.colours import INK, PALE, Setting
+from bayes_tyre.report.figures.page.labels import plain
+from bayes_tyre.report.figures.page.layout import STYLE
 
 #: The most curves on a figure.
 MOST_CURVES = 8

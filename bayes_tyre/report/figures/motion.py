@@ -8,11 +8,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from bayes_tyre.report.figures import case_axis, layout
-from bayes_tyre.report.figures.colours import INK, PALE, Look, Setting
-from bayes_tyre.report.figures.labels import configuration_label, interval_name, plain
-from bayes_tyre.report.figures.layout import STYLE, WIDTH
-from bayes_tyre.results.motion_traces import CHANNELS
+from bayes_tyre.report.figures.page import case_axis, layout
+from bayes_tyre.report.figures.page.colours import INK, PALE, Look, Setting
+from bayes_tyre.report.figures.page.labels import configuration_label, interval_name, plain
+from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
+from bayes_tyre.results.figure_data.motion_traces import CHANNELS
 
 #: Standard deviations on either side of 0 within which 95 % of normal residuals lie.
 _MOST_LIE = 1.96
@@ -26,7 +26,7 @@ def motion_figure(readings: pd.DataFrame, setting: Setting) -> Figure:
     Parameters
     ----------
     readings:
-        As `bayes_tyre.results.motion_traces.readings_table` gives them, and in each row the same `record`,
+        As `bayes_tyre.results.figure_data.motion_traces.readings_table` gives them, and in each row the same `record`,
         `configuration` and `status`, what the check said of the estimate.
     setting:
         What all figures of the result share; a record by itself has its origin alone.
@@ -68,7 +68,7 @@ def loops_by_direction(loops: pd.DataFrame, setting: Setting, amplitude_mm: floa
     Parameters
     ----------
     loops:
-        As `bayes_tyre.results.hysteresis_loops.friction_loops` gives them, mm and kN.
+        As `bayes_tyre.results.figure_data.hysteresis_loops.friction_loops` gives them, mm and kN.
     setting:
         What all figures of the result share.
     amplitude_mm:

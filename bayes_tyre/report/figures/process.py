@@ -6,10 +6,10 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bayes_tyre.report.figures import layout
-from bayes_tyre.report.figures.colours import INK, Setting
-from bayes_tyre.report.figures.labels import plain
-from bayes_tyre.report.figures.layout import STYLE
+from bayes_tyre.report.figures.page import layout
+from bayes_tyre.report.figures.page.colours import INK, Setting
+from bayes_tyre.report.figures.page.labels import plain
+from bayes_tyre.report.figures.page.layout import STYLE
 from bayes_tyre.signals.processed import Processed
 
 Samples = Float[np.ndarray, " samples"]

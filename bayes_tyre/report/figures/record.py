@@ -12,12 +12,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from bayes_tyre.report.figures import layout
-from bayes_tyre.report.figures.colours import INK, PALE, Look, Setting
-from bayes_tyre.report.figures.labels import configuration_label, decimals, interval_name, plain
-from bayes_tyre.report.figures.layout import STYLE, WIDTH
+from bayes_tyre.report.figures.page import layout
+from bayes_tyre.report.figures.page.colours import INK, PALE, Look, Setting
+from bayes_tyre.report.figures.page.labels import configuration_label, decimals, interval_name, plain
+from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 from bayes_tyre.results.columns import of_records
-from bayes_tyre.results.prior_curves import PriorPanel
+from bayes_tyre.results.figure_data.prior_curves import PriorPanel
 
 #: The most records on a figure, and the part of a record's travel that its inset enlarges.
 MOST_RECORDS, START = 6, 0.04
@@ -179,7 +179,7 @@ def prior_predictive_curves(panels: list[PriorPanel], setting: Setting, interval
     Parameters
     ----------
     panels:
-        As `bayes_tyre.results.prior_curves.prior_panels` gives them.
+        As `bayes_tyre.results.figure_data.prior_curves.prior_panels` gives them.
     setting:
         What all figures of the result share.
     interval:

@@ -13,13 +13,13 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from bayes_tyre.record import DIRECTIONS
-from bayes_tyre.report.figures import layout
-from bayes_tyre.report.figures.colours import INK, PALE, Look, Setting
-from bayes_tyre.report.figures.labels import decimals, plain, unit_name
-from bayes_tyre.report.figures.layout import STYLE, WIDTH
-from bayes_tyre.results.density import density
-from bayes_tyre.results.hyperparameters import Hyperparameter
-from bayes_tyre.results.ranks import BAND, Ranks
+from bayes_tyre.report.figures.page import layout
+from bayes_tyre.report.figures.page.colours import INK, PALE, Look, Setting
+from bayes_tyre.report.figures.page.labels import decimals, plain, unit_name
+from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
+from bayes_tyre.results.figure_data.density import density
+from bayes_tyre.results.figure_data.hyperparameters import Hyperparameter
+from bayes_tyre.results.figure_data.ranks import BAND, Ranks
 
 #: Panels side by side, the height of a row of them (inches), the most panels.
 ACROSS, ROW, MOST_RANKED = 4, 1.1, 60
@@ -50,7 +50,7 @@ def rank_plot(ranks: list[Ranks], setting: Setting) -> Figure:
     Parameters
     ----------
     ranks:
-        As `bayes_tyre.results.ranks.ranks` gives them, one a parameter.
+        As `bayes_tyre.results.figure_data.ranks.ranks` gives them, one a parameter.
     setting:
         What all figures of the result share.
     """

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from bayes_tyre.report.figures import layout
-from bayes_tyre.report.figures.colours import INK, PALE, Setting, looks_of_none
-from bayes_tyre.report.figures.labels import plain
-from bayes_tyre.report.figures.layout import STYLE, WIDTH
+from bayes_tyre.report.figures.page import layout
+from bayes_tyre.report.figures.page.colours import INK, PALE, Setting, looks_of_none
+from bayes_tyre.report.figures.page.labels import plain
+from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 
 #: Panels side by side, and the height of a row of them, inches.
 ACROSS, ROW = 5, 1.15

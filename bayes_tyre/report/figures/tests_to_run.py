@@ -6,10 +6,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from bayes_tyre.report.figures import layout
-from bayes_tyre.report.figures.colours import INK, PALE, Setting
-from bayes_tyre.report.figures.labels import plain
-from bayes_tyre.report.figures.layout import STYLE, WIDTH
+from bayes_tyre.report.figures.page import layout
+from bayes_tyre.report.figures.page.colours import INK, PALE, Setting
+from bayes_tyre.report.figures.page.labels import plain
+from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 
 
 @matplotlib.style.context(STYLE)

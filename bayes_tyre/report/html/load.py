@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.tables import read_table
+from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.record import CASE_FACTORS
 from bayes_tyre.results.columns import numbers, texts
 from bayes_tyre.results.provenance import RUN_JSON

@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.tables import read_table
+from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.plain_text import one_line
 from bayes_tyre.results.recovery import (
     WHAT_IT_COMPARES,

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from bayes_tyre.formats.files import remove_leftovers, whole_file, write_text
-from bayes_tyre.formats.joined import is_part, write_part
+from bayes_tyre.formats.tables.joined import is_part, write_part
 from bayes_tyre.workflow.execution.outcome import Done, Fault
 
 _RESULT, _REASON, _PICTURE = ".part", ".reason", ".picture"

@@ -8,8 +8,8 @@ import pandas as pd
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder
-from bayes_tyre.formats.raw import read_raw
-from bayes_tyre.formats.tables import write_table
+from bayes_tyre.formats.recordings.raw import read_raw
+from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.plain_text import path_text
 from bayes_tyre.record import Channel, RawSignals
 
@@ -24,7 +24,7 @@ def inspect_raw(
     Parameters
     ----------
     files:
-        As `bayes_tyre.formats.raw.raw_files` finds them.
+        As `bayes_tyre.formats.recordings.raw.raw_files` finds them.
     out:
         A `.csv` or `.parquet` file.
     on_progress:

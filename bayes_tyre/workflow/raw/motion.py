@@ -9,7 +9,7 @@ import pandas as pd
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder, remove_leftovers
-from bayes_tyre.formats.tables import write_table
+from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.diagnostics.attempts import Attempts
 from bayes_tyre.inference.diagnostics.judge import judge
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics, data_checks

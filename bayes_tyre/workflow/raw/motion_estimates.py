@@ -12,7 +12,7 @@ import pandas as pd
 from jaxtyping import Array, Float
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.raw import read_raw
+from bayes_tyre.formats.recordings.raw import read_raw
 from bayes_tyre.inference.motion.hierarchy.model import Motions, Readings
 from bayes_tyre.inference.motion.laws import FANCHER, KELVIN_VOIGT, MotionLaw, motion_law
 from bayes_tyre.inference.motion.record.estimate import CORRELATION_MOST, MISFIT_MOST, MotionEstimate, estimate_motion
@@ -22,7 +22,7 @@ from bayes_tyre.inference.motion.record.likelihood import hierarchy_moments, lik
 from bayes_tyre.inference.motion.record.parameters import MotionParameters, in_units
 from bayes_tyre.inference.motion.record.window import Recorded, Window
 from bayes_tyre.record import FACTORS, parameter_column
-from bayes_tyre.results.motion_traces import COLUMNS, places, readings_table
+from bayes_tyre.results.figure_data.motion_traces import COLUMNS, places, readings_table
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.motion import rest_displacement
@@ -89,9 +89,9 @@ def _done(task: Task) -> Done:
     )
     picture = None
     if task.picture is not None:
-        from bayes_tyre.report.figures.colours import Setting
-        from bayes_tyre.report.figures.layout import png
         from bayes_tyre.report.figures.motion import motion_figure
+        from bayes_tyre.report.figures.page.colours import Setting
+        from bayes_tyre.report.figures.page.layout import png
 
         drawn = readings.assign(**{name: row[name] for name in ROW_COLUMNS})
         picture = png(lambda: motion_figure(drawn, Setting(origin)))

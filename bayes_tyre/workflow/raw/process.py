@@ -7,9 +7,9 @@ import pandas as pd
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, remove_leftovers
-from bayes_tyre.formats.joined import write_joined
-from bayes_tyre.formats.raw import read_raw
-from bayes_tyre.formats.tables import write_table
+from bayes_tyre.formats.recordings.raw import read_raw
+from bayes_tyre.formats.tables.joined import write_joined
+from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.rig.sensors import columns_of
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.signals.process import process
@@ -28,7 +28,7 @@ def process_files(
     Parameters
     ----------
     files:
-        As `bayes_tyre.formats.raw.raw_files` finds them.
+        As `bayes_tyre.formats.recordings.raw.raw_files` finds them.
     settings:
         Rig, cases, method, figures.
     machines:
@@ -77,7 +77,7 @@ def _done(task: Task) -> Done:
     origin = origin_of_raw(raw, task)
     picture = None
     if task.picture is not None:
-        from bayes_tyre.report.figures.layout import png
+        from bayes_tyre.report.figures.page.layout import png
         from bayes_tyre.report.figures.process import record_figure
 
         picture = png(lambda: record_figure(processed, origin))

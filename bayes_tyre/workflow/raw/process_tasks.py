@@ -8,8 +8,8 @@ from typing import NamedTuple
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.raw import TRUTH
-from bayes_tyre.formats.tables import read_table
+from bayes_tyre.formats.recordings.raw import TRUTH
+from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.plain_text import path_text
 from bayes_tyre.rig.axle import EMBEDDED_RIGS, Rig, load_rig
 from bayes_tyre.signals.factors import CASES_NEED, RecordFactors, factors_from_name, factors_from_row

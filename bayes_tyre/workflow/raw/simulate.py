@@ -9,8 +9,8 @@ import pandas as pd
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder
 from bayes_tyre.formats.lvm.write import write_lvm
-from bayes_tyre.formats.raw import TRUTH
-from bayes_tyre.formats.tables import write_table
+from bayes_tyre.formats.recordings.raw import TRUTH
+from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.simulate.draw import draw_truth
 from bayes_tyre.simulate.plan import Planned

@@ -7,7 +7,7 @@ import pytest
 from helpers.slow_tests import Tyre, on_flat_ground
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.tables import read_table
+from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.formats.tydex.write import Constant, MeasuredChannel, Tydex, tydex_text
 from bayes_tyre.inference.load_deflection.table import fit_tests
 from bayes_tyre.record_table import check_record_table

@@ -8,10 +8,10 @@ from helpers.simulated_records import Plan, simulate
 from scipy import stats
 
 from bayes_tyre.inference.diagnostics import log_densities
-from bayes_tyre.inference.model.compressed_likelihood import compress
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import prior_sites
-from bayes_tyre.inference.model.likelihood import DirectLikelihood
+from bayes_tyre.inference.model.likelihood.compressed import compress
+from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood
 from bayes_tyre.inference.model.prepared_records import record_batch
 from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.datatree import as_measured, scale_displacement

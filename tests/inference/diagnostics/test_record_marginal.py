@@ -16,10 +16,10 @@ from bayes_tyre.inference.diagnostics.record_marginal import (
     standard_points,
     unknowns,
 )
-from bayes_tyre.inference.model.compressed_likelihood import compress
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import prior_sites
+from bayes_tyre.inference.model.likelihood.compressed import compress
 from bayes_tyre.inference.model.prepared_records import prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.record_data import record_data

@@ -6,8 +6,8 @@ from helpers.audit_made_up import SMALL, audited, blind
 from helpers.drawings import markers, said, sticking_out
 
 from bayes_tyre.report.figures import audit as audit_figures
-from bayes_tyre.studies.audit_grid import FACTOR_NAMES, TYPICAL_LEVELS
-from bayes_tyre.studies.audit_overview import beta_by_window, bias_by_factor, overview
+from bayes_tyre.studies.audit.grid import FACTOR_NAMES, TYPICAL_LEVELS
+from bayes_tyre.studies.audit.overview import beta_by_window, bias_by_factor, overview
 
 
 def draw(rule):

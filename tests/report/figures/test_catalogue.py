@@ -18,8 +18,9 @@ from matplotlib.patches import Patch
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.attempts import Attempts
 from bayes_tyre.record_table import record_factors
-from bayes_tyre.report.figures import catalogue, colours
+from bayes_tyre.report.figures import catalogue
 from bayes_tyre.report.figures.catalogue import ALWAYS, CONTRASTS, OF_RECORDS, OUTLIERS, Result, chosen_figure
+from bayes_tyre.report.figures.page import colours
 from bayes_tyre.workflow import result_folder as folder
 
 PLANS = {

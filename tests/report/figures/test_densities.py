@@ -6,9 +6,9 @@ import pytest
 from helpers.drawings import FACTORS, MEASURED, cells, prior_posteriors, said
 from matplotlib.collections import PolyCollection
 
-from bayes_tyre.report.figures import colours
 from bayes_tyre.report.figures import densities as density_figures
 from bayes_tyre.report.figures.densities import posteriors_by_direction, prior_and_posterior_of_scales
+from bayes_tyre.report.figures.page import colours
 
 
 def test_posteriors_show_a_density_and_an_interval_for_each_configuration_and_direction():

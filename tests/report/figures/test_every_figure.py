@@ -14,8 +14,8 @@ from matplotlib.collections import Collection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from bayes_tyre.report.figures import colours, labels, layout
-from bayes_tyre.report.figures.colours import Setting
+from bayes_tyre.report.figures.page import colours, labels, layout
+from bayes_tyre.report.figures.page.colours import Setting
 
 HOSTILE = ("a$b_c$", "<script>alert(1)</script>", "_hidden", "x" * 300, "two\nlines \x00", "$\\frac{", "四輪", "")
 UNITS = ("mm", "kN", "no unit", "count")

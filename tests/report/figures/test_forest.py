@@ -17,8 +17,8 @@ from helpers.drawings import (
     segments,
 )
 
-from bayes_tyre.report.figures import layout
 from bayes_tyre.report.figures.forest import forest_of_cases, outlier_probabilities
+from bayes_tyre.report.figures.page import layout
 
 
 def test_the_forest_holds_every_case_its_interval_and_its_printed_value():

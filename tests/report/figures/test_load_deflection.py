@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 from helpers.drawings import said, sticking_out
 
-from bayes_tyre.report.figures.colours import Setting
 from bayes_tyre.report.figures.load_deflection import LoopPanel, load_deflection_loops
+from bayes_tyre.report.figures.page.colours import Setting
 
 SETTING = Setting("simulated", configurations=("dual", "single"))
 

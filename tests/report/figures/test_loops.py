@@ -6,8 +6,8 @@ import pytest
 from helpers.drawings import said, sticking_out
 from matplotlib.figure import Figure
 
-from bayes_tyre.report.figures.colours import Setting
 from bayes_tyre.report.figures.loops import driven_loops
+from bayes_tyre.report.figures.page.colours import Setting
 
 
 def figure(curves: int) -> Figure:

@@ -7,7 +7,7 @@ from helpers.drawings import MEASURED, markers, panels, records, residuals, said
 from matplotlib.colors import to_hex
 from matplotlib.patches import StepPatch
 
-from bayes_tyre.report.figures import colours
+from bayes_tyre.report.figures.page import colours
 from bayes_tyre.report.figures.record import (
     MOST_RECORDS,
     prior_predictive_curves,

@@ -9,9 +9,9 @@ from matplotlib.collections import PolyCollection
 
 from bayes_tyre.record import DIRECTIONS
 from bayes_tyre.report.figures import sampler as sampler_figures
-from bayes_tyre.report.figures.colours import INK
+from bayes_tyre.report.figures.page.colours import INK
 from bayes_tyre.report.figures.sampler import CLOUD, pair_plot, rank_plot
-from bayes_tyre.results.hyperparameters import Hyperparameter
+from bayes_tyre.results.figure_data.hyperparameters import Hyperparameter
 
 QUIET = np.zeros((4, 200), dtype=bool)
 

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from helpers.drawings import markers, said, sticking_out
 
-from bayes_tyre.report.figures.colours import Setting
+from bayes_tyre.report.figures.page.colours import Setting
 from bayes_tyre.report.figures.tests_to_run import width_against_tests
 
 PLAN = pd.DataFrame({"kind": ["repeat", "case", "repeat"], "width_expected": [0.04, 0.03, 0.025]})

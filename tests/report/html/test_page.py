@@ -15,7 +15,7 @@ from helpers.reported_results import IMAGE, REASON, SCRIPT, made, printed_factor
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.netcdf import read_tree
-from bayes_tyre.report.figures.svg import DENSE_MARKERS, svg
+from bayes_tyre.report.figures.page.svg import DENSE_MARKERS, svg
 from bayes_tyre.report.html import tables
 from bayes_tyre.report.html.between_results import ComparedResult, compare_results
 from bayes_tyre.report.html.caveats import caveats

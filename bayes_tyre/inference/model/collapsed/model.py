@@ -14,14 +14,14 @@ from bayes_tyre.inference.model.collapsed.record_summaries import RecordSummarie
 from bayes_tyre.inference.model.collapsed.repeats import collapse_repeats, sample_cases_of
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.force_distribution import RecordForces
 from bayes_tyre.inference.model.hyperparameters import (
     Hyperparameters,
     deterministic,
     prior_sites,
     sample_hyperparameters,
 )
-from bayes_tyre.inference.model.likelihood import Likelihood
+from bayes_tyre.inference.model.likelihood.direct import Likelihood
+from bayes_tyre.inference.model.likelihood.force_distribution import RecordForces
 from bayes_tyre.inference.model.models import sample_offsets
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.record_data import EQUATION_2, RecordData

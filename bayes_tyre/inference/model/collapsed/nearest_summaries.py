@@ -25,7 +25,7 @@ from bayes_tyre.inference.model.collapsed.record_summaries import (
 )
 from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, RecordEstimates
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.likelihood import Likelihood
+from bayes_tyre.inference.model.likelihood.direct import Likelihood
 from bayes_tyre.inference.model.normal_posterior import NormalPosterior, QuadraticApproximation
 from bayes_tyre.inference.record_data import RecordData
 

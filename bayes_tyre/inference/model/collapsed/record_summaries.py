@@ -11,8 +11,8 @@ import numpy as np
 from jax.scipy.stats import norm
 from jaxtyping import Array, Float
 
-from bayes_tyre.inference.model.force_distribution import RecordForces
-from bayes_tyre.inference.model.likelihood import Likelihood
+from bayes_tyre.inference.model.likelihood.direct import Likelihood
+from bayes_tyre.inference.model.likelihood.force_distribution import RecordForces
 from bayes_tyre.inference.model.normal_posterior import NormalPosterior, QuadraticApproximation
 from bayes_tyre.inference.record_data import RecordData
 

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.model.coordinates.laplace import empty_approximation, estimate_records, laplace_approximation
 from bayes_tyre.inference.model.coordinates.reparameterisation import reparameterise_by_slope
-from bayes_tyre.inference.model.likelihood import DirectLikelihood
+from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood
 from bayes_tyre.inference.model.prepared_records import prepare_records, record_batch
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.record_data import record_data

@@ -1,0 +1,39 @@
+"""`columns`: a proposed column map of a lab's table."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bayes_tyre.cli import suffixes
+from bayes_tyre.cli.shell import NoSeed, Quiet, say, warn
+
+
+def columns(
+    table: Annotated[
+        Path, typer.Argument(metavar="FILE", help=f"A table ({suffixes.TABLE}; FILE.xlsx#SHEET names a sheet).")
+    ],
+    out: Annotated[Path | None, typer.Option(help="Map to write (TOML); default: to the terminal.")] = None,
+    seed: NoSeed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Propose a column map: which columns are the record, displacement and force (mm, kN), and so on.
+
+    Columns are placed by English and German names, by their units (N, kN, lbf, m, mm, in, s, ms) and by what the
+    directions are called. What could not be placed goes to stderr, and into the map as comments: read it before use.
+
+    Example: bayes-tyre columns tests.xlsx --out map.toml
+    """
+    del seed
+    from bayes_tyre.formats.files import write_text
+    from bayes_tyre.formats.tables.column_proposal import layout_by_vocabulary, propose
+    from bayes_tyre.formats.tables.table_files import read_table
+
+    proposal = propose(read_table(table, layout_by_vocabulary()))
+    for text in proposal.unplaced:
+        warn(f"{table}: {text}")
+    if out is None:
+        say(proposal.toml.rstrip("\n"), quiet)
+        return
+    write_text(proposal.toml, out)
+    say(f"wrote {out}\nnext: bayes-tyre {proposal.command} {table} --columns {out} --out results", quiet)

@@ -1,0 +1,59 @@
+"""`compare`: models of the same records, ranked by leave-one-record-out prediction."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bayes_tyre.cli.shell import NOT_TRUSTED, NoSeed, Quiet, progress, say, warn
+
+
+def compare(
+    folders: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="DIR DIR...", help="Folders that fit wrote, of one table; or motion, of the same raw files."
+        ),
+    ],
+    out: Annotated[Path | None, typer.Option(help="Folder for comparison.csv; default: the first DIR.")] = None,
+    refit: Annotated[
+        bool,
+        typer.Option(help="Fit again without a record where importance sampling fails (Pareto k > 0.7)."),
+    ] = True,
+    seed: NoSeed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Compare models by leave-one-record-out: which of them best predicts a whole record from the others.
+
+    Of fits it ranks models of one record table, of motions the force laws (motion --law) that the same raw files were
+    fitted with. A record's own parameters (k kN/mm, beta mm, J and sigma kN; of a motion all its unknowns) are
+    integrated out. Writes comparison.csv (a row a model, the best first: elpd, its standard error, the difference to
+    the best) and comparison_records.csv (a row a record), and prints the conclusion in a sentence. Ends with code
+    4 where a posterior, or an estimate, is not to be trusted.
+
+    Example: bayes-tyre compare results/fit results/fit_student results/fit_normal
+    """
+    del seed
+    from bayes_tyre.runtime import prepare_jax
+
+    prepare_jax(4)
+    from bayes_tyre.workflow.from_results.compare import compare_folders
+
+    with progress("compare", len(folders), quiet) as advance:
+        done = compare_folders(folders, out or folders[0], refit=refit, on_note=warn, on_progress=advance)
+    if not quiet:
+        for row in done.table.itertuples():
+            typer.echo(
+                f"{row.rank}  {row.model}  elpd {row.elpd:.1f} ± {row.se:.1f}  difference {row.elpd_difference:.1f} "
+                f"± {row.difference_se:.1f}  weight {row.weight:.2f}  {row.verdict}"
+            )
+    say(done.sentence, quiet)
+    for path in done.paths:
+        say(f"wrote {path}", quiet)
+    for failure in done.failed:
+        warn(failure)
+    if (done.table["verdict"] != "pass").any():
+        worst = done.table.loc[done.table["verdict"] != "pass", "model"].iloc[0]
+        warn(f"{worst}: posterior or estimate is not to be trusted; its diagnostics.json and pareto_k_max say why")
+    if done.failed or (done.table["verdict"] != "pass").any():
+        raise typer.Exit(NOT_TRUSTED)

@@ -1,0 +1,66 @@
+"""`export`: files for a vehicle simulator, from a result on disk."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from bayes_tyre.cli.shell import NOT_TRUSTED, NoSeed, Out, Quiet, say, warn
+from bayes_tyre.plain_text import listed
+
+
+def export(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit, motion or load-deflection wrote.")],
+    to: Annotated[
+        Literal["tir", "tydex", "modelica", "csv-spline"],
+        typer.Option(
+            help="tir: tyre property file (N/m, N s/m, m); tydex: TYDEX 1.3 file of the fitted curve (m, N); modelica: "
+            "record, and table for CombiTable1D (m, N); csv-spline: deflection (mm), force (N), for Adams or Simpack."
+        ),
+    ],
+    out: Out,
+    quantiles: Annotated[
+        str | None,
+        typer.Option(help="Quantiles of the posterior, such as 0.025,0.975: a further file of each case for each."),
+    ] = None,
+    unloaded_radius_mm: Annotated[
+        float | None, typer.Option(help="Unloaded radius of the tyre (mm), for --to tir: no result holds it.")
+    ] = None,
+    seed: NoSeed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Write k (kN/mm in the result) and force curves for a vehicle simulator: a file a case, in its units.
+
+    Values are medians. Comments in each file give the 95 % intervals, the origin of the data, the verdict, and what
+    the format cannot hold, such as hysteresis. What a result does not know is left out: damping is known from motion
+    alone, a curve from first touch from load-deflection alone. Ends with code 4 where the verdict is fail.
+
+    Example: bayes-tyre export results/fit --to tir --out results/tir --unloaded-radius-mm 498.7
+    """
+    del seed
+    levels = _quantiles(quantiles)
+    if unloaded_radius_mm is not None and (to != "tir" or not 0 < unloaded_radius_mm < float("inf")):
+        raise typer.BadParameter("give a length in mm, with --to tir alone", param_hint="--unloaded-radius-mm")
+    from bayes_tyre.runtime import prepare_jax
+
+    prepare_jax()
+    from bayes_tyre.workflow.from_results.export import write_export
+
+    exported, paths = write_export(folder, to, out, quantiles=levels, radius_mm=unloaded_radius_mm)
+    verdict = f", verdict {exported.verdict}" if exported.verdict else ""
+    names = listed([path.name for path in paths], 3)
+    say(f"wrote {len(paths)} files to {out} (data: {exported.origin}{verdict}): {names}", quiet)
+    if exported.verdict == "fail":
+        warn(f"the posterior is not to be trusted; {folder / 'diagnostics.json'} gives the reason")
+        raise typer.Exit(NOT_TRUSTED)
+
+
+def _quantiles(text: str | None) -> list[float]:
+    """Return the quantiles that q1,q2,... means; anything else is a usage error."""
+    try:
+        levels = [float(part) for part in text.split(",")] if text is not None else []
+    except ValueError:
+        levels = [0.0]
+    if not all(0 < level < 1 and level != 0.5 for level in levels):
+        raise typer.BadParameter("use numbers between 0 and 1, such as 0.025,0.975", param_hint="--quantiles")
+    return list(dict.fromkeys(levels))

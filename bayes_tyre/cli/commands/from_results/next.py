@@ -1,0 +1,99 @@
+"""`next`: which tests to run so that a ratio or a value is known precisely enough."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from bayes_tyre.cli.shell import NOT_TRUSTED, Out, Quiet, Seed, say, warn
+
+if TYPE_CHECKING:
+    from bayes_tyre.workflow.from_results.next import Next
+
+_SHOWN = 5
+
+
+def next(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit or motion wrote.")],
+    goal: Annotated[
+        str,
+        typer.Option(
+            help="What is to be known: 'k dual / single' or 'beta loading / unloading', a ratio over the cases that "
+            "match as in contrasts.csv; 'k single (0)30-20', a case; of motion also 'energy_per_cycle dual / single'."
+        ),
+    ],
+    precision: Annotated[str, typer.Option(help="Width of its 95 % interval over its median to reach: 2% or 0.02.")],
+    out: Out,
+    cost: Annotated[
+        Path | None,
+        typer.Option(
+            help="TOML: minutes_per_test, budget_minutes, [setup_minutes] of a change of a factor, and [rig] with the "
+            "levels it can be set to: speed_km_h (km/h), initial_load_kN, step_kN (kN, signed)."
+        ),
+    ] = None,
+    tests: Annotated[int, typer.Option(min=1, help="Tests of the plan at most.")] = 20,
+    repeats: Annotated[
+        int | None,
+        typer.Option(min=1, help="Tests of each case that next.csv compares; default: as many as a case of DIR has."),
+    ] = None,
+    seed: Seed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Forecast how further tests narrow the 95 % interval of a ratio or a value (k kN/mm, beta mm), and plan them.
+
+    Candidates are repeats of the cases of DIR, and new cases that combine its levels (or those of [rig]). Writes
+    next.csv (a row a candidate, the best first: minutes, width now and expected), plan.csv (tests in order) and
+    figures/width_against_tests.png. Widths are shares of the median.
+
+    Example: bayes-tyre next results/fit --goal 'k dual / single' --precision 2% --out results/next
+    """
+    wanted = _share(precision)
+    from bayes_tyre.workflow.from_results.next import write_next
+
+    done = write_next(folder, goal, wanted, out, cost=cost, tests=tests, repeats=repeats, seed=seed)
+    for line in _lines(done, wanted):
+        say(line, quiet)
+    for path in done.paths:
+        say(f"wrote {path} (data: {done.origin}, verdict {done.verdict})", quiet)
+    if done.forecast.doubtful:
+        warn(f"{goal}: its posterior is far from normal: the expected widths are doubtful; fit again after a few tests")
+    if done.verdict != "pass":
+        warn(f"the posterior is not to be trusted, nor is the forecast; {folder / 'diagnostics.json'} gives the reason")
+        raise typer.Exit(NOT_TRUSTED)
+
+
+def _share(text: str) -> float:
+    try:
+        share = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        share = 0.0
+    if not 0.0 < share < 10.0:
+        raise typer.BadParameter(f"{text[:60]!r} is no share of the median; give 2% or 0.02", param_hint="--precision")
+    return share
+
+
+def _lines(done: "Next", precision: float) -> list[str]:
+    """Return the best candidates, and what the plan reaches."""
+    from bayes_tyre.record import CASE_FACTORS, Case
+
+    now, enough = _percent(done.forecast.width()), _percent(precision)
+    lines = [f"{done.goal.text}: median {done.forecast.median:.4g}, 95 % interval {now} of it wide ({done.goal.of})"]
+    for row in done.ranked.head(_SHOWN).to_dict("records"):
+        case, several = Case._make(row[factor] for factor in CASE_FACTORS).label, "s" * (row["tests"] > 1)
+        what = f"more repeat{several} of {case}" if row["kind"] == "repeat" else f"test{several} of the new case {case}"
+        lines.append(f"{row['rank']}  {row['tests']} {what}: interval {now} to {_after(row)}")
+    if done.plan.empty:
+        return [*lines, f"plan: no test, as {now} is within {enough} or no test is within the budget"]
+    last = done.plan.iloc[-1]
+    reached = "" if last["width_expected"] <= precision else "not "
+    return [*lines, f"plan {reached}expected to reach {enough}: {len(done.plan)} tests, {now} to {_after(last)}"]
+
+
+def _after(row: Any) -> str:
+    """Return the expected width of a row, and the minutes where they are known."""
+    minutes = f", {row['minutes']:.0f} min" if row["minutes"] == row["minutes"] else ""
+    return f"{_percent(row['width_expected'])}{minutes}"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.3g} %"

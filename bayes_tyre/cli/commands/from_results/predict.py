@@ -1,0 +1,111 @@
+"""`predict`: force against displacement for a vehicle model, from a fit on disk."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from bayes_tyre.cli.shell import NOT_TRUSTED, Interval, Quiet, Seed, say, warn
+from bayes_tyre.errors import BadInput
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from bayes_tyre.record import Case
+    from bayes_tyre.results.case_selection import CaseQuery
+
+MOST_POINTS, FARTHEST_MM = 100_000, 1e6
+
+
+def predict(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit wrote.")],
+    case: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Label of a case, 'single (0)30-20', or factors, configuration=single,speed_km_h=0; may be repeated. "
+            "Factors select every case that has them all (of a factor given twice, either value). The opposite "
+            "direction is included, unless the factor direction is given."
+        ),
+    ] = None,
+    displacement: Annotated[
+        str | None,
+        typer.Option(
+            help="mm from the start of the step: LOW:HIGH:POINTS or d1,d2,... Without a negative number for both "
+            "directions; else loading takes the positive ones, unloading the negative. Default: 101 points as "
+            "far as the case's records go."
+        ),
+    ] = None,
+    of: Annotated[
+        Literal["case", "repeat"],
+        typer.Option(help="The mean curve of the case; or one more repeat, its deviation and noise included."),
+    ] = "case",
+    interval: Interval = 0.95,
+    out: Annotated[Path | None, typer.Option(help="Folder, or a .csv file; default: DIR.")] = None,
+    seed: Seed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Predict force (kN) against displacement (mm) of a case, loading and unloading: curves for a vehicle model.
+
+    Writes prediction.csv (a row a point: median, lower, upper) and prediction.toml (k, beta, J, C, F_i of each case:
+    kN/mm, mm, kN). displacement_mm counts from the start of the step, positive in loading, negative in unloading.
+
+    Example: bayes-tyre predict results/fit --case 'single (0)30-20' --displacement 0:4:81
+    """
+    grid = _grid(displacement) if displacement is not None else None
+    from bayes_tyre.workflow.from_results.predict import read_result, target, write_prediction
+
+    result = read_result(folder)
+    query = _query(case or [], result.cases)
+    path = target(folder, out)
+    prediction, paths = write_prediction(result, query, path, displacement_mm=grid, of=of, interval=interval, seed=seed)
+    for text in prediction.warnings:
+        say(text, quiet)
+    for written in paths:
+        say(f"wrote {written} (data: {result.tree.attrs['origin']}, verdict {result.verdict})", quiet)
+    if result.verdict != "pass":
+        warn(
+            f"the posterior is not to be trusted, nor is the prediction; {folder / 'diagnostics.json'} gives the reason"
+        )
+        raise typer.Exit(NOT_TRUSTED)
+
+
+def _query(texts: list[str], cases: list["Case"]) -> "CaseQuery":
+    """Return what --case asks for; nothing, and what cannot be understood, is a usage error."""
+    from bayes_tyre.results.case_selection import case_list, parse_query
+
+    if not any(text.strip() for text in texts):
+        labels = [case.label for case in cases]
+        raise typer.BadParameter(f"name a case; there are {len(cases)}: {case_list(labels)}", param_hint="--case")
+    try:
+        return parse_query(texts, cases)
+    except BadInput as error:
+        raise typer.BadParameter(str(error), param_hint="--case") from None
+
+
+def _grid(text: str) -> "np.ndarray":
+    """Return the displacements (mm) that LOW:HIGH:POINTS or d1,d2,... mean; anything else is a usage error."""
+    import numpy as np
+
+    def wrong(why: str) -> typer.BadParameter:
+        return typer.BadParameter(
+            f"{text[:60]!r} {why}; use LOW:HIGH:POINTS, such as 0:4:81, or d1,d2,...", param_hint="--displacement"
+        )
+
+    try:
+        if ":" in text:
+            low, high, points = text.split(":")
+            low, high, count = float(low), float(high), int(points)
+        else:
+            listed = np.array([float(number) for number in text.split(",")])
+            low, high, count = float(listed.min()), float(listed.max()), len(listed)
+    except ValueError:
+        raise wrong("is not a grid of numbers") from None
+    if not (abs(low) <= FARTHEST_MM and abs(high) <= FARTHEST_MM):  # NaN neither
+        raise wrong(f"reaches beyond {FARTHEST_MM:g} mm")
+    if count > MOST_POINTS:
+        raise wrong(f"has more than {MOST_POINTS} points")
+    if ":" not in text:
+        return listed
+    if count < 2 or low >= high:
+        raise wrong("does not rise from LOW to HIGH in 2 points or more")
+    return np.linspace(low, high, count)

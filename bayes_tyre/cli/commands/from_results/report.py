@@ -1,0 +1,51 @@
+"""`report`: one HTML page from results on disk."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bayes_tyre.cli.shell import NOT_TRUSTED, NoSeed, Quiet, note, progress, say, warn
+
+
+def report(
+    folders: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="DIR...",
+            help="Folders that fit, motion or published --posterior wrote; or one that lsq or load-deflection wrote.",
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="HTML file, or a folder for report.html; default: the first DIR.")
+    ] = None,
+    kept_figures: Annotated[
+        bool,
+        typer.Option(
+            "--kept-figures", help="Show the PNG figures that lie in DIR instead of drawing them again: quicker."
+        ),
+    ] = False,
+    seed: NoSeed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Write report.html: the verdict, which tyre is stiffer (k, kN/mm) and how certain that is, tables and figures.
+
+    One file that opens from disk without a network. Several DIRs are compared, each with the first: single against
+    dual, or this year's campaign against last year's. Results of motion include friction x (kN) and the energy lost
+    (J). Ends with code 4 where a verdict is fail or a figure could not be drawn.
+
+    Example: bayes-tyre report results/fit --out report.html
+    """
+    del seed
+    from bayes_tyre.runtime import prepare_jax
+
+    prepare_jax()
+    from bayes_tyre.workflow.from_results.report import write_report
+
+    with progress("report", len(folders), quiet) as advance:
+        path, warnings = write_report(folders, out, lambda text: note(text, quiet), advance, kept_figures=kept_figures)
+    say(f"wrote {path}", quiet)
+    for warning in warnings:
+        warn(warning)
+    if warnings:
+        raise typer.Exit(NOT_TRUSTED)

@@ -1,0 +1,1 @@
+"""Recordings of a rig on disk: each format, read into raw signals."""

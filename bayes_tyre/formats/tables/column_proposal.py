@@ -1,0 +1,156 @@
+"""A proposal for the column map of a lab's table, from the names of its columns, their units and its directions."""
+
+import re
+import unicodedata
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import pandas as pd
+import tomli_w
+
+from bayes_tyre.formats.tables.column_map import OUR_COLUMNS, OUR_UNITS
+from bayes_tyre.formats.tables.header import UNITS, UNITS_ROW, Layout
+from bayes_tyre.formats.x_column import unit_in
+from bayes_tyre.plain_text import quoted
+from bayes_tyre.record import DIRECTIONS, REQUIRED
+
+#: English and German names, as `_normalised` has them, by our column.
+_NAMES = {
+    "record": "record versuch versuchsname test testname messung run measurement",
+    "displacement_mm": "displacement weg deflection einfederung verschiebung travel federweg stroke hub",
+    "force_kN": "force kraft radkraft vertikalkraft verticalforce wheelforce fz",
+    "load_kN": "zylinderlast pruefkraft pruefstandslast cylinderload",
+    "time_s": "time zeit t messzeit timestamp",
+    "configuration": "configuration konfiguration config reifen tyre tire bereifung variante",
+    "direction": "direction richtung lastrichtung belastungsrichtung belastungentlastung loadingunloading",
+    "speed_km_h": "speed geschwindigkeit velocity v tempo",
+    "initial_load_kN": "initialload last load anfangslast ausgangslast startlast vorlast preload radlast",
+    "step_kN": "step stufe laststufe lastsprung loadstep schritt",
+    "repeat": "repeat wiederholung repetition wdh rep wiederholungsnummer wiederholungnr",
+    "origin": "origin herkunft",
+}
+_OURS = {name: ours for ours, names in _NAMES.items() for name in names.split()}
+_DIRECTIONS = {
+    "loading": "loading load belastung belasten auf up",
+    "unloading": "unloading unload entlastung entlasten ab down",
+}
+_OUR_DIRECTION = {name: ours for ours, names in _DIRECTIONS.items() for name in names.split()}
+#: Most values that a column of directions has.
+_MOST_VALUES = 10
+_SYMBOLS = "|".join([*map(re.escape, (unit for units in UNITS.values() for unit in units)), "km_h"])
+#: A unit that ends a name: ``Weg in mm``, ``force_kN``; and what stands in brackets there.
+_UNIT, _BRACKETS = re.compile(rf"(?:[\s_]in)?[\s_]({_SYMBOLS})$"), re.compile(r"[\[(][^\[\]()]*[\])]\s*$")
+_UMLAUTS = {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss"}
+_SLOW = ("test", "load_kN", "displacement_mm")
+
+
+class Proposal(NamedTuple):
+    """The text of a column map; a sentence on each thing that could not be placed; and the command it is for."""
+
+    toml: str
+    unplaced: list[str]
+    command: str
+
+
+def layout_by_vocabulary() -> Layout:
+    """Return a layout that finds the header by the names known here, and renames nothing."""
+    return Layout(lambda name: name in OUR_COLUMNS or _our_name(name) is not None)
+
+
+def propose(table: pd.DataFrame) -> Proposal:
+    """Return a proposed column map of a table that was read with `layout_by_vocabulary`.
+
+    A column is placed by its name, else by its unit if it is the only one left with it, and a column of directions by
+    its values; two that could be the same are both left to the user. A table with a load but no force is taken for one
+    of slow tests (`load-deflection`).
+    """
+    names = [str(name) for name in table.columns]
+    could_be = {name: _our_name(name) or ("direction" if _are_directions(table[name]) else None) for name in names}
+    by_unit = {name: _our_by_unit(_unit(name, table), could_be) for name in names if could_be[name] is None}
+    for name, ours in by_unit.items():
+        could_be[name] = ours if [*by_unit.values()].count(ours) == 1 else None
+    if slow := _is_slow(table, could_be):
+        slow_names = {"record": "test", "initial_load_kN": "load_kN"}
+        could_be = {name: slow_names.get(str(ours), ours) for name, ours in could_be.items()}
+    return _proposal(table, could_be, _SLOW if slow else REQUIRED)
+
+
+def _is_slow(table: pd.DataFrame, could_be: Mapping[str, str | None]) -> bool:
+    """Return whether a table has no force, but a load that varies within its tests, as an initial load does not."""
+    names = {ours: name for name, ours in could_be.items()}
+    load = names.get("load_kN") or names.get("initial_load_kN")
+    if "force_kN" in names or load is None:
+        return False
+    test = names.get("test") or names.get("record")
+    levels = table[load].nunique() if test is None else table.groupby(test)[load].nunique().max()
+    return bool(levels > 1)
+
+
+def _proposal(table: pd.DataFrame, could_be: Mapping[str, str | None], required: Sequence[str]) -> Proposal:
+    columns: dict[str, object] = {}
+    unplaced: list[str] = []
+    for name, ours in could_be.items():
+        unit = _unit(name, table)
+        if ours is None or (why := _why_not(ours, unit, [*could_be.values()])):
+            unplaced.append(f"column {quoted(name)}: {'stays as a further column' if ours is None else why}")
+        elif name != ours:
+            plain = unit in ("", OUR_UNITS.get(ours, unit)) or table.attrs.get(UNITS_ROW, {}).get(name)
+            columns[ours] = name if plain else {"name": name, "unit": unit}
+    directions, unknown = _directions(table, could_be)
+    unplaced += unknown
+    missing = [ours for ours in required if ours not in columns and ours not in table]
+    unplaced += [f"{ours}: required, and no column found for it" for ours in missing]
+    command = "lsq" if required is REQUIRED else "load-deflection"
+    content = {"columns": columns, **({"values": {"direction": directions}} if directions else {})}
+    comments = "".join(f"# not placed: {text}\n" for text in unplaced)
+    return Proposal(comments + tomli_w.dumps(content), unplaced, command)
+
+
+def _why_not(ours: str, unit: str, all_ours: Sequence[str | None]) -> str:
+    """Return why a column is not placed though it could be one of ours; empty where it is."""
+    if all_ours.count(ours) > 1:
+        return f"{ours}, as {all_ours.count(ours)} columns could be; choose one"
+    known = UNITS.get(OUR_UNITS.get(ours, ""), {unit: 1.0})
+    return f"{ours}, but not in {', '.join(known)}; convert it first" if unit and unit not in known else ""
+
+
+def _normalised(text: str) -> str:
+    """Return letters and digits alone, lower case, umlauts written out; without a unit at the end."""
+    bare = unicodedata.normalize("NFC", _UNIT.sub("", _BRACKETS.sub("", text).strip()).lower())
+    return re.sub(r"[^a-z0-9]", "", "".join(_UMLAUTS.get(letter, letter) for letter in bare))
+
+
+def _our_name(name: str) -> str | None:
+    return name if name in OUR_COLUMNS else _OURS.get(_normalised(name))
+
+
+def _unit(name: str, table: pd.DataFrame) -> str:
+    """Return the unit of a column by the row of units, brackets in its name, or the end of its name."""
+    ending = _UNIT.search(name)
+    in_row = table.attrs.get(UNITS_ROW, {}).get(name, "")
+    return (in_row or unit_in(name) or (ending[1] if ending else "")).replace("km_h", "km/h")
+
+
+def _our_by_unit(unit: str, could_be: Mapping[str, str | None]) -> str | None:
+    """Return the one of displacement, force and time that has such a unit, unless another column is it by name."""
+    ours = next((one for one in ("displacement_mm", "force_kN", "time_s") if unit in UNITS[OUR_UNITS[one]]), None)
+    taken = {"force_kN", "load_kN"} if ours == "force_kN" else {ours}
+    return None if taken & {*could_be.values()} else ours
+
+
+def _labels(cells: pd.Series) -> list[str]:
+    return list(dict.fromkeys(str(cell).strip() for cell in cells.dropna().unique()[: _MOST_VALUES + 1]))
+
+
+def _are_directions(cells: pd.Series) -> bool:
+    labels = [] if pd.api.types.is_float_dtype(cells) else _labels(cells)
+    return 0 < len(labels) <= _MOST_VALUES and all(_normalised(label) in _OUR_DIRECTION for label in labels)
+
+
+def _directions(table: pd.DataFrame, could_be: Mapping[str, str | None]) -> tuple[dict[str, str], list[str]]:
+    """Return our direction by theirs, and a sentence on each value that is neither."""
+    theirs = [label for name, ours in could_be.items() if ours == "direction" for label in _labels(table[name])]
+    placed = {label: _OUR_DIRECTION.get(_normalised(label)) for label in theirs if label not in DIRECTIONS}
+    unknown = [label for label, ours in placed.items() if ours is None]
+    sentences = [f"direction {quoted(label)}: loading or unloading? say so in [values.direction]" for label in unknown]
+    return {label: ours for label, ours in placed.items() if ours is not None}, sentences

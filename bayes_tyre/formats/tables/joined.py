@@ -1,0 +1,78 @@
+"""One table out of many parts on disk: a part at a time is in memory, however many there are."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from bayes_tyre.formats.files import whole_file
+from bayes_tyre.formats.tables.formulas import harmless, map_texts
+from bayes_tyre.formats.tables.table_files import quoting_of
+
+# Rows of a row group at least, so that a part a few hundred rows long is none of its own; some 20 MB.
+_GROUP = 1 << 17
+
+
+def write_part(table: pd.DataFrame, path: Path) -> Path:
+    """Write a part (Parquet, whatever its name), whole or not at all; return its path."""
+    with whole_file(path) as beside:
+        table.to_parquet(beside, index=False)
+    return path
+
+
+def is_part(path: Path) -> bool:
+    """Return whether a whole part is there."""
+    try:
+        pq.read_schema(path)
+    except (OSError, pa.ArrowInvalid):
+        return False
+    return True
+
+
+def read_part(path: Path) -> pd.DataFrame:
+    """Return a part that `write_part` wrote."""
+    return pd.read_parquet(path)
+
+
+def write_joined(parts: Sequence[Path], path: Path) -> Path:
+    """Write one or more parts under one another, as `.csv` or `.parquet`, as `write_table` would; return the path.
+
+    Columns are those of all parts; cells that a part has not are missing.
+    """
+    schemas = [pq.read_schema(part) for part in parts]
+    schema = pa.unify_schemas(schemas, promote_options="permissive").with_metadata(schemas[0].metadata)
+    with whole_file(path) as beside:
+        if path.suffix.lower() == ".parquet":
+            _join_parquet(parts, schema, beside)
+        else:
+            _join_csv(parts, schema, beside)
+    return path
+
+
+def _join_parquet(parts: Sequence[Path], schema: pa.Schema, path: Path) -> None:
+    with pq.ParquetWriter(path, schema) as writer:
+        waiting: list[pa.Table] = []
+        for part in parts:
+            waiting.append(_read(part, schema))
+            if sum(table.num_rows for table in waiting) >= _GROUP:
+                writer.write_table(pa.concat_tables(waiting))
+                waiting.clear()
+        if waiting:
+            writer.write_table(pa.concat_tables(waiting))
+
+
+def _join_csv(parts: Sequence[Path], schema: pa.Schema, path: Path) -> None:
+    with path.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file:
+        for i, part in enumerate(parts):
+            table = map_texts(_read(part, schema).to_pandas(), harmless)
+            table.to_csv(file, index=False, header=not i, lineterminator="\n", quoting=quoting_of(table))
+
+
+def _read(part: Path, schema: pa.Schema) -> pa.Table:
+    table = pq.read_table(part)
+    missing = [name for name in schema.names if name not in table.column_names]
+    for name in missing:
+        table = table.append_column(name, pa.nulls(table.num_rows, schema.field(name).type))
+    return table.select(schema.names).cast(schema)

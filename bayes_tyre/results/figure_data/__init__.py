@@ -1,0 +1,1 @@
+"""What figures show of a posterior, as values: curves with bands, densities, ranks, traces."""

@@ -1,0 +1,183 @@
+"""Comparison of models fitted to the same records or raw files, from their result folders: `comparison.csv`."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+import xarray as xr
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.files import check_folder, prepare_folder, whole_file
+from bayes_tyre.formats.tables.table_files import write_table
+from bayes_tyre.inference.diagnostics.attempts import Attempt, Attempts
+from bayes_tyre.inference.diagnostics.leave_one_out import LeaveOneOut, leave_one_record_out
+from bayes_tyre.inference.motion.hierarchy.leave_one_out import leave_one_motion_out
+from bayes_tyre.inference.sampling.datatree import is_of_motions
+from bayes_tyre.inference.sampling.run import SamplerSettings, kept_acceptance
+from bayes_tyre.results.model_comparison import by_record, compare, sentence
+from bayes_tyre.results.provenance import RUN_JSON
+from bayes_tyre.workflow.fit import Plan, planned_in
+from bayes_tyre.workflow.from_results.predict import Result, read_posterior, read_result
+from bayes_tyre.workflow.record_tables import read_given
+from bayes_tyre.workflow.result_names import names
+
+NAME, BY_RECORD = "comparison.csv", "comparison_records.csv"
+#: A refit gets fewer draws than a fit: only averages over them are needed.
+REFIT = SamplerSettings(warmup=400, draws=250)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A comparison that was written: its table, its conclusion in a sentence, its files, and what failed on the way."""
+
+    table: pd.DataFrame
+    sentence: str
+    paths: tuple[Path, Path]
+    failed: tuple[str, ...] = ()
+
+
+class _Model(NamedTuple):
+    """A model that is compared: how to sample it again, and what predicts its records left out, given that."""
+
+    sampler: SamplerSettings
+    predict: Callable[[SamplerSettings | None, Callable[[str], None], Attempt], LeaveOneOut]
+
+
+def compare_folders(
+    folders: Sequence[Path],
+    out: Path,
+    *,
+    refit: bool = True,
+    on_note: Callable[[str], None] = lambda _: None,
+    on_progress: Callable[[int], None] = lambda _: None,
+) -> Comparison:
+    """Compare the models of folders that `fit` or `motion` wrote by leave-one-record-out, and write the tables.
+
+    Parameters
+    ----------
+    folders, out:
+        Of the fits, or of the motions; and where the tables go.
+    refit:
+        Whether to fit again where importance sampling fails.
+    on_note:
+        Called with what the user should know, a line each.
+    on_progress:
+        Called with 1 after each folder.
+
+    Raises
+    ------
+    BadInput
+        With fewer than two folders, or where they hold no fits, or no motions, of the same records.
+    """
+    if len(folders) < 2:
+        raise BadInput("one fit cannot be compared; name two folders or more that fit wrote from the same records")
+    check_folder(out)
+    posteriors = [read_posterior(folder) for folder in folders]
+    motions = [is_of_motions(tree["posterior"].to_dataset()) for _, tree, _ in posteriors]
+    if any(motions) and not all(motions):
+        other = next(str(folder) for folder, moves in zip(folders, motions, strict=True) if not moves)
+        raise BadInput(
+            f"{other}: is of forces against displacement, others are of motions; compare results of one kind"
+        )
+    by_name = dict(zip(names(folders), folders, strict=True))
+    verdicts = {name: verdict for name, (_, _, verdict) in zip(by_name, posteriors, strict=True)}
+    if all(motions):
+        models = _motions(by_name, {name: tree for name, (_, tree, _) in zip(by_name, posteriors, strict=True)})
+    else:
+        models = _fits(by_name, on_note)
+    left_out: dict[str, LeaveOneOut] = {}
+    failed: list[str] = []
+    for name, model in models.items():
+        attempts = Attempts()
+        predicted = attempts("leave-one-record-out", partial(_predicted, name, model, refit, on_note, attempts), None)
+        left_out |= {} if predicted is None else {name: predicted}
+        failed += [f"{name}: {check.reason}" for check in attempts.failed]
+        on_progress(1)
+    if len(left_out) < 2:
+        raise BadInput(f"fewer than two models are left to compare: {'; '.join(failed)}")
+    compared = compare(left_out, verdicts)
+    prepare_folder(out)
+    paths = (out / NAME, out / BY_RECORD)
+    with whole_file(paths[0]) as first, whole_file(paths[1]) as second:
+        write_table(compared, first)
+        write_table(by_record(left_out), second)
+    return Comparison(compared, sentence(compared), paths, tuple(failed))
+
+
+def _predicted(
+    name: str, model: _Model, refit: bool, on_note: Callable[[str], None], attempt: Attempt
+) -> LeaveOneOut | None:
+    """Return what a model predicts of its records left out; never None, which stands for a failure."""
+
+    def say_refit(record: str) -> None:
+        on_note(f"{name}: fitted again without {record}: it has too much influence for importance sampling")
+
+    return model.predict(model.sampler if refit else None, say_refit, attempt)
+
+
+def _motions(folders: Mapping[str, Path], trees: Mapping[str, xr.DataTree]) -> dict[str, _Model]:
+    """Return the law of each result of `motion`.
+
+    Raises
+    ------
+    BadInput
+        If results are of other raw files, rigs or records.
+    """
+    runs = {name: json.loads((folder / RUN_JSON).read_text("utf-8")) for name, folder in folders.items()}
+    records = {name: list(tree["posterior"]["record"].to_numpy()) for name, tree in trees.items()}
+    other, like = next(iter(runs.items()))
+    for name, run in runs.items():
+        same = set(run["inputs"].values()) == set(like["inputs"].values())
+        if not same and len(records[name]) == len(records[other]):
+            raise BadInput(f"{other} and {name} are not of the same raw files; run motion on one set by each law")
+        if alone := sorted(set(map(str, records[name])) ^ set(map(str, records[other]))):
+            raise BadInput(
+                f"{other} and {name} do not both have {alone[0]}, so they are not of the same raw files, or one has no "
+                "estimate of it (rejected.csv says why); run motion by each law on files that all can be fitted to"
+            )
+        if run["options"].get("rig") != like["options"].get("rig"):
+            raise BadInput(f"{other} and {name} have different --rig; compare laws on one rig")
+    return {
+        name: _Model(_refit(int(runs[name]["seed"]), tree), partial(leave_one_motion_out, tree))
+        for name, tree in trees.items()
+    }
+
+
+def _fits(folders: Mapping[str, Path], on_note: Callable[[str], None]) -> dict[str, _Model]:
+    """Return the model of each result of `fit`."""
+    read = [(name, *_read(folder, on_note)) for name, folder in folders.items()]
+    _check_same(read)
+    return {
+        name: _Model(
+            _refit(plan.sampler.seed, result.tree), partial(leave_one_record_out, result.tree, table, plan.model)
+        )
+        for name, plan, result, table in read
+    }
+
+
+def _refit(seed: int, tree: xr.DataTree) -> SamplerSettings:
+    """Return how to sample a model without a record: with steps as short as those of its fit had to be."""
+    return replace(REFIT, seed=seed, target_accept=kept_acceptance(tree))
+
+
+def _read(folder: Path, on_note: Callable[[str], None]) -> tuple[Plan, Result, pd.DataFrame]:
+    result, plan = read_result(folder), planned_in(folder / RUN_JSON, on_note)
+    return plan, result, read_given(plan.records, plan.columns).table
+
+
+def _check_same(read: Sequence[tuple[str, Plan, Result, pd.DataFrame]]) -> None:
+    (first, plan, _, table), *others = read
+    for name, other, _, records in others:
+        if plan.model.region != other.model.region or not _same_points(table, records):
+            raise BadInput(
+                f"{first} and {name} were not fitted to the same points; fit one table with one --region by both models"
+            )
+
+
+def _same_points(one: pd.DataFrame, other: pd.DataFrame) -> bool:
+    columns = ["record", "displacement_mm", "force_kN"]
+    return one[columns].equals(other[columns])

@@ -1,0 +1,136 @@
+"""Prediction from a result's folder: `prediction.csv` and `prediction.toml`."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import tomli_w
+import xarray as xr
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.files import check_folder, whole_file, write_text
+from bayes_tyre.formats.netcdf import read_tree
+from bayes_tyre.formats.tables.table_files import write_table
+from bayes_tyre.inference.sampling.datatree import law_of
+from bayes_tyre.record import Case
+from bayes_tyre.results.case_selection import CaseQuery
+from bayes_tyre.results.prediction import Prediction, predict, predictable_cases
+
+NAME = "prediction.csv"
+#: Comment at the top of the TOML. Labels come from files and are never put into a comment.
+ABOUT = """\
+# Parameters of a tyre for a vehicle model, a table [[case]] for each case and direction: kN, mm, kN/mm, km/h.
+# step_kN is signed: loading is positive. lower and upper hold the probability `interval`, equal-tailed.
+"""
+EQUATIONS = {
+    "equation_2": "F = F_i + (J + k u) (1 - exp(-|u| / beta)), u = d - d_i; J = k d_i + C - F_i",
+    "small_step_limit": "F = F_i + J (1 - exp(-|u| / beta)) + k u, u = d - d_i; J = k d_i + C - F_i",
+}
+VERDICTS = ("pass", "fail")
+
+
+class Result(NamedTuple):
+    """A fit on disk: the path of its posterior, the posterior, its cases, and the verdict on it."""
+
+    path: Path
+    tree: xr.DataTree
+    cases: list[Case]
+    verdict: str
+
+
+def read_result(folder: Path) -> Result:
+    """Return the posterior and the verdict in a folder that a fit wrote, and its cases.
+
+    Raises
+    ------
+    BadInput
+        If the folder holds no finished result, one that cannot be read, or one without records.
+    """
+    path, tree, verdict = read_posterior(folder)
+    with errors_name(path):
+        return Result(path, tree, predictable_cases(tree), verdict)
+
+
+def read_posterior(folder: Path) -> tuple[Path, xr.DataTree, str]:
+    """Return the path of a posterior, the posterior, and the verdict on it, from a folder that any command wrote.
+
+    Raises
+    ------
+    BadInput
+        If the folder holds no finished result, or one that cannot be read.
+    """
+    if not (folder / "run.json").is_file():
+        raise BadInput(f"{folder}: holds no run.json, so no finished result; name a folder that fit wrote")
+    diagnostics = folder / "diagnostics.json"
+    try:
+        verdict = json.loads(diagnostics.read_text(encoding="utf-8"))["verdict"]
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        verdict = None
+    if verdict not in VERDICTS:
+        raise BadInput(f"{diagnostics}: holds no verdict; run fit again")
+    path = folder / "posterior.nc"
+    return path, read_tree(path), verdict
+
+
+@contextmanager
+def errors_name(path: Path) -> Iterator[None]:
+    """Put the file's path before the message of `BadInput`."""
+    try:
+        yield
+    except BadInput as error:
+        raise BadInput(f"{path}: {error}") from None
+
+
+def target(folder: Path, out: Path | None) -> Path:
+    """Return the CSV to write: in `out`, which is a folder or itself a `.csv`; by default in the result's folder.
+
+    Raises
+    ------
+    BadInput
+        If it cannot be written there, or has the suffix of another kind of file.
+    """
+    out = out or folder
+    path = out if out.suffix.lower() == ".csv" and not out.is_dir() else out / NAME
+    if path.parent == out and out.suffix.lower() in (".parquet", ".toml", ".json"):
+        raise BadInput(f"--out {out}: the curves are written as CSV; name a folder or a .csv file")
+    check_folder(path.parent)
+    if path.is_dir() or path.with_suffix(".toml").is_dir():
+        raise BadInput(f"--out {path}: a folder is in the place of a file; name another")
+    return path
+
+
+def write_prediction(
+    result: Result,
+    query: CaseQuery,
+    out: Path,
+    *,
+    displacement_mm: np.ndarray | None = None,
+    of: str = "case",
+    interval: float = 0.95,
+    seed: int = 0,
+) -> tuple[Prediction, tuple[Path, Path]]:
+    """Predict, and write curves to `out` (`.csv`) and parameters beside it (`.toml`), both or none; return both paths.
+
+    Arguments are those of `bayes_tyre.results.prediction.predict`.
+    """
+    with errors_name(result.path):
+        prediction = predict(
+            result.tree, query, displacement_mm, verdict=result.verdict, of=of, interval=interval, seed=seed
+        )
+    head = {
+        "equation": EQUATIONS[law_of(result.tree)],
+        "of": of,
+        "interval": interval,
+        "origin": result.tree.attrs["origin"],
+    }
+    head |= {"verdict": result.verdict, "version": f"bayes-tyre {version('bayes-tyre')}"}
+    text = ABOUT + tomli_w.dumps({**head, "case": list(prediction.parameters)})
+    beside = out.with_suffix(".toml")
+    with whole_file(out) as curves, whole_file(beside) as parameters:
+        write_table(prediction.curves, curves)
+        write_text(text, parameters)
+    return prediction, (out, beside)

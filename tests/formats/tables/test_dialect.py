@@ -1,0 +1,178 @@
+"""CSV as labs write it: separators, decimal signs and encodings are read right or refused with what to do."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.tables.dialect import find_dialect
+from bayes_tyre.formats.tables.table_files import read_table
+from bayes_tyre.record_table import check_record_table
+
+ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-32")
+#: Separator and decimal sign of every dialect that is read.
+DIALECTS = ((",", "."), (";", "."), (";", ","), ("\t", "."), ("\t", ","))
+
+
+def write(path: Path, text: str, encoding: str = "utf-8") -> Path:
+    path.write_bytes(text.encode(encoding))
+    return path
+
+
+def semicolons(tmp_path: Path, *rows: str) -> Path:
+    return write(tmp_path / "records.csv", "\n".join(["record;displacement_mm;force_kN;pressure_bar", *rows, ""]))
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(BadInput) as caught:
+        check_record_table(read_table(path), str(path))
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert message.isprintable()
+    assert "; " in message
+    return message
+
+
+@pytest.fixture
+def numbers() -> pd.DataFrame:
+    """Doubles that few decimals do not hold, beside labels that hold every separator."""
+    bits = np.random.default_rng(11).integers(0, 2**63, 500, dtype=np.int64).view(np.float64)
+    bits = bits[np.isfinite(bits)]
+    name = 'a,b;c\t"d", 1,5'
+    return pd.DataFrame({"record": name, "displacement_mm": bits, "force_kN": -bits, "configuration": "1,5"})
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize(("separator", "decimal"), DIALECTS)
+def test_every_dialect_gives_the_same_table_to_the_last_digit(separator, decimal, encoding, numbers, tmp_path):
+    text = numbers.to_csv(index=False, sep=separator, decimal=decimal, lineterminator="\r\n")
+    table = read_table(write(tmp_path / "records.csv", text, encoding))
+    pd.testing.assert_frame_equal(table, numbers, check_dtype=False, check_exact=True)
+    assert table["displacement_mm"].dtype == table["force_kN"].dtype == np.float64
+
+
+@pytest.mark.parametrize(
+    ("header", "separator", "names"),
+    [
+        ("a,b,c", ",", ("a", "b", "c")),
+        ("a;b;c", ";", ("a", "b", "c")),
+        ("a\tb\tc", "\t", ("a", "b", "c")),
+        ("a, b ,c", ",", ("a", "b", "c")),
+        ('a,b,"x;y;z;w"', ",", ("a", "b", "x;y;z;w")),
+        ('a;b;"x,y,z,w"', ";", ("a", "b", "x,y,z,w")),
+        ('"a";"b ""in"", mm, kN";c', ";", ("a", 'b "in", mm, kN', "c")),
+        ('"two\nlines, of; one";b;c', ";", ("two\nlines, of; one", "b", "c")),
+        ('a;width 5" pipe;c', ";", ("a", 'width 5" pipe', "c")),
+        ("force, kN;travel, mm;c;d", ";", ("force, kN", "travel, mm", "c", "d")),
+        ("alone", ",", ("alone",)),
+        ("\r\n  \r\na;b", ";", ("a", "b")),
+    ],
+)
+def test_the_separator_is_found_by_the_rules_of_csv(header, separator, names, tmp_path):
+    dialect = find_dialect(write(tmp_path / "records.csv", f"{header}\r\n1,5\r\n"))
+    assert (dialect.separator, dialect.names) == (separator, names)
+
+
+def test_whole_numbers_between_semicolons_are_numbers(tmp_path):
+    table = read_table(semicolons(tmp_path, "r;1;-2;8,5", "r;2;3;9"))
+    assert table.to_dict("list") == {
+        "record": ["r", "r"],
+        "displacement_mm": [1, 2],
+        "force_kN": [-2, 3],
+        "pressure_bar": [8.5, 9.0],
+    }
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        (["r;1,5;2;3", "r;2.5;3,25;3"], "row 2 (line 3), record 'r', column displacement_mm holds '2.5'"),
+        (["r;1.5;2;3", "r;2,5;3;3"], "row 2 (line 3), record 'r', column displacement_mm holds '2,5'"),
+        (["r;1,5;2;3", "s;2;3.25;3"], "row 2 (line 3), record 's', column force_kN holds '3.25'"),
+        (["r;1.234;2;3", "s;2,5;3;3"], "row 2 (line 3), record 's', column displacement_mm holds '2,5'"),
+    ],
+)
+def test_points_and_commas_in_one_file_are_refused_by_row_and_column(rows, said, tmp_path):
+    message = refusal(semicolons(tmp_path, *rows))
+    assert said in message
+    assert "points and commas; write all decimals in one way" in message
+
+
+def test_a_further_column_may_have_points_where_the_measured_numbers_have_commas(tmp_path):
+    table = read_table(semicolons(tmp_path, "r;1,5;2;8.1", "r;2,5;3;8.2"))
+    assert table["displacement_mm"].to_list() == [1.5, 2.5]
+    assert table["pressure_bar"].to_list() == ["8.1", "8.2"]
+    table = read_table(semicolons(tmp_path, "r;1.5;2;8,1", "r;2.5;3;8,2"))
+    assert table["displacement_mm"].to_list() == [1.5, 2.5]
+    assert table["pressure_bar"].to_list() == ["8,1", "8,2"]
+
+
+@pytest.mark.parametrize(
+    "cell", ["1.234,5", "1,234.5", "1'234,5", "1\u2019234,5", "1 234,5", "1\u202f234", "1.234.567"]
+)
+def test_thousands_separators_are_refused(cell, tmp_path):
+    message = refusal(semicolons(tmp_path, "r;1,5;2;3", f"r;{cell};2;3"))
+    assert "row 2 (line 3), record 'r', column displacement_mm" in message
+    assert "a thousands separator; write the number without it" in message
+
+
+@pytest.mark.parametrize(
+    ("cell", "said"),
+    [
+        ("1,5", "a comma in a number; write decimals with a point, or put semicolons between the cells"),
+        (",5", "a comma in a number"),
+        ("-1,5e-3", "a comma in a number"),
+        ("1,234.5", "a thousands separator"),
+        ("1,234,567", "a thousands separator"),
+    ],
+)
+def test_a_comma_in_a_number_between_commas_is_refused(cell, said, tmp_path):
+    text = f'record,displacement_mm,force_kN\nr,1.5,2\nr,"{cell}",3\n'
+    message = refusal(write(tmp_path / "records.csv", text))
+    assert f"row 2 (line 3), record 'r', column displacement_mm holds {cell!r}: {said}" in message
+
+
+def test_decimal_commas_without_quotes_between_commas_are_refused_by_row(tmp_path):
+    message = refusal(write(tmp_path / "records.csv", "record,displacement_mm,force_kN\nr,1,2\nr,1,5,2\n"))
+    assert "row 2 (line 3) holds 4 cells, the header 3; mend the row" in message
+    assert "semicolons" in message
+
+
+@pytest.mark.parametrize("decimal", [",", "."])
+def test_one_bad_cell_is_the_one_that_is_named_by_either_decimal_sign(decimal, tmp_path):
+    rows = [row.replace(",", decimal) for row in ("r;1,5;2,5;3", "r;2,5;n/a;3", "r;3,5;3,5;3")]
+    message = refusal(semicolons(tmp_path, *rows))
+    assert "row 2 (line 3), record 'r', column force_kN holds 'n/a'" in message
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("record;displacement_mm\nä\x81;1\n".encode("latin-1"), "save it again as UTF-8"),
+        ("record;displacement_mm\nr;1\n".encode("utf-16-le"), "UTF-16 without its mark; save it as UTF-8"),
+        ("record;displacement_mm\nr;1\n".encode("utf-16")[:-1], "save it again as UTF-8"),
+        (b"\0" * 4096, "zero bytes"),
+        (b"record;displacement_mm\nr\0x;1\n", "'r\\x00x' holds a zero byte"),
+        (b"sep=;\nrecord;displacement_mm\nr;1\n", "'sep=', is a hint to a spreadsheet and no header; remove it"),
+        (b"record;record\nr;1\n", "column 'record' stands twice; keep one"),
+        (b"PK\x03\x04\x14\x00\x06\x00", "a workbook or an archive under the name of a CSV file; save its sheet as CSV"),
+        (b"PAR1\x15\x04\x15", "a Parquet file under the name of a CSV file; name it .parquet"),
+        (b"\xef\xbb\xbf", "cannot be read as csv"),
+        (b'record;displacement_mm\n"r;1\n', "EOF inside string"),
+    ],
+)
+def test_what_is_no_csv_is_refused_with_what_to_do(content, said, tmp_path):
+    path = tmp_path / "records.csv"
+    path.write_bytes(content)
+    assert said in refusal(path)
+
+
+def test_columns_without_a_name_are_left_out_where_they_hold_nothing(tmp_path):
+    text = "record;displacement_mm;force_kN;;\nr;1;2;;\nr;2;3;;\n"
+    assert list(read_table(write(tmp_path / "records.csv", text))) == ["record", "displacement_mm", "force_kN"]
+    text = "record;displacement_mm;force_kN;;\nr;1;2;;7\nr;2;3;;8\n"
+    table = read_table(write(tmp_path / "records.csv", text))
+    assert table.iloc[:, -1].to_list() == [7, 8]
+    assert table.shape == (2, 4)
