@@ -3,6 +3,7 @@
 from functools import cache
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -72,10 +73,14 @@ def by_importance(case: Case, shared: Shared) -> tuple[np.ndarray, np.ndarray, n
     log_prior = norm.logpdf(log_values, shared.above, shared.scatter).sum(axis=-1)
     log_prior = log_prior + norm.logpdf(noises, shared.noise, shared.sd).sum(axis=-1)
     log_proposal = norm.logpdf(z, 0.0, wider).sum(axis=1) - np.asarray(values.log_volume + noise.log_volume)
-    data, likelihood = case.records.data, case.records.likelihood
-    density = jax.jit(jax.vmap(lambda at, of: record_log_density(data, likelihood, at, of, jnp.asarray(shared.sd_J))))
-    exact = np.asarray(density(jnp.asarray(log_values), jnp.asarray(noises)))
+    of_each = (jnp.asarray(log_values), jnp.asarray(noises))
+    exact = np.asarray(log_densities(case.records.data, case.records.likelihood, *of_each, jnp.asarray(shared.sd_J)))
     return log_values, noises, exact + log_prior - log_proposal
+
+
+@eqx.filter_jit  # what is shared is an argument: one compilation for all of it
+def log_densities(data, likelihood, log_values, noises, sd_J):
+    return jax.vmap(lambda at, of: record_log_density(data, likelihood, at, of, sd_J))(log_values, noises)
 
 
 @cache
