@@ -69,16 +69,17 @@ def design(cases: list[Case], repeats: int, points: int) -> Design:
 
 
 def calibration_design() -> Design:
-    """Return 6 cases x 3 repeats x 40 points: the fewest cases in which every kind of term of the model exists.
+    """Return 8 cases x 3 repeats x 40 points: the fewest cases in which every kind of term of the model exists.
 
-    Cells, effects of speed, of step and of direction x step, a remainder of each case, scatter by speed, discordant
-    repeats. Initial load enters as speed does.
+    Group means, effects of speed, of step, of direction x step and of configuration x speed, a remainder of each case,
+    scatter by speed, discordant repeats. Initial load enters as speed does.
     """
     cases = [
         Case("single", direction, speed, 20.0, sign * step)
         for direction, sign in (("loading", 1), ("unloading", -1))
         for speed, step in ((0.0, 5.0), (0.0, 10.0), (25.0, 10.0))
     ]
+    cases += [Case("dual", "loading", speed, 20.0, 10.0) for speed in (0.0, 25.0)]
     return design(cases, repeats=3, points=40)
 
 

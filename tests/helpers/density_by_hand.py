@@ -45,6 +45,23 @@ def log_density(values: Values, data: RecordData, factors: Factors, repeats: str
     return float(total + _forces(values, data, noise))
 
 
+def log_density_of_print(values: Values, log_printed: np.ndarray, factors: Factors) -> float:
+    """Return the log density of all that the model of printed means samples, and of these, shape (parameters, cases).
+
+    Values are named as those of `log_density` are, with `log_sd_published_by_speed`.
+    """
+    total = sum(PRIORS[name].scipy().logpdf(values[name]) for name in PRIORS if name in values and above(name))
+    total += _terms(values, factors)
+    for i, name in enumerate(PARAMETERS):
+        typical, spread = values[f"sd_log_{name}_published"], values[f"sd_log_{name}_published_over_speeds"]
+        by_speed = values["log_sd_published_by_speed"][i]
+        total += stats.norm.logpdf(by_speed, np.log(typical), spread).sum()
+        scatter = np.exp(by_speed)[factors.speed.of_case]
+        off = log_printed[i] - case_means(values, factors)[i]
+        total += stats.t.logpdf(off / scatter, values["student_nu"]).sum() - np.log(scatter).sum()
+    return float(total)
+
+
 def above(name: str) -> bool:
     """Whether a prior is of a scalar of its own: group means are terms, typical noise is normal on its own axis."""
     return not name.endswith(("_group", "_typical"))

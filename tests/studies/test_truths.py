@@ -30,7 +30,7 @@ def drawn(planted: Planted = NOTHING) -> Truths:
 
 
 def levels_with_every_term(factors: Factors) -> bool:
-    effects = {"speed", "step", "direction_step"}
+    effects = {"speed", "step", "direction_step", "configuration_speed"}
     return effects <= set(factors.effects("beta")) and all(map(factors.has_remainder, ("k", "beta")))
 
 
@@ -67,7 +67,7 @@ def test_what_lies_below_a_hyperparameter_scatters_as_it_says():
     truths, record = drawn(), calibration_design().factors.of_record
     by_speed = truths["sd_log_beta_repeat_by_speed"][:, calibration_design().factors.speed.of_case]
     z = (np.log(truths["beta"]) - np.log(truths["beta_case"])[:, record]) / by_speed[:, record]
-    # 36 000 numbers, a twentieth of them discordant, six times as wide: P(|z| < 1) = 0.655, within 5 standard errors
+    # 48 000 numbers, a twentieth of them discordant, six times as wide: P(|z| < 1) = 0.655, within 5 standard errors
     # of 0.0035, for the sets share their weight.
     assert np.mean(np.abs(z) < 1.0) == pytest.approx(0.95 * 0.6827 + 0.05 * 0.1324, abs=0.0175)
     assert np.std(truths["J"] / truths["sd_J"][:, None]) == pytest.approx(1.0, rel=0.015)

@@ -109,12 +109,16 @@ def log_likelihood_of_print(posterior: xr.Dataset, printed: Mapping[str, np.ndar
     """
     found = {}
     for parameter, values in printed.items():
-        expected = posterior[f"{parameter}_case"].transpose(*SAMPLE, "case")
-        scatter = posterior[f"sd_log_{parameter}_published"].to_numpy()[:, :, None]
-        # The case's value is the mean of a log-normal number.
-        middle = np.log(expected.to_numpy()) - 0.5 * scatter**2
-        density = stats.norm.logpdf(np.log(values), middle, scatter) - np.log(values)
-        found[f"printed_{parameter}"] = expected.copy(data=density)
+        typical = posterior[f"{parameter}_case"].transpose(*SAMPLE, "case")
+        scatter, nu = posterior[f"sd_log_{parameter}_published"].to_numpy(), posterior["student_nu"].to_numpy()
+        if f"sd_log_{parameter}_published_by_speed" in posterior:
+            of_case = np.unique(posterior["case_speed_km_h"].to_numpy(), return_inverse=True)[1]
+            by_speed = posterior[f"sd_log_{parameter}_published_by_speed"].transpose(*SAMPLE, "speed").to_numpy()
+            scatter = by_speed[..., of_case]
+        scatter = scatter.reshape(*nu.shape, -1)
+        off = np.log(values) - np.log(typical.to_numpy())
+        density = stats.t.logpdf(off, nu[..., None], 0.0, scatter) - np.log(values)
+        found[f"printed_{parameter}"] = typical.copy(data=density)
     return without_labels(found)
 
 

@@ -33,9 +33,10 @@ def sample_linear_predictor(
 ) -> Float[Array, "parameters cases"]:
     """Sample the linear predictor of the logarithm of k (kN/mm) and of beta (mm) of each case.
 
-    Configuration x direction, plus partially pooled speed, initial load and size of the step (for beta
-    direction x step too). A factor with one level has no term. Effects lie in their factor's basis and sum to zero:
-    otherwise what the levels share would be in the group means as well, and the sampler would crawl along that ridge.
+    Configuration x direction, plus partially pooled speed, initial load and size of the step (for beta direction x step
+    too), and configuration x speed and x initial load. A factor with one level has no term. Effects lie in their
+    factor's basis and sum to zero: otherwise what the levels share would be in the group means as well, and the sampler
+    would crawl along that ridge.
     """
     terms = find_terms(factors, parameters, priors)
     sampled = numpyro.sample("terms", dist.Normal(terms.mean, terms.sd(hyperparameters)).to_event(1))
@@ -47,30 +48,39 @@ def sample_linear_predictor(
     return jnp.einsum("pct,pt->pc", jnp.asarray(terms.design), values)
 
 
-def sample_repeat_scatter(
-    factors: Factors, hyperparameters: Hyperparameters, parameters: Sequence[str] = PARAMETERS
+def sample_scatter_by_speed(
+    factors: Factors,
+    hyperparameters: Hyperparameters,
+    parameters: Sequence[str] = PARAMETERS,
+    of: str = "repeat",
 ) -> dict[str, Array]:
-    """Sample the standard deviation of repeats at each speed, partially pooled; nothing where speed does not vary."""
+    """Sample the standard deviation of repeats at each speed, partially pooled; nothing where speed does not vary.
+
+    `of` is what scatters: ``repeat``, or ``published`` case means.
+    """
     if not factors.speed.varies:
         return {}
     typical, spread = (
-        of_each(f"sd_log_*_repeat{ending}", parameters, hyperparameters) for ending in ("", "_over_speeds")
+        of_each(f"sd_log_*_{of}{ending}", parameters, hyperparameters) for ending in ("", "_over_speeds")
     )
     shape = (len(parameters), len(factors.speed.labels))
     by_speed = dist.Normal(jnp.log(typical), spread).expand(shape).to_event(2)
-    scatter = jnp.exp(jnp.asarray(numpyro.sample("log_sd_repeat_by_speed", by_speed)))
-    deterministic_each("sd_log_*_repeat_by_speed", parameters, scatter)
-    return {f"sd_log_{name}_repeat_by_speed": value for name, value in zip(parameters, scatter, strict=True)}
+    scatter = jnp.exp(jnp.asarray(numpyro.sample(f"log_sd_{of}_by_speed", by_speed)))
+    deterministic_each(f"sd_log_*_{of}_by_speed", parameters, scatter)
+    return {f"sd_log_{name}_{of}_by_speed": value for name, value in zip(parameters, scatter, strict=True)}
 
 
-def repeat_scatter(
-    factors: Factors, hyperparameters: Hyperparameters, parameters: Sequence[str] = PARAMETERS
+def scatter_of_cases(
+    factors: Factors,
+    hyperparameters: Hyperparameters,
+    parameters: Sequence[str] = PARAMETERS,
+    of: str = "repeat",
 ) -> Float[Array, "parameters cases"]:
-    """Return the standard deviation of repeats about their case, relative."""
+    """Return the standard deviation of repeats, or of ``published`` means, about each case, relative."""
     if factors.speed.varies:
-        by_speed = [hyperparameters[f"sd_log_{parameter}_repeat_by_speed"] for parameter in parameters]
+        by_speed = [hyperparameters[f"sd_log_{parameter}_{of}_by_speed"] for parameter in parameters]
         return jnp.stack(by_speed)[:, factors.speed.of_case]
-    typical = of_each("sd_log_*_repeat", parameters, hyperparameters)
+    typical = of_each(f"sd_log_*_{of}", parameters, hyperparameters)
     return jnp.broadcast_to(typical, (len(parameters), len(factors.cases)))
 
 
@@ -118,8 +128,8 @@ def sample_case_distribution(
     priors: Priors = PRIORS,
 ) -> CaseDistribution:
     """Sample what the cases are distributed by."""
-    known = {**hyperparameters, **sample_repeat_scatter(factors, hyperparameters, parameters)}
+    known = {**hyperparameters, **sample_scatter_by_speed(factors, hyperparameters, parameters)}
     mean = sample_linear_predictor(factors, known, parameters, priors)
     return CaseDistribution(
-        mean, case_remainder(factors, known, parameters), repeat_scatter(factors, known, parameters)
+        mean, case_remainder(factors, known, parameters), scatter_of_cases(factors, known, parameters)
     )

@@ -43,6 +43,14 @@ PRIORS = Priors(
         "sd_log_beta_direction_step": Prior(
             dist.HalfNormal, (0.5,), "", "as for the step, which may act in loading otherwise than in unloading"
         ),
+        **{
+            f"sd_log_{name}_configuration_{factor}": Prior(dist.HalfNormal, (scale,), "", reason)
+            for name, scale in (("k", 0.1), ("beta", 0.25))
+            for factor, reason in (
+                ("speed", "half of the speed's own: tyres side by side roll much as one does"),
+                ("load", "half of the load's own: tyres side by side are loaded much as one is"),
+            )
+        },
         "sd_log_k_case": Prior(dist.LogNormal, (np.log(0.08), 0.8), "", "1.6 to 38 %: what the factors leave over"),
         "sd_log_beta_case": Prior(dist.LogNormal, (np.log(0.2), 0.8), "", "4 to 96 %: what the factors leave over"),
         "sd_log_k_repeat": Prior(
@@ -75,6 +83,10 @@ PRIORS = Priors(
         "sd_log_beta_published": Prior(
             dist.LogNormal, (np.log(0.3), 0.8), "", "6 to 144 %: repeats, processing and case together"
         ),
+        "sd_log_k_published_over_speeds": Prior(
+            dist.HalfNormal, (0.7,), "", "as for repeats: rolling may scatter several times as much as standing"
+        ),
+        "sd_log_beta_published_over_speeds": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
         "settled_group": Prior(
             dist.LogNormal,
             (np.log(0.2), 1.0),

@@ -1,7 +1,7 @@
 """The factors of a data set: records grouped into cases, and levels as index arrays for the models."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,8 @@ from bayes_tyre.record import CASE_FACTORS, Case
 SLOPE_UNIT_KN = 10.0
 #: Largest number in an orthonormal basis that is rounding error.
 _ZERO = 1e-9
+#: Interactions by name in `Factors`, of which some levels have no effect to be known (`Factor.free`).
+INTERACTIONS = ("direction_step", "configuration_speed", "configuration_load")
 
 
 @dataclass(frozen=True)
@@ -67,9 +69,10 @@ class Factors:
     ----------
     cases:
         In order of first appearance.
-    group, speed, load, step, direction_step:
+    group, speed, load, step, direction_step, configuration_speed, configuration_load:
         Groupings by configuration x direction, speed (km/h), initial load (kN; or a slope over the force that a
-        step really started from), size of the step (kN), and direction x size of the step.
+        step really started from), size of the step (kN), direction x size of the step, and configuration x speed
+        and x initial load.
     of_record:
         Shape (records,): the case of each record.
     """
@@ -80,6 +83,8 @@ class Factors:
     load: Factor
     step: Factor
     direction_step: Factor
+    configuration_speed: Factor
+    configuration_load: Factor
     of_record: Int[np.ndarray, " records"]
 
     @property
@@ -90,11 +95,14 @@ class Factors:
     def effects(self, parameter: str) -> dict[str, Factor]:
         """Return what `k` or `beta` of a case depends on beside its cell, by name; only what varies in the data.
 
-        The size of the step acts on beta by direction too (Table 11: strongly in loading, little in unloading).
+        The size of the step acts on beta by direction too (Table 11: strongly in loading, little in unloading);
+        speed and initial load act on k and beta by configuration too.
         """
         named = {"speed": self.speed, "load": self.load, "step": self.step}
         if parameter == "beta":
             named["direction_step"] = self.direction_step
+        if parameter in ("k", "beta"):
+            named |= {name: getattr(self, name) for name in ("configuration_speed", "configuration_load")}
         return {name: factor for name, factor in named.items() if factor.varies}
 
     def design(self, parameter: str) -> Float[np.ndarray, "cases terms"]:
@@ -123,8 +131,11 @@ def _slope(values: Float[np.ndarray, " cases"]) -> Factor:
     return Factor((f"per {SLOPE_UNIT_KN:g} kN",), np.zeros(len(values), dtype=int), basis, centred)
 
 
-def _interaction(values: Sequence[str], groups: Sequence[str], main: Factor) -> Factor:
+def _interaction(groups: Sequence[str], levels: Sequence[str], main: Factor) -> Factor:
     """Return the interaction of groups with a main factor: what neither says, so that none says it twice."""
+    values = [f"{group} {level}".strip() for group, level in zip(groups, levels, strict=True)]
+    if (main.weight != 1.0).any():
+        return _slope_by_group(values, main)
     factor = _factor(values)
     first = [list(values).index(str(label)) for label in factor.labels]
     group = np.array([groups[case] for case in first])
@@ -132,6 +143,30 @@ def _interaction(values: Sequence[str], groups: Sequence[str], main: Factor) -> 
     within = np.eye(len(group)) - same / same.sum(axis=1)
     known = np.concatenate([same.astype(float), within @ main.basis[main.of_case[first]]], axis=1)
     return Factor(factor.labels, factor.of_case, null_space(known.T), factor.weight)
+
+
+def _slope_by_group(values: Sequence[str], slope: Factor) -> Factor:
+    """Return how the slope of each group differs from the one of all; a group without a range has none."""
+    factor = _factor(values)
+    weights = [slope.weight[factor.of_case == group] for group in range(len(factor.labels))]
+    ranged = np.flatnonzero([np.ptp(weight) > 0 for weight in weights])
+    basis = np.zeros((len(factor.labels), max(0, len(ranged) - 1)))
+    if len(ranged):
+        basis[ranged] = helmert(len(ranged)).T
+    return Factor(factor.labels, factor.of_case, basis, slope.weight)
+
+
+def _with_identified(factors: Factors, interactions: dict[str, Factor]) -> Factors:
+    """Return the factors with those interactions that the cases show beside all else, and leave a remainder beside.
+
+    One that makes the terms fit every case exactly is the remainder of the cases by another name.
+    """
+    for name, factor in interactions.items():
+        extended = replace(factors, **{name: factor})
+        before, after = (int(np.linalg.matrix_rank(each.design("beta"))) for each in (factors, extended))
+        if before < after < len(factors.cases):
+            factors = extended
+    return factors
 
 
 def find_factors(factor_table: pd.DataFrame, initial_force_kN: Float[np.ndarray, " records"] | None = None) -> Factors:
@@ -156,23 +191,33 @@ def find_factors(factor_table: pd.DataFrame, initial_force_kN: Float[np.ndarray,
     ]
     unique = list(dict.fromkeys(keys))
     cases = tuple(Case._make(np.nan if value is None else value for value in key) for key in unique)
-    sizes = ["" if np.isnan(case.step_kN) else f"{abs(case.step_kN):g}" for case in cases]
-    directions = [case.direction for case in cases]
-    both = [f"{direction} {size}".strip() for direction, size in zip(directions, sizes, strict=True)]
-    step = _factor(sizes)
+    sizes, speeds, loads = (
+        ["" if np.isnan(value) else f"{abs(value):g}" for value in values]
+        for values in zip(*((case.step_kN, case.speed_km_h, case.initial_load_kN) for case in cases), strict=True)
+    )
+    step, speed = _factor(sizes), _factor([_level(case.speed_km_h) for case in cases])
     of_record = np.array([unique.index(key) for key in keys], dtype=int)
     load = _factor([_level(case.initial_load_kN) for case in cases])
     if initial_force_kN is not None:
         load = _slope(np.bincount(of_record, weights=initial_force_kN) / np.bincount(of_record))
-    return Factors(
+        loads = [str(load.labels[0])] * len(cases)
+    configurations, none = [case.configuration for case in cases], replace(step, basis=step.basis[:, :0])
+    factors = Factors(
         cases=cases,
         group=_factor([f"{case.configuration} {case.direction}".strip() for case in cases]),
-        speed=_factor([_level(case.speed_km_h) for case in cases]),
+        speed=speed,
         load=load,
         step=step,
-        direction_step=_interaction(both, directions, step),
+        direction_step=_interaction([case.direction for case in cases], sizes, step),
+        configuration_speed=none,
+        configuration_load=none,
         of_record=of_record,
     )
+    by_configuration = {
+        "configuration_speed": _interaction(configurations, speeds, speed),
+        "configuration_load": _interaction(configurations, loads, load),
+    }
+    return _with_identified(factors, by_configuration)
 
 
 def _level(value: float) -> object:

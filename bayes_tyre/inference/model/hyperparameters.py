@@ -64,7 +64,8 @@ def published_sites(factors: Factors) -> tuple[str, ...]:
     sites = []
     for parameter in PARAMETERS:
         sites += [f"{parameter}_group", f"sd_log_{parameter}_published", *effect_scales(parameter, factors)]
-    return tuple(sites)
+        sites += [f"sd_log_{parameter}_published_over_speeds"] * factors.speed.varies
+    return (*sites, "student_nu")
 
 
 def effect_scales(parameter: str, factors: Factors) -> list[str]:

@@ -10,7 +10,7 @@ import pandas as pd
 import xarray as xr
 
 from bayes_tyre.inference.model.default_priors import PRIORS
-from bayes_tyre.inference.model.factors import Factors
+from bayes_tyre.inference.model.factors import INTERACTIONS, Factors
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.record_data import EQUATION_2
 from bayes_tyre.record import (
@@ -40,14 +40,14 @@ def _quantities() -> dict[str, tuple[str | None, str]]:
             continue
         kept[f"{name}_case"] = ("case", RECORD_UNITS[name])
         kept[f"{name}_group"] = ("group", RECORD_UNITS[name])
-        for factor in ("speed", "load", "step", "direction_step"):
+        for factor in ("speed", "load", "step", *INTERACTIONS):
             kept[f"log_{name}_{factor}"] = (factor, "")
             kept[f"sd_log_{name}_{factor}"] = (None, "")
         kept[f"sd_log_{name}_case"] = (None, "")
-        kept[f"sd_log_{name}_repeat"] = (None, "")
-        kept[f"sd_log_{name}_repeat_over_speeds"] = (None, "")
-        kept[f"sd_log_{name}_repeat_by_speed"] = ("speed", "")
-        kept[f"sd_log_{name}_published"] = (None, "")
+        for of in ("repeat", "published"):
+            kept[f"sd_log_{name}_{of}"] = (None, "")
+            kept[f"sd_log_{name}_{of}_over_speeds"] = (None, "")
+            kept[f"sd_log_{name}_{of}_by_speed"] = ("speed", "")
     pure = ("discordant_weight", "student_nu", "sd_log_sigma", "atanh_rho_typical", "sd_atanh_rho")
     kept |= dict.fromkeys(pure, (None, ""))
     kept |= {"sd_J": (None, "kN"), "sigma_typical": (None, "kN")}
@@ -82,7 +82,7 @@ def to_datatree(
 ) -> xr.DataTree:
     """Return draws as an ArviZ DataTree with named dimensions, labels, words and units.
 
-    Along `direction_step` it has the levels with an effect to be known. That of the others
+    Along an interaction of `INTERACTIONS` it has the levels with an effect to be known. That of the others
     (`bayes_tyre.inference.model.factors.Factor.free`) is zero by construction: no unknown, and with no place in tables,
     figures and diagnostics. What is sampled stays, even if it happens to be constant.
 
@@ -98,11 +98,11 @@ def to_datatree(
     attributes:
         Put on the root: origin of the data, the model.
     """
-    free = factors.direction_step.free
+    free = {name: getattr(factors, name).free for name in INTERACTIONS}
     kept = {name: np.asarray(draws[name]) for name in QUANTITIES if name in draws}
-    kept |= {name: kept[name][..., free] for name in kept if QUANTITIES[name][0] == "direction_step"}
+    kept |= {name: kept[name][..., free[dim]] for name in kept if (dim := QUANTITIES[name][0]) in free}
     groupings = {name: getattr(factors, name).labels for name in ("group", "speed", "load", "step")}
-    groupings["direction_step"] = tuple(compress(factors.direction_step.labels, free))
+    groupings |= {name: tuple(compress(getattr(factors, name).labels, free[name])) for name in INTERACTIONS}
     coordinates = {"case": [case.label for case in factors.cases], "record": list(factor_table["record"]), **groupings}
     tree = az.from_dict(
         {"posterior": kept, "sample_stats": dict(statistics)},

@@ -9,6 +9,7 @@ import xarray as xr
 from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.model.factors import INTERACTIONS
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.sampling.datatree import as_measured, case_parameters, priors_of, tree_cases
 from bayes_tyre.record import AXLE_PARAMETERS, LAW_PARAMETERS, Case
@@ -105,7 +106,7 @@ def _predicted(
     groups = np.log(flat(posterior[f"{parameter}_group"])).T
     of_group = dict(zip(_labels(posterior, "group"), groups, strict=True))
     values = [of_group[f"{case.configuration or ''} {case.direction or ''}".strip()] for case in new]
-    for factor in ("speed", "load", "step", "direction_step"):
+    for factor in ("speed", "load", "step", *INTERACTIONS):
         site, levels = f"log_{parameter}_{factor}", {_levels(case)[factor] for case in tree_cases(posterior)}
         effects = dict.fromkeys(levels, np.zeros(groups.shape[1]))
         if site in posterior:
@@ -124,8 +125,12 @@ def _predicted(
 def _levels(case: Case) -> dict[str, str]:
     """Return the level of each factor of a linear predictor as a posterior labels it."""
     speed, load = ("" if value is None else str(float(value)) for value in case[2:4])
-    step = "" if case.step_kN is None else f"{abs(case.step_kN):g}"
-    return {"speed": speed, "load": load, "step": step, "direction_step": f"{case.direction or ''} {step}".strip()}
+    sizes = ("" if value is None else f"{abs(value):g}" for value in (case.step_kN, *case[2:4]))
+    step, *of_configuration = sizes
+    levels = {"speed": speed, "load": load, "step": step, "direction_step": f"{case.direction or ''} {step}".strip()}
+    for factor, level in zip(("speed", "load"), of_configuration, strict=True):
+        levels[f"configuration_{factor}"] = f"{case.configuration or ''} {level}".strip()
+    return levels
 
 
 def _labels(posterior: xr.Dataset, dim: str) -> list[str]:

@@ -100,21 +100,25 @@ def test_the_first_force_has_its_prior_from_the_record(made):
     assert jnp.all(data.span > 0)
 
 
-def test_printed_means_have_a_log_normal_density_whose_mean_is_the_case():
+def test_printed_means_have_a_students_density_about_their_case_as_wide_as_at_their_speed():
     factor_table = grid(("single",), repeats=1).drop(columns=["record", "repeat"])
     rng, shape = np.random.default_rng(5), (2, 10)
     draws = {
         "k_case": 1.8 * np.exp(0.1 * rng.normal(size=(*shape, 4))),
         "beta_case": 0.03 * np.exp(0.1 * rng.normal(size=(*shape, 4))),
         "sd_log_k_published": 0.1 * np.exp(0.2 * rng.normal(size=shape)),
+        "sd_log_k_published_by_speed": 0.1 * np.exp(0.2 * rng.normal(size=(*shape, 2))),
         "sd_log_beta_published": 0.3 * np.exp(0.2 * rng.normal(size=shape)),
+        "student_nu": 8.0 * np.exp(0.2 * rng.normal(size=shape)),
     }
-    printed = np.array([1.5, 1.7, 1.9, 2.2])
-    found = log_densities.log_likelihood_of_print(
-        posterior(draws, factor_table)["posterior"].to_dataset(), {"k": printed}
-    )
-    law = stats.lognorm(draws["sd_log_k_published"][1, 3], scale=1.0)
+    printed = {"k": np.array([1.5, 1.7, 1.9, 2.2]), "beta": np.array([0.02, 0.03, 0.04, 0.05])}
+    found = log_densities.log_likelihood_of_print(posterior(draws, factor_table)["posterior"].to_dataset(), printed)
+    one = {name: values[1, 3] for name, values in draws.items()}
+    speeds = factor_table["speed_km_h"].to_numpy()
     for case in range(4):
-        scale = draws["k_case"][1, 3, case] / law.mean()
-        expected = stats.lognorm.logpdf(printed[case], draws["sd_log_k_published"][1, 3], scale=scale)
-        assert float(found["printed_k"][1, 3, case]) == pytest.approx(expected, rel=1e-9)
+        widths = {"k": one["sd_log_k_published_by_speed"][int(speeds[case] > 0)], "beta": one["sd_log_beta_published"]}
+        for name, width in widths.items():
+            value = printed[name][case]
+            off = np.log(value / one[f"{name}_case"][case])
+            expected = stats.t.logpdf(off / width, one["student_nu"]) - np.log(width * value)
+            assert float(found[f"printed_{name}"][1, 3, case]) == pytest.approx(expected, rel=1e-9)

@@ -1,10 +1,12 @@
 """Words become cases and groupings; a word with one level has no term."""
 
+from itertools import product
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from bayes_tyre.inference.model.factors import find_factors
+from bayes_tyre.inference.model.factors import INTERACTIONS, find_factors
 from bayes_tyre.published import tables
 from bayes_tyre.record import CASE_FACTORS
 
@@ -20,8 +22,10 @@ def test_the_published_cases_have_their_levels():
     assert factors.speed.labels == (0.0, 15.0, 25.0, 35.0)
     assert factors.load.labels == (10.0, 20.0, 30.0)
     assert set(factors.step.labels) == {"5", "7", "10"}
-    assert set(factors.effects("k")) == {"speed", "load", "step"}
-    assert set(factors.effects("beta")) == {"speed", "load", "step", "direction_step"}
+    of_both = {"speed", "load", "step", "configuration_speed", "configuration_load"}
+    assert set(factors.effects("k")) == of_both
+    assert set(factors.effects("beta")) == {*of_both, "direction_step"}
+    assert set(factors.effects("m")) == {"speed", "load", "step"}
 
 
 def test_records_with_the_same_words_are_repeats_of_one_case():
@@ -43,7 +47,7 @@ def test_one_direction_has_no_direction_by_step():
     assert set(factors.effects("beta")) == {"step"}
 
 
-@pytest.mark.parametrize("name", ["speed", "load", "step", "direction_step"])
+@pytest.mark.parametrize("name", ["speed", "load", "step", *INTERACTIONS])
 def test_a_basis_is_orthonormal_and_sums_to_zero(name):
     basis = getattr(find_factors(tables.case_means()[list(CASE_FACTORS)]), name).basis
     np.testing.assert_allclose(basis.T @ basis, np.eye(basis.shape[1]), atol=1e-14)
@@ -70,8 +74,51 @@ def test_a_size_of_step_of_one_direction_has_no_interaction_to_be_known():
     factors = find_factors(tables.case_means()[list(CASE_FACTORS)])
     of_step = dict(zip(factors.direction_step.labels, factors.direction_step.free, strict=True))
     assert [label for label, free in of_step.items() if not free] == ["unloading 7"]
-    for name in ("speed", "load", "step"):
+    for name in ("speed", "load", "step", "configuration_speed", "configuration_load"):
         assert getattr(factors, name).free.all()
+
+
+def crossed(*cases: tuple[str, float, float], direction: str = "loading") -> pd.DataFrame:
+    table = pd.DataFrame(cases, columns=["configuration", "speed_km_h", "initial_load_kN"])
+    return table.assign(record=[str(i) for i in range(len(table))], direction=direction)
+
+
+def test_configuration_by_speed_says_only_what_neither_says():
+    factors = find_factors(tables.case_means()[list(CASE_FACTORS)])
+    dual = np.array([case.configuration == "dual" for case in factors.cases], dtype=float)
+    for name, main in (("configuration_speed", factors.speed), ("configuration_load", factors.load)):
+        alone = np.column_stack([np.ones_like(dual), dual, main.matrix])
+        both = np.column_stack([alone, getattr(factors, name).matrix])
+        # Two configurations at so many levels: a mean of each combination.
+        assert both.shape[1] == np.linalg.matrix_rank(both) == 2 * len(main.labels)
+        assert set(getattr(factors, name).labels) >= {f"dual {main.labels[0]:g}", f"single {main.labels[0]:g}"}
+
+
+@pytest.mark.parametrize(
+    ("cases", "named"),
+    [
+        (product("a", (0.0, 25.0), (10.0, 20.0)), set()),  # one configuration
+        ([("a", 0.0, 10.0), ("a", 25.0, 10.0), ("b", 0.0, 10.0), ("b", 0.0, 20.0), ("a", 0.0, 20.0)], set()),
+        (product("ab", (0.0, 25.0), (10.0,)), set()),  # four cases, of which the interaction is all that is left
+        (product("ab", (0.0, 25.0), (10.0, 20.0)), {"configuration_speed", "configuration_load"}),
+        (product("ab", (0.0,), (10.0, 20.0, 30.0)), set()),
+    ],
+)
+def test_configuration_by_speed_or_load_needs_both_crossed_and_a_remainder_beside(cases, named):
+    factors = find_factors(crossed(*cases))
+    assert set(factors.effects("k")) & set(INTERACTIONS) == named
+    assert factors.has_remainder("k")
+
+
+def test_a_slope_over_the_load_differs_by_configuration_where_each_has_a_range():
+    table = crossed(*product("abc", (0.0, 25.0), (10.0, 20.0)))
+    load = table["initial_load_kN"].to_numpy()
+    force = np.where(table["configuration"] == "b", 15.0, load + np.linspace(0.0, 1.0, len(load)))
+    factor = find_factors(table, force).configuration_load
+    assert factor.labels == ("a per 10 kN", "b per 10 kN", "c per 10 kN")
+    assert factor.free.tolist() == [True, False, True]
+    np.testing.assert_allclose(np.abs(factor.basis[:, 0]), np.sqrt([0.5, 0.0, 0.5]))
+    np.testing.assert_allclose(factor.weight, (force - force.mean()) / 10.0)
 
 
 def test_a_remainder_needs_more_cases_than_terms_with_one_repeat_or_more():

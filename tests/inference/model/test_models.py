@@ -22,7 +22,7 @@ from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation,
 from bayes_tyre.inference.model.coordinates.sites import published_in_coordinates, records_in_coordinates
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import find_factors
-from bayes_tyre.inference.model.hyperparameters import by_family, prior_sites
+from bayes_tyre.inference.model.hyperparameters import by_family, prior_sites, published_sites
 from bayes_tyre.inference.model.models import published_model, records_model
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
@@ -33,11 +33,12 @@ from bayes_tyre.record_table import check_record_table
 pytestmark = pytest.mark.slow
 
 SEVERAL = Plan(("a",), (0.0, 25.0), (20.0, 30.0), (-5.0, 5.0), points=12, discordant=("a (0)20-25(2)",))
+CROSSED = Plan(("a", "b"), (0.0, 25.0), (20.0, 30.0), (-5.0, 5.0), points=12, discordant=("a (0)20-25(2)",))
 ONE = Plan(configurations=("a",), speeds=(0.0,), loads=(20.0,), steps=(10.0,), repeats=1, points=12)
 FEW = Plan(("a",), (0.0,), (30.0,), (-10.0, -5.0, 5.0, 10.0), points=12)
 KINDS = {
     "a remainder of k alone": (FEW, ModelSettings()),
-    "mixture": (SEVERAL, ModelSettings()),
+    "mixture": (CROSSED, ModelSettings()),
     "autoregressive": (SEVERAL, ModelSettings(noise="ar1", initial_load="actual")),
     "student": (SEVERAL, ModelSettings(repeats="student")),
     "normal": (SEVERAL, ModelSettings(repeats="normal", likelihood="direct")),
@@ -60,6 +61,10 @@ class Case(NamedTuple):
     @property
     def repeats(self) -> str:
         return self.settings.repeats if self.records.factors.repeats.max() >= 3 else "normal"
+
+    @property
+    def sites(self) -> tuple[str, ...]:
+        return prior_sites(self.records.factors, self.settings.repeats, self.settings.noise)
 
     def by_hand(self, values: dict[str, np.ndarray]) -> float:
         records = self.records
@@ -85,11 +90,10 @@ def sampled(sites: dict[str, Any]) -> dict[str, Any]:
     return {n: site["value"] for n, site in sites.items() if site["type"] == "sample" and not site["is_observed"]}
 
 
-def named(values: dict[str, Any], case: Case) -> dict[str, np.ndarray]:
+def named(values: dict[str, Any], sites: tuple[str, ...]) -> dict[str, np.ndarray]:
     """Return sampled values by name, hyperparameters each by its own."""
-    settings, factors = case.settings, case.records.factors
     found = {name: np.asarray(value) for name, value in values.items()}
-    for site, names in by_family(prior_sites(factors, settings.repeats, settings.noise), PRIORS).items():
+    for site, names in by_family(sites, PRIORS).items():
         found |= dict(zip(names, found.pop(site), strict=True))
     return found
 
@@ -103,7 +107,7 @@ def test_the_density_is_that_of_numpy(kind):
     for seed in SEEDS:
         # About draws of the prior, near enough to the data for digits to be left.
         near = _near(at, case, seed)
-        by_hand = case.by_hand(named(near, case)) + _of_auxiliaries(near)
+        by_hand = case.by_hand(named(near, case.sites)) + _of_auxiliaries(near)
         assert float(density(near)) == pytest.approx(by_hand, rel=1e-10, abs=1e-8)
 
 
@@ -144,8 +148,8 @@ def test_the_density_in_coordinates_is_the_same_with_their_volume(kind):
     )
 
 
-def test_the_density_of_printed_means_in_coordinates_is_the_same_with_their_volume():
-    table, _ = simulate(SEVERAL, 1)
+def test_the_density_of_printed_means_is_that_of_numpy_and_in_coordinates_the_same_with_their_volume():
+    table, _ = simulate(CROSSED, 1)
     factors = find_factors(table[list(CASE_FACTORS)].drop_duplicates())
     random = np.random.default_rng(0)
     log_printed = {
@@ -155,6 +159,12 @@ def test_the_density_of_printed_means_in_coordinates_is_the_same_with_their_volu
     arguments = {"values": {name: np.exp(values) for name, values in log_printed.items()}, "factors": factors}
     model = partial(published_model, **arguments)
     density = jax.jit(lambda values: log_density(model, (), {}, values)[0])
+    at = sampled(handlers.trace(handlers.seed(model, 0)).get_trace())
+    for seed in SEEDS:
+        near = {name: jnp.asarray(np.random.default_rng(seed).uniform(0.1, 1.0, v.shape)) for name, v in at.items()}
+        values = named(near, published_sites(factors))
+        by_hand = density_by_hand.log_density_of_print(values, np.stack(list(log_printed.values())), factors)
+        assert float(density(near)) == pytest.approx(by_hand, rel=1e-10, abs=1e-8)
     _assert_change_of_variables(partial(published_in_coordinates, **arguments), model, density)
 
 
@@ -199,7 +209,7 @@ def _density_of_auxiliary_cases(values: dict[str, Any], case: Case | None) -> fl
         return 0.0
     assert case is not None
     factors, total = case.records.factors, 0.0
-    numbers = density_by_hand.numbers_of(named(values, case), factors)
+    numbers = density_by_hand.numbers_of(named(values, case.sites), factors)
     discordant = np.asarray(case.approximation.cases.discordant)
     for row, parameter in enumerate(np.flatnonzero(numbers.remainder[:, 0])):
         for of_case in range(len(factors.cases)):

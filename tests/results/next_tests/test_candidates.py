@@ -127,10 +127,24 @@ def test_a_level_without_data_has_an_effect_that_new_cases_share():
     known = EXACT.tree["posterior"]["k_group"].sel(group=["single loading", "dual loading"])
     effects = possible.log_values[:, 7:, 0] - np.log(known.to_numpy()).reshape(-1, 2)
     # Deviations from the mean of two levels: sd^2 (1 + 1/2), shared, and a remainder of each; 10,000 draws know
-    # a variance within 1.4 %, a covariance of these within 1.6 %.
+    # a variance within 1.4 %, a covariance of these within 1.6 %. What a configuration has of its own at the new speed
+    # is as its prior: HalfNormal(0.1) has a mean square of 0.01, times 1 + 1/4 for the four combinations met.
     covariance = np.cov(effects, rowvar=False)
     assert covariance[0, 1] == pytest.approx(1.5 * SPEED[0] ** 2, rel=0.07)
-    assert covariance[0, 0] == pytest.approx(1.5 * SPEED[0] ** 2 + REST[0] ** 2, rel=0.07)
+    assert covariance[0, 0] == pytest.approx(1.5 * SPEED[0] ** 2 + REST[0] ** 2 + 1.25 * 0.01, rel=0.1)
+
+
+def test_a_new_case_has_what_its_configuration_has_of_its_own_at_its_speed():
+    tree, new = EXACT.tree.copy(), EXACT.cases[7:]
+    factor = find_factors(pd.DataFrame(EXACT.cases * 2)).configuration_speed
+    effects = np.array([0.4 if label == "dual 25" else 0.0 for label in factor.labels])
+    shape = (*[tree["posterior"].sizes[dim] for dim in ("chain", "draw")], len(effects))
+    own = xr.DataArray(np.broadcast_to(effects, shape), dims=("chain", "draw", "configuration_speed"))
+    own = own.assign_coords(configuration_speed=list(map(str, factor.labels)))
+    tree["posterior"] = xr.DataTree(tree["posterior"].to_dataset().assign(log_k_configuration_speed=own))
+    with_effect, without = (candidates(each, new).log_values[:, 7] for each in (tree, EXACT.tree))
+    np.testing.assert_allclose((with_effect - without)[:, 0], 0.4, atol=1e-12)
+    np.testing.assert_array_equal(with_effect[:, 1], without[:, 1])
 
 
 def test_a_level_of_a_factor_that_did_not_vary_is_as_uncertain_as_its_prior():

@@ -13,7 +13,7 @@ from numpyro import distributions as dist  # not `import numpyro.distributions`:
 from numpyro.distributions import biject_to
 from numpyro.infer.reparam import Reparam
 
-from bayes_tyre.inference.model.case_effects import case_remainder, repeat_scatter, with_remainder
+from bayes_tyre.inference.model.case_effects import case_remainder, scatter_of_cases, with_remainder
 from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, RecordEstimates
 from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates
 from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian, Reparameterised, reparameterise_by_slope
@@ -36,6 +36,8 @@ from bayes_tyre.inference.model.terms import find_terms
 
 #: Repeats that a case without any counts as in its coordinates: an estimate without weight.
 _ALMOST_NONE = 1e-6
+#: Scatter of printed means where they fit exactly.
+_LEAST_SCATTER = 0.01
 #: Cases that cost nothing to be taken one by one.
 _FEW_CASES = 100
 
@@ -105,7 +107,7 @@ def case_coordinates(
     repeats = jnp.asarray(np.maximum(factors.repeats, _ALMOST_NONE))
 
     def variance(values: Hyperparameters) -> Float[Array, "parameters cases"]:
-        return (repeat_scatter(factors, values, parameters) ** 2 + estimates.variance) / repeats
+        return (scatter_of_cases(factors, values, parameters) ** 2 + estimates.variance) / repeats
 
     condensed = condense(terms.design, factors) if len(factors.cases) > _FEW_CASES else None
 
@@ -216,7 +218,21 @@ def published_coordinates(
     terms, printed = find_terms(factors, PARAMETERS, priors), log_published(values)
 
     def of_terms(known: Hyperparameters) -> Reparam:
-        precision = jnp.stack([known[f"sd_log_{parameter}_published"] ** -2.0 for parameter in PARAMETERS])
-        return TermsReparam(terms, Gaussian(printed, jnp.broadcast_to(precision[:, None], printed.shape)))
+        precision = scatter_of_cases(factors, known, of="published") ** -2.0
+        return TermsReparam(terms, Gaussian(jnp.asarray(printed), precision))
 
-    return {"terms": of_terms}
+    scatter = _log_scatter_of_residuals(printed, terms.design, factors)
+    return {"log_sd_published_by_speed": lambda _: NormalReparam(scatter), "terms": of_terms}
+
+
+def _log_scatter_of_residuals(
+    printed: Float[np.ndarray, "parameters cases"], design: Float[np.ndarray, "parameters cases most"], factors: Factors
+) -> Gaussian:
+    """Return estimates by speed of the logarithm of what least squares leave, of as many means as are spare."""
+    rest = [y - x @ np.linalg.lstsq(x, y, rcond=None)[0] for y, x in zip(printed, design, strict=True)]
+    count = np.bincount(factors.speed.of_case)
+    spare = np.array([1.0 - np.linalg.matrix_rank(x) / printed.shape[1] for x in design])[:, None] * count
+    squares = np.stack([np.bincount(factors.speed.of_case, weights=each**2) for each in rest])
+    variance = (squares + _LEAST_SCATTER**2) / np.maximum(spare, _ALMOST_NONE)
+    estimate = np.where(spare > _ALMOST_NONE, 0.5 * np.log(variance), np.log(_LEAST_SCATTER))
+    return Gaussian(jnp.asarray(estimate), jnp.asarray(2.0 * spare))
