@@ -18,6 +18,7 @@ from bayes_tyre.cli.messages import LONGEST_LINE, fault, one_line_each, say
 from bayes_tyre.cli.messages import note as note  # commands import these two from here
 from bayes_tyre.cli.messages import warn as warn
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.run_lock import sole_run
 from bayes_tyre.plain_text import listed, one_line
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(command)
     def run(*args: Any, **kwargs: Any) -> None:
         try:
-            with one_line_each(), ending_at_interrupt(*_resume_advice(command)):
+            with one_line_each(), ending_at_interrupt(*_resume_advice(command)), sole_run(kwargs.get("out")):
                 command(*args, **kwargs)
         except BadInput as error:
             fault(error)
