@@ -90,6 +90,11 @@ class Command(TyperCommand):
 
 def guarded(command: Callable[..., None]) -> Callable[..., None]:
     """Turn bad input and disk errors into one line on stderr and exit code 3, and print each warning in one line."""
+    for parameter in inspect.signature(command).parameters.values():
+        for option in getattr(parameter.annotation, "__metadata__", ()):
+            option.readable = (
+                False  # a file that may not be read is bad input, not the usage error that Typer makes of it
+            )
 
     @functools.wraps(command)
     def run(*args: Any, **kwargs: Any) -> None:
