@@ -82,5 +82,8 @@ def check_parquet(path: Path) -> None:
 
 
 def _length_of_texts(column: pa.ChunkedArray) -> int:
-    lengths = (pc.sum(pc.take(pc.binary_length(one.dictionary), one.indices)).as_py() for one in column.chunks)
-    return sum(length or 0 for length in lengths)
+    size = 0
+    for one in column.chunks:
+        lengths = pc.call_function("binary_length", [one.dictionary])
+        size += pc.call_function("sum", [lengths.take(one.indices)]).as_py() or 0
+    return size
