@@ -63,6 +63,10 @@ def zeros_in_mat(path: Path) -> None:
     path.write_bytes(header.getvalue()[:128] + np.array([15, len(packed)], "<u4").tobytes() + packed)
 
 
+def numbers_in_mat_4(path: Path) -> None:
+    path.write_bytes(np.array([0, 1 << 30, 1 << 30, 0, 2], "<i4").tobytes() + b"k\0" + bytes(99))
+
+
 def zeros_in_workbook(path: Path) -> None:
     openpyxl.Workbook().save(path)
     with zipfile.ZipFile(path, "a", zipfile.ZIP_DEFLATED) as archive, archive.open("xl/extra.xml", "w") as part:
@@ -92,6 +96,8 @@ BOMBS: dict[str, tuple[str, str, Callable[[Path], object]]] = {
     "MATLAB 7.3, a recording": ("raw", "r.mat", zeros_in_hdf5),
     "MATLAB 5, a table": ("table", "t.mat", zeros_in_mat),
     "MATLAB 5, a recording": ("raw", "r.mat", zeros_in_mat),
+    "MATLAB 4, a table": ("table", "t.mat", numbers_in_mat_4),
+    "MATLAB 4, a recording": ("raw", "r.mat", numbers_in_mat_4),
     "workbook": ("table", "t.xlsx", zeros_in_workbook),
     "Parquet of numbers": ("table", "t.parquet", numbers_in_parquet),
     "Parquet of texts": ("table", "t.parquet", texts_in_parquet),

@@ -56,7 +56,7 @@ def command_lines(draw: st.DrawFn) -> list[str]:
     """Draw a command, files for it and options, its own and others'."""
     command = draw(st.sampled_from((*QUICK, *SLOW)))
     files = draw(st.lists(st.sampled_from([*BAD, *GOOD] if command in QUICK else BAD), max_size=2))
-    options = draw(st.lists(st.sampled_from(OPTIONS), max_size=3))
+    options = draw(st.lists(st.sampled_from(OPTIONS), max_size=1))
     # What most commands cannot do without, so that more of them get as far as their files.
     out = draw(st.sampled_from([["--out", "out"], ["--out", "out/deep.csv"], ["--out", "records.csv"], []]))
     needs = {"export": ["--to", "tir"], "next": ["--goal", "k dual / single", "--precision", "2%"]}.get(command, [])

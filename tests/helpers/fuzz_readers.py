@@ -208,7 +208,8 @@ def fuzz(reader: Reader, examples: int, folder: Path, start: int = 0) -> Counter
 def main() -> None:
     """Fuzz every reader as often as the command line says, and print what came out."""
     examples = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
-    for name, reader in READERS.items():
+    for name in sys.argv[2:] or READERS:
+        reader = READERS[name]
         began = time.monotonic()
         with tempfile.TemporaryDirectory() as folder:
             counts = fuzz(reader, examples, Path(folder))

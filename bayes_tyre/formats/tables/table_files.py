@@ -17,7 +17,7 @@ from bayes_tyre.formats.tables.header import FIRST_LINE, NOTES, SEARCHED, UNITS_
 from bayes_tyre.formats.tables.mat_table import read_mat_table
 from bayes_tyre.formats.tables.workbook import read_rows, split_sheet
 from bayes_tyre.formats.tydex.table import read_tydex_table
-from bayes_tyre.formats.unpacked import check_parquet
+from bayes_tyre.formats.unpacked import MOST_BYTES, check_parquet
 from bayes_tyre.plain_text import reason
 from bayes_tyre.record import TEXT_COLUMNS
 
@@ -160,8 +160,12 @@ def read_table(path: Path, layout: Layout | None = None) -> pd.DataFrame:
         if file.stat().st_size == 0:
             raise BadInput(f"{path}: the file is empty; give at least a header and one record")
         return reader(path, layout)
-    except (BadInput, MemoryError):
+    except BadInput:
         raise
+    except MemoryError:
+        if file.stat().st_size > MOST_BYTES:
+            raise
+        raise BadInput(f"{path}: claims to hold more than the memory does; it may be damaged: save it again") from None
     except PermissionError:
         raise BadInput(f"{path}: may not be read; ask for the permission to read it") from None
     except Exception as error:  # parsers raise many kinds of error
