@@ -88,7 +88,9 @@ check: install  ## Run the fast part: ruff, pyright, import-linter, the tests no
 	@$(MAKE) --no-print-directory lint
 	@$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not slow"
 
-fuzz: install  ## Give 100,000 mutated raw files to the reader (COUNT=...): results, or its one error
+fuzz: install  ## Mutated files (COUNT=... of each kind) and 1,000 command lines: a result or one line
+	@PYTHONPATH=tests $(BIN)/python -m helpers.fuzz_commands $${LINES:-1000}
+	@PYTHONPATH=tests $(BIN)/python -m helpers.fuzz_readers $${COUNT:-20000}
 	@PYTHONPATH=tests $(BIN)/python -m helpers.fuzz_lvm $${COUNT:-100000}
 
 lint: install

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from bayes_tyre.cli import suffixes
+from bayes_tyre.cli import memory, suffixes
 from bayes_tyre.cli.interrupt import ending_at_interrupt
 from bayes_tyre.cli.messages import LONGEST_LINE, fault, one_line_each, say
 from bayes_tyre.cli.messages import note as note  # commands import these two from here
 from bayes_tyre.cli.messages import warn as warn
-from bayes_tyre.errors import BadInput
+from bayes_tyre.errors import BadInput, CutShort
+from bayes_tyre.formats.run_lock import sole_run
 from bayes_tyre.plain_text import listed, one_line
 
 if TYPE_CHECKING:
@@ -89,14 +90,28 @@ class Command(TyperCommand):
 
 def guarded(command: Callable[..., None]) -> Callable[..., None]:
     """Turn bad input and disk errors into one line on stderr and exit code 3, and print each warning in one line."""
+    for parameter in inspect.signature(command).parameters.values():
+        for option in getattr(parameter.annotation, "__metadata__", ()):
+            option.readable = (
+                False  # a file that may not be read is bad input, not the usage error that Typer makes of it
+            )
 
     @functools.wraps(command)
     def run(*args: Any, **kwargs: Any) -> None:
+        memory.within_limit(lambda: explained(*args, **kwargs), command.__name__)
+
+    def explained(*args: Any, **kwargs: Any) -> None:
         try:
-            with one_line_each(), ending_at_interrupt(*_resume_advice(command)):
+            with one_line_each(), ending_at_interrupt(*_resume_advice(command)), sole_run(kwargs.get("out")):
                 command(*args, **kwargs)
+        except CutShort as error:
+            fault("; ".join([str(error), *_resume_advice(command)]))
+            raise typer.Exit(BAD_INPUT) from None
         except BadInput as error:
             fault(error)
+            raise typer.Exit(BAD_INPUT) from None
+        except MemoryError:
+            fault(memory.too_little(command.__name__))
             raise typer.Exit(BAD_INPUT) from None
         except BrokenPipeError:  # the reader of the output has closed it; Typer ends silently
             raise

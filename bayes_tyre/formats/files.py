@@ -56,6 +56,16 @@ def whole_file(path: Path) -> Iterator[Path]:
             _unfinished.discard(beside)
 
 
+@contextmanager
+def removed_at_interrupt(path: Path) -> Iterator[None]:
+    """Have a file removed, as one that is being written, if the process is interrupted in the block."""
+    _unfinished.add(path)
+    try:
+        yield
+    finally:
+        _unfinished.discard(path)
+
+
 def remove_unfinished() -> None:
     """Remove every file that is being written, and block all others, because the process ends now."""
     _lock.acquire(timeout=2.0)  # s; a disk that hangs must not hold the process

@@ -6,6 +6,7 @@ import xarray as xr
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import whole_file
+from bayes_tyre.formats.unpacked import check_hdf5
 from bayes_tyre.plain_text import reason
 
 ENGINE = "h5netcdf"
@@ -31,14 +32,17 @@ def read_tree(path: Path) -> xr.DataTree:
     Raises
     ------
     BadInput
-        If the file is missing, a folder, or no netCDF that can be read.
+        If the file is missing, a folder, no netCDF that can be read, or one that unpacks to too much.
     """
     if path.is_dir():
         raise BadInput(f"{path}: is a folder, not a netCDF file; name a folder that fit wrote")
     if not path.is_file():
         raise BadInput(f"{path}: no such file; name a folder that fit wrote")
     try:
+        check_hdf5(path)
         with xr.open_datatree(path, engine=ENGINE) as tree:
             return tree.load()
+    except (BadInput, MemoryError):
+        raise
     except Exception as error:  # HDF5 raises several kinds of error
         raise BadInput(f"{path}: cannot be read as netCDF: {reason(error)}; run fit again") from error

@@ -14,6 +14,7 @@ from typing import Any
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import write_text
+from bayes_tyre.formats.structured_text import read_json
 from bayes_tyre.formats.tables.workbook import split_sheet
 from bayes_tyre.inference.sampling.run import SamplerRun
 
@@ -95,10 +96,10 @@ def read_run(path: Path, by: str = "fit") -> dict[str, Any]:
     if not path.is_file():
         raise BadInput(f"{path}: no such file; name the run.json in a folder that {by} wrote")
     try:
-        run = json.loads(path.read_text(encoding="utf-8"))
+        run = read_json(path)
         command = shlex.split(run["command"])[1]
         complete = all(isinstance(run[name], dict) for name in _TABLES) and isinstance(run["seed"], int)
-    except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError, IndexError, AttributeError):
         command, complete = "", False
     if not complete:
         raise BadInput(f"{path}: is not what {by} writes; name the run.json in a folder that {by} wrote")

@@ -1,6 +1,5 @@
 """The machine as read from a TOML file."""
 
-import tomllib
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +14,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.structured_text import read_toml
 from bayes_tyre.plain_text import reason
 from bayes_tyre.rig.channels import Channels, Section
 from bayes_tyre.rig.faults import EXPLAINED, first_fault
@@ -183,14 +183,14 @@ def load_rig(name_or_path: str | Path) -> Rig:
     embedded = str(name_or_path) in EMBEDDED_RIGS
     path = data_path(f"rigs/{name_or_path}.toml") if embedded else Path(name_or_path)
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        content = read_toml(path)
     except IsADirectoryError:
         raise BadInput(f"{path}: is a folder, not a rig file; name {_CHOICES}") from None
     except FileNotFoundError:
         raise BadInput(f"{path}: no such rig file; name {_CHOICES}") from None
     except OSError as error:
         raise BadInput(f"{path}: cannot be read: {error.strerror}; name {_CHOICES}") from None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise BadInput(f"{path}: cannot be read as TOML: {reason(error)}; mend the file") from None
     try:
         return Rig.model_validate(content)

@@ -1,7 +1,6 @@
 """A record table, or the published tables, in; a posterior's folder out."""
 
 import shlex
-import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -11,6 +10,7 @@ import pandas as pd
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder
+from bayes_tyre.formats.structured_text import read_toml
 from bayes_tyre.formats.tables.column_map import read_column_map
 from bayes_tyre.formats.tables.workbook import split_sheet
 from bayes_tyre.inference.diagnostics.attempts import Attempts
@@ -232,8 +232,8 @@ def read_priors(path: Path | None) -> Priors:
     if path is None:
         return PRIORS
     try:
-        return PRIORS.changed(tomllib.loads(path.read_text(encoding="utf-8-sig")))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        return PRIORS.changed(read_toml(path))
+    except (OSError, ValueError) as error:
         raise BadInput(f"--priors {path}: cannot be read as TOML: {error}") from None
     except BadInput as error:
         raise BadInput(f"{path}: {error}") from None

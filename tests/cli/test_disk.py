@@ -34,6 +34,7 @@ from helpers.coverage_studies import estimated
 from helpers.law_rankings import ranked
 from helpers.left_out import made_up
 from helpers.motion_studies import studied
+from helpers.permissions import permissions
 from helpers.quick_fits import put_draws_for_the_sampler, write_result
 from helpers.quick_motions import put_draws_for_the_motions
 
@@ -238,7 +239,7 @@ def test_a_place_where_nobody_may_write_is_refused_before_the_work(command, give
     assert_refused(done.exit_code, done.stderr, "/proc/x")
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere: permissions do not bind")
+@permissions
 @pytest.mark.parametrize("command", WRITERS)
 def test_a_folder_without_the_permission_to_write_is_refused(command, given, quick, tmp_path):
     tmp_path.chmod(0o500)

@@ -1,7 +1,6 @@
 """Files that are missing, broken or of another kind: each command says which and what to do, and writes nothing."""
 
 import json
-import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from helpers.command_line import ON_RESULTS, ON_TABLES, assert_refused, here, installed, small, text_of, tree_of
+from helpers.permissions import permissions
 from helpers.quick_fits import write_result
 
 from bayes_tyre.formats.tables.table_files import write_table
@@ -131,7 +131,7 @@ def test_the_installed_command_refuses_what_is_no_result(a_result, tmp_path):
     assert tree_of(tmp_path) == before
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything: permissions do not bind")
+@permissions
 @pytest.mark.parametrize("command", ON_TABLES)
 def test_a_table_without_the_permission_to_read_is_refused(command, tmp_path):
     path = tmp_path / "records.csv"

@@ -156,7 +156,8 @@ def test_to_resume_with_another_law_or_rig_is_refused_before_the_estimates_are_l
 
 def test_with_no_usable_file_there_are_reasons_alone(raw, tmp_path):
     done = here("motion", raw / "DynamicS(0)30-20(3).lvm", "--out", tmp_path / "out", *FEW)
-    assert_refused(done.exit_code, done.stderr, "rejected.csv", "none of 1 files")
+    file = f"{raw / 'DynamicS(0)30-20(3).lvm'}: "
+    assert_refused(done.exit_code, done.stderr, file, "none of 1 files", "rejected.csv")
     assert set(tree_of(tmp_path / "out")) == {"rejected.csv"}
 
 

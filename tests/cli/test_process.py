@@ -61,12 +61,13 @@ def done(raw, tmp_path_factory):
 
 
 def test_every_file_is_a_record_or_a_reason(done):
-    out, stdout, _ = done
+    out, stdout, stderr = done
     records, rejected = pd.read_csv(out / "records.csv"), pd.read_csv(out / "rejected.csv")
     assert stdout.splitlines()[-1] == "3 records, 3 rejected"
     assert set(records["record"]) == {"S(0)30-20(1)", "S(0)20-30(2)", "D(0)30-40(3)"}
     assert set(records["origin"]) == {"simulated"}
     assert {*FACTORS, "time_s", "displacement_sd_mm", "force_sd_kN", "mass_kg", "load_clarity"} <= set(records)
+    assert stderr == "".join(f"bayes-tyre: warning: {file}: {why}\n" for file, why in rejected.to_numpy())
     reasons = rejected.assign(file=[name.split("/")[-1] for name in rejected["file"]]).set_index("file")["reason"]
     assert "a step needs 5" in reasons["DynamicS(0)30-20(2).lvm"]
     assert "--cases" in reasons["run7.lvm"]
@@ -168,9 +169,10 @@ def test_with_no_usable_file_there_are_reasons_alone(raw, tmp_path):
     out.mkdir()
     (out / "records.csv").write_text("of an earlier run")
     done = here("process", raw / "DynamicS(0)30-20(3).lvm", "--out", out / "records.csv")
-    assert_refused(done.exit_code, done.stderr, "rejected.csv", "none of 1 files")
+    (reason,) = pd.read_csv(out / "rejected.csv")["reason"]
+    file = raw / "DynamicS(0)30-20(3).lvm"
+    assert_refused(done.exit_code, done.stderr, f"{file}: {reason}; ", "none of 1 files", "rejected.csv")
     assert set(tree_of(out)) == {"rejected.csv"}
-    assert len(pd.read_csv(out / "rejected.csv")) == 1
 
 
 def test_a_fault_of_ours_in_one_file_is_a_row(raw, tmp_path, monkeypatch):
@@ -246,7 +248,7 @@ def test_a_cluster_gives_the_same_bytes_and_what_it_did_outlives_its_scheduler(d
             address = cluster.stdout.readline().strip()
             command = ["process", raw, "--cluster", address, "--figures"]
             whole = here(*command, tmp_path / "a" / "pictures", "--out", tmp_path / "a" / "records.csv")
-            assert whole.stderr == ""
+            assert whole.stderr == done[2]
             assert whole.exit_code == 0
             assert_same(done[0], tmp_path / "a")
             lock.touch()

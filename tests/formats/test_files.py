@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from helpers.permissions import permissions
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder, whole_file, write_text
@@ -100,7 +101,7 @@ def test_a_place_where_nobody_may_write_is_refused():
         check_folder(Path("/proc/x"))
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere: permissions do not bind")
+@permissions
 def test_a_folder_without_the_permission_to_write_is_refused(tmp_path):
     tmp_path.chmod(0o500)
     with pytest.raises(BadInput, match="Permission denied"):

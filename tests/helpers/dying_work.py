@@ -63,3 +63,8 @@ def make(task: Task) -> Done | Fault:
     if text == "bad":
         return Fault("it is bad; mend it")
     return Done(Counted({"record": text, "force_kN": [0.1, 1 / 3]}), b"png" if task.picture else None)
+
+
+def slowly(task: Task) -> str:
+    time.sleep(0.05)
+    return task.file.name

@@ -8,6 +8,7 @@ import tempfile
 import time
 import warnings
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -41,15 +42,15 @@ EXCHANGES = [
 
 
 @st.composite
-def mutated(draw: st.DrawFn) -> bytes:
+def mutated(draw: st.DrawFn, seeds: Sequence[bytes] = SEEDS, tokens: Sequence[bytes] = TOKENS) -> bytes:
     """Draw one of the files, changed in one to four ways."""
-    data = draw(st.sampled_from(SEEDS))
+    data = draw(st.sampled_from(seeds))
     for _ in range(draw(st.integers(1, 4))):
-        data = _changed(data, draw)
+        data = _changed(data, draw, seeds, tokens)
     return data
 
 
-def _changed(data: bytes, draw: st.DrawFn) -> bytes:
+def _changed(data: bytes, draw: st.DrawFn, seeds: Sequence[bytes], tokens: Sequence[bytes]) -> bytes:
     way = draw(st.integers(0, 8))
     at, to = sorted((draw(st.integers(0, len(data))), draw(st.integers(0, len(data)))))
     if way == 0:
@@ -59,12 +60,12 @@ def _changed(data: bytes, draw: st.DrawFn) -> bytes:
     if way == 2:
         return data[:at]
     if way == 3:
-        return data[:at] + draw(st.sampled_from(TOKENS)) + data[at:]
+        return data[:at] + draw(st.sampled_from(tokens)) + data[at:]
     if way == 4:
         before, after = draw(st.sampled_from(EXCHANGES))
         return data.replace(before, after)
     if way == 5:
-        other = draw(st.sampled_from(SEEDS))
+        other = draw(st.sampled_from(seeds))
         return data[:at] + other[draw(st.integers(0, len(other))) :]
     lines = data.split(b"\n")
     i, j = draw(st.integers(0, len(lines) - 1)), draw(st.integers(0, len(lines) - 1))

@@ -99,12 +99,15 @@ def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path,
     from bayes_tyre.runtime import prepare_jax
     from bayes_tyre.workflow.execution.resume import Callbacks
     from bayes_tyre.workflow.raw.motion import estimate_files, fit_estimates
+    from bayes_tyre.workflow.raw.raw_records import REJECTED, rejection_notes
 
     sampler = plan.sampler
     prepare_jax(sampler.chains)
     began = time.monotonic()
     with shell.progress("motion", len(files), quiet) as advance:
         estimated = estimate_files(files, plan, machines, out, advance)
+    for text in rejection_notes(estimated.rejected, out / REJECTED):
+        shell.warn(text)
     counts = f"{len(estimated.table)} records, {len(estimated.rejected)} rejected"
     shell.say(f"{counts} (data: {estimated.origin}), {sampler.chains} chains", quiet)
     with shell.progress("hierarchy", sampler.warmup + sampler.draws, quiet) as advance:

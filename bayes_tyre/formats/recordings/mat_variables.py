@@ -9,10 +9,9 @@ import numpy as np
 import scipy.io
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.unpacked import check_hdf5, check_mat_5
 from bayes_tyre.plain_text import reason
 
-#: Bytes of one variable: a damaged or empty one may claim any size.
-_MOST_BYTES = 1 << 32
 #: Attributes of what is stored as arrays and is none.
 _NO_VECTORS = {"MATLAB_empty", "MATLAB_object_decode", "MATLAB_sparse"}
 _REAL = "buif"
@@ -45,7 +44,9 @@ def read_mat(path: Path) -> dict[str, np.ndarray | str]:
         raise BadInput(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; check the path")
     try:
         if h5py.is_hdf5(path):
+            check_hdf5(path)
             return _of_hdf5(path)
+        check_mat_5(path)
         with warnings.catch_warnings(), path.open("rb") as opened:
             warnings.simplefilter("ignore")  # on variables of one name, and on objects
             content = scipy.io.loadmat(opened, simplify_cells=True)
@@ -81,8 +82,6 @@ def _of_hdf5(path: Path) -> dict[str, np.ndarray | str]:
         if isinstance(item, h5py.Group) or name.startswith("#") or kinds & _NO_VECTORS:
             return
         name = name.replace("/", ".")
-        if item.nbytes > _MOST_BYTES:
-            raise BadInput(f"{path}: variable {name}: {item.nbytes} bytes are no recording; save it again")
         if item.attrs.get("MATLAB_class") == b"char" and item.dtype == np.uint16:
             found[name] = item[()].ravel("F").tobytes().decode("utf-16-le")
         elif item.dtype.kind in _REAL:

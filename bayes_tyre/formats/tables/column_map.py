@@ -1,6 +1,5 @@
 """The column map of a lab (`--columns MAP.toml`): its names, units, values and constants, turned into ours."""
 
-import tomllib
 from collections import Counter
 from pathlib import Path
 from typing import Annotated, Literal
@@ -10,6 +9,7 @@ import pandas as pd
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.structured_text import read_toml
 from bayes_tyre.formats.tables.header import FIRST_LINE, NOTES, UNITS, UNITS_ROW, Layout
 from bayes_tyre.formats.x_column import unit_in
 from bayes_tyre.plain_text import listed, quoted, reason
@@ -171,10 +171,10 @@ def read_column_map(path: Path | None) -> ColumnMap:
     if path is None:
         return ColumnMap()
     try:
-        return ColumnMap.model_validate(tomllib.loads(path.read_text(encoding="utf-8-sig")))
+        return ColumnMap.model_validate(read_toml(path))
     except ValidationError as error:
         raise BadInput(f"--columns {path}: {_first_fault(error)}; mend the map") from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+    except (OSError, ValueError) as error:
         raise BadInput(f"--columns {path}: cannot be read as TOML: {reason(error)}; mend the map") from None
 
 

@@ -14,6 +14,8 @@ from typing import BinaryIO, NamedTuple, TextIO
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables.header import SEARCHED, Layout, units_in
 
+#: Characters of a header, and columns.
+MOST_HEADER, MOST_COLUMNS = 500_000, 5000
 #: What may separate cells, the usual one first.
 SEPARATORS = (",", ";", "\t")
 # UTF-32 before UTF-16: its little-endian mark begins with that of UTF-16.
@@ -68,6 +70,7 @@ def find_dialect(path: Path, layout: Layout | None = None) -> Dialect:
     encoding = _encoding(path)
     with path.open(encoding=encoding, newline="") as lines:
         above = _lines_above(lines, layout)
+        _check_length(path, lines_below(lines, above))
         separator = _separator(lines_below(lines, above))
         reader = csv.reader(lines_below(lines, above), delimiter=separator)
         filled = ((i, row, above + reader.line_num) for i, row in enumerate(reader) if "".join(row).strip())
@@ -77,6 +80,11 @@ def find_dialect(path: Path, layout: Layout | None = None) -> Dialect:
         below, cells, line = next(filled, (0, [], 0)) if layout is not None else (0, [], 0)
     units = units_in(cells)
     return header._replace(units=units, units_row=below, first_line=line + 1) if units else header
+
+
+def _check_length(path: Path, lines: TextIO) -> None:
+    if len(lines.readline(MOST_HEADER)) == MOST_HEADER:
+        raise BadInput(f"{path}: its header has over {MOST_HEADER} characters; give a table with a column a channel")
 
 
 def lines_below(lines: TextIO, above: int) -> TextIO:
@@ -144,6 +152,8 @@ def _check_names(path: Path, names: list[str]) -> None:
         raise BadInput(
             f"{path}: the first line, {names[0][:20]!r}, is a hint to a spreadsheet and no header; remove it"
         )
+    if len(names) > MOST_COLUMNS:
+        raise BadInput(f"{path}: has {len(names)} columns, over {MOST_COLUMNS}; keep those of the records")
     names = [name.strip() for name in names]
     twice = next((name for i, name in enumerate(names) if name and name in names[:i]), None)
     if twice is not None:  # pandas would rename the second, and it would pass for a column of its own

@@ -10,6 +10,7 @@ import pandas as pd
 from scipy.io import loadmat
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.unpacked import check_hdf5, check_mat_5
 from bayes_tyre.plain_text import listed, quoted
 
 _WHAT = "save one struct of vectors, or vectors alone, of equal length"
@@ -52,11 +53,13 @@ def _column(path: Path, name: str, value: Any) -> np.ndarray:
 
 
 def _read_version_5(path: Path) -> dict[str, Any]:
+    check_mat_5(path)
     loaded = loadmat(path, simplify_cells=True)
     return {name: value for name, value in loaded.items() if not name.startswith("__")}
 
 
 def _read_hdf5(path: Path) -> dict[str, Any]:
+    check_hdf5(path)
     with h5py.File(path) as file:
         return {name: _hdf5_value(file, item) for name, item in file.items() if not name.startswith("#")}
 

@@ -17,9 +17,12 @@ from bayes_tyre.formats.tables.header import FIRST_LINE, NOTES, SEARCHED, UNITS_
 from bayes_tyre.formats.tables.mat_table import read_mat_table
 from bayes_tyre.formats.tables.workbook import read_rows, split_sheet
 from bayes_tyre.formats.tydex.table import read_tydex_table
+from bayes_tyre.formats.unpacked import MOST_BYTES, check_parquet
 from bayes_tyre.plain_text import reason
 from bayes_tyre.record import TEXT_COLUMNS
 
+#: Characters of one cell.
+MOST_TEXT = 10_000
 _WORKBOOKS = (".xlsm", ".xlsb", ".xls", ".ods")
 _TEXTS = (".txt", ".tsv", ".dat", ".asc")
 
@@ -63,6 +66,7 @@ def _parse(path: Path, dialect: Dialect, decimal: str, ours: Sequence[str]) -> p
 
 
 def _read_parquet(path: Path, layout: Layout | None) -> pd.DataFrame:
+    check_parquet(path)
     return _renamed(map_texts(pd.read_parquet(path), _text), path, layout)
 
 
@@ -99,6 +103,8 @@ def _read_xlsx(path: Path, layout: Layout | None) -> pd.DataFrame:
 
 
 def _text(text: str) -> str:
+    if len(text) > MOST_TEXT:
+        raise ValueError(f"a text of {len(text)} characters is no label ({text[:40]!r}...)")
     if "\0" in text:  # a netCDF file could not hold it
         raise ValueError(f"{text[:40]!r} holds a zero byte, which is no text")
     return text
@@ -154,8 +160,12 @@ def read_table(path: Path, layout: Layout | None = None) -> pd.DataFrame:
         if file.stat().st_size == 0:
             raise BadInput(f"{path}: the file is empty; give at least a header and one record")
         return reader(path, layout)
-    except (BadInput, MemoryError):
+    except BadInput:
         raise
+    except MemoryError:
+        if file.stat().st_size > MOST_BYTES:
+            raise
+        raise BadInput(f"{path}: claims to hold more than the memory does; it may be damaged: save it again") from None
     except PermissionError:
         raise BadInput(f"{path}: may not be read; ask for the permission to read it") from None
     except Exception as error:  # parsers raise many kinds of error

@@ -61,9 +61,10 @@ def read_rows(path: Path, title: str | None = None) -> Sheet:
         raise BadInput(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; check the path")
     _check_archive(path)
     try:
-        with warnings.catch_warnings():
+        # Opened here, because the library leaves a file open where it fails.
+        with path.open("rb") as file, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # on styles and extensions, which are not read
-            book = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
+            book = openpyxl.load_workbook(file, read_only=True, data_only=True, keep_links=False)
             try:
                 return _sheet(book, path, title)
             finally:

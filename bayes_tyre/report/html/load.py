@@ -1,6 +1,5 @@
 """A finished result as the document shows it: what its folder holds, read once and checked for shape."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.structured_text import read_json
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.record import CASE_FACTORS
 from bayes_tyre.results.columns import numbers, texts
@@ -117,11 +117,11 @@ def read_reported(folder: Path, name: str) -> Reported:
 
 def _object(path: Path, needed: dict[str, Any]) -> dict[str, Any]:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
         complete = isinstance(content, dict) and all(
             isinstance(content.get(name), kind) for name, kind in needed.items()
         )
-    except (OSError, ValueError, RecursionError):
+    except (OSError, ValueError):
         complete = False
     if not complete:
         raise BadInput(f"{path}: is not what fit writes; run fit again")

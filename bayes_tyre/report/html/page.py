@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
+from unicodedata import category
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
@@ -36,6 +37,8 @@ CHECKS = {
     "bfmi_min": "smallest BFMI",
     "divergences": "divergences",
 }
+#: Kinds of characters that show nothing, and may change how others are shown.
+_UNSEEN = ("Cc", "Cf", "Cn", "Co", "Cs")
 #: The most letters of what `run.json` says.
 _LONG = 2000
 
@@ -82,13 +85,25 @@ def rendered(template: str, **values: Any) -> str:
     """Return a page of a template: its values, style, script and version; values are text, never markup."""
     loader = FileSystemLoader(TEMPLATES)
     templates = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=loader,
+        autoescape=True,
+        finalize=_seen,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
     style, script = (Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("report.css", "sort.js"))
     page = templates.get_template(template)
     return page.render(
         style=style, script=script, policy=_policy(style, script), version=version("bayes-tyre"), **values
     )
+
+
+def _seen(value: Any) -> Any:
+    """Return a text with U+FFFD for what is not seen: marks of direction, characters without width, controls."""
+    if not isinstance(value, str) or isinstance(value, Markup) or value.isprintable():
+        return value
+    return "".join("\N{REPLACEMENT CHARACTER}" if category(c) in _UNSEEN and c != "\n" else c for c in value)
 
 
 def _policy(style: str, script: str) -> str:

@@ -1,6 +1,5 @@
 """The table of a result beside the truth, for the terminal: record by record, then how far off it is."""
 
-import json
 import math
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.structured_text import read_json
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.plain_text import one_line
 from bayes_tyre.results.recovery import (
@@ -74,7 +74,7 @@ def _title(folder: Path) -> str:
     if not (folder / REPEATS).is_file():
         return f"{one_line(folder, None)} (least squares)"
     try:
-        diagnostics = json.loads((folder / "diagnostics.json").read_text(encoding="utf-8"))
+        diagnostics = read_json(folder / "diagnostics.json")
         verdict = "; ".join([f"verdict: {diagnostics['verdict']}", *map(str, diagnostics["reasons"])])
     except (OSError, ValueError, KeyError, TypeError):
         verdict = "no verdict: diagnostics.json is missing or not what fit writes"

@@ -1,6 +1,5 @@
 """The short table that a run ends with: k, beta and more by configuration and direction, and how far to trust them."""
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.structured_text import read_json
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.plain_text import one_line
 from bayes_tyre.report.terminal.fits_table import print_fits
@@ -44,8 +44,8 @@ def overview_rows(folder: Path) -> pd.DataFrame:
             f"{folder}: holds no run.json, so no finished result; name a folder that fit, lsq or load-deflection wrote"
         )
     try:
-        origin = str(json.loads((folder / "run.json").read_text(encoding="utf-8"))["origin"])
-    except (ValueError, KeyError, TypeError, RecursionError):
+        origin = str(read_json(folder / "run.json")["origin"])
+    except (ValueError, KeyError, TypeError):
         raise BadInput(f"{folder / 'run.json'}: is not what fit writes; run fit again") from None
     path = folder / "summary.csv"
     table = read_table(path)
@@ -87,8 +87,8 @@ def print_overview(folders: list[Path], console: Console | None = None) -> None:
 def limitations(folder: Path) -> list[str]:
     """Return the limitations in a result's `diagnostics.json`: what is weakly identified; none where it has none."""
     try:
-        limitations = json.loads((folder / "diagnostics.json").read_text(encoding="utf-8"))["limitations"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        limitations = read_json(folder / "diagnostics.json")["limitations"]
+    except (OSError, ValueError, KeyError, TypeError):
         return []
     return [each for each in limitations if isinstance(each, str)] if isinstance(limitations, list) else []
 

@@ -59,7 +59,7 @@ def run_batch[T: FileTask](
     Raises
     ------
     BadInput
-        If the cluster cannot be reached, before anything is written; if it is lost.
+        If the cluster cannot be reached, before anything is written; if it, or all its workers, are lost.
     """
     outcomes: dict[int, Path | Fault] = {}
     keys: set[str] = set()
@@ -123,7 +123,8 @@ def _until_death[T, R](
     with executors.start() as executor:
         while True:
             with executors.explained():
-                for i in islice(todo, 0 if doubtful else max(0, executors.capacity() - len(waiting))):
+                room = executors.capacity() - len(waiting)
+                for i in islice(todo, 0 if doubtful else max(0, room)):
                     try:
                         waiting[executor.submit(work, tasks[i])] = i
                     except executors.worker_died:

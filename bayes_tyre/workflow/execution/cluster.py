@@ -6,13 +6,14 @@ are cancelled, or never done. Both are checked here.
 
 import asyncio
 import logging
+import time
 import warnings
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any, cast, override
 
-from bayes_tyre.errors import BadInput
+from bayes_tyre.errors import BadInput, CutShort
 from bayes_tyre.plain_text import reason
 from bayes_tyre.workflow.execution.executors import TASKS_PER_WORKER, Executors
 
@@ -26,6 +27,8 @@ _REQUIRED = ("python", "distributed", "bayes-tyre")
 _NUMERICAL = ("numpy", "scipy", "pandas", "jax")
 #: s; to connect to a scheduler, and to disconnect from one.
 _CONNECT_TIMEOUT, _CLOSE_TIMEOUT = 10, 2
+#: s; how long a cluster that has lost all its workers may be without one.
+WITHOUT_WORKERS = 60
 
 
 class WorkerMismatch(Exception):
@@ -155,7 +158,10 @@ class _ClusterExecutor(Executor):
 
 
 def cluster_executors(client: "Client", address: str) -> Executors:
-    """Return executors on the cluster of a connected client; the address is for messages."""
+    """Return executors on the cluster of a connected client; the address is for messages.
+
+    Their `capacity` raises `CutShort` once the cluster, which has had workers, has been without any for a minute.
+    """
     from distributed import KilledWorker
 
     @contextmanager
@@ -163,8 +169,18 @@ def cluster_executors(client: "Client", address: str) -> Executors:
         with _ClusterExecutor(client) as executor:
             yield executor
 
+    seen: float | None = None
+
     def capacity() -> int:
+        nonlocal seen
         threads = cast("dict[str, int]", client.nthreads())
+        if threads:
+            seen = time.monotonic()
+        elif seen is not None and time.monotonic() - seen > WITHOUT_WORKERS:
+            raise CutShort(
+                f"--cluster {address}: all workers are lost, and none has come for {WITHOUT_WORKERS} s; finished files "
+                "are kept: start workers and continue with --resume"
+            )
         return TASKS_PER_WORKER * max(1, sum(threads.values()))
 
     return Executors(start, capacity, KilledWorker, lambda: _explained(client, address))
@@ -172,14 +188,16 @@ def cluster_executors(client: "Client", address: str) -> Executors:
 
 @contextmanager
 def _explained(client: "Client", address: str) -> Iterator[None]:
-    """Turn what Dask raises when the scheduler is lost into `BadInput` that says how to resume."""
+    """Turn what Dask raises when the scheduler is lost into `CutShort` that says how to resume."""
     try:
         yield
+    except CutShort:
+        raise
     except Exception as error:
         # A client without its scheduler fails in many ways, some of them inside Dask.
         if client.status == "running" and not isinstance(error, CancelledError | OSError | RuntimeError):
             raise
-        raise BadInput(
+        raise CutShort(
             f"--cluster {address}: the scheduler is lost ({type(error).__name__}); finished files are kept: start "
             "it again and continue with --resume"
         ) from None

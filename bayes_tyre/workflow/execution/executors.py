@@ -25,7 +25,7 @@ class Executors(NamedTuple):
     start:
         Start an executor; leaving its context cancels what has not run.
     capacity:
-        Return how many tasks to keep submitted.
+        Return how many tasks to keep submitted; called at every look at the futures.
     worker_died:
         What a future, or `submit`, raises after a worker died.
     explained:

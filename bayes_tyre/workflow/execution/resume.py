@@ -1,6 +1,5 @@
 """Starting a run of the sampler in a folder: anew, from its checkpoints, or not at all where it is finished."""
 
-import json
 import math
 import shlex
 from collections.abc import Callable
@@ -9,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.structured_text import read_json
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
 from bayes_tyre.inference.sampling.checkpoint import Checkpoints
 from bayes_tyre.inference.sampling.run import SamplerSettings
@@ -109,7 +109,7 @@ def _refuse_other(where: Path, other: str) -> None:
 def _read_diagnostics(out: Path) -> Diagnostics:
     path = out / "diagnostics.json"
     try:
-        stored: Any = json.loads(path.read_text(encoding="utf-8"))
+        stored: Any = read_json(path)
         numbers = {name: math.nan if value is None else value for name, value in stored.items()}
         sentences = {name: tuple(stored[name]) for name in ("reasons", "limitations") if name in stored}
         return Diagnostics(**{**numbers, **sentences})

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from bayes_tyre.formats.files import remove_leftovers, whole_file, write_text
+from bayes_tyre.formats.structured_text import read_json
 from bayes_tyre.formats.tables.joined import is_part, write_part
 from bayes_tyre.workflow.execution.outcome import Done, Fault
 
@@ -45,7 +46,7 @@ class TaskCache:
         """Return the result cached under a fingerprint, or None; None too where the wanted picture is missing."""
         reason, result = self.folder / f"{key}{_REASON}", self.folder / f"{key}{_RESULT}"
         try:
-            return Fault(json.loads(reason.read_text(encoding="utf-8")))
+            return Fault(read_json(reason))
         except (OSError, ValueError):  # a power cut may leave a file empty
             pass
         return result if is_part(result) and (picture is None or self._is_drawn(key, picture)) else None

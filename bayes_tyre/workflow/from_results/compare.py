@@ -1,6 +1,5 @@
 """Comparison of models fitted to the same records or raw files, from their result folders: `comparison.csv`."""
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,7 +18,7 @@ from bayes_tyre.inference.motion.hierarchy.leave_one_out import leave_one_motion
 from bayes_tyre.inference.sampling.datatree import is_of_motions
 from bayes_tyre.inference.sampling.run import SamplerSettings, kept_acceptance
 from bayes_tyre.results.model_comparison import by_record, compare, sentence
-from bayes_tyre.results.provenance import RUN_JSON
+from bayes_tyre.results.provenance import RUN_JSON, read_run
 from bayes_tyre.workflow.fit import Plan, planned_in
 from bayes_tyre.workflow.from_results.predict import Result, read_posterior, read_result
 from bayes_tyre.workflow.record_tables import read_given
@@ -127,7 +126,7 @@ def _motions(folders: Mapping[str, Path], trees: Mapping[str, xr.DataTree]) -> d
     BadInput
         If results are of other raw files, rigs or records.
     """
-    runs = {name: json.loads((folder / RUN_JSON).read_text("utf-8")) for name, folder in folders.items()}
+    runs = {name: read_run(folder / RUN_JSON, "motion") for name, folder in folders.items()}
     records = {name: list(tree["posterior"]["record"].to_numpy()) for name, tree in trees.items()}
     other, like = next(iter(runs.items()))
     for name, run in runs.items():

@@ -1,7 +1,6 @@
 """The tests to run next, from a result's folder: `next.csv`, `plan.csv` and a figure."""
 
 import math
-import tomllib
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +9,7 @@ from pydantic import ValidationError
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import prepare_folder, whole_file
+from bayes_tyre.formats.structured_text import read_toml
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.sampling.datatree import tree_cases
 from bayes_tyre.plain_text import reason
@@ -99,8 +99,8 @@ def read_costs(path: Path | None) -> Costs:
     if path is None:
         return Costs(minutes_per_test=1.0)
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError, RecursionError) as error:
+        content = read_toml(path)
+    except (OSError, ValueError) as error:
         raise BadInput(f"--cost {path}: cannot be read as TOML: {reason(error)}; {_EXPLAINED}") from None
     try:
         return Costs.model_validate(content)

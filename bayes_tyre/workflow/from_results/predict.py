@@ -1,6 +1,5 @@
 """Prediction from a result's folder: `prediction.csv` and `prediction.toml`."""
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib.metadata import version
@@ -14,6 +13,7 @@ import xarray as xr
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, whole_file, write_text
 from bayes_tyre.formats.netcdf import read_tree
+from bayes_tyre.formats.structured_text import read_json
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.sampling.datatree import law_of
 from bayes_tyre.record import Case
@@ -67,8 +67,8 @@ def read_posterior(folder: Path) -> tuple[Path, xr.DataTree, str]:
         raise BadInput(f"{folder}: holds no run.json, so no finished result; name a folder that fit wrote")
     diagnostics = folder / "diagnostics.json"
     try:
-        verdict = json.loads(diagnostics.read_text(encoding="utf-8"))["verdict"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        verdict = read_json(diagnostics)["verdict"]
+    except (OSError, ValueError, KeyError, TypeError):
         verdict = None
     if verdict not in VERDICTS:
         raise BadInput(f"{diagnostics}: holds no verdict; run fit again")

@@ -22,8 +22,8 @@ from bayes_tyre.workflow.raw.raw_records import REJECTED, attempted, none_usable
 
 def process_files(
     files: Sequence[Path], settings: Settings, machines: Machines, out: Path, on_progress: Callable[[int], None]
-) -> tuple[int, int]:
-    """Write the record table of raw files and `rejected.csv` beside it; return how many records, how many rejected.
+) -> tuple[int, pd.DataFrame]:
+    """Write the record table of raw files and `rejected.csv` beside it; return how many records, and what is rejected.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def process_files(
         cache.remove()
         raise none_usable(out.parent / REJECTED, rows, len(tasks))
     write_joined(records, out)
-    return len(records), len(rows)
+    return len(records), rows
 
 
 def process_file(task: Task) -> Done | Fault:

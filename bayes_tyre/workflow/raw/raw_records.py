@@ -15,6 +15,8 @@ from bayes_tyre.workflow.execution.outcome import Done, Fault
 from bayes_tyre.workflow.raw.process_tasks import Task
 
 REJECTED = "rejected.csv"
+#: Most rejected files named on the terminal; the table has them all.
+_NAMED = 3
 #: In the notes of files that the simulator wrote.
 _SIMULATED = "simulated by bayes-tyre"
 
@@ -63,6 +65,17 @@ def rejected(files: Sequence[Path], outcomes: Sequence[Path | Fault]) -> pd.Data
 
 
 def none_usable(path: Path, rows: pd.DataFrame, tasks: int) -> BadInput:
-    """Return what to raise where no file can be used, `rejected.csv` written."""
-    first = f": {rows['reason'].iloc[0]}" if len(rows) else ""
-    return BadInput(f"{path}: none of {tasks} files can be used, the first{first}")
+    """Return what to raise where no file can be used, `rejected.csv` written: the first file, and why."""
+    (first,) = rejections(rows.head(1)) or ("no files",)
+    return BadInput(f"{first}; none of {tasks} files can be used, see {path}")
+
+
+def rejections(rows: pd.DataFrame) -> list[str]:
+    """Return a line for each of the first few rejected files: the file, and why it has no result."""
+    return [f"{file}: {reason}" for file, reason in rows.head(_NAMED).itertuples(index=False)]
+
+
+def rejection_notes(rows: pd.DataFrame, path: Path) -> list[str]:
+    """Return what to say of rejected files where others have a result: the first few, and where all are listed."""
+    more = len(rows) - _NAMED
+    return [*rejections(rows), *([f"{more} more files are rejected: see {path}"] if more > 0 else [])]

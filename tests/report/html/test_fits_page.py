@@ -3,6 +3,7 @@
 import re
 
 import pandas as pd
+import pytest
 from helpers.reported_results import SCRIPT
 
 from bayes_tyre.report.html.figures import stored_figures
@@ -35,6 +36,17 @@ def test_labels_and_statuses_are_text_and_the_page_asks_for_nothing_outside():
     assert page.count("&lt;script&gt;") >= 2
     assert "default-src &#39;none&#39;" in page
     assert not re.findall(r"(?:src|href)=\"(?!data:|#)", page)
+
+
+@pytest.mark.parametrize("unseen", ["\u202e", "\u2066", "\u200b", "\u200d", "\ufeff", "\u00ad", "\x1b", "\x7f"])
+def test_characters_that_show_nothing_or_turn_others_round_are_replaced_everywhere(unseen):
+    names = Column(
+        "test", "", pd.Series([f"a{unseen}b", f"{unseen}\u00e9 \u05d0"]), pd.Series([float("nan")] * 2), True
+    )
+    page = fits_document([FitTable(f"slow{unseen} tests", [names], pd.Series(["ok", unseen]), f"measured{unseen}")], [])
+    assert unseen not in page
+    assert "a\N{REPLACEMENT CHARACTER}b" in page
+    assert "\u00e9 \u05d0" in page
 
 
 def test_figures_stand_in_the_page_with_a_heading(tmp_path):

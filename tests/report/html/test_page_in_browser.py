@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 from helpers.command_line import here
 from helpers.drawings import ALL, drawn
@@ -16,6 +17,8 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
 from bayes_tyre.report.figures import catalogue
+from bayes_tyre.report.html.fits_page import fits_document
+from bayes_tyre.results.separate_fits import Column, FitTable
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 MISSING = [name for name, path in (("chromium", CHROMIUM), ("chromedriver", DRIVER)) if path is None]
@@ -115,6 +118,17 @@ def test_labels_run_no_script(browser, page):
     assert "alert(1)" in browser.find_element(By.TAG_NAME, "body").text
     assert len(browser.find_elements(By.TAG_NAME, "script")) == 1
     assert browser.find_elements(By.CSS_SELECTOR, "[onerror], [src=x]") == []
+
+
+def test_marks_of_direction_and_characters_without_width_are_seen_as_text(browser, tmp_path):
+    """The right-to-left override would show `kS` as `Sk`; a label with a space of no width would pass for another."""
+    names = Column("test", "", pd.Series(["\u202eSk", "single\u200b"]), pd.Series([float("nan")] * 2), is_text=True)
+    page = tmp_path / "page.html"
+    page.write_text(fits_document([FitTable("tests", [names], pd.Series(["ok", "ok"]), "measured")], []), "utf-8")
+    opened(browser, page)
+    shown = [cell.text for cell in browser.find_elements(By.CSS_SELECTOR, "tbody td:first-child")]
+    assert shown == ["\N{REPLACEMENT CHARACTER}Sk", "single\N{REPLACEMENT CHARACTER}"]
+    assert [entry for entry in browser.get_log("browser") if entry["level"] == "SEVERE"] == []
 
 
 def test_every_table_sorts_numbers_as_numbers_either_way_with_empty_cells_last(browser, page):

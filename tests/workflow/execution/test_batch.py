@@ -7,7 +7,8 @@ import pytest
 from helpers import dying_work
 from helpers.dying_work import ALIVE, Task, make
 
-from bayes_tyre.errors import BadInput
+from bayes_tyre.errors import BadInput, CutShort
+from bayes_tyre.workflow.execution import cluster as cluster_module
 from bayes_tyre.workflow.execution.batch import Machines, as_completed, run_batch
 from bayes_tyre.workflow.execution.cluster import check_versions, cluster_executors, connected
 from bayes_tyre.workflow.execution.outcome import Fault
@@ -161,6 +162,20 @@ def test_a_lost_scheduler_is_named_with_how_to_resume(cluster, tmp_path):
         next(outcomes)
         client.close()
         with pytest.raises(BadInput, match=r"tcp://s: the scheduler is lost .* finished files are kept: .* --resume"):
+            list(outcomes)
+
+
+def test_a_cluster_that_has_lost_all_workers_ends_the_run_after_the_stated_wait(monkeypatch, tmp_path):
+    from distributed import LocalCluster
+
+    monkeypatch.setattr(cluster_module, "WITHOUT_WORKERS", 2)
+    options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
+    with LocalCluster(silence_logs=logging.CRITICAL, **options) as own, connected(own.scheduler_address) as client:
+        tasks = tasks_of(tmp_path, list(map(str, range(300))))
+        outcomes = as_completed(cluster_executors(client, "tcp://s"), dying_work.slowly, tasks)
+        next(outcomes)
+        own.scale(0)
+        with pytest.raises(CutShort, match=r"all workers are lost, and none has come for 2 s; finished .* --resume"):
             list(outcomes)
 
 

@@ -43,13 +43,14 @@ def process(
     del seed
     from bayes_tyre.formats.recordings.raw import raw_files
     from bayes_tyre.workflow.raw.process import REJECTED, Machines, Settings, process_files
+    from bayes_tyre.workflow.raw.raw_records import rejection_notes
 
     check_machines(workers, cluster)
     files, skipped = raw_files(raw)
     settings = Settings(rig, cases, method, figures)
     with progress("process", len(files), quiet) as advance:
         records, rejected = process_files(files, settings, Machines(workers, cluster, resume), out, advance)
-    for text in skipped:
+    for text in [*skipped, *rejection_notes(rejected, out.parent / REJECTED)]:
         warn(text)
     say(f"wrote {out} and {out.parent / REJECTED} (method {method})", quiet)
-    say(f"{records} records, {rejected} rejected", quiet)
+    say(f"{records} records, {len(rejected)} rejected", quiet)
