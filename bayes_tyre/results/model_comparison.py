@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from copy import copy
 
-import arviz_stats
+import arviz as az
 import numpy as np
 import pandas as pd
 from arviz_stats import ELPDData
@@ -28,7 +28,7 @@ def compare(predicted: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str]) -
     predicted, verdicts:
         By model: what it predicts of records left out, and the verdict on its posterior.
     """
-    table = arviz_stats.compare(_about_best(predicted), method="stacking", round_to="none")
+    table = az.compare(_about_best(predicted), method="stacking", round_to="none")
     rows = []
     for name, row in table.iterrows():
         each = predicted[str(name)]

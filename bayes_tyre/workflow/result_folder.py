@@ -37,7 +37,7 @@ def write_fit(
     beside: Mapping[str, pd.DataFrame] | None = None,
     *,
     xlsx: bool = False,
-    answer: Callable[[Diagnostics], None] = lambda _: None,
+    answer: Callable[[Diagnostics], object] = lambda _: None,
 ) -> Diagnostics:
     """Write a posterior with its tables, diagnostics and figures into `out`; return the diagnostics that were written.
 

@@ -1,7 +1,7 @@
 """Figures drawn by a process of their own are those drawn here, and none is lost with it."""
 
 from collections.abc import Iterator
-from concurrent.futures import Future
+from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from functools import partial
@@ -24,13 +24,13 @@ def test_another_process_draws_the_same_bytes_and_hands_on_what_was_raised():
             failed()
 
 
-class Dead:
+class Dead(Executor):
     """A pool whose process has died: before it was asked, or after."""
 
     def __init__(self, at_once: bool) -> None:
         self.at_once = at_once
 
-    def submit(self, *_: object) -> Future[bytes]:
+    def submit(self, *_: object) -> Future[bytes]:  # pyright: ignore[reportIncompatibleMethodOverride]
         if self.at_once:
             raise BrokenProcessPool
         future: Future[bytes] = Future()

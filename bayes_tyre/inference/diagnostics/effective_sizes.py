@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy import fft, special, stats
+from scipy import special, stats
+from scipy.fft import next_fast_len
 
 #: Quantiles at which tail ESS is computed, as in Vehtari et al.; ArviZ's default follows each user's settings.
 TAILS = (0.05, 0.95)
@@ -101,10 +102,10 @@ def _effective_size(draws: Float[np.ndarray, "quantities chains draws"]) -> Floa
     _, chains, length = draws.shape
     size = chains * length
     means = draws.mean(axis=2)
-    padded = fft.next_fast_len(2 * length, real=True)
-    spectrum = fft.rfft(draws - means[:, :, None], n=padded, axis=2)
+    padded = next_fast_len(2 * length, real=True)
+    spectrum = np.fft.rfft(draws - means[:, :, None], n=padded, axis=2)
     power = (spectrum.real**2 + spectrum.imag**2).mean(axis=1)
-    covariance = fft.irfft(power, n=padded, axis=1)[:, :length] / length
+    covariance = np.fft.irfft(power, n=padded, axis=1)[:, :length] / length
     of_mean = means.var(axis=1, ddof=1) if chains > 1 else np.zeros(len(draws))
     within, total = covariance[:, :1] * length / (length - 1.0), covariance[:, :1] + of_mean[:, None]
     correlation = 1.0 - (within - covariance) / total

@@ -34,7 +34,7 @@ class Callbacks:
     note: Callable[[str], None] = lambda _: None
     warn: Callable[[str], None] = lambda _: None
     on_progress: Callable[[int], None] = lambda _: None
-    answer: Callable[[Diagnostics], None] = lambda _: None
+    answer: Callable[[Diagnostics], object] = lambda _: None
 
     def settings(self, sampler: SamplerSettings, checkpoints: Checkpoints) -> SamplerSettings:
         """Return settings of a sampler that calls these and saves checkpoints."""
