@@ -18,6 +18,7 @@ BENCHMARKS = (
     ("least_squares_peers.py", "Least squares, record by record"),
     ("posterior_peers.py", "The hierarchical posterior of the reconstructed campaign"),
     ("posterior_growth.py", "The hierarchical posterior of many records"),
+    ("fit_waiting.py", "What a user waits for at `fit`"),
     ("lvm_peers.py", "Reading LabVIEW files"),
 )
 PACKAGES = (

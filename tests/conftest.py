@@ -60,5 +60,5 @@ def without_figures() -> Iterator[None]:
     from bayes_tyre.report.figures import catalogue
 
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(catalogue, "draw", lambda *_: iter(()))
+        monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
         yield

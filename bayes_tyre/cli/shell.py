@@ -4,8 +4,9 @@ import functools
 import inspect
 import shlex
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 BAD_INPUT, NOT_TRUSTED = 3, 4
 _CHECK_KINDS = ("sampling", "model", "data")
 RESUME = "--resume"
+#: Tables of a fit that its answer is printed from.
+SUMMARY, CASES = "summary.csv", "cases.csv"
 
 RECORD_TABLE = typer.Argument(
     metavar="RECORDS...",
@@ -181,21 +184,67 @@ def checked_limit(text: str | None, of_records: bool = False) -> str | None:
         raise typer.BadParameter(str(error), param_hint="--limit") from None
 
 
-def conclude(diagnostics: "Diagnostics", out: Path, quiet: bool) -> None:
-    """Print the verdict on what a fit wrote; end with code 4 where it is not `pass`."""
-    report_verdict(diagnostics, out, quiet)
+def conclude(diagnostics: "Diagnostics", answered: "Diagnostics", out: Path, quiet: bool) -> None:
+    """Print where a fit was written, and what failed since its answer; end with code 4 where it is not `pass`."""
+    say(f"wrote {out}: verdict {diagnostics.verdict}", quiet)
+    for reason in diagnostics.reasons[len(answered.reasons) :]:
+        fault(reason)
     if diagnostics.verdict != "pass":
         raise typer.Exit(NOT_TRUSTED)
 
 
-def report_verdict(diagnostics: "Diagnostics", out: Path, quiet: bool) -> None:
-    """Print where a fit was written, its verdict and its limitations; failed checks go to stderr."""
-    say(f"wrote {out}: verdict {diagnostics.verdict}", quiet)
+def report_verdict(diagnostics: "Diagnostics", what: str, quiet: bool) -> None:
+    """Print the verdict on what a fit found, and its limitations; failed checks go to stderr."""
+    say(f"{what}: verdict {diagnostics.verdict}", quiet)
     say("; ".join(_of_kind(kind, diagnostics.checks) for kind in _CHECK_KINDS), quiet)
     for reason in diagnostics.reasons:
         fault(reason)
     for text in diagnostics.limitations:
         say(f"note: {one_line(text, LONGEST_LINE)}", quiet)
+
+
+class Answer:
+    """Prints the answer of a fit, once, as soon as it is known: the verdict, and the means over the cases.
+
+    Parameters
+    ----------
+    out, quiet:
+        The folder that holds its tables; whether to print failed checks alone.
+    bar:
+        What draws the progress; closed before anything is printed.
+    limited:
+        Whether the cases are held against a limit, and sentences on it belong to the answer.
+    """
+
+    def __init__(self, out: Path, quiet: bool, bar: ExitStack, limited: bool = False) -> None:
+        self.out, self.quiet, self.bar, self.limited = out, quiet, bar, limited
+        self.began = time.monotonic()
+        self.given: Diagnostics | None = None
+
+    def __call__(self, diagnostics: "Diagnostics") -> "Diagnostics":
+        """Print it where it is not printed yet; return the diagnostics that were printed."""
+        if self.given is None:
+            self.given = diagnostics
+            self.bar.close()
+            # Where nobody reads on, what follows must be written all the same; `conclude` then meets the error again.
+            with suppress(OSError):
+                report_verdict(diagnostics, f"answer after {time.monotonic() - self.began:.0f} s", self.quiet)
+                if not self.quiet:
+                    self._print_tables()
+        return self.given
+
+    def _print_tables(self) -> None:
+        """Print what the tables on disk say; one that failed is in the verdict, and draws without numbers too."""
+        from bayes_tyre.formats.tables.table_files import read_table
+        from bayes_tyre.report.limits import MOST_SENTENCES, limit_sentences
+        from bayes_tyre.report.terminal.results_table import print_means
+
+        if (self.out / SUMMARY).is_file():
+            with suppress(BadInput):
+                print_means(self.out / SUMMARY)
+        if self.limited and (self.out / CASES).is_file():
+            for sentence in limit_sentences(read_table(self.out / CASES), MOST_SENTENCES):
+                say(sentence, quiet=False)
 
 
 def _of_kind(kind: str, checks: list[dict[str, Any]]) -> str:

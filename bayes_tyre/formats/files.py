@@ -105,6 +105,13 @@ def write_text(text: str, path: Path) -> Path:
     return path
 
 
+def write_bytes(content: bytes, path: Path) -> Path:
+    """Write bytes, whole or not at all; return the path."""
+    with whole_file(path) as beside:
+        beside.write_bytes(content)
+    return path
+
+
 def check_folder(out: Path, option: str = "--out") -> None:
     """Refuse a folder that an option names and that cannot be made, before minutes of work and without making it.
 

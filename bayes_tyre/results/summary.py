@@ -1,6 +1,5 @@
 """The posterior as tidy tables: every number of `summary.csv`, `cases.csv` and `repeats.csv` is computed here."""
 
-import arviz as az
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -42,20 +41,19 @@ def describe(draws: xr.DataArray, interval: float = 0.95, figures: Figures | Non
     flat = sample.to_numpy().reshape(-1, int(np.prod(sample.shape[2:])))
     tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
     lower, median, upper = np.quantile(flat, tails, axis=0)
-    with np.errstate(divide="ignore", invalid="ignore"):  # what does not vary has no R-hat
-        error = az.mcse(sample, method="mean")
     figures = figures or monitor(sample.to_dataset(name="quantity"))
+    r_hat = xr.full_like(figures.ess_bulk, np.nan) if figures.r_hat is None else figures.r_hat
     monitored = {
-        "mcse_mean": error,
-        "ess_bulk": figures.ess_bulk.to_dataarray(),
-        "ess_tail": figures.ess_tail.to_dataarray(),
-        "r_hat": xr.full_like(error, np.nan) if figures.r_hat is None else figures.r_hat.to_dataarray(),
+        "mcse_mean": figures.mcse_mean,
+        "ess_bulk": figures.ess_bulk,
+        "ess_tail": figures.ess_tail,
+        "r_hat": r_hat,
     }
     return pd.DataFrame(
         {
             **{"mean": flat.mean(axis=0), "sd": flat.std(axis=0, ddof=1), "median": median},
             **{"lower": lower, "upper": upper, "interval": interval},
-            **{name: np.asarray(figure).ravel() for name, figure in monitored.items()},
+            **{name: figure.to_dataarray().to_numpy().ravel() for name, figure in monitored.items()},
         }
     )
 

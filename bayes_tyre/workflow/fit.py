@@ -193,7 +193,7 @@ def fit_table(
     # Only records made from the printed tables have printed values to be held against.
     printed = tables.case_means() if origin_of(table) == "reconstructed" else None
     result = Result(tree, diagnostics.verdict, table, printed, plan.interval, limit=limit)
-    diagnostics = write_fit(result, diagnostics, run, out, xlsx=xlsx)
+    diagnostics = write_fit(result, diagnostics, run, out, xlsx=xlsx, answer=callbacks.answer)
     checkpoints.clear()
     return diagnostics
 

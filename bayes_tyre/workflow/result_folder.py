@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from bayes_tyre.formats.files import prepare_folder
+from bayes_tyre.formats.files import prepare_folder, write_bytes
 from bayes_tyre.formats.netcdf import write_tree
 from bayes_tyre.formats.tables.table_files import write_table
-from bayes_tyre.formats.tables.workbook_writer import write_workbook
 from bayes_tyre.inference.diagnostics.attempts import Attempts
 from bayes_tyre.inference.diagnostics.judge import with_failures
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
@@ -18,14 +17,16 @@ from bayes_tyre.inference.sampling.run import sampler_runs
 from bayes_tyre.record_table import record_extras
 from bayes_tyre.report.figures import catalogue
 from bayes_tyre.report.figures.catalogue import Result
-from bayes_tyre.report.figures.page.layout import save
 from bayes_tyre.report.html.figures import HEADINGS
 from bayes_tyre.results import summary
 from bayes_tyre.results.figure_data.motion_traces import MOTIONS_CSV
 from bayes_tyre.results.provenance import RUN_JSON, Run, write_json, write_run
+from bayes_tyre.workflow.drawing import Begin, drawing_process
 
 #: All tables of a result, a sheet each.
 WORKBOOK = "results.xlsx"
+#: Fewest records of a result whose figures are drawn by a process of their own: it takes seconds to start.
+DRAWN_APART = 48
 
 
 def write_fit(
@@ -36,10 +37,12 @@ def write_fit(
     beside: Mapping[str, pd.DataFrame] | None = None,
     *,
     xlsx: bool = False,
+    answer: Callable[[Diagnostics], object] = lambda _: None,
 ) -> Diagnostics:
     """Write a posterior with its tables, diagnostics and figures into `out`; return the diagnostics that were written.
 
-    A table or figure that fails becomes a failed check, and what was not written is removed if an older run left it.
+    Tables come first, then the posterior and the figures, those of many records drawn by a process of their own. A
+    table or figure that fails becomes a failed check, and what was not written is removed if an older run left it.
 
     Parameters
     ----------
@@ -49,25 +52,52 @@ def write_fit(
         Further tables, by the names of their files.
     xlsx:
         Write the tables as one workbook too.
+    answer:
+        Called once the tables are written, with the verdict that stands unless a figure fails.
     """
     prepare_folder(out)
     (out / RUN_JSON).unlink(missing_ok=True)  # of an older run: it marks a folder as finished
-    write_tree(result.tree, out / "posterior.nc")
-    judged = _write_tables_and_figures(result, diagnostics, out, beside or {}, xlsx)
-    if judged.verdict != result.verdict:  # tables and figures say so too
-        judged = _write_tables_and_figures(
-            replace(result, verdict=judged.verdict), diagnostics, out, beside or {}, xlsx
-        )
+    attempts = Attempts()
+    with drawing_process(_records(result) >= DRAWN_APART) as begin:
+
+        def settled(result: Result, *parts: Callable[[Result], None]) -> tuple[Result, Diagnostics]:
+            """Write parts, the last one for the first time; all of them again where it fails: they say so too."""
+            parts[-1](result)
+            judged = with_failures(diagnostics, attempts.failed)
+            if judged.verdict != result.verdict:
+                result = replace(result, verdict=judged.verdict)
+                for part in parts:
+                    part(result)
+            return result, judged
+
+        def tables(result: Result) -> None:
+            _write_tables(result, out, beside or {}, xlsx, attempts)
+
+        def figures(result: Result) -> None:
+            _write_figures(result, out / "figures", attempts, begin)
+
+        result, judged = settled(result, tables)
+        answer(judged)
+        write_tree(result.tree, out / "posterior.nc")
+        result, judged = settled(result, tables, figures)
     write_json(judged._asdict(), out / "diagnostics.json")
     write_run(run, out, sampler_runs(result.tree))
     return judged
 
 
-def _write_tables_and_figures(
-    result: Result, diagnostics: Diagnostics, out: Path, beside: Mapping[str, pd.DataFrame], xlsx: bool
-) -> Diagnostics:
-    attempts = Attempts()
+def _records(result: Result) -> int:
+    return 0 if result.table is None else result.table["record"].nunique()
+
+
+def _write_tables(
+    result: Result, out: Path, beside: Mapping[str, pd.DataFrame], xlsx: bool, attempts: Attempts
+) -> None:
     sheets: dict[str, pd.DataFrame] = {}
+
+    def workbook() -> Path:
+        from bayes_tyre.formats.tables.workbook_writer import write_workbook  # imports what most runs do not need
+
+        return write_workbook(sheets, out / WORKBOOK)
 
     def write(name: str, table: Callable[[], pd.DataFrame]) -> Path:
         sheets[Path(name).stem] = table()
@@ -76,10 +106,8 @@ def _write_tables_and_figures(
     for name, table in _tables(result, beside).items():
         if attempts(name, partial(write, name, table), None) is None:
             (out / name).unlink(missing_ok=True)
-    if not xlsx or attempts(WORKBOOK, lambda: write_workbook(sheets, out / WORKBOOK), None) is None:
+    if not xlsx or attempts(WORKBOOK, workbook, None) is None:
         (out / WORKBOOK).unlink(missing_ok=True)
-    _write_figures(result, out / "figures", attempts)
-    return with_failures(diagnostics, attempts.failed)
 
 
 def _tables(result: Result, beside: Mapping[str, pd.DataFrame]) -> dict[str, Callable[[], pd.DataFrame]]:
@@ -100,12 +128,13 @@ def _tables(result: Result, beside: Mapping[str, pd.DataFrame]) -> dict[str, Cal
     }
 
 
-def _write_figures(result: Result, folder: Path, attempts: Attempts) -> None:
+def _write_figures(result: Result, folder: Path, attempts: Attempts, begin: Begin) -> None:
     """Write the figures of a result; remove those of an earlier result that this one does not have."""
+    drawn = {name: begin(drawing) for name, drawing in catalogue.drawings(result, attempts)}
     written = set()
-    for name, figure in catalogue.draw(result, attempts):
+    for name, png in drawn.items():
         path = folder / f"{name}.png"
-        if attempts(path.name, lambda figure=figure, path=path: save(figure, path), None) is not None:
+        if attempts(path.name, lambda png=png, path=path: write_bytes(png(), path), None) is not None:
             written.add(name)
     for name in HEADINGS.keys() - written:
         (folder / f"{name}.png").unlink(missing_ok=True)

@@ -142,7 +142,7 @@ def test_a_map_or_a_file_that_does_not_fit_is_refused_and_nothing_is_written(tmp
 def test_fit_records_the_map_and_its_run_is_repeated_with_it(monkeypatch, tmp_path):
     put_draws_for_the_sampler(monkeypatch)
     monkeypatch.setattr(workflow, "judge", lambda tree, *_: (tree, diagnose(tree)))
-    monkeypatch.setattr(catalogue, "draw", lambda *_: iter(()))
+    monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
     monkeypatch.chdir(tmp_path)
     first = theirs()["Versuch"].isin(theirs()["Versuch"].unique()[:3])
     Path("lab").mkdir()

@@ -120,8 +120,8 @@ def quick(monkeypatch) -> None:
     monkeypatch.setattr(published, "fit_records", lambda *_: None)
     monkeypatch.setattr(published.campaign, "case_means", lambda _: None)
     monkeypatch.setattr(published.checks, "published_check", lambda _: check)
-    every_figure, every_audit_figure = catalogue.draw, audit_figures.draw
-    monkeypatch.setattr(catalogue, "draw", lambda *of: islice(every_figure(*of), 2))
+    every_figure, every_audit_figure = catalogue.drawings, audit_figures.draw
+    monkeypatch.setattr(catalogue, "drawings", lambda *of: islice(every_figure(*of), 2))
     monkeypatch.setattr(studies, "study_audit", lambda *_: audited(blind, replicates=1))
     monkeypatch.setattr(studies, "study_motion", lambda records, *_: studied(records))
     monkeypatch.setattr(CoverageFit, "estimate", estimated)

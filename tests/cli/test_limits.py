@@ -17,7 +17,7 @@ from bayes_tyre.workflow import fit as workflow
 def quick(monkeypatch):
     put_draws_for_the_sampler(monkeypatch)
     monkeypatch.setattr(workflow, "judge", lambda tree, *_: (tree, undiagnosed(tree)))
-    monkeypatch.setattr(catalogue, "draw", lambda *_: iter(()))
+    monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
 
 
 def test_fit_writes_says_and_reports_it_and_show_asks_another(quick, tmp_path):

@@ -6,10 +6,10 @@ import pytest
 from helpers.command_line import TABLES, here, small, written
 from helpers.quick_fits import put_draws_for_the_sampler
 
+from bayes_tyre.formats.tables import workbook_writer
 from bayes_tyre.inference.diagnostics.judge import undiagnosed
 from bayes_tyre.report.figures import catalogue
 from bayes_tyre.workflow import fit as workflow
-from bayes_tyre.workflow import result_folder
 
 
 @pytest.fixture
@@ -17,7 +17,7 @@ def fit(monkeypatch, tmp_path):
     """Return what fits quickly, made-up draws, into the folder `fit`."""
     put_draws_for_the_sampler(monkeypatch)
     monkeypatch.setattr(workflow, "judge", lambda tree, *_: (tree, undiagnosed(tree)))
-    monkeypatch.setattr(catalogue, "draw", lambda *_: iter(()))
+    monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
     path = written(small(), tmp_path / "records.csv")
     return lambda *options: here("fit", path, "--out", tmp_path / "fit", *options)
 
@@ -54,7 +54,7 @@ def test_fit_writes_all_four_tables_with_the_verdict_in_front(fit, monkeypatch, 
     def full(*_: object) -> None:
         raise ValueError("no workbook today")
 
-    monkeypatch.setattr(result_folder, "write_workbook", full)
+    monkeypatch.setattr(workbook_writer, "write_workbook", full)
     done = fit("--xlsx")
     assert done.exit_code == 4
     assert "results.xlsx failed: ValueError: no workbook today" in done.stderr

@@ -30,7 +30,7 @@ def write_result(folder: Path, figures: bool = False) -> Path:
     with pytest.MonkeyPatch.context() as monkeypatch:
         put_draws_for_the_sampler(monkeypatch)
         if not figures:
-            monkeypatch.setattr(catalogue, "draw", lambda *_: iter(()))
+            monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
         table = written(small(), folder.with_name(f"{folder.name}.csv"))
         done = here("fit", table, "--out", folder, "--quiet")
     assert done.exit_code == 4, done.stderr

@@ -29,7 +29,7 @@ def write_motions(folder: Path, configurations: tuple[str, ...] = ("single", "du
     given = folder / "given.txt"
     given.write_text(str(folder))
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(catalogue, "draw", lambda *_: iter(()))
+        monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
         options = {"amplitude_mm": 2.0}
         run = begin_run("bayes-tyre motion raw --out made", options, 3, [given], "simulated")
         judged = diagnose(tree)

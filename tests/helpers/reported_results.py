@@ -55,7 +55,7 @@ def write_made(
     given = folder / "given.txt"
     given.write_text(f"{stiffness} {seed}")
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(catalogue, "draw", lambda *_: iter(()))
+        monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
         run = begin_run("bayes-tyre fit given.txt --out made", {"chains": 4}, seed, [given], origin)
         write_fit(catalogue.Result(tree, judged.verdict), judged, run, folder)
     return folder
@@ -79,7 +79,7 @@ def write_fitted(folder: Path, configurations: tuple[str, ...] = ("single", SCRI
     table.to_csv(folder / "records.csv", index=False)
     with pytest.MonkeyPatch.context() as monkeypatch:
         put_draws_for_the_sampler(monkeypatch)
-        monkeypatch.setattr(catalogue, "draw", lambda *_: iter(()))
+        monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
         done = here("fit", folder / "records.csv", "--out", folder, "--quiet")
     assert done.exit_code == 4, done.stderr
     return folder

@@ -43,8 +43,8 @@ def test_every_table_has_the_parameters_of_motions(tree):
 def test_figures_have_a_panel_a_parameter_and_name_the_amplitude(tree):
     result = Result(tree, "pass")
     for name in ("forest_of_cases", "contrasts"):
-        assert len(catalogue.ALWAYS[name](result).axes) == len(MOTION_CASE_PARAMETERS)
-    energy = catalogue.OF_MOTIONS["energy_per_cycle"](result)
+        assert len(catalogue.ALWAYS[name](result)().axes) == len(MOTION_CASE_PARAMETERS)
+    energy = catalogue.OF_MOTIONS["energy_per_cycle"](result)()
     assert len(energy.axes) == 2  # loading, unloading
     assert "2 mm amplitude at the wheel centre" in " ".join(text.get_text() for text in energy.texts)
     assert "not measured" in " ".join(text.get_text() for text in energy.texts)

@@ -1,7 +1,7 @@
 """`fit`: all records together, hierarchically."""
 
 import sys
-import time
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -54,10 +54,11 @@ def fit(
 ) -> None:
     """Fit all records together, hierarchically: posteriors of k, beta, J, C and sigma (kN, mm), none dropped.
 
-    Writes posterior.nc, summary.csv, cases.csv, contrasts.csv, repeats.csv (with --xlsx results.xlsx too, a sheet for
-    each), diagnostics.json, run.json and figures/. Ends with code 4 when the diagnostics say that the result is not to
-    be trusted. What was sampled is saved on the way in .checkpoint, until the files are written; compiled code is kept
-    in the user's cache folder (JAX_COMPILATION_CACHE_DIR says where, JAX_ENABLE_COMPILATION_CACHE=0 switches it off).
+    Prints the answer, then writes posterior.nc, summary.csv, cases.csv, contrasts.csv, repeats.csv (with --xlsx
+    results.xlsx too, a sheet for each), diagnostics.json, run.json and figures/. Ends with code 4 when the diagnostics
+    say that the result is not to be trusted. What was sampled is saved on the way in .checkpoint, until the files are
+    written; compiled code is kept in the user's cache folder (JAX_COMPILATION_CACHE_DIR says where,
+    JAX_ENABLE_COMPILATION_CACHE=0 switches it off).
 
     Example: bayes-tyre fit data/campaign/records.csv --out results/fit
     """
@@ -86,24 +87,20 @@ def fit(
 
 def _run(plan: "Plan", out: Path, resume: bool, xlsx: bool, quiet: bool) -> None:
     """Fit as planned, print its progress, and end as the verdict says."""
-    from bayes_tyre.formats.tables.table_files import read_table
     from bayes_tyre.record_table import origin_of
-    from bayes_tyre.report.limits import MOST_SENTENCES, limit_sentences
     from bayes_tyre.runtime import prepare_jax
     from bayes_tyre.workflow.fit import Callbacks, fit_table  # imports JAX, which starts only when it computes
 
     table, sampler = _checked_table(plan), plan.sampler
     prepare_jax(sampler.chains)
     shell.say(f"fitting {table['record'].nunique()} records (data: {origin_of(table)}), {sampler.chains} chains", quiet)
-    began = time.monotonic()
-    with shell.progress("fit", sampler.warmup + sampler.draws, quiet) as advance:
-        callbacks = Callbacks(partial(shell.note, quiet=quiet), shell.warn, advance)
+    with ExitStack() as bar:
+        answer = shell.Answer(out, quiet, bar, plan.limit is not None)
+        advance = bar.enter_context(shell.progress("fit", sampler.warmup + sampler.draws, quiet))
+        callbacks = Callbacks(partial(shell.note, quiet=quiet), shell.warn, advance, answer)
         diagnostics = fit_table(table, plan, out, sys.argv[1:], callbacks, resume=resume, xlsx=xlsx)
-    shell.say(f"done in {time.monotonic() - began:.0f} s", quiet)
-    if plan.limit is not None and (out / "cases.csv").is_file():  # a table that failed is in the verdict
-        for sentence in limit_sentences(read_table(out / "cases.csv"), MOST_SENTENCES):
-            shell.say(sentence, quiet)
-    shell.conclude(diagnostics, out, quiet)
+        answered = answer(diagnostics)
+    shell.conclude(diagnostics, answered, out, quiet)
 
 
 def _check_usage(context: typer.Context, records: list[Path] | None, from_run: Path | None) -> None:

@@ -1,7 +1,7 @@
 """`motion`: tyre, mass and damping from raw signals by the motion itself, all records together."""
 
 import sys
-import time
+from contextlib import ExitStack
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -103,15 +103,16 @@ def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path,
 
     sampler = plan.sampler
     prepare_jax(sampler.chains)
-    began = time.monotonic()
     with shell.progress("motion", len(files), quiet) as advance:
         estimated = estimate_files(files, plan, machines, out, advance)
     for text in rejection_notes(estimated.rejected, out / REJECTED):
         shell.warn(text)
     counts = f"{len(estimated.table)} records, {len(estimated.rejected)} rejected"
     shell.say(f"{counts} (data: {estimated.origin}), {sampler.chains} chains", quiet)
-    with shell.progress("hierarchy", sampler.warmup + sampler.draws, quiet) as advance:
-        callbacks = Callbacks(partial(shell.note, quiet=quiet), shell.warn, advance)
+    with ExitStack() as bar:
+        answer = shell.Answer(out, quiet, bar)
+        advance = bar.enter_context(shell.progress("hierarchy", sampler.warmup + sampler.draws, quiet))
+        callbacks = Callbacks(partial(shell.note, quiet=quiet), shell.warn, advance, answer)
         diagnostics = fit_estimates(estimated, plan, out, sys.argv[1:], callbacks, resume=machines.resume, xlsx=xlsx)
-    shell.say(f"done in {time.monotonic() - began:.0f} s", quiet)
-    shell.conclude(diagnostics, out, quiet)
+        answered = answer(diagnostics)
+    shell.conclude(diagnostics, answered, out, quiet)

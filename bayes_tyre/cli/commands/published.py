@@ -52,7 +52,7 @@ def published(
                 on_note=partial(shell.note, quiet=quiet),
             )
             diagnostics = fit_published_tables(out / "posterior", settings, interval, sys.argv[1:], priors_given)
-        shell.report_verdict(diagnostics, out / "posterior", quiet)
+        shell.report_verdict(diagnostics, f"wrote {out / 'posterior'}", quiet)
         trusted = trusted and diagnostics.verdict == "pass"
     if not trusted:
         raise typer.Exit(shell.NOT_TRUSTED)

@@ -5,9 +5,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
-
-import openpyxl
+from typing import Any, NamedTuple
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.plain_text import listed, quoted, reason
@@ -60,6 +58,8 @@ def read_rows(path: Path, title: str | None = None) -> Sheet:
     if not path.is_file():
         raise BadInput(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; check the path")
     _check_archive(path)
+    import openpyxl  # half a second that most tables do not need
+
     try:
         # Opened here, because the library leaves a file open where it fails.
         with path.open("rb") as file, warnings.catch_warnings():
@@ -94,7 +94,7 @@ def _check_archive(path: Path) -> None:
         raise BadInput(f"{path}: is no workbook ({reason(error)}); save it as .xlsx") from None
 
 
-def _sheet(book: openpyxl.Workbook, path: Path, title: str | None) -> Sheet:
+def _sheet(book: Any, path: Path, title: str | None) -> Sheet:
     chosen = [sheet for sheet in book.worksheets if title in (None, sheet.title)]
     for sheet in chosen:
         sheet.reset_dimensions()  # the declared size may be wrong

@@ -2,29 +2,32 @@
 
 from typing import Any, NamedTuple
 
-import arviz as az
+import arviz_stats
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from bayes_tyre.inference.diagnostics.effective_sizes import statistics
 from bayes_tyre.inference.sampling.nuts import DEEPEST
 
 #: The group of a posterior's tree that holds these statistics, because each takes seconds and several tables use them;
 #: and the labels along its dimension `figure`.
 GROUP = "convergence"
-_STATISTICS = ("r_hat", "ess_bulk", "ess_tail")
-#: Quantiles at which tail ESS is computed, as in Vehtari et al.; ArviZ's default follows each user's settings.
-TAILS = (0.05, 0.95)
+_STATISTICS = ("r_hat", "ess_bulk", "ess_tail", "mcse_mean")
 #: Fewest divergent transitions whose place in the posterior is distinguishable from chance.
 _FEW_DIVERGENCES = 5
 
 
 class Figures(NamedTuple):
-    """R-hat, bulk and tail ESS of every element of a posterior; R-hat None with a single chain."""
+    """R-hat, bulk and tail ESS, Monte Carlo error of the mean of every element of a posterior.
+
+    R-hat is None with a single chain.
+    """
 
     r_hat: xr.Dataset | None
     ess_bulk: xr.Dataset
     ess_tail: xr.Dataset
+    mcse_mean: xr.Dataset
 
 
 class Worst(NamedTuple):
@@ -36,18 +39,22 @@ class Worst(NamedTuple):
 
 def monitor(posterior: xr.Dataset) -> Figures:
     """Return the convergence statistics of each element of a posterior, dims chain, draw, ..."""
-
-    # A probability that is 1 in every draw does not vary, and a stuck chain varies only against the others.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        r_hat = az.rhat(posterior) if posterior.sizes["chain"] > 1 else None
-        return Figures(r_hat, az.ess(posterior, method="bulk"), az.ess(posterior, method="tail", prob=TAILS))
+    found: dict[str, list[xr.DataArray]] = {}
+    for name, draws in posterior.data_vars.items():
+        sample = draws.transpose("chain", "draw", ...)
+        like = sample.isel(chain=0, draw=0, drop=True).drop_attrs()
+        values = sample.to_numpy()
+        each = statistics(values.reshape(*values.shape[:2], -1))
+        found[str(name)] = [like.copy(data=statistic.reshape(like.shape)) for statistic in each]
+    r_hat, *others = (xr.Dataset({name: each[i] for name, each in found.items()}) for i in range(len(_STATISTICS)))
+    return Figures(r_hat if posterior.sizes["chain"] > 1 else None, *others)
 
 
 def with_figures(tree: xr.DataTree) -> xr.DataTree:
     """Return the posterior with the group `GROUP`: the convergence statistics of each element, dims figure, ..."""
-    statistics = monitor(tree["posterior"].to_dataset())
-    missing = xr.full_like(statistics.ess_bulk, np.nan, dtype=float)
-    filled = [missing if statistic is None else statistic for statistic in statistics]
+    figures = monitor(tree["posterior"].to_dataset())
+    missing = xr.full_like(figures.ess_bulk, np.nan, dtype=float)
+    filled = [missing if figure is None else figure for figure in figures]
     with_group = tree.copy()
     with_group[GROUP] = xr.DataTree(xr.concat(filled, pd.Index(_STATISTICS, name="figure")))
     return with_group
@@ -55,23 +62,22 @@ def with_figures(tree: xr.DataTree) -> xr.DataTree:
 
 def figures_of(tree: xr.DataTree) -> Figures:
     """Return the convergence statistics that a posterior's tree holds, or compute them."""
-    return (
-        monitor(tree["posterior"].to_dataset())
-        if GROUP not in tree.children
-        else _from_group(tree, tree[GROUP].to_dataset())
-    )
+    return _from_group(tree, tree[GROUP].to_dataset()) if _holds(tree) else monitor(tree["posterior"].to_dataset())
 
 
 def stored_figures(tree: xr.DataTree, name: str) -> Figures | None:
     """Return the convergence statistics of one quantity, where a posterior's tree holds them."""
-    return (
-        _from_group(tree, tree[GROUP].to_dataset()[[name]]) if GROUP in tree.children and name in tree[GROUP] else None
-    )
+    return _from_group(tree, tree[GROUP].to_dataset()[[name]]) if _holds(tree) and name in tree[GROUP] else None
+
+
+def _holds(tree: xr.DataTree) -> bool:
+    """Return whether a tree has all statistics: those of earlier versions do not."""
+    return GROUP in tree.children and set(_STATISTICS) <= set(tree[GROUP]["figure"].to_numpy())
 
 
 def _from_group(tree: xr.DataTree, group: xr.Dataset) -> Figures:
-    r_hat, bulk, tail = (group.sel(figure=name, drop=True) for name in _STATISTICS)
-    return Figures(r_hat if tree["posterior"].sizes["chain"] > 1 else None, bulk, tail)
+    r_hat, *others = (group.sel(figure=name, drop=True) for name in _STATISTICS)
+    return Figures(r_hat if tree["posterior"].sizes["chain"] > 1 else None, *others)
 
 
 def worst(statistic: xr.Dataset | None, largest: bool) -> Worst:
@@ -89,15 +95,15 @@ def worst(statistic: xr.Dataset | None, largest: bool) -> Worst:
     return result
 
 
-def by_parameter(statistics: Figures) -> dict[str, dict[str, Any]]:
+def by_parameter(figures: Figures) -> dict[str, dict[str, Any]]:
     """Return the worst R-hat, bulk and tail ESS of each parameter, and their elements, for `diagnostics.json`."""
     rows: dict[str, dict[str, Any]] = {}
-    for name in map(str, statistics.ess_bulk.data_vars):
+    for name in map(str, figures.ess_bulk.data_vars):
         row = {}
         for key, statistic, largest in (
-            ("r_hat_max", statistics.r_hat, True),
-            ("ess_bulk_min", statistics.ess_bulk, False),
-            ("ess_tail_min", statistics.ess_tail, False),
+            ("r_hat_max", figures.r_hat, True),
+            ("ess_bulk_min", figures.ess_bulk, False),
+            ("ess_tail_min", figures.ess_tail, False),
         ):
             value, element = worst(statistic if statistic is None else statistic[[name]], largest)
             row |= {key: value, f"{key}_at": element}
@@ -110,11 +116,11 @@ def by_chain(tree: xr.DataTree) -> list[dict[str, Any]]:
 
     `trees_at_limit` counts the draws whose tree reached the depth limit before a U-turn.
     """
-    statistics = tree["sample_stats"].to_dataset().transpose("chain", "draw", ...)
-    bfmi = az.bfmi(tree)["energy"].to_numpy()
+    sampled = tree["sample_stats"].to_dataset().transpose("chain", "draw", ...)
+    bfmi = arviz_stats.bfmi(tree)["energy"].to_numpy()
     rows = []
-    for chain in range(statistics.sizes["chain"]):
-        one = statistics.isel(chain=chain)
+    for chain in range(sampled.sizes["chain"]):
+        one = sampled.isel(chain=chain)
         row = {"chain": chain, "divergences": int(one["diverging"].sum()), "bfmi": float(bfmi[chain])}
         if "n_steps" in one:
             depth = np.log2(one["n_steps"].to_numpy() + 1.0)

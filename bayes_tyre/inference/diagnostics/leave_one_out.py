@@ -10,7 +10,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
-import arviz as az
+import arviz_base
+import arviz_stats
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -143,14 +144,14 @@ def left_out(
     attempt:
         Runs each refit.
     """
-    tree = az.from_dict(
+    tree = arviz_base.from_dict(
         {"posterior": {"level": by_chain.mean(axis=2)}, "log_likelihood": {"record_force": by_chain}},
         coords={"record": list(records)},
         dims={"record_force": ["record"], "level": []},
     )
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Estimated shape parameter", UserWarning)
-        elpd = az.loo(tree, pointwise=True, reff=1.0)
+        elpd = arviz_stats.loo(tree, pointwise=True, reff=1.0)
     assert isinstance(elpd, ELPDData)
     pareto_k = elpd.pareto_k.to_numpy()
     failed, values = np.zeros(len(pareto_k), bool), elpd.elpd_i.copy()

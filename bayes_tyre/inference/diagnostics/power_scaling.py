@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Mapping
 
-import arviz as az
+import arviz_stats
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -101,7 +101,7 @@ def sensitivity(quantities: xr.Dataset, log_prior: xr.Dataset, log_likelihood: x
         warnings.simplefilter("ignore", UserWarning)
         warnings.simplefilter("ignore", RuntimeWarning)
         for group in ("prior", "likelihood"):
-            each = az.psense(tree, group=group)
+            each = arviz_stats.psense(tree, group=group)
             floor = float(each["noise_"].max())
             found[f"{group}_sensitivity"] = each.drop_vars(["noise_"]).assign_attrs(floor=floor)
     return found

@@ -3,11 +3,10 @@
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-import arviz as az
 import numpy as np
 import xarray as xr
 
-from bayes_tyre.inference.diagnostics.convergence import Figures, discordant_chain, where_divergent, worst
+from bayes_tyre.inference.diagnostics.convergence import Figures, discordant_chain, monitor, where_divergent, worst
 from bayes_tyre.inference.diagnostics.divergences import against_divergences, repeat_note
 from bayes_tyre.inference.sampling.run import kept_acceptance, sampler_runs
 from bayes_tyre.inference.sampling.summary_error import RECORD_SUMMARIES, SUMMARY_ERROR_MOST, SummaryError
@@ -70,8 +69,7 @@ class Check(NamedTuple):
 def without_probabilities(figures: Figures) -> Figures:
     """Return the convergence statistics of all quantities but `PROBABILITIES`, which have a check of their own."""
     r_hat = None if figures.r_hat is None else figures.r_hat.drop_vars(PROBABILITIES, errors="ignore")
-    bulk, tail = (ess.drop_vars(PROBABILITIES, errors="ignore") for ess in (figures.ess_bulk, figures.ess_tail))
-    return Figures(r_hat, bulk, tail)
+    return Figures(r_hat, *(figure.drop_vars(PROBABILITIES, errors="ignore") for figure in figures[1:]))
 
 
 def sampling_checks(tree: xr.DataTree, figures: Figures, sampler: list[dict[str, Any]]) -> Iterator[Check]:
@@ -97,10 +95,9 @@ def sampling_checks(tree: xr.DataTree, figures: Figures, sampler: list[dict[str,
 
 
 def mean_error(probability: xr.DataArray) -> xr.DataArray:
-    """Return the Monte Carlo standard error of each mean; 0 where all draws are the same, which ArviZ leaves NaN."""
+    """Return the Monte Carlo standard error of each mean; 0 where all draws are the same."""
     sample = ("chain", "draw")
-    with np.errstate(divide="ignore", invalid="ignore"):
-        error = az.mcse(probability, method="mean")
+    error = monitor(probability.to_dataset(name="probability")).mcse_mean["probability"]
     return error.where(probability.max(sample) != probability.min(sample), 0.0)
 
 

@@ -7,7 +7,6 @@ import numpy as np
 import xarray as xr
 
 from bayes_tyre.inference.diagnostics.attempts import MODEL_CHECKS, checks_in
-from bayes_tyre.inference.diagnostics.convergence import TAILS as TAILS  # others take it from here
 from bayes_tyre.inference.diagnostics.convergence import by_chain, by_parameter, figures_of
 from bayes_tyre.inference.diagnostics.data_checks import failed_checks, find_limitations
 from bayes_tyre.inference.diagnostics.sampling_checks import Check, sampling_checks, without_probabilities

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from itertools import compress
 
-import arviz as az
+import arviz_base
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -104,7 +104,7 @@ def to_datatree(
     groupings = {name: getattr(factors, name).labels for name in ("group", "speed", "load", "step")}
     groupings |= {name: tuple(compress(getattr(factors, name).labels, free[name])) for name in INTERACTIONS}
     coordinates = {"case": [case.label for case in factors.cases], "record": list(factor_table["record"]), **groupings}
-    tree = az.from_dict(
+    tree = arviz_base.from_dict(
         {"posterior": kept, "sample_stats": dict(statistics)},
         coords={name: np.asarray(labels) for name, labels in coordinates.items() if len(labels)},
         dims={name: [dim] for name in kept if (dim := QUANTITIES[name][0])},

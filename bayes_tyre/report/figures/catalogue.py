@@ -1,4 +1,4 @@
-"""Which figures a result has: each name with what draws it, from tables to page."""
+"""Which figures a result has: each name with its drawing, which holds its tables and needs no posterior."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -43,6 +43,10 @@ MOTION = "motion_"
 #: What the intervals of cases and contrasts are of, where a reader could take them for something else, by model.
 ABOUT_CASES = {"published": "They are of the value to expect; single printed values scatter about it."}
 ABOUT_CONTRASTS = {"published": "One value a case was printed: the model has one ratio for all cases of a direction."}
+
+
+#: Draws one figure from the tables that it holds; it can be sent to another process.
+type Drawing = Callable[[], Figure]
 
 
 @dataclass(frozen=True)
@@ -126,13 +130,20 @@ def draw(result: Result, attempt: Attempt = directly) -> Iterator[tuple[str, Fig
     attempt:
         Draws each figure, by the name of its file; one that fails is passed over.
     """
-    for name, drawing in _drawings(result):
+    for name, drawing in drawings(result, attempt):
         if (figure := attempt(f"{name}.png", drawing, None)) is not None:
             yield name, figure
 
 
-def _drawings(result: Result) -> Iterator[tuple[str, Callable[[], Figure | None]]]:
-    """Yield the name of each figure with what draws it: None where the result has nothing to show by it."""
+def drawings(result: Result, attempt: Attempt = directly) -> Iterator[tuple[str, Drawing]]:
+    """Yield the name and the drawing of everything that can be drawn of a result; arguments as `draw` has them."""
+    for name, prepare in _prepared(result):
+        if (drawing := attempt(f"{name}.png", prepare, None)) is not None:
+            yield name, drawing
+
+
+def _prepared(result: Result) -> Iterator[tuple[str, Callable[[], Drawing | None]]]:
+    """Yield the name of each figure with what computes its drawing: None where the result has nothing to show by it."""
     for name, figure in {**ALWAYS, **(OF_MOTIONS if result.of_motions else {})}.items():
         yield name, partial(_contrasts_if_any if name == CONTRASTS else figure, result)
     yield LOOPS, lambda: _loops(result)
@@ -142,33 +153,38 @@ def _drawings(result: Result) -> Iterator[tuple[str, Callable[[], Figure | None]
     yield OUTLIERS, lambda: OF_REPEATS[OUTLIERS](result) if result.judges else None
     if result.motions is not None:
         for place, readings in result.motions.groupby("shown", sort=False):
-            yield f"{MOTION}{place}", lambda readings=readings: motion_figure(readings, result.setting)
+            yield f"{MOTION}{place}", lambda readings=readings: partial(motion_figure, readings, result.setting)
 
 
-def _contrasts_if_any(result: Result) -> Figure | None:
-    """Return the figure of ratios; None without cases that match: its panels would be empty."""
+def _contrasts_if_any(result: Result) -> Drawing | None:
+    """Return the drawing of ratios; None without cases that match: its panels would be empty."""
     return ALWAYS[CONTRASTS](result) if len(result.contrasts) else None
 
 
-def _posteriors(result: Result) -> Figure:
+def _posteriors(result: Result) -> Drawing:
     draws = _group_draws(result.tree)
-    return posteriors_by_direction(draws[draws["parameter"] != ENERGY], result.setting, result.interval)
+    return partial(posteriors_by_direction, draws[draws["parameter"] != ENERGY], result.setting, result.interval)
 
 
-def _energy(result: Result) -> Figure:
+def _energy(result: Result) -> Drawing:
     draws = _group_draws(result.tree)
-    return posteriors_by_direction(
-        draws[draws["parameter"] == ENERGY], result.setting, result.interval, _about_energy(result)
+    return partial(
+        posteriors_by_direction,
+        draws[draws["parameter"] == ENERGY],
+        result.setting,
+        result.interval,
+        _about_energy(result),
     )
 
 
-def _loops(result: Result) -> Figure | None:
-    """Return the loop of a cycle, where the posterior is of motions on the law whose loop is known."""
+def _loops(result: Result) -> Drawing | None:
+    """Return the drawing of the loop of a cycle, where the posterior is of motions on the law whose loop is known."""
     attributes = result.tree.attrs
     if not (result.of_motions and "amplitude_mm" in attributes and attributes.get("law", LAW) == LAW):
         return None
     amplitude = float(attributes["amplitude_mm"])
-    return loops_by_direction(friction_loops(result.tree, result.interval), result.setting, amplitude, result.interval)
+    loops = friction_loops(result.tree, result.interval)
+    return partial(loops_by_direction, loops, result.setting, amplitude, result.interval)
 
 
 def _about_energy(result: Result) -> str:
@@ -188,52 +204,54 @@ def _group_draws(tree: xr.DataTree) -> pd.DataFrame:
     return pd.concat(blocks, ignore_index=True)
 
 
-def _forest(result: Result) -> Figure:
+def _forest(result: Result) -> Drawing:
     about = ABOUT_CASES.get(result.tree.attrs["model"], "") or _about_energy(result)
-    return forest_of_cases(result.cases, result.printed, result.setting, about)
+    return partial(forest_of_cases, result.cases, result.printed, result.setting, about)
 
 
-def _contrasts(result: Result) -> Figure:
+def _contrasts(result: Result) -> Drawing:
     about = ABOUT_CONTRASTS.get(result.tree.attrs["model"], "")
-    return contrasts_by_case(result.contrasts, result.setting, about)
+    return partial(contrasts_by_case, result.contrasts, result.setting, about)
 
 
-def _prior_posteriors(result: Result) -> Figure:
+def _prior_posteriors(result: Result) -> Drawing:
     of_all = prior_posteriors(result.hyperparameters, priors_of(result.tree))
-    return prior_and_posterior_of_scales(of_all, result.setting)
+    return partial(prior_and_posterior_of_scales, of_all, result.setting)
 
 
-def _ranks(result: Result) -> Figure:
-    return rank_plot([ranks(one) for one in result.hyperparameters if one.varies], result.setting)
+def _ranks(result: Result) -> Drawing:
+    return partial(rank_plot, [ranks(one) for one in result.hyperparameters if one.varies], result.setting)
 
 
-def _pairs(result: Result) -> Figure:
-    return pair_plot(paired(result.hyperparameters), divergences(result.tree), result.setting)
+def _pairs(result: Result) -> Drawing:
+    return partial(pair_plot, paired(result.hyperparameters), divergences(result.tree), result.setting)
 
 
-def _priors(result: Result, table: pd.DataFrame) -> Figure:
+def _priors(result: Result, table: pd.DataFrame) -> Drawing:
     panels = prior_panels(result.tree, table, result.interval)
-    return prior_predictive_curves(panels, result.setting, result.interval)
+    return partial(prior_predictive_curves, panels, result.setting, result.interval)
 
 
-def _bands(result: Result, table: pd.DataFrame) -> Figure:
+def _bands(result: Result, table: pd.DataFrame) -> Drawing:
     bands = posterior_predictive.predictive_bands(result.tree, table, result.shown, result.interval)
-    return records_with_bands(table[table["record"].isin(result.shown)], bands, result.setting, result.interval)
+    return partial(
+        records_with_bands, table[table["record"].isin(result.shown)], bands, result.setting, result.interval
+    )
 
 
-def _residuals(result: Result, table: pd.DataFrame) -> Figure:
+def _residuals(result: Result, table: pd.DataFrame) -> Drawing:
     off = residuals(result.tree, table)
     points, records = posterior_predictive.residual_tables(off, table, result.shown)
-    return residuals_against_displacement(points, records, result.setting, AUTOCORRELATION_MOST)
+    return partial(residuals_against_displacement, points, records, result.setting, AUTOCORRELATION_MOST)
 
 
-def _outliers(result: Result) -> Figure:
-    return outlier_probabilities(result.judged, result.setting)
+def _outliers(result: Result) -> Drawing:
+    return partial(outlier_probabilities, result.judged, result.setting)
 
 
-#: The figures of any posterior, by the name of their file; those of motions; of force over displacement; and of repeats
-#: where the model judges them.
-ALWAYS: Mapping[str, Callable[[Result], Figure]] = {
+#: What computes the drawings of any posterior, by the name of their file; those of motions; of force over displacement;
+#: and of repeats where the model judges them.
+ALWAYS: Mapping[str, Callable[[Result], Drawing]] = {
     "posteriors_by_direction": _posteriors,
     "forest_of_cases": _forest,
     CONTRASTS: _contrasts,
@@ -241,15 +259,15 @@ ALWAYS: Mapping[str, Callable[[Result], Figure]] = {
     "rank_plot": _ranks,
     "pair_plot": _pairs,
 }
-OF_MOTIONS: Mapping[str, Callable[[Result], Figure]] = {
+OF_MOTIONS: Mapping[str, Callable[[Result], Drawing]] = {
     "energy_per_cycle": _energy,
 }
-OF_RECORDS: Mapping[str, Callable[[Result, pd.DataFrame], Figure]] = {
+OF_RECORDS: Mapping[str, Callable[[Result, pd.DataFrame], Drawing]] = {
     "prior_predictive_curves": _priors,
     "records_with_bands": _bands,
     "residuals_against_displacement": _residuals,
 }
-OF_REPEATS: Mapping[str, Callable[[Result], Figure]] = {OUTLIERS: _outliers}
+OF_REPEATS: Mapping[str, Callable[[Result], Drawing]] = {OUTLIERS: _outliers}
 
 
 def chosen_figure(result: Result, name: str) -> Figure:
@@ -267,11 +285,11 @@ def chosen_figure(result: Result, name: str) -> Figure:
     if name not in names:
         raise BadInput(f"figure {name!r} is unknown; use one of {', '.join(names)}")
     if name in of_tree:
-        return of_tree[name](result)
+        return of_tree[name](result)()
     if name in OF_REPEATS and result.judges:
-        return OF_REPEATS[name](result)
+        return OF_REPEATS[name](result)()
     if name in OF_RECORDS and result.table is not None and of_records:
-        return OF_RECORDS[name](result, result.table)
+        return OF_RECORDS[name](result, result.table)()
     if name in OF_REPEATS and of_records:
         raise BadInput(f"figure {name}: this posterior judges no record; that takes repeats mixture, three of a case")
     raise BadInput(f"figure {name} shows records; give the posterior of records, and their table")

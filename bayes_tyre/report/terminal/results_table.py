@@ -47,7 +47,10 @@ def overview_rows(folder: Path) -> pd.DataFrame:
         origin = str(read_json(folder / "run.json")["origin"])
     except (ValueError, KeyError, TypeError):
         raise BadInput(f"{folder / 'run.json'}: is not what fit writes; run fit again") from None
-    path = folder / "summary.csv"
+    return _means(folder / "summary.csv", origin)
+
+
+def _means(path: Path, origin: str) -> pd.DataFrame:
     table = read_table(path)
     missing = [column for column in COLUMNS if column not in table]
     if missing:
@@ -70,18 +73,28 @@ def print_overview(folders: list[Path], console: Console | None = None) -> None:
         if isinstance(rows, list):
             print_fits(rows, folder, console)
             continue
-        level, verdict = float(rows["interval"].iloc[0]), rows["verdict"].iloc[0]
-        about = one_line(f"{rows['data'].iloc[0]}; verdict: {verdict}", 200)
-        console.print()
-        console.print(Text(f"{about}\nmean over the cases, median and {100 * level:g} % interval"))
-        beside = _beside(rows)
-        if Measurement.get(console, console.options.update(width=10**6), beside).maximum <= console.width:
-            console.print(beside)
-        else:
-            console.print(Text(f"\n{_below(rows)}\n"), soft_wrap=True)
+        _print_rows(rows, console)
         for limitation in limitations(folder):
             console.print(Text(f"note: {one_line(limitation, LONGEST_LIMITATION)}"), soft_wrap=True)
         console.print(Text(f"files: {one_line(folder, None)}"), soft_wrap=True)
+
+
+def print_means(path: Path, console: Console | None = None) -> None:
+    """Print the table of one result from the `summary.csv` that a fit has just written."""
+    origins = read_table(path)["origin"]
+    _print_rows(_means(path, str(origins.iloc[0])), console or Console())
+
+
+def _print_rows(rows: pd.DataFrame, console: Console) -> None:
+    level, verdict = float(rows["interval"].iloc[0]), rows["verdict"].iloc[0]
+    about = one_line(f"{rows['data'].iloc[0]}; verdict: {verdict}", 200)
+    console.print()
+    console.print(Text(f"{about}\nmean over the cases, median and {100 * level:g} % interval"))
+    beside = _beside(rows)
+    if Measurement.get(console, console.options.update(width=10**6), beside).maximum <= console.width:
+        console.print(beside)
+    else:
+        console.print(Text(f"\n{_below(rows)}\n"), soft_wrap=True)
 
 
 def limitations(folder: Path) -> list[str]:

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-import arviz as az
+import arviz_stats
 import numpy as np
 from jaxtyping import Float
 
@@ -30,5 +30,5 @@ def density(values: Float[np.ndarray, " draws"], interval: float = 0.95, decades
     quantiles = np.quantile(values, [(1 - interval) / 2, 0.5, (1 + interval) / 2])
     if np.ptp(values) == 0:
         return Density(np.empty(0), np.empty(0), *quantiles)
-    at, height, _ = az.kde(np.log10(values) if decades else values)
+    at, height, _ = arviz_stats.kde(np.log10(values) if decades else values)
     return Density(10**at if decades else at, height, *quantiles)

@@ -3,12 +3,11 @@
 from functools import lru_cache
 from typing import NamedTuple
 
-import arviz as az
 import numpy as np
 from jaxtyping import Float
 from scipy.stats import rankdata
 
-from bayes_tyre.inference.diagnostics.verdict import TAILS
+from bayes_tyre.inference.diagnostics.effective_sizes import statistics
 from bayes_tyre.results.figure_data.hyperparameters import Hyperparameter
 
 #: Probability that all chains of a parameter stay within the band where they agree.
@@ -65,8 +64,8 @@ def ranks(hyperparameter: Hyperparameter) -> Ranks:
 
 def _apart(draws: np.ndarray) -> int:
     """Return how many draws lie between two that tell as much as independent ones, by the worse of two ESS."""
-    with np.errstate(divide="ignore", invalid="ignore"):  # a stuck chain varies only against the others
-        ess = min(float(az.ess(draws, method="bulk")), float(az.ess(draws, method="tail", prob=TAILS)))
+    found = statistics(draws[:, :, None])
+    ess = min(float(found.ess_bulk[0]), float(found.ess_tail[0]))
     most = max(1, draws.shape[1] // LEAST)
     return most if not ess > 0 else int(np.clip(np.ceil(draws.size / ess), 1, most))
 

@@ -27,11 +27,14 @@ class Callbacks:
         Called with what it does with an earlier run in its folder; and with errors that do not end it: a line each.
     on_progress:
         Called with the number of iterations just done.
+    answer:
+        Called with the verdict once all tables are written; the posterior and the figures follow.
     """
 
     note: Callable[[str], None] = lambda _: None
     warn: Callable[[str], None] = lambda _: None
     on_progress: Callable[[int], None] = lambda _: None
+    answer: Callable[[Diagnostics], object] = lambda _: None
 
     def settings(self, sampler: SamplerSettings, checkpoints: Checkpoints) -> SamplerSettings:
         """Return settings of a sampler that calls these and saves checkpoints."""

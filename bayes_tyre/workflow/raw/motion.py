@@ -205,7 +205,7 @@ def fit_estimates(
     diagnostics = with_estimates(diagnostics, estimated)
     beside = {ESTIMATES: estimated.table, REJECTED: estimated.rejected}
     result = Result(tree, diagnostics.verdict, interval=plan.interval, motions=estimated.shown)
-    diagnostics = write_fit(result, diagnostics, run, out, beside, xlsx=xlsx)
+    diagnostics = write_fit(result, diagnostics, run, out, beside, xlsx=xlsx, answer=callbacks.answer)
     checkpoints.clear()
     return diagnostics
 

@@ -22,6 +22,7 @@ from bayes_tyre.report.figures import catalogue
 from bayes_tyre.report.figures.catalogue import ALWAYS, CONTRASTS, OF_RECORDS, OUTLIERS, Result, chosen_figure
 from bayes_tyre.report.figures.page import colours
 from bayes_tyre.workflow import result_folder as folder
+from bayes_tyre.workflow.drawing import drawing_process
 
 PLANS = {
     "one case": Plan(configurations=("single",), speeds=(0.0,), loads=(20.0,), steps=(10.0,), points=40),
@@ -100,9 +101,10 @@ def test_odd_repeats_are_drawn_where_the_model_judges_any_and_nowhere_else(tmp_p
     with pytest.raises(BadInput, match=f"{OUTLIERS}: this posterior judges no record"):
         chosen_figure(normal, OUTLIERS)
     assert chosen_figure(made, OUTLIERS).axes
-    monkeypatch.setattr(catalogue, "draw", lambda of, _: iter([(OUTLIERS, Figure())] if of.judges else []))
+    monkeypatch.setattr(catalogue, "drawings", lambda of, _: iter([(OUTLIERS, Figure)] if of.judges else []))
     for each, there in ((made, True), (normal, False)):  # what the first has left the second takes away
-        folder._write_figures(each, tmp_path, Attempts())
+        with drawing_process(apart=False) as begin:
+            folder._write_figures(each, tmp_path, Attempts(), begin)
         assert (tmp_path / f"{OUTLIERS}.png").exists() == there
 
 
@@ -126,7 +128,7 @@ def test_bands_under_a_factor_on_displacement_are_those_of_the_measured_one():
     tree["posterior"] = xr.DataTree(dataset)
     lines = []
     for made in (result(table, posterior(draws, factor_table)), result(table, tree)):
-        figure = OF_RECORDS["records_with_bands"](made, table)
+        figure = OF_RECORDS["records_with_bands"](made, table)()
         lines.append([np.asarray(line.get_ydata()) for ax in figure.get_axes() for line in ax.lines])
     for one, other in zip(*lines, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)

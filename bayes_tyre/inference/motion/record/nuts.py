@@ -7,10 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import numpyro
-import xarray as xr
 from jaxtyping import Array, ArrayLike, Float
 
-from bayes_tyre.inference.diagnostics.convergence import monitor
+from bayes_tyre.inference.diagnostics.effective_sizes import statistics
 from bayes_tyre.inference.diagnostics.sampling_checks import ESS_LEAST_PER_CHAIN, R_HAT_MOST
 from bayes_tyre.inference.model.coordinates.reparams import sample_coordinates
 from bayes_tyre.inference.motion.record.forward_model import residuals
@@ -108,8 +107,7 @@ _negative_log_density.defvjp(_density_and_gradient, lambda _, gradient, change: 
 
 def effective_draws(draws: Float[np.ndarray, "chains draws p"], divergent: int) -> float:
     """Return the least effective number of draws over p numbers; 0 where chains differ, or some of them diverged."""
-    statistics = monitor(xr.Dataset({"number": (("chain", "draw", "which"), draws)}))
-    r_hat, *effective = (np.asarray(values["number"]) for values in statistics if values is not None)
-    least = float(np.min(effective))
-    converged = divergent == 0 and r_hat.max() <= R_HAT_MOST and least >= ESS_LEAST_PER_CHAIN * len(draws)
+    found = statistics(draws)
+    least = float(min(found.ess_bulk.min(), found.ess_tail.min()))
+    converged = divergent == 0 and found.r_hat.max() <= R_HAT_MOST and least >= ESS_LEAST_PER_CHAIN * len(draws)
     return least if converged else 0.0

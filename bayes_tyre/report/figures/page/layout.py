@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from bayes_tyre.formats.files import whole_file
+from bayes_tyre.formats.files import write_bytes
 from bayes_tyre.record import RECORD_UNITS
 from bayes_tyre.report.figures.page.colours import Setting
 from bayes_tyre.report.figures.page.labels import origin_note, plain
@@ -146,12 +146,17 @@ def plain_ticks(axis: Axis, steps: Sequence[float]) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-@matplotlib.style.context(STYLE)
 def save(figure: Figure, path: Path) -> Path:
     """Write a figure as PNG at 150 dots an inch, whole or not at all, the same bytes each time; return the path."""
-    with whole_file(path) as beside:
-        figure.savefig(beside, format="png", dpi=150, metadata={"Software": None})
-    return path
+    return write_bytes(png_file(lambda: figure), path)
+
+
+def png_file(draw: Callable[[], Figure]) -> bytes:
+    """Return the figure that `draw` returns as the bytes that `save` writes."""
+    figure, written = draw(), io.BytesIO()
+    with matplotlib.style.context(STYLE):
+        figure.savefig(written, format="png", dpi=150, metadata={"Software": None})
+    return written.getvalue()
 
 
 def png(draw: Callable[[], Figure]) -> bytes:
