@@ -5,7 +5,7 @@ import inspect
 import shlex
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,11 +14,11 @@ from typer.core import TyperCommand
 
 from bayes_tyre.cli import suffixes
 from bayes_tyre.cli.interrupt import ending_at_interrupt
-from bayes_tyre.cli.messages import LONGEST_LINE, fault, one_line_each, say
+from bayes_tyre.cli.messages import fault, one_line_each, say
 from bayes_tyre.cli.messages import note as note  # commands import these two from here
 from bayes_tyre.cli.messages import warn as warn
 from bayes_tyre.errors import BadInput
-from bayes_tyre.plain_text import listed, one_line
+from bayes_tyre.plain_text import listed
 
 if TYPE_CHECKING:
     from bayes_tyre.inference.diagnostics.verdict import Diagnostics
@@ -77,6 +77,15 @@ LimitOption = Annotated[
         metavar='"k >= 1.8"',
         help="A limit on k (kN/mm), beta (mm) or what else cases have, with >= or <=: how probable it is that each "
         "case keeps it.",
+    ),
+]
+
+ReferenceOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="LABEL",
+        help="Configuration that the others are compared with, below in each ratio; default: of two the later in "
+        "sorted order.",
     ),
 ]
 
@@ -174,13 +183,18 @@ def conclude(diagnostics: "Diagnostics", out: Path, quiet: bool) -> None:
 
 
 def report_verdict(diagnostics: "Diagnostics", out: Path, quiet: bool) -> None:
-    """Print where a fit was written, its verdict and its limitations; failed checks go to stderr."""
+    """Print where a fit was written, its verdict and its answer; failed checks go to stderr."""
+    from bayes_tyre.report.answer.quantities import in_words
+
     say(f"wrote {out}: verdict {diagnostics.verdict}", quiet)
     say("; ".join(_of_kind(kind, diagnostics.checks) for kind in _CHECK_KINDS), quiet)
     for reason in diagnostics.reasons:
-        fault(reason)
-    for text in diagnostics.limitations:
-        say(f"note: {one_line(text, LONGEST_LINE)}", quiet)
+        fault(in_words(reason))
+    if not quiet:
+        from bayes_tyre.report.terminal.results_table import print_overview
+
+        with suppress(BadInput):  # a table that failed is among the reasons
+            print_overview([out])
 
 
 def _of_kind(kind: str, checks: list[dict[str, Any]]) -> str:

@@ -43,6 +43,7 @@ def fit(
     seed: shell.Seed = 0,
     interval: shell.Interval = 0.95,
     limit: shell.LimitOption = None,
+    reference: shell.ReferenceOption = None,
     units_checked: Annotated[bool, typer.Option("--units-checked", help="The forces are kN, travel is mm.")] = False,
     xlsx: shell.Xlsx = False,
     resume: shell.Resume = False,
@@ -80,7 +81,7 @@ def fit(
     )
     settings = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
     limit = shell.checked_limit(limit, of_records=True)
-    plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns, limit)
+    plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns, limit, reference)
     _run(plan, out, resume, xlsx, quiet)
 
 
