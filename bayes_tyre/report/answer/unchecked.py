@@ -16,7 +16,7 @@ class Unchecked(NamedTuple):
 def unchecked(result: Reported) -> list[Unchecked]:
     """Return what the records cannot show of themselves: calibration, processing, smoothing."""
     one = f"1{PERCENT}"
-    force = f"A force that is {one} too large makes k, C and J {one} too large. Ratios of records of one rig stay."
+    force = f"A force that is {one} too large makes k, C and J {one} too large. Ratios on one rig stay the same."
     rows = [
         Unchecked("Lever arms and the load cell's factor", force),
         Unchecked("The displacement gauge", _gauge(result)),
@@ -40,7 +40,7 @@ def unchecked(result: Reported) -> list[Unchecked]:
 
 def _gauge(result: Reported) -> str:
     one = f"1{PERCENT}"
-    text = f"A gauge that reads {one} too much makes k {one} too small and beta {one} too large. Ratios stay."
+    text = f"A gauge that reads {one} too much makes k {one} too small and beta {one} too large. Ratios stay the same."
     sd = result.run["options"].get("displacement_scale_sd")
     if isinstance(sd, int | float) and sd > 0:
         return f"{text} An error with a standard deviation of {100 * sd:g}{PERCENT} is in the intervals, no larger one."
