@@ -36,7 +36,6 @@ fit: install  ## Recompute the published numbers, fit them and the reconstructed
 	$(BIN)/bayes-tyre published --posterior --out $(RESULTS)/published || { trust=$$?; [ $$trust -eq 4 ]; }; \
 	$(BIN)/bayes-tyre lsq data/campaign/records.csv --region thesis --out $(RESULTS)/lsq; \
 	$(BIN)/bayes-tyre fit data/campaign/records.csv --out $(RESULTS)/fit || { trust=$$?; [ $$trust -eq 4 ]; }; \
-	$(BIN)/bayes-tyre show $(RESULTS)/published/posterior $(RESULTS)/fit; \
 	exit $$trust
 
 figure: fit  ## Run fit, and copy the README's figure from its results
@@ -65,7 +64,7 @@ docs: install  ## Build the documentation into results/docs/html: warnings are e
 
 tutorial: install  ## Run what the tutorial and the how-to pages show, and compare (some minutes)
 	@$(BIN)/python docs/check_tutorial.py docs/tutorial.md docs/howto/own_law.md docs/howto/own_priors.md \
-		docs/howto/measured_loops.md
+		docs/howto/measured_loops.md docs/how_sure.md docs/howto/arviz_and_pandas.md
 
 $(BENCH)/installed: benchmarks/requirements-bench.lock requirements-uv.lock pyproject.toml
 	@python=$$($(FIND_PYTHON)); echo "Building $(BENCH) with $$("$$python" --version)"; "$$python" -m venv --clear $(BENCH)

@@ -33,12 +33,13 @@ from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.laws import fancher
 from bayes_tyre.published import campaign, tables
 from bayes_tyre.published.campaign import Reconstruction
-from bayes_tyre.record_table import check_record_table
+from bayes_tyre.record_table import check_record_table, suspicious_units
 from bayes_tyre.report.figures.catalogue import Result, chosen_figure
 from bayes_tyre.report.figures.page.notebook_display import NotebookFigure
 from bayes_tyre.results import contrasts as ratios
 from bayes_tyre.results import prediction, summary
 from bayes_tyre.results.case_selection import parse_query
+from bayes_tyre.results.posterior import Posterior
 from bayes_tyre.results.prediction import Prediction
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.workflow.from_results.predict import read_result
@@ -106,10 +107,13 @@ def fit_least_squares(
     Raises
     ------
     BadInput
-        For a record table that cannot be right.
+        For a record table that cannot be right. Units that look wrong are warned of.
     """
     prepare_jax(_DEVICES)
-    return record_fits.fit_records(check_record_table(records), settings, on_progress)
+    table = check_record_table(records)
+    for suspicion in suspicious_units(table):
+        warnings.warn(suspicion, stacklevel=2)
+    return record_fits.fit_records(table, settings, on_progress)
 
 
 def fit(
@@ -117,7 +121,13 @@ def fit(
     settings: SamplerSettings | None = None,
     model: ModelSettings | None = None,
     priors: Mapping[str, object] | None = None,
-) -> xr.DataTree:
+    *,
+    chains: int | None = None,
+    warmup: int | None = None,
+    draws: int | None = None,
+    seed: int | None = None,
+    units_checked: bool = False,
+) -> Posterior:
     """Return the posterior of all records together, by NUTS, with its verdict.
 
     Parameters
@@ -131,21 +141,33 @@ def fit(
     priors:
         Changes of the default priors: ``{"k_group": {"median": 1.8, "sd_log": 0.3}, "discordant_widening": 8.0}``; the
         names and units are those of `docs/reference/priors.md`.
+    chains, warmup, draws, seed:
+        In place of those of `settings`.
+    units_checked:
+        Whether you vouch for units that look wrong, such as forces in N.
 
     Returns
     -------
-    xarray.DataTree
-        ArviZ's groups `posterior` and `sample_stats`, dims and units named; `identifiability`: what decides each
-        quantity; `attrs["verdict"]` is ``pass`` or ``fail``, and `diagnose` says why.
+    Posterior
+        A `xarray.DataTree` that shows itself as its table and verdict: ArviZ's groups `posterior` and `sample_stats`,
+        dims and units named; `identifiability`: what decides each quantity; `attrs["verdict"]` is ``pass`` or ``fail``,
+        and `diagnose` says why.
 
     Raises
     ------
     BadInput
-        For a record table that cannot be right, and for a record that cannot be fitted: none is dropped.
+        For a record table that cannot be right or whose units look wrong, and for a record that cannot be fitted: none
+        is dropped.
     """
-    settings, model = settings or SamplerSettings(), model or ModelSettings()
+    given = {"chains": chains, "warmup": warmup, "draws": draws, "seed": seed}
+    settings = replace(
+        settings or SamplerSettings(), **{name: value for name, value in given.items() if value is not None}
+    )
+    model = model or ModelSettings()
     model = replace(model, priors=model.priors.changed(priors or {}))
     table = check_record_table(records)
+    if not units_checked and (suspicions := suspicious_units(table)):
+        raise BadInput(f"{suspicions[0]}; or say units_checked=True")
     prepare_jax(max(settings.chains, _DEVICES))
     prepared = prepare_records(table, model)
     return _judged(
@@ -155,7 +177,7 @@ def fit(
     )
 
 
-def fit_published(settings: SamplerSettings | None = None, priors: Mapping[str, object] | None = None) -> xr.DataTree:
+def fit_published(settings: SamplerSettings | None = None, priors: Mapping[str, object] | None = None) -> Posterior:
     """Return the posterior of the source's printed means of k and beta (Tables 9 and 11) alone, with its verdict.
 
     Parameters
@@ -175,7 +197,7 @@ def fit_published(settings: SamplerSettings | None = None, priors: Mapping[str, 
     )
 
 
-def read_posterior(folder: str | Path) -> xr.DataTree:
+def read_posterior(folder: str | Path) -> Posterior:
     """Return the posterior of records in a folder that `bayes-tyre fit` wrote, with its verdict.
 
     Raises
@@ -185,7 +207,7 @@ def read_posterior(folder: str | Path) -> xr.DataTree:
     """
     result = read_result(Path(folder))
     result.tree.attrs["verdict"] = result.verdict
-    return result.tree
+    return Posterior.of(result.tree)
 
 
 def diagnose(posterior: xr.DataTree) -> Diagnostics:
@@ -197,13 +219,13 @@ def _judged(
     tree: xr.DataTree,
     identify: Callable[[xr.DataTree, Attempt], xr.DataTree],
     table: pd.DataFrame | None = None,
-) -> xr.DataTree:
+) -> Posterior:
     """Return the posterior carrying its verdict, the figures behind it, and what of it came from the records."""
     attempts = Attempts()
     judged, found = judge(tree, identify, attempts, table)
     judged = with_checks(judged, FAILED, attempts.failed)
     judged.attrs["verdict"] = found.verdict
-    return judged
+    return Posterior.of(judged)
 
 
 def _verdict(posterior: xr.DataTree) -> str:

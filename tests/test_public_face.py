@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 from helpers.command_line import environment, small, written
 from helpers.hand_made_posteriors import grid, posterior, scattered
 
@@ -108,6 +109,34 @@ def test_tables_carry_the_verdict_of_their_posterior_whoever_made_it(tmp_path):
         assert set(table["verdict"]) == {"fail"}
     with pytest.raises(BadInput, match=r"holds no run\.json"):
         bt.read_posterior(tmp_path / "nowhere")
+
+
+def test_a_posterior_shows_itself_as_table_and_verdict_and_is_a_tree(tmp_path):
+    factors = grid(("single", "<b>&"))
+    tree = posterior(scattered(factors, seed=43), factors)
+    write_tree(tree, tmp_path / "posterior.nc")
+    (tmp_path / "run.json").write_text("{}", encoding="utf-8")
+    (tmp_path / "diagnostics.json").write_text('{"verdict": "pass"}', encoding="utf-8")
+    read = bt.read_posterior(tmp_path)
+    lines = str(read).splitlines()
+    assert lines[0].endswith("4 chains of 250 draws; verdict: pass")
+    (loading,) = (line for line in lines if line.startswith("k, kN/mm loading"))
+    k = tree["posterior"]["k_case"].sel(case=["single (0)20-30", "single (25)20-30"]).mean("case")
+    low, middle, high = np.quantile(k, [0.025, 0.5, 0.975])
+    assert f"{middle:.4g} [{low:.4g}, {high:.4g}]" in loading
+    html = read._repr_html_()
+    assert "<b>" not in html
+    assert "&lt;b&gt;&amp;" in html
+    assert isinstance(read, xr.DataTree)
+    xr.testing.assert_equal(read["posterior"].to_dataset(), tree["posterior"].to_dataset())
+
+
+def test_units_that_look_wrong_are_refused_or_warned_of_as_by_the_commands():
+    newtons = small().assign(force_kN=lambda table: 1000 * table["force_kN"])
+    with pytest.raises(BadInput, match="looks like N; divide by 1000; or say units_checked=True"):
+        bt.fit(newtons, draws=4, chains=1)
+    with pytest.warns(UserWarning, match="looks like N; divide by 1000"):
+        bt.fit_least_squares(newtons)
 
 
 def test_cases_are_asked_for_by_one_text_or_several():

@@ -15,12 +15,12 @@ from typer.core import TyperCommand
 
 from bayes_tyre.cli import memory, suffixes
 from bayes_tyre.cli.interrupt import ending_at_interrupt
-from bayes_tyre.cli.messages import LONGEST_LINE, fault, one_line_each, say
+from bayes_tyre.cli.messages import fault, one_line_each, say
 from bayes_tyre.cli.messages import note as note  # commands import these two from here
 from bayes_tyre.cli.messages import warn as warn
 from bayes_tyre.errors import BadInput, CutShort
 from bayes_tyre.formats.run_lock import sole_run
-from bayes_tyre.plain_text import listed, one_line
+from bayes_tyre.plain_text import listed, path_text
 
 if TYPE_CHECKING:
     from bayes_tyre.inference.diagnostics.verdict import Diagnostics
@@ -81,6 +81,15 @@ LimitOption = Annotated[
         metavar='"k >= 1.8"',
         help="A limit on k (kN/mm), beta (mm) or what else cases have, with >= or <=: how probable it is that each "
         "case keeps it.",
+    ),
+]
+
+ReferenceOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="LABEL",
+        help="Configuration that the others are compared with, below in each ratio; default: of two the later in "
+        "sorted order.",
     ),
 ]
 
@@ -187,6 +196,7 @@ def checked_limit(text: str | None, of_records: bool = False) -> str | None:
 def conclude(diagnostics: "Diagnostics", answered: "Diagnostics", out: Path, quiet: bool) -> None:
     """Print where a fit was written, and what failed since its answer; end with code 4 where it is not `pass`."""
     say(f"wrote {out}: verdict {diagnostics.verdict}", quiet)
+    say(f"next: {shlex.join(['bayes-tyre', 'report', path_text(out)])}", quiet)
     for reason in diagnostics.reasons[len(answered.reasons) :]:
         fault(reason)
     if diagnostics.verdict != "pass":
@@ -194,30 +204,35 @@ def conclude(diagnostics: "Diagnostics", answered: "Diagnostics", out: Path, qui
 
 
 def report_verdict(diagnostics: "Diagnostics", what: str, quiet: bool) -> None:
-    """Print the verdict on what a fit found, and its limitations; failed checks go to stderr."""
+    """Print the verdict on what a fit found; failed checks go to stderr."""
+    from bayes_tyre.report.answer.quantities import in_words
+
     say(f"{what}: verdict {diagnostics.verdict}", quiet)
     say("; ".join(_of_kind(kind, diagnostics.checks) for kind in _CHECK_KINDS), quiet)
     for reason in diagnostics.reasons:
-        fault(reason)
-    for text in diagnostics.limitations:
-        say(f"note: {one_line(text, LONGEST_LINE)}", quiet)
+        fault(in_words(reason))
 
 
 class Answer:
-    """Prints the answer of a fit, once, as soon as it is known: the verdict, and the means over the cases.
+    """Prints the answer of a fit, once, as soon as it is known: the verdict, what is stiffer, the means over the cases.
 
     Parameters
     ----------
-    out, quiet:
-        The folder that holds its tables; whether to print failed checks alone.
+    out, origin, reference:
+        The folder that holds its tables; what they rest on; the configuration that others are compared with.
+    quiet:
+        Whether to print failed checks alone.
     bar:
         What draws the progress; closed before anything is printed.
     limited:
         Whether the cases are held against a limit, and sentences on it belong to the answer.
     """
 
-    def __init__(self, out: Path, quiet: bool, bar: ExitStack, limited: bool = False) -> None:
+    def __init__(
+        self, out: Path, origin: str, reference: str | None, quiet: bool, bar: ExitStack, limited: bool = False
+    ) -> None:
         self.out, self.quiet, self.bar, self.limited = out, quiet, bar, limited
+        self.run = {"origin": origin, "options": {"reference": reference}}
         self.began = time.monotonic()
         self.given: Diagnostics | None = None
 
@@ -237,11 +252,11 @@ class Answer:
         """Print what the tables on disk say; one that failed is in the verdict, and draws without numbers too."""
         from bayes_tyre.formats.tables.table_files import read_table
         from bayes_tyre.report.limits import MOST_SENTENCES, limit_sentences
-        from bayes_tyre.report.terminal.results_table import print_means
+        from bayes_tyre.report.terminal.results_table import print_answer
 
         if (self.out / SUMMARY).is_file():
             with suppress(BadInput):
-                print_means(self.out / SUMMARY)
+                print_answer(self.out, self.run)
         if self.limited and (self.out / CASES).is_file():
             for sentence in limit_sentences(read_table(self.out / CASES), MOST_SENTENCES):
                 say(sentence, quiet=False)

@@ -1,6 +1,6 @@
 """Ratios between cases: configurations against each other, loading against unloading, matched case by case."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -9,14 +9,18 @@ import pandas as pd
 import xarray as xr
 from jaxtyping import Bool, Float
 
+from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.sampling.datatree import case_parameters, tree_cases
+from bayes_tyre.plain_text import listed, quoted
 from bayes_tyre.record import CASE_FACTORS, Case
 
 COLUMNS = (
     *("contrast", "matching", *CASE_FACTORS, "parameter"),
     *("median", "lower", "upper", "interval", "p_greater_than_1", "origin", "verdict"),
 )
-DIRECTIONS = "loading / unloading"
+DIRECTIONS, SAME_CASE = "loading / unloading", "same case"
+#: Where a posterior of the source's printed tables says that its data come from.
+PUBLISHED = "published"
 
 
 class Pair(NamedTuple):
@@ -67,7 +71,7 @@ def configuration_pairs(cases: Sequence[Case], above: str, below: str) -> list[P
 def _configurations(cases: list[Case]) -> Iterator[_Contrast]:
     """Yield every pair of configurations, the earlier in sorted order above the later, over the cases of both."""
     for above, below in combinations(sorted({case.configuration for case in cases}), 2):
-        yield from _rows(f"{above} / {below}", "same case", configuration_pairs(cases, above, below), by="direction")
+        yield from _rows(f"{above} / {below}", SAME_CASE, configuration_pairs(cases, above, below), by="direction")
 
 
 def _same_span(case: Case) -> Case:
@@ -95,9 +99,13 @@ def direction_pairs(cases: Sequence[Case], matching: str) -> list[Pair]:
 
 
 def _directions(cases: list[Case]) -> Iterator[_Contrast]:
-    """Yield loading over unloading, matched in two ways that disagree, and pooled as the source did."""
+    """Yield loading over unloading, matched in two ways that disagree."""
     for matching in MATCHINGS:
         yield from _rows(DIRECTIONS, matching, direction_pairs(cases, matching), by="configuration")
+
+
+def _as_published(cases: list[Case]) -> Iterator[_Contrast]:
+    """Yield loading over unloading of each configuration, pooled over unlike cases as the source did."""
     for configuration in dict.fromkeys(case.configuration for case in cases):
         directions = [case.direction if case.configuration == configuration else "" for case in cases]
         up, down = ([i for i, d in enumerate(directions) if d == way] for way in ("loading", "unloading"))
@@ -134,7 +142,9 @@ def contrasts(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.Dat
     cases = tree_cases(posterior)
     tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
     rows = []
-    for contrast in (*_configurations(cases), *_directions(cases)):
+    # Pooled contrasts compare unlike cases: they belong beside the source's own, where its tables are fitted.
+    pooled = _as_published(cases) if tree.attrs["origin"] == PUBLISHED else ()
+    for contrast in (*_configurations(cases), *_directions(cases), *pooled):
         for parameter in case_parameters(posterior):
             draws = posterior[f"{parameter}_case"].to_numpy().reshape(-1, len(cases))
             ratio = contrast.ratio(draws)
@@ -154,6 +164,41 @@ def contrasts(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.Dat
     return pd.DataFrame(rows, columns=list(COLUMNS)).drop_duplicates(
         ["contrast", "matching", *CASE_FACTORS, "parameter"], ignore_index=True
     )
+
+
+def check_reference(reference: str, configurations: Iterable[str]) -> None:
+    """Refuse a reference that is no configuration of the data.
+
+    Raises
+    ------
+    BadInput
+        The message lists the configurations.
+    """
+    if reference not in (known := sorted(set(configurations))):
+        there = listed([quoted(each) for each in known if each], 10) or "none"
+        raise BadInput(f"--reference {quoted(reference)}: no such configuration; the data have {there}")
+
+
+def with_reference(table: pd.DataFrame, reference: str, configurations: Iterable[str]) -> pd.DataFrame:
+    """Return contrasts with a configuration below in every ratio between it and another.
+
+    An equal-tailed interval turns with its ratio, and so does P(ratio > 1). Other rows stay as they are.
+
+    Parameters
+    ----------
+    table:
+        As `contrasts` returns them.
+    reference, configurations:
+        The configuration, and all that the data have.
+    """
+    names = {f"{reference} / {other}": f"{other} / {reference}" for other in configurations if other != reference}
+    turned = (table["matching"] == SAME_CASE) & table["contrast"].isin(list(names))
+    rows, result = table[turned], table.copy()
+    ratios = {"median": 1.0 / rows["median"], "lower": 1.0 / rows["upper"], "upper": 1.0 / rows["lower"]}
+    new = {**ratios, "contrast": rows["contrast"].map(names), "p_greater_than_1": 1.0 - rows["p_greater_than_1"]}
+    for column, values in new.items():
+        result.loc[turned, column] = values
+    return result
 
 
 def probability_above_1(ratio: Float[np.ndarray, " draws"]) -> float:

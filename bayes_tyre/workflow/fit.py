@@ -26,6 +26,8 @@ from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.published import tables
 from bayes_tyre.record_table import origin_of
 from bayes_tyre.report.figures.catalogue import Result
+from bayes_tyre.results.columns import texts
+from bayes_tyre.results.contrasts import check_reference
 from bayes_tyre.results.limits import OF_RECORDS, parse_limit
 from bayes_tyre.results.provenance import begin_run, read_run, sha256, versions
 from bayes_tyre.workflow.execution.resume import Callbacks, open_checkpoints
@@ -55,6 +57,8 @@ class Plan:
         The column map's file; None: the columns are ours.
     limit:
         What `cases.csv` says the probability of, such as ``k >= 1.8``; None: nothing.
+    reference:
+        The configuration that others are compared with; None: the later in sorted order.
     """
 
     records: tuple[Path, ...]
@@ -64,6 +68,7 @@ class Plan:
     units_checked: bool = False
     columns: Path | None = None
     limit: str | None = None
+    reference: str | None = None
 
     @property
     def inputs(self) -> list[Path]:
@@ -80,6 +85,7 @@ class Plan:
             **{"interval": self.interval, "units_checked": self.units_checked},
             _COLUMNS: None if self.columns is None else read_column_map(self.columns).options,
             **({} if self.limit is None else {"limit": self.limit}),
+            **({} if self.reference is None else {"reference": self.reference}),
         }
 
 
@@ -96,7 +102,7 @@ def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
     """
     run = read_run(path)
     options, fields_of_model = run["options"], {field.name for field in fields(ModelSettings)}
-    known = {*fields_of_model, *_SAMPLER, _TARGET, _COLUMNS, "interval", "units_checked", "limit"}
+    known = {*fields_of_model, *_SAMPLER, _TARGET, _COLUMNS, "interval", "units_checked", "limit", "reference"}
     if unknown := sorted(set(options) - known):
         raise BadInput(
             f"{path}: option {unknown[0]} is unknown to this version; repeat the run with the version it names"
@@ -113,7 +119,8 @@ def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
             raise ValueError
         plan = Plan(
             *(tuple(records), sampler, model),
-            *(float(options["interval"]), options["units_checked"] is True, columns, options.get("limit")),
+            *(float(options["interval"]), options["units_checked"] is True, columns),
+            *(options.get("limit"), options.get("reference")),
         )
     except (KeyError, TypeError, ValueError):
         raise BadInput(f"{path}: is not what fit writes; name the run.json in a folder that fit wrote") from None
@@ -170,6 +177,8 @@ def fit_table(
     """
     check_folder(out)
     limit = None if plan.limit is None else parse_limit(plan.limit, OF_RECORDS)
+    if plan.reference is not None:
+        check_reference(plan.reference, texts(table, "configuration"))
     callbacks = callbacks or Callbacks()
     call = shlex.join(["bayes-tyre", *command])
     run = begin_run(call, plan.options, plan.sampler.seed, plan.inputs, origin_of(table))
@@ -192,7 +201,7 @@ def fit_table(
     )
     # Only records made from the printed tables have printed values to be held against.
     printed = tables.case_means() if origin_of(table) == "reconstructed" else None
-    result = Result(tree, diagnostics.verdict, table, printed, plan.interval, limit=limit)
+    result = Result(tree, diagnostics.verdict, table, printed, plan.interval, limit=limit, reference=plan.reference)
     diagnostics = write_fit(result, diagnostics, run, out, xlsx=xlsx, answer=callbacks.answer)
     checkpoints.clear()
     return diagnostics

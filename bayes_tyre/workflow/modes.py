@@ -66,6 +66,16 @@ def fit_modes(
     return parameters, fit
 
 
+def parameter_lines(parameters: pd.DataFrame) -> list[str]:
+    """Return a line a row of `modes.csv`: median, interval, unit, and what is not identified."""
+    lines = []
+    for row in parameters.fillna({"unit": ""}).itertuples():
+        text = f"{row.parameter} {row.median:.4g} [{row.lower:.4g}, {row.upper:.4g}] {row.unit}"
+        status = str(row.status).partition(";")[0]
+        lines.append(text if status == "ok" else f"{text}: {status}")
+    return lines
+
+
 def _measured(table: pd.DataFrame, belt: Belt, path: Path) -> MeasuredModes:
     speed = table["speed_km_h"] if "speed_km_h" in table else pd.Series(0.0, index=table.index)
     if belt.radius_mm is None and speed.gt(0).any():

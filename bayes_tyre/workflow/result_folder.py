@@ -53,7 +53,7 @@ def write_fit(
     xlsx:
         Write the tables as one workbook too.
     answer:
-        Called once the tables are written, with the verdict that stands unless a figure fails.
+        Called once tables and diagnostics are written, with the verdict that stands unless a figure fails.
     """
     prepare_folder(out)
     (out / RUN_JSON).unlink(missing_ok=True)  # of an older run: it marks a folder as finished
@@ -77,6 +77,7 @@ def write_fit(
             _write_figures(result, out / "figures", attempts, begin)
 
         result, judged = settled(result, tables)
+        write_json(judged._asdict(), out / "diagnostics.json")
         answer(judged)
         write_tree(result.tree, out / "posterior.nc")
         result, judged = settled(result, tables, figures)

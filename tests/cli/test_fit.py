@@ -34,6 +34,7 @@ from bayes_tyre.inference.diagnostics import power_scaling
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.record_table import record_factors
+from bayes_tyre.report.answer.quantities import in_words
 from bayes_tyre.report.figures import catalogue
 from bayes_tyre.workflow import fit as workflow
 from bayes_tyre.workflow import result_folder
@@ -221,7 +222,7 @@ def test_too_few_draws_end_with_4_and_every_file_says_so(fitted):
     assert diagnostics["verdict"] == "fail"
     assert (diagnostics["chains"], diagnostics["draws"]) == (2, 170)
     assert any("ESS" in reason for reason in diagnostics["reasons"])
-    assert done.stderr == "".join(f"bayes-tyre: {reason}\n" for reason in diagnostics["reasons"])
+    assert done.stderr == "".join(f"bayes-tyre: {in_words(reason)}\n" for reason in diagnostics["reasons"])
 
 
 def test_a_run_tells_how_it_was_made(fitted):

@@ -11,6 +11,7 @@ import pytest
 from helpers.command_line import FEW as FEW_DRAWS
 from helpers.command_line import TABLES, assert_refused, finish, here, small, start, tree_of, written
 
+from bayes_tyre.report.answer.quantities import in_words
 from bayes_tyre.workflow import fit as workflow
 
 # Compilation and module fixtures: over 10 s for the file from cold.
@@ -68,7 +69,7 @@ def test_a_run_killed_twice_gives_the_bytes_of_one_left_alone(runs):
         assert (runs / "cut" / name).read_bytes() == (runs / "whole" / name).read_bytes(), name
     assert tree_of(runs / "cut").keys() == tree_of(runs / "whole").keys()
     reasons = json.loads((runs / "cut" / "diagnostics.json").read_text())["reasons"]
-    assert (runs / "said").read_text() == "".join(f"bayes-tyre: {reason}\n" for reason in reasons)
+    assert (runs / "said").read_text() == "".join(f"bayes-tyre: {in_words(reason)}\n" for reason in reasons)
 
 
 def test_a_repeated_run_gives_the_bytes_of_the_first(runs):

@@ -65,7 +65,8 @@ def test_a_plain_run_prints_nothing_unasked_and_a_quiet_one_nothing(records, tmp
     ]
     loud, quiet = (finish(process) for process in running)
     assert (loud.returncode, loud.stderr) == (0, "")
-    assert loud.stdout == f"wrote {Path('loud/least_squares.csv')} (data: simulated)\n6 records, 0 not ok\n"
+    assert loud.stdout.endswith(f"\nwrote {Path('loud/least_squares.csv')} (data: simulated)\n6 records, 0 not ok\n")
+    assert loud.stdout.startswith("\nfits of Equation 2 (data: simulated): 6 rows, 0 not ok\n")
     assert (quiet.returncode, quiet.stdout, quiet.stderr) == (0, "", "")
 
 

@@ -15,8 +15,8 @@ from bayes_tyre.inference.diagnostics.convergence import with_figures
 from bayes_tyre.inference.diagnostics.verdict import diagnose
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.sampling.datatree import QUANTITIES
+from bayes_tyre.report.answer.load import Reported, read_reported
 from bayes_tyre.report.figures import catalogue
-from bayes_tyre.report.html.load import Reported, read_reported
 from bayes_tyre.results.provenance import begin_run
 from bayes_tyre.workflow.result_folder import write_fit
 from bayes_tyre.workflow.result_names import names

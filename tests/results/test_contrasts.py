@@ -9,7 +9,7 @@ import xarray as xr
 from helpers.hand_made_posteriors import fixed, grid, posterior, scattered
 
 from bayes_tyre.published import tables
-from bayes_tyre.results.contrasts import contrasts
+from bayes_tyre.results.contrasts import contrasts, with_reference
 
 FACTORS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN"]
 COLUMNS = [
@@ -45,7 +45,9 @@ def geometric(ratios: pd.Series) -> float:
 
 @pytest.fixture(scope="module")
 def published() -> pd.DataFrame:
-    return contrasts(of_cases(tables.case_means()), "pass")
+    tree = of_cases(tables.case_means())
+    tree.attrs["origin"] = "published"
+    return contrasts(tree, "pass")
 
 
 def test_columns_are_those_of_the_contract(published):
@@ -147,13 +149,30 @@ def test_no_matched_pair_gives_no_row():
         ],
         columns=FACTORS,
     )
-    table = contrasts(of_cases(numbered(factor_table)), "pass")
+    tree = of_cases(numbered(factor_table))
+    assert contrasts(tree, "pass").empty
+    tree.attrs["origin"] = "published"
+    table = contrasts(tree, "pass")
     assert set(zip(table["contrast"], table["matching"], strict=True)) == {
         ("loading / unloading", "pooled as published")
     }
     assert set(table["configuration"]) == {"single"}
     one_way = contrasts(of_cases(numbered(factor_table[:1])), "pass")
     assert one_way.empty
+
+
+def test_a_reference_is_below_in_every_ratio_of_two_configurations_and_changes_no_other_row():
+    table = contrasts(of_cases(numbered(grid(("c", "a", "b")))), "pass")
+    turned = with_reference(table, "a", ["a", "b", "c"])
+    assert list(turned["contrast"].unique()[:3]) == ["b / a", "c / a", "b / c"]
+    mine, before = turned["contrast"] == "b / a", table["contrast"] == "a / b"
+    assert mine.equals(before)
+    for column, other in (("median", "median"), ("lower", "upper"), ("upper", "lower")):
+        assert turned.loc[mine, column].tolist() == (1.0 / table.loc[before, other]).tolist()
+    p = turned.loc[mine, "p_greater_than_1"] + table.loc[before, "p_greater_than_1"]
+    assert p.to_numpy() == pytest.approx(1.0, abs=1e-12)
+    rest = ~turned["contrast"].isin(["b / a", "c / a"])
+    pd.testing.assert_frame_equal(turned[rest], table[rest])
 
 
 def test_every_pair_of_configurations_has_the_earlier_in_sorted_order_above():
@@ -183,9 +202,9 @@ def test_only_the_cells_that_both_configurations_have_are_averaged():
     [
         ([], set()),
         (["configuration"], {"same case"}),
-        (["direction"], {"pooled as published"}),
-        (["configuration", "direction"], {"same case", "pooled as published"}),
-        (["direction", "initial_load_kN", "step_kN"], {"same span", "pooled as published"}),
+        (["direction"], set()),
+        (["configuration", "direction"], {"same case"}),
+        (["direction", "initial_load_kN", "step_kN"], {"same span"}),
         (["speed_km_h", "initial_load_kN"], set()),
     ],
 )

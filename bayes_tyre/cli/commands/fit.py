@@ -43,6 +43,7 @@ def fit(
     seed: shell.Seed = 0,
     interval: shell.Interval = 0.95,
     limit: shell.LimitOption = None,
+    reference: shell.ReferenceOption = None,
     units_checked: Annotated[bool, typer.Option("--units-checked", help="The forces are kN, travel is mm.")] = False,
     xlsx: shell.Xlsx = False,
     resume: shell.Resume = False,
@@ -81,7 +82,7 @@ def fit(
     )
     settings = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
     limit = shell.checked_limit(limit, of_records=True)
-    plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns, limit)
+    plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns, limit, reference)
     _run(plan, out, resume, xlsx, quiet)
 
 
@@ -93,9 +94,10 @@ def _run(plan: "Plan", out: Path, resume: bool, xlsx: bool, quiet: bool) -> None
 
     table, sampler = _checked_table(plan), plan.sampler
     prepare_jax(sampler.chains)
-    shell.say(f"fitting {table['record'].nunique()} records (data: {origin_of(table)}), {sampler.chains} chains", quiet)
+    origin = origin_of(table)
+    shell.say(f"fitting {table['record'].nunique()} records (data: {origin}), {sampler.chains} chains", quiet)
     with ExitStack() as bar:
-        answer = shell.Answer(out, quiet, bar, plan.limit is not None)
+        answer = shell.Answer(out, origin, plan.reference, quiet, bar, plan.limit is not None)
         advance = bar.enter_context(shell.progress("fit", sampler.warmup + sampler.draws, quiet))
         callbacks = Callbacks(partial(shell.note, quiet=quiet), shell.warn, advance, answer)
         diagnostics = fit_table(table, plan, out, sys.argv[1:], callbacks, resume=resume, xlsx=xlsx)

@@ -92,6 +92,11 @@ def lsq(
         else:
             fits, cycles = fit_least_squares(table, settings, out, on_progress, xlsx=xlsx), None
     failed = int((fits["status"] != "ok").sum())
+    if not quiet:
+        from bayes_tyre.report.terminal.fits_table import print_tables
+        from bayes_tyre.results.separate_fits import read_separate_fits
+
+        print_tables(read_separate_fits(out))
     say(f"wrote {out / 'least_squares.csv'} (data: {origin_of(table)})", quiet)
     if cycles is not None:
         say(f"wrote loops.csv, backbone.csv and figures/loops.png beside it: {len(cycles)} closed cycles", quiet)

@@ -47,14 +47,12 @@ def modes(
     from bayes_tyre.runtime import prepare_jax
 
     prepare_jax()
-    from bayes_tyre.workflow.modes import Belt, fit_modes
+    from bayes_tyre.workflow.modes import Belt, fit_modes, parameter_lines
 
     belt = Belt(radius, mass_per_length)
     parameters, fit = fit_modes(table, out, belt, sys.argv[1:], interval=interval, seed=seed)
-    for row in parameters.itertuples():
-        text = f"{row.parameter} {row.median:.4g} [{row.lower:.4g}, {row.upper:.4g}] {row.unit}"
-        status = str(row.status).partition(";")[0]
-        say(text if status == "ok" else f"{text}: {status}", quiet)
+    for line in parameter_lines(parameters):
+        say(line, quiet)
     say(f"wrote {out}: verdict {fit.verdict} (data: {parameters['origin'].iloc[0]})", quiet)
     if not any(check.name == "ring" for check in fit.checks):
         say(

@@ -110,7 +110,7 @@ def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path,
     counts = f"{len(estimated.table)} records, {len(estimated.rejected)} rejected"
     shell.say(f"{counts} (data: {estimated.origin}), {sampler.chains} chains", quiet)
     with ExitStack() as bar:
-        answer = shell.Answer(out, quiet, bar)
+        answer = shell.Answer(out, estimated.origin, None, quiet, bar)
         advance = bar.enter_context(shell.progress("hierarchy", sampler.warmup + sampler.draws, quiet))
         callbacks = Callbacks(partial(shell.note, quiet=quiet), shell.warn, advance, answer)
         diagnostics = fit_estimates(estimated, plan, out, sys.argv[1:], callbacks, resume=machines.resume, xlsx=xlsx)

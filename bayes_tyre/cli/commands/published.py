@@ -1,6 +1,7 @@
 """`published` and `campaign`: the source's numbers recomputed, and records reconstructed from them."""
 
 import sys
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -9,6 +10,7 @@ import typer
 
 from bayes_tyre.cli import shell
 from bayes_tyre.cli.model_options import PriorsOption
+from bayes_tyre.errors import BadInput
 
 
 def published(
@@ -53,6 +55,11 @@ def published(
             )
             diagnostics = fit_published_tables(out / "posterior", settings, interval, sys.argv[1:], priors_given)
         shell.report_verdict(diagnostics, f"wrote {out / 'posterior'}", quiet)
+        if not quiet:
+            from bayes_tyre.report.terminal.results_table import print_overview
+
+            with suppress(BadInput):  # a table that failed is among the reasons
+                print_overview([out / "posterior"])
         trusted = trusted and diagnostics.verdict == "pass"
     if not trusted:
         raise typer.Exit(shell.NOT_TRUSTED)

@@ -142,7 +142,7 @@ def _elements(measures: xr.DataArray) -> list[str]:
 
 
 def _listed(elements: pd.Series) -> str:
-    more = f" and {len(elements) - _NAMED} more" if len(elements) > _NAMED else ""
+    more = f" and {len(elements) - _NAMED} more in summary.csv" if len(elements) > _NAMED else ""
     return ", ".join(elements[:_NAMED]) + more
 
 

@@ -27,7 +27,7 @@ from bayes_tyre.report.figures.record import (
 )
 from bayes_tyre.report.figures.sampler import pair_plot, rank_plot
 from bayes_tyre.results import summary
-from bayes_tyre.results.contrasts import contrasts
+from bayes_tyre.results.contrasts import contrasts, with_reference
 from bayes_tyre.results.figure_data import posterior_predictive
 from bayes_tyre.results.figure_data.hyperparameters import Hyperparameter, divergences, hyperparameters, paired
 from bayes_tyre.results.figure_data.hysteresis_loops import LAW, friction_loops
@@ -67,6 +67,8 @@ class Result:
         Readings and fitted motion of a few records, from `results.figure_data.motion_traces`; None without.
     limit:
         What `cases` says the probability of; None without.
+    reference:
+        The configuration below in each of its ratios; None: the later in sorted order.
     """
 
     tree: xr.DataTree
@@ -76,6 +78,7 @@ class Result:
     interval: float = 0.95
     motions: pd.DataFrame | None = None
     limit: Limit | None = None
+    reference: str | None = None
 
     @cached_property
     def cases(self) -> pd.DataFrame:
@@ -86,7 +89,8 @@ class Result:
     @cached_property
     def contrasts(self) -> pd.DataFrame:
         """As `contrasts.csv` holds them."""
-        return contrasts(self.tree, self.verdict, self.interval)
+        table = contrasts(self.tree, self.verdict, self.interval)
+        return table if self.reference is None else with_reference(table, self.reference, self.setting.configurations)
 
     @cached_property
     def judged(self) -> pd.DataFrame:

@@ -13,9 +13,9 @@ import xarray as xr
 
 from bayes_tyre.inference.sampling.datatree import case_parameters, tree_cases
 from bayes_tyre.record import CASE_FACTORS
-from bayes_tyre.report.html.formatting import label
-from bayes_tyre.report.html.losses import ENERGY
-from bayes_tyre.report.html.ratios import SAME_CASE, Ratio, ratio_of
+from bayes_tyre.report.answer.formatting import label
+from bayes_tyre.report.answer.losses import ENERGY
+from bayes_tyre.report.answer.ratios import SAME_CASE, Ratio, ratio_of
 from bayes_tyre.results.contrasts import contrasts
 
 #: Why two results may have no ratio.

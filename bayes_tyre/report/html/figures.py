@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bayes_tyre.inference.diagnostics.attempts import Attempt, directly
+from bayes_tyre.report.answer.formatting import label
 from bayes_tyre.report.figures import catalogue
 from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.report.figures.page.svg import Figure, notes, svg
-from bayes_tyre.report.html.formatting import label
 
 #: What each figure is called, and how somebody reads it who has never seen a posterior.
 HEADINGS = {

@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from bayes_tyre.report.html.caveats import origin_sentence
+from bayes_tyre.report.answer.caveats import origin_sentence
+from bayes_tyre.report.answer.formatting import label, rounded
 from bayes_tyre.report.html.figures import EmbeddedFigure
-from bayes_tyre.report.html.formatting import label, rounded
 from bayes_tyre.report.html.page import rendered
 from bayes_tyre.report.html.tables import Cell, Column, Table, number
 from bayes_tyre.results import separate_fits

@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from bayes_tyre.report.html.load import Reported
-from bayes_tyre.report.html.losses import LOSSES
+from bayes_tyre.report.answer.load import Reported
+from bayes_tyre.report.answer.losses import LOSSES
 
 PARAMETERS = {
     "k": ("k, kN/mm", "Stiffness: force gained a millimetre of deflection, once the friction has been overcome."),

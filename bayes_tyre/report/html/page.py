@@ -12,14 +12,16 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.report.answer.caveats import caveats, origin_sentence
+from bayes_tyre.report.answer.formatting import interval_name, label, rounded
+from bayes_tyre.report.answer.headline import STIFFNESS, comparison_of, headline
+from bayes_tyre.report.answer.load import Reported
+from bayes_tyre.report.answer.quantities import in_words
+from bayes_tyre.report.answer.unchecked import unchecked
 from bayes_tyre.report.html import tables
 from bayes_tyre.report.html.between_results import Comparison
-from bayes_tyre.report.html.caveats import caveats, origin_sentence
 from bayes_tyre.report.html.figures import EmbeddedFigure
-from bayes_tyre.report.html.formatting import interval_name, label, rounded
 from bayes_tyre.report.html.glossary import glossary
-from bayes_tyre.report.html.headline import STIFFNESS, comparison_of, headline
-from bayes_tyre.report.html.load import Reported
 from bayes_tyre.report.html.tables import Cell, Column, Table
 from bayes_tyre.report.limits import MOST_SENTENCES, limit_sentences
 from bayes_tyre.report.wording import probability_text, text_name
@@ -128,11 +130,12 @@ def _shown(part: Part) -> dict[str, Any]:
         "name": label(result.name),
         "verdict": result.verdict,
         "verdict_sentence": VERDICTS[result.verdict],
-        "reasons": [label(each, _LONG) for each in result.sentences("reasons")],
-        "limitations": [label(each, _LONG) for each in result.sentences("limitations")],
+        "reasons": [label(in_words(each), _LONG) for each in result.sentences("reasons")],
+        "limitations": [label(in_words(each), _LONG) for each in result.sentences("limitations")],
         "origins": [(each, origin_sentence(each)) for each in result.origins],
         "headline": [*headline(result), *limit_sentences(result.cases, MOST_SENTENCES)],
         "caveats": caveats(result),
+        "unchecked": unchecked(result),
         "note": part.note,
     }
 

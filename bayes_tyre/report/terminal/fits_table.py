@@ -18,7 +18,14 @@ _LONGEST_STATUS = 300
 
 
 def print_fits(tables: list[FitTable], folder: Path, console: Console) -> None:
-    """Print the tables of a folder, value ± standard error; reasons why rows are not ok stand below, by number."""
+    """Print the tables of a folder, and where they are."""
+    print_tables(tables, console)
+    console.print(Text(f"files: {one_line(folder, None)}"), soft_wrap=True)
+
+
+def print_tables(tables: list[FitTable], console: Console | None = None) -> None:
+    """Print tables, value ± standard error; reasons why rows are not ok stand below, by number."""
+    console = console or Console()
     for table in tables:
         reasons = [status for status in dict.fromkeys(table.status[:MOST_ROWS]) if status != "ok"]
         rows = len(table.status)
@@ -37,7 +44,6 @@ def print_fits(tables: list[FitTable], folder: Path, console: Console) -> None:
             lines.append(f"of the {rows - MOST_ROWS} further rows {others}: other reasons")
         for line in lines:
             console.print(Text(one_line(line, _LONGEST_STATUS)), soft_wrap=True)
-    console.print(Text(f"files: {one_line(folder, None)}"), soft_wrap=True)
 
 
 def _first_rows(table: FitTable, reasons: list[str]) -> Table:

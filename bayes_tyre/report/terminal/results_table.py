@@ -1,7 +1,10 @@
 """The short table that a run ends with: k, beta and more by configuration and direction, and how far to trust them."""
 
+import shlex
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from rich import box
@@ -14,9 +17,13 @@ from rich.text import Text
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.structured_text import read_json
 from bayes_tyre.formats.tables.table_files import read_table
-from bayes_tyre.plain_text import one_line
+from bayes_tyre.plain_text import one_line, path_text
+from bayes_tyre.report.answer.caveats import caveats_of
+from bayes_tyre.report.answer.headline import headline, small
+from bayes_tyre.report.answer.load import Reported, read_reported
+from bayes_tyre.report.answer.quantities import in_words
 from bayes_tyre.report.terminal.fits_table import print_fits
-from bayes_tyre.results.separate_fits import read_separate_fits
+from bayes_tyre.results.separate_fits import FitTable, read_separate_fits
 
 #: What each kind of data means for a reader who sees nothing but the table.
 WHAT_IT_IS = {
@@ -27,8 +34,11 @@ WHAT_IT_IS = {
 PARAMETERS = ("k_mean", "x_mean", "beta_mean", "m_mean", "c_mean", "energy_per_cycle_mean")
 NUMBERS = ("median", "lower", "upper", "interval")
 COLUMNS = ("parameter", "configuration", "direction", "unit", *NUMBERS, "verdict")
-#: The most of a limitation: three labels are in it.
-LONGEST_LIMITATION = 600
+#: The most of a limitation: three labels are in it; and the most limitations, those that follow stay in their file.
+LONGEST_LIMITATION, MOST_NOTES = 600, 3
+_DOUBT, _FURTHER = "not to be believed: ", "; {} more in the report"
+#: Of the report's typography what a terminal may not have.
+_ASCII = str.maketrans({"\N{NO-BREAK SPACE}": " ", "\N{MINUS SIGN}": "-", "\u201c": '"', "\u201d": '"'})
 
 
 def overview_rows(folder: Path) -> pd.DataFrame:
@@ -41,7 +51,7 @@ def overview_rows(folder: Path) -> pd.DataFrame:
     """
     if not (folder / "run.json").is_file():
         raise BadInput(
-            f"{folder}: holds no run.json, so no finished result; name a folder that fit, lsq or load-deflection wrote"
+            f"{folder}: holds no run.json, so no finished result; name a folder that a command wrote with --out"
         )
     try:
         origin = str(read_json(folder / "run.json")["origin"])
@@ -62,39 +72,87 @@ def _means(path: Path, origin: str) -> pd.DataFrame:
     return means.assign(data=WHAT_IT_IS.get(origin, origin)).reset_index(drop=True)
 
 
-def print_overview(folders: list[Path], console: Console | None = None) -> None:
-    """Print a table for each folder, and where its files are; of `lsq` and `load-deflection` the tables as they are.
+def print_overview(folders: list[Path], console: Console | None = None, reference: str | None = None) -> None:
+    """Print the answer, a table, what not to believe and where the files are, of each folder with a posterior.
 
-    Configurations stand side by side where the terminal is wide enough for all their figures, else below each other.
+    Of `lsq` and `load-deflection` the tables as they are. Configurations stand side by side where the terminal is wide
+    enough for all their figures, else below each other. `reference` is the configuration that others are compared with.
     """
     read = [read_separate_fits(folder) or overview_rows(folder) for folder in folders]
+    reported = [_reported(folder, rows, reference) for folder, rows in zip(folders, read, strict=True)]
     console = console or Console()
-    for folder, rows in zip(folders, read, strict=True):
+    for folder, rows, result in zip(folders, read, reported, strict=True):
         if isinstance(rows, list):
             print_fits(rows, folder, console)
             continue
-        _print_rows(rows, console)
-        for limitation in limitations(folder):
-            console.print(Text(f"note: {one_line(limitation, LONGEST_LIMITATION)}"), soft_wrap=True)
-        console.print(Text(f"files: {one_line(folder, None)}"), soft_wrap=True)
+        _print_answer(folder, rows, result, console)
+        for line in (f"files: {one_line(folder, None)}", f"next: {one_line(_next(folder), None)}"):
+            console.print(Text(line), soft_wrap=True)
 
 
-def print_means(path: Path, console: Console | None = None) -> None:
-    """Print the table of one result from the `summary.csv` that a fit has just written."""
-    origins = read_table(path)["origin"]
-    _print_rows(_means(path, str(origins.iloc[0])), console or Console())
+def print_answer(folder: Path, run: dict[str, Any]) -> None:
+    """Print the answer of a fit whose tables have just been written; `run`: what its `run.json` will hold."""
+    _print_answer(folder, _means(folder / "summary.csv", run["origin"]), _answerable(folder, run), Console())
 
 
-def _print_rows(rows: pd.DataFrame, console: Console) -> None:
+def _print_answer(folder: Path, rows: pd.DataFrame, result: Reported | None, console: Console) -> None:
     level, verdict = float(rows["interval"].iloc[0]), rows["verdict"].iloc[0]
     about = one_line(f"{rows['data'].iloc[0]}; verdict: {verdict}", 200)
     console.print()
-    console.print(Text(f"{about}\nmean over the cases, median and {100 * level:g} % interval"))
+    console.print(Text(about))
+    for sentence in headline(result) if result else ():
+        console.print(Text(_wrapped(_plain(sentence), console.width)), soft_wrap=True)
+    console.print(Text(f"mean over the cases, median and {100 * level:g} % interval"))
     beside = _beside(rows)
     if Measurement.get(console, console.options.update(width=10**6), beside).maximum <= console.width:
         console.print(beside)
     else:
         console.print(Text(f"\n{_below(rows)}\n"), soft_wrap=True)
+    for line in _doubts(folder, result, console.width):
+        console.print(Text(line), soft_wrap=True)
+
+
+def _reported(folder: Path, rows: list[FitTable] | pd.DataFrame, reference: str | None) -> Reported | None:
+    """Return a result as its sentences need it; None where it has no posterior, or a table of it failed."""
+    result = None if isinstance(rows, list) else _answerable(folder)
+    return result and result.referred_to(reference)
+
+
+def _answerable(folder: Path, run: dict[str, Any] | None = None) -> Reported | None:
+    try:
+        return read_reported(folder, folder.name, run)
+    except BadInput:
+        return None
+
+
+def _plain(text: str) -> str:
+    """Return text of the report as a terminal of any character set shows it."""
+    return text.translate(_ASCII)
+
+
+def _wrapped(text: str, width: int) -> str:
+    return "\n".join(textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False))
+
+
+def _doubts(folder: Path, result: Reported | None, width: int) -> Iterator[str]:
+    """Yield what not to believe, within two lines, and the first limitations of the fit."""
+    whats = [_plain(caveat.what) for caveat in caveats_of(result)] if result else []
+    if whats:
+        room, shown = 2 * width - len(_DOUBT) - len(_FURTHER.format(len(whats))), 1
+        while shown < len(whats) and len("; ".join(whats[: shown + 1])) <= room:
+            shown += 1
+        further = _FURTHER.format(len(whats) - shown) if shown < len(whats) else ""
+        text = f"{_DOUBT}{'; '.join(small(what) for what in whats[:shown])}{further}"
+        yield _wrapped(text, width)
+    notes = limitations(folder)
+    for note in notes[:MOST_NOTES]:
+        yield f"note: {one_line(in_words(note), LONGEST_LIMITATION)}"
+    if len(notes) > MOST_NOTES:
+        yield f"note: {len(notes) - MOST_NOTES} more in {one_line(folder / 'diagnostics.json', None)}"
+
+
+def _next(folder: Path) -> str:
+    return shlex.join(["bayes-tyre", "report", path_text(folder)])
 
 
 def limitations(folder: Path) -> list[str]:

@@ -14,11 +14,11 @@ from bayes_tyre.inference.diagnostics.attempts import Attempts
 from bayes_tyre.inference.model.prepared_records import used_points
 from bayes_tyre.inference.sampling.datatree import is_of_motions
 from bayes_tyre.published import tables
+from bayes_tyre.report.answer.load import Reported, read_reported
 from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.report.html.between_results import ComparedResult, compare_results, has_cases
 from bayes_tyre.report.html.figures import embedded_figures, stored_figures
 from bayes_tyre.report.html.fits_page import fits_document
-from bayes_tyre.report.html.load import Reported, read_reported
 from bayes_tyre.report.html.page import Part, document
 from bayes_tyre.results.figure_data.motion_traces import MOTIONS_CSV, check_readings
 from bayes_tyre.results.provenance import RUN_JSON
@@ -59,6 +59,7 @@ def write_report(
     on_progress: Callable[[int], None] = lambda _: None,
     *,
     kept_figures: bool = False,
+    reference: str | None = None,
 ) -> tuple[Path, list[str]]:
     """Write the report of one result, or of several with a comparison; return its path, and what not to trust.
 
@@ -74,16 +75,20 @@ def write_report(
         Called with 1 after each folder.
     kept_figures:
         Show the figures as they lie in the folders instead of drawing them again.
+    reference:
+        The configuration below in each ratio; None: as the fit was told.
 
     Raises
     ------
     BadInput
-        If a folder holds no finished result, is named twice, or the page cannot be written.
+        If a result has no such configuration, a folder holds no finished result, is named twice, or the page cannot be
+        written.
     """
     if len(folders) == 1 and (fits := read_separate_fits(folders[0])):
         figures = stored_figures(folders[0] / "figures", set())
         return write_text(fits_document(fits, list(figures)), target(folders[0], out)), []
-    results = [read_reported(folder, name) for folder, name in zip(folders, names(folders), strict=True)]
+    read = [read_reported(folder, name) for folder, name in zip(folders, names(folders), strict=True)]
+    results = [result.referred_to(reference) for result in read]
     path = target(folders[0], out)
     parts, compared_results, warnings = [], [], []
     for folder, result in zip(folders, results, strict=True):
@@ -112,7 +117,9 @@ def _drawn(
     table = None if of_motions else _records(folder, result, on_note)
     # As in the fit: only records made from the printed tables, and these tables, are compared with printed values.
     printed = tables.case_means() if result.run["origin"] in ("reconstructed", "published") else None
-    result_drawn = Result(tree, result.verdict, table, printed, result.interval, _motions(folder))
+    result_drawn = Result(
+        tree, result.verdict, table, printed, result.interval, _motions(folder), reference=result.reference or None
+    )
     missing = table is None and not result.repeats.empty and not of_motions
     figures = list(embedded_figures(result_drawn, folder / "figures", attempts))
     return Part(result, figures, " ".join([KEPT] * missing + [f"{check.reason}." for check in attempts.failed]))

@@ -15,14 +15,15 @@ from helpers.reported_results import IMAGE, REASON, SCRIPT, made, printed_factor
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.netcdf import read_tree
+from bayes_tyre.report.answer.caveats import caveats
+from bayes_tyre.report.answer.formatting import percent_apart, probability, rounded
+from bayes_tyre.report.answer.headline import headline
+from bayes_tyre.report.answer.load import Reported, read_reported
+from bayes_tyre.report.answer.quantities import in_words
 from bayes_tyre.report.figures.page.svg import DENSE_MARKERS, svg
 from bayes_tyre.report.html import tables
 from bayes_tyre.report.html.between_results import ComparedResult, compare_results
-from bayes_tyre.report.html.caveats import caveats
 from bayes_tyre.report.html.figures import embedded_figure
-from bayes_tyre.report.html.formatting import percent_apart, probability, rounded
-from bayes_tyre.report.html.headline import headline
-from bayes_tyre.report.html.load import Reported, read_reported
 from bayes_tyre.report.html.page import Part, document
 
 NBSP = "\N{NO-BREAK SPACE}"
@@ -66,11 +67,18 @@ def test_the_stiffer_configuration_is_named_with_how_much_and_how_sure(two):
     assert (ratio, low, high) == tuple(round(row[name], 2) for name in ("median", "lower", "upper"))
 
 
-def test_the_stiffer_configuration_is_named_whichever_way_up_the_table_has_the_ratio(away):
-    first, _ = map(plain, headline(made(away / "turned", {"a": 1.0, "b": 2.5})))
+def test_the_sentence_has_the_direction_of_the_table_and_a_reference_turns_both(away):
+    result = made(away / "turned", {"a": 1.0, "b": 2.5})
+    first, _ = map(plain, headline(result))
+    assert first.startswith("Configuration a is 0.40 times as stiff as b")
+    assert "the probability that it is softer at all is above 99 %" in first
+    turned = result.referred_to("a")
+    first, _ = map(plain, headline(turned))
     assert first.startswith("Configuration b is 2.5")
     assert "times as stiff as a" in first
     assert numbers_in(first)[0] == pytest.approx(2.5, rel=0.01)
+    assert set(turned.contrasts["contrast"]) == {"b / a", "loading / unloading"}
+    assert next(row[0].text for row in tables.contrasts_table([turned]).rows) == "b / a"
 
 
 def test_an_interval_that_holds_1_is_no_difference(away):
@@ -88,7 +96,7 @@ def test_a_failed_verdict_stands_before_the_answer(away):
     assert caveats(result)[0].startswith("Any number of this result")
     page = page_of(result)
     assert "Verdict: fail. Do not use these numbers." in page
-    assert REASON in unescape(page)
+    assert in_words(REASON) in unescape(page)
     assert "Verdict: pass" not in page
 
 
@@ -122,7 +130,9 @@ def test_configurations_without_a_case_in_common_are_not_compared(away):
 def test_of_three_configurations_the_two_farthest_apart_are_compared(away):
     result = made(away / "three", {"a": 1.5, "b": 1.0, "c": 1.8})
     first, _ = map(plain, headline(result))
-    assert first.startswith("Two of 3 configurations are farthest apart: configuration c is 80 % stiffer than b")
+    assert first.startswith("Two of 3 configurations are farthest apart: configuration b is 44 % softer than c")
+    to_a, _ = map(plain, headline(result.referred_to("a")))
+    assert to_a.startswith("Of 3 configurations one is farthest from a: configuration b is 33 % softer than a")
 
 
 def test_the_printed_tables_model_has_an_answer_and_no_repeats(away):
@@ -204,7 +214,7 @@ def test_campaigns_are_compared_configuration_by_configuration(two, away):
     assert single.median == pytest.approx(1.5 / 1.65, rel=0.01)
     assert np.log(single.upper / single.lower) == pytest.approx(2 * 1.96 * 0.02 * np.sqrt(2), rel=0.15)
     page = document([Part(two, []), Part(read_reported(later, "next_year"), [])], [found])
-    assert "Configuration single (next_year) is 10" in page
+    assert "Configuration single (two) is 9" in page
     assert "the test cases of both" in page
 
 
@@ -317,3 +327,21 @@ def test_a_folder_that_holds_no_result_of_a_fit_is_refused(two, away, tmp_path, 
     (tmp_path / name).write_text(content)
     with pytest.raises(BadInput, match=said):
         read_reported(tmp_path, "x")
+
+
+def test_what_no_record_shows_is_said_once_with_what_it_would_do_to_k(two, away):
+    page = plain(page_of(two))
+    assert page.count("<h3>Not checked</h3>") == 1
+    assert page.count("A force that is 1 % too large makes k, C and J 1 % too large.") == 1
+    run = {**two.run, "options": {"displacement_scale_sd": 0.05}}
+    stated = plain(page_of(dataclasses.replace(two, run=run)))
+    assert "An error with a standard deviation of 5 % is in the intervals" in stated
+    assert "is in the intervals" not in page
+    printed = page_of(dataclasses.replace(two, run={**two.run, "origin": "published"}))
+    assert "A filter that is longer" in page
+    assert "A filter that is longer" not in printed
+
+
+def test_every_cell_of_a_table_has_its_heading_for_a_narrow_screen(two):
+    headings = re.findall(r'<td data-head="([^"]*)"', page_of(two))
+    assert {"configuration", "speed km/h", "k kN/mm", "beta mm", "P(> 1), k"} <= set(map(unescape, headings))

@@ -10,13 +10,13 @@ from helpers.quick_motions import TYPICAL
 from helpers.reported_motions import write_motions
 
 from bayes_tyre.formats.netcdf import read_tree
+from bayes_tyre.report.answer.caveats import caveats
+from bayes_tyre.report.answer.headline import headline
+from bayes_tyre.report.answer.load import Reported, read_reported
 from bayes_tyre.report.figures.catalogue import ALWAYS, OF_MOTIONS
 from bayes_tyre.report.html import tables
 from bayes_tyre.report.html.between_results import ComparedResult, compare_results
-from bayes_tyre.report.html.caveats import caveats
 from bayes_tyre.report.html.figures import HEADINGS
-from bayes_tyre.report.html.headline import headline
-from bayes_tyre.report.html.load import Reported, read_reported
 from bayes_tyre.report.html.page import Part, document
 
 COLUMNS = ["k", "x", "beta", "m", "c", "energy a cycle"]

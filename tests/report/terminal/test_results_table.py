@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from helpers.reported_results import write_made
 from rich.console import Console
 
 from bayes_tyre.errors import BadInput
@@ -45,8 +46,8 @@ def test_configurations_stand_side_by_side_where_there_is_room(tmp_path):
     assert lines[:3] == ["", TITLE, ABOUT]
     assert lines[4].split() == ["single", "dual"]
     assert lines[6] == "  k, kN/mm loading     2.5 [2.25, 2.75]   1.5 [1.25, 1.75]"
-    assert lines[-1] == f"files: {folder}"
-    assert len(lines) == 12
+    assert lines[-2:] == [f"files: {folder}", f"next: bayes-tyre report {folder}"]
+    assert len(lines) == 13
 
 
 @pytest.mark.parametrize("width", [20, 40, 50])
@@ -63,7 +64,7 @@ def test_in_a_narrow_terminal_they_stand_below_each_other_and_no_figure_is_cut_i
 def test_many_configurations_stand_below_each_other_in_a_wide_terminal_too(tmp_path):
     lines = printed(result(tmp_path / "fit", summary(*(f"tyre {i}" for i in range(9)))), width=80)
     assert sum(line.startswith("    tyre ") for line in lines) == 36
-    assert max(map(len, lines[:-1])) <= 80
+    assert max(map(len, lines[:-2])) <= 80
 
 
 def test_the_title_is_no_wider_than_the_terminal_and_no_narrower_than_it_has_to(tmp_path):
@@ -99,10 +100,42 @@ def test_warnings_stand_below_the_table_in_one_line_each(tmp_path):
     said = {"limitations": ["beta_case[x]: weakly identified; \x1b[31mmeasure", 3]}
     (folder / "diagnostics.json").write_text(json.dumps(said), encoding="utf-8")
     lines = printed(folder, width=40)
-    assert lines[-2:] == [
-        "note: beta_case[x]: weakly identified; \ufffd[31mmeasure",
+    assert lines[-3:-1] == [
+        "note: characteristic deflection beta of x: weakly identified; \ufffd[31mmeasure",
         f"files: {folder}",
     ]
+
+
+def test_of_many_warnings_three_are_printed_and_the_others_are_in_their_file(tmp_path):
+    folder = result(tmp_path / "fit", summary("single"))
+    content = {"limitations": [f"rho_case[{i}]: weakly identified" for i in range(5)]}
+    (folder / "diagnostics.json").write_text(json.dumps(content), encoding="utf-8")
+    notes = [line for line in printed(folder) if line.startswith("note: ")]
+    assert notes[2:] == [
+        "note: correlation rho of the noise of 2: weakly identified",
+        f"note: 2 more in {folder / 'diagnostics.json'}",
+    ]
+
+
+def test_the_answer_stands_above_the_table_and_what_not_to_believe_below_within_two_lines(tmp_path):
+    folder = write_made(tmp_path / "fit", {"single": 1.5, "dual": 2.0}, origin="reconstructed")
+    lines = printed(folder)
+    assert lines[1] == "reconstructed records: not measured; verdict: pass"
+    assert lines[2].startswith("Configuration dual is 33 % stiffer than single, averaged over the 4 test cases")
+    assert "Loading against unloading: over the same span of load" in "\n".join(lines[: lines.index(ABOUT)])
+    doubts = lines[[line.startswith("not to be believed: ") for line in lines].index(True) : -2]
+    assert doubts[0].startswith("not to be believed: these intervals as those of a measurement; that no record")
+    assert len(doubts) <= 2
+    assert all(len(line) <= 80 for line in lines[:-2])
+
+
+def test_a_reference_turns_the_sentence_and_an_unknown_one_is_refused(tmp_path):
+    folder = write_made(tmp_path / "fit", {"single": 1.5, "dual": 2.0})
+    stream = io.StringIO()
+    print_overview([folder], Console(file=stream, width=300), reference="dual")
+    assert "Configuration single is 25 % softer than dual" in stream.getvalue()
+    with pytest.raises(BadInput, match="--reference 'triple': no such configuration; the data have 'dual', 'single'"):
+        print_overview([folder], Console(file=stream), reference="triple")
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"limitations": 3}', '{"limitations": {"a": 1}}', "{}"])
@@ -114,7 +147,7 @@ def test_a_folder_whose_diagnostics_say_nothing_is_shown_without_warnings(conten
 
 def test_a_folder_s_name_is_shown_as_it_is(tmp_path):
     folder = result(tmp_path / "[red]:smile:", summary("single"))
-    assert printed(folder, width=20)[-1] == f"files: {folder}"
+    assert printed(folder, width=20)[-2:] == [f"files: {folder}", f"next: bayes-tyre report '{folder}'"]
 
 
 @pytest.mark.parametrize(

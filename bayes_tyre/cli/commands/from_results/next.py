@@ -1,7 +1,7 @@
 """`next`: which tests to run so that a ratio or a value is known precisely enough."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -9,8 +9,6 @@ from bayes_tyre.cli.shell import NOT_TRUSTED, Out, Quiet, Seed, say, warn
 
 if TYPE_CHECKING:
     from bayes_tyre.workflow.from_results.next import Next
-
-_SHOWN = 5
 
 
 def next(
@@ -74,26 +72,13 @@ def _share(text: str) -> float:
 
 def _lines(done: "Next", precision: float) -> list[str]:
     """Return the best candidates, and what the plan reaches."""
-    from bayes_tyre.record import CASE_FACTORS, Case
+    from bayes_tyre.results.next_tests.sentences import after, candidate_lines, percent
 
-    now, enough = _percent(done.forecast.width()), _percent(precision)
-    lines = [f"{done.goal.text}: median {done.forecast.median:.4g}, 95 % interval {now} of it wide ({done.goal.of})"]
-    for row in done.ranked.head(_SHOWN).to_dict("records"):
-        case, several = Case._make(row[factor] for factor in CASE_FACTORS).label, "s" * (row["tests"] > 1)
-        what = f"more repeat{several} of {case}" if row["kind"] == "repeat" else f"test{several} of the new case {case}"
-        lines.append(f"{row['rank']}  {row['tests']} {what}: interval {now} to {_after(row)}")
+    now, enough = percent(done.forecast.width()), percent(precision)
+    goal = f"{done.goal.text}: median {done.forecast.median:.4g}, 95 % interval {now} of it wide ({done.goal.of})"
+    lines = [goal, *candidate_lines(done.ranked)]
     if done.plan.empty:
         return [*lines, f"plan: no test, as {now} is within {enough} or no test is within the budget"]
     last = done.plan.iloc[-1]
     reached = "" if last["width_expected"] <= precision else "not "
-    return [*lines, f"plan {reached}expected to reach {enough}: {len(done.plan)} tests, {now} to {_after(last)}"]
-
-
-def _after(row: Any) -> str:
-    """Return the expected width of a row, and the minutes where they are known."""
-    minutes = f", {row['minutes']:.0f} min" if row["minutes"] == row["minutes"] else ""
-    return f"{_percent(row['width_expected'])}{minutes}"
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.3g} %"
+    return [*lines, f"plan {reached}expected to reach {enough}: {len(done.plan)} tests, {now} to {after(last)}"]

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from bayes_tyre.cli.shell import NOT_TRUSTED, NoSeed, Quiet, note, progress, say, warn
+from bayes_tyre.cli.shell import NOT_TRUSTED, NoSeed, Quiet, ReferenceOption, note, progress, say, warn
 
 
 def report(
@@ -25,6 +25,7 @@ def report(
             "--kept-figures", help="Show the PNG figures that lie in DIR instead of drawing them again: quicker."
         ),
     ] = False,
+    reference: ReferenceOption = None,
     seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
@@ -43,7 +44,8 @@ def report(
     from bayes_tyre.workflow.from_results.report import write_report
 
     with progress("report", len(folders), quiet) as advance:
-        path, warnings = write_report(folders, out, lambda text: note(text, quiet), advance, kept_figures=kept_figures)
+        how = {"kept_figures": kept_figures, "reference": reference}
+        path, warnings = write_report(folders, out, lambda text: note(text, quiet), advance, **how)
     say(f"wrote {path}", quiet)
     for warning in warnings:
         warn(warning)

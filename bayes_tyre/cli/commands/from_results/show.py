@@ -7,15 +7,16 @@ from typing import Annotated
 
 import typer
 
-from bayes_tyre.cli.shell import LimitOption, NoSeed, checked_limit
+from bayes_tyre.cli.shell import LimitOption, NoSeed, ReferenceOption, checked_limit
+from bayes_tyre.plain_text import escaped
 
 
 def show(
     results: Annotated[
         list[Path],
         typer.Argument(
-            help="Folders that fit, motion, published --posterior, lsq or load-deflection wrote; with --truth fit, "
-            "motion or lsq."
+            help="Folders that fit, motion, published --posterior, lsq, load-deflection, audit, study, modes or next "
+            "wrote; with --truth fit, motion or lsq."
         ),
     ],
     truth: Annotated[
@@ -23,14 +24,17 @@ def show(
         typer.Option(help="truth.csv of simulate: print k and beta of each record beside it, and the errors in %."),
     ] = None,
     limit: LimitOption = None,
+    reference: ReferenceOption = None,
     seed: NoSeed = 0,
     quiet: Annotated[
         bool, typer.Option("--quiet", help="Print nothing; only check that the results can be read.")
     ] = False,
 ) -> None:
-    """Print k (kN/mm) and beta (mm) by configuration and direction, with intervals, from results on disk.
+    """Print the answer of results on disk: k (kN/mm) and beta (mm) by configuration and direction, with intervals.
 
-    Of lsq and load-deflection it prints the first 20 rows of each table, with standard errors, units and status.
+    First how much stiffer one configuration is than the other, last what not to believe and the next command. Of lsq
+    and load-deflection the first 20 rows of each table, with standard errors, units and status; of audit, study, modes
+    and next what the command printed.
 
     Example: bayes-tyre show results/published/posterior results/fit --limit "k >= 1.8"
     """
@@ -45,8 +49,13 @@ def show(
             print_recovery(results, truth)
             return
         from bayes_tyre.report.terminal.results_table import print_overview
+        from bayes_tyre.workflow.from_results.answers import answer
 
-        print_overview(results)
+        answers = [answer(folder) for folder in results]
+        print_overview([each for each, lines in zip(results, answers, strict=True) if not lines], reference=reference)
+        for folder, lines in zip(results, answers, strict=True):
+            for line in ["", *lines, f"files: {folder}"] if lines else ():
+                typer.echo(escaped(line))
         if limit is not None:
             from bayes_tyre.workflow.from_results.limits import limits_of
 

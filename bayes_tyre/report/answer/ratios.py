@@ -7,7 +7,7 @@ from itertools import combinations
 import pandas as pd
 
 from bayes_tyre.record import CASE_FACTORS
-from bayes_tyre.report.html.load import Reported
+from bayes_tyre.report.answer.load import Reported
 from bayes_tyre.results.contrasts import DIRECTIONS
 
 SAME_CASE, SAME_SPAN, SAME_LOAD = "same case", "same span", "same initial load"
@@ -29,17 +29,6 @@ class Ratio:
     def clear(self) -> bool:
         """Whether its interval leaves out 1, no difference."""
         return self.lower > 1.0 or self.upper < 1.0
-
-    @property
-    def turned(self) -> "Ratio":
-        """The same comparison the other way up; an equal-tailed interval turns with it."""
-        p = 1.0 - self.p_greater_than_1
-        return Ratio(self.below, self.above, 1 / self.median, 1 / self.upper, 1 / self.lower, self.interval, p)
-
-    @property
-    def upright(self) -> "Ratio":
-        """The same comparison with the larger above."""
-        return self if self.median >= 1.0 else self.turned
 
 
 def averages(result: Reported, parameter: str) -> pd.DataFrame:

@@ -1,9 +1,11 @@
 """The headline of a result in two sentences: which is stiffer, how sure; loading against unloading, or losses."""
 
-from bayes_tyre.report.html.formatting import interval_name, label, percent_apart, probability, ratio_text, rounded
-from bayes_tyre.report.html.load import Reported
-from bayes_tyre.report.html.losses import losses_answer, of_group
-from bayes_tyre.report.html.ratios import (
+import math
+
+from bayes_tyre.report.answer.formatting import interval_name, label, percent_apart, probability, ratio_text, rounded
+from bayes_tyre.report.answer.load import Reported
+from bayes_tyre.report.answer.losses import losses_answer, of_group
+from bayes_tyre.report.answer.ratios import (
     SAME_LOAD,
     SAME_SPAN,
     Ratio,
@@ -44,38 +46,41 @@ def prior_clause(result: Reported, parameter: str = STIFFNESS) -> str:
 
 
 def comparison_of(ratio: Ratio, over: str) -> str:
-    """Return a sentence on one ratio of stiffness: the larger above, no claim where its interval holds 1.
+    """Return a sentence on one ratio of stiffness, in the direction of its table; no claim where its interval holds 1.
 
     `over` says which cases it averages.
     """
-    ratio, size = ratio.upright, interval_name(ratio.interval)
+    size, times = interval_name(ratio.interval), ratio_text(ratio.median)
     above, below = label(ratio.above), label(ratio.below)
     reach = f"{ratio_text(ratio.lower)} to {ratio_text(ratio.upper)}"
     if not ratio.clear:
         return (
             f"These data do not tell which of {above} and {below} is stiffer: their ratio of {STIFFNESS}, {over}, is "
-            f"{ratio_text(ratio.median)}, its {size} of {reach} holds 1 (no difference), and the probability that "
-            f"{above} is the stiffer is {probability(ratio.p_greater_than_1)}."
+            f"{times}, its {size} of {reach} holds 1 (no difference), and the probability that {above} is the stiffer "
+            f"is {probability(ratio.p_greater_than_1)}."
         )
-    times = ratio_text(ratio.median)
+    way, p = ("stiffer", ratio.p_greater_than_1) if ratio.median > 1.0 else ("softer", 1.0 - ratio.p_greater_than_1)
     how = (
-        f"{times} times as stiff as {below}, {over} ({size}"
-        if ratio.median >= 2.0
-        else f"{percent_apart(ratio.median)} stiffer than {below}, {over} (ratio of {STIFFNESS} {times}, {size}"
+        f"{percent_apart(ratio.median)} {way} than {below}, {over} (ratio of {STIFFNESS} {times}, {size}"
+        if 0.5 < ratio.median < 2.0
+        else f"{times} times as stiff as {below}, {over} ({size}"
     )
-    sure = f"the probability that it is stiffer at all is {probability(ratio.p_greater_than_1)}"
-    return f"Configuration {above} is {how} {reach}; {sure})."
+    return f"Configuration {above} is {how} {reach}; the probability that it is {way} at all is {probability(p)})."
 
 
 def _comparison(result: Reported) -> str:
     pairs = list(between_configurations(result, STIFFNESS))
+    pairs = [ratio for ratio in pairs if result.reference in ("", ratio.above, ratio.below)]
     count = len(result.configurations)
     if not pairs:
-        return f"The {count} configurations have no test case in common, so none is compared; {small(_levels(result))}."
-    widest = max(pairs, key=lambda ratio: ratio.upright.median)
+        which = f"The {count} configurations have" if not result.reference else f"{label(result.reference)} has"
+        return f"{which} no test case in common, so none is compared; {small(_levels(result))}."
+    widest = max(pairs, key=lambda ratio: abs(math.log(ratio.median)))
     shared = matched_cases(result, widest.above, widest.below)
     over = f"averaged over the {shared} test cases of both" if shared > 1 else "in the one test case of both"
-    which = f"Two of {count} configurations are farthest apart: " if count > 2 else ""
+    which = f"Two of {count} configurations are farthest apart: " if count > 2 and not result.reference else ""
+    if count > 2 and result.reference:
+        which = f"Of {count} configurations one is farthest from {label(result.reference)}: "
     comparison = comparison_of(widest, over)
     return f"{which}{small(comparison)}" if which else comparison
 

@@ -1,6 +1,6 @@
 """A finished result as the document shows it: what its folder holds, read once and checked for shape."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from bayes_tyre.formats.structured_text import read_json
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.record import CASE_FACTORS
 from bayes_tyre.results.columns import numbers, texts
+from bayes_tyre.results.contrasts import check_reference, with_reference
 from bayes_tyre.results.provenance import RUN_JSON
 
 VERDICTS = ("pass", "fail")
@@ -48,6 +49,8 @@ class Reported:
         `run.json` and `diagnostics.json`.
     summary, cases, contrasts, repeats:
         The tables of these names: factors as text (empty where missing), numbers as float (NaN where missing).
+    reference:
+        The configuration that others are compared with, the lower one of their ratios; empty where none was named.
     """
 
     name: str
@@ -57,6 +60,7 @@ class Reported:
     cases: pd.DataFrame
     contrasts: pd.DataFrame
     repeats: pd.DataFrame
+    reference: str = ""
 
     @property
     def verdict(self) -> str:
@@ -92,27 +96,46 @@ class Reported:
         """Return the rows of `summary.csv` with a parameter's mean over cases, one a configuration and direction."""
         return self.summary[self.summary["parameter"] == f"{parameter}{MEAN}"]
 
+    def referred_to(self, reference: str | None) -> "Reported":
+        """Return the result with a configuration as the lower one of its ratios; None: as it is.
+
+        Raises
+        ------
+        BadInput
+            If no case has that configuration.
+        """
+        if reference is None:
+            return self
+        check_reference(reference, self.configurations)
+        return replace(
+            self, reference=reference, contrasts=with_reference(self.contrasts, reference, self.configurations)
+        )
+
     def sentences(self, kind: str) -> list[str]:
         """Return the sentences in `diagnostics.json` under ``reasons`` or ``limitations``."""
         entries = self.diagnostics.get(kind)
         return [each for each in entries if isinstance(each, str)] if isinstance(entries, list) else []
 
 
-def read_reported(folder: Path, name: str) -> Reported:
-    """Return what is in the folder of a finished result.
+def read_reported(folder: Path, name: str, run: dict[str, Any] | None = None) -> Reported:
+    """Return what is in the folder of a finished result; of one that is being written, `run` says what it rests on.
 
     Raises
     ------
     BadInput
         If the folder holds no finished result, or a file that no fit wrote.
     """
-    if not (folder / RUN_JSON).is_file():
-        raise BadInput(f"{folder}: holds no run.json, so no finished result; name a folder that fit or motion wrote")
-    run = _object(folder / RUN_JSON, _RUN)
+    if run is None:
+        if not (folder / RUN_JSON).is_file():
+            raise BadInput(
+                f"{folder}: holds no run.json, so no finished result; name a folder that fit or motion wrote"
+            )
+        run = _object(folder / RUN_JSON, _RUN)
     diagnostics = _object(folder / "diagnostics.json", {"verdict": str})
     if diagnostics["verdict"] not in VERDICTS:
         raise BadInput(f"{folder / 'diagnostics.json'}: does not say a verdict; run fit again")
-    return Reported(name, run, diagnostics, **{table: _table(folder / f"{table}.csv", table) for table in TABLES})
+    tables = {table: _table(folder / f"{table}.csv", table) for table in TABLES}
+    return Reported(name, run, diagnostics, **tables, reference=str(run["options"].get("reference") or ""))
 
 
 def _object(path: Path, needed: dict[str, Any]) -> dict[str, Any]:

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from bayes_tyre.report.html.formatting import given, interval_name, label, rounded
-from bayes_tyre.report.html.load import Reported
+from bayes_tyre.report.answer.formatting import given, interval_name, label, rounded
+from bayes_tyre.report.answer.load import Reported
 
 ENERGY = "energy_per_cycle"
 #: What a law tells of friction, by the name of its parameter; a law without friction tells none.
@@ -61,8 +61,8 @@ def _amplitude(result: Reported) -> str:
     return f"{stated} amplitude at the wheel centre"
 
 
-def losses_caveats(result: Reported) -> list[str]:
-    """Return what not to believe of the losses."""
+def losses_caveats(result: Reported) -> list[tuple[str, str]]:
+    """Return what not to believe of the losses, and why."""
     by_friction = any(not result.means(parameter).empty for parameter in FRICTION)
     what = (
         "the viscous damping c is not in it"
@@ -70,10 +70,15 @@ def losses_caveats(result: Reported) -> list[str]:
         else "its dampers lose all of it, c among them, in a cycle as quick as the mass swings freely on k"
     )
     return [
-        "The energy as that of another stroke, or as all that a tyre loses: it is what the fitted law loses in a "
-        f"cycle of {_amplitude(result)}; {what}.",
-        "The estimates if the tyre does not follow the law that was fitted to its motion: the verdict cannot tell. "
-        "Look at what the fit leaves over: of a few records below, of each with motion --figures DIR.",
+        (
+            "The energy as that of another stroke, or as all that a tyre loses",
+            f"it is what the fitted law loses in a cycle of {_amplitude(result)}; {what}.",
+        ),
+        (
+            "The estimates if the tyre does not follow the law that was fitted to its motion",
+            "the verdict cannot tell. Look at what the fit leaves over: of a few records below, of each with motion "
+            "--figures DIR.",
+        ),
     ]
 
 

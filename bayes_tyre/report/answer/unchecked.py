@@ -1,0 +1,47 @@
+"""What no check of a fit can find, because every record shares it, and what it would do to k."""
+
+from typing import NamedTuple
+
+from bayes_tyre.report.answer.formatting import PERCENT
+from bayes_tyre.report.answer.load import Reported
+
+
+class Unchecked(NamedTuple):
+    """What was not checked, and what an error in it would do to k and beta."""
+
+    what: str
+    effect: str
+
+
+def unchecked(result: Reported) -> list[Unchecked]:
+    """Return what the records cannot show of themselves: calibration, processing, smoothing."""
+    one = f"1{PERCENT}"
+    force = f"A force that is {one} too large makes k, C and J {one} too large. Ratios on one rig stay the same."
+    rows = [
+        Unchecked("Lever arms and the load cell's factor", force),
+        Unchecked("The displacement gauge", _gauge(result)),
+    ]
+    if result.of_motions or "published" in result.origins:  # of printed numbers the caveats say it
+        return rows
+    return [
+        *rows,
+        Unchecked(
+            "Processing",
+            "Inertia of the axle that was left out, or a wrong mass, is in the records: it changes k and beta with the "
+            "duration of the step. bayes-tyre audit measures how much on simulated records.",
+        ),
+        Unchecked(
+            "Smoothing",
+            "A filter that is longer than the response makes beta the filter's. k changes little where the travel is "
+            "much longer than beta.",
+        ),
+    ]
+
+
+def _gauge(result: Reported) -> str:
+    one = f"1{PERCENT}"
+    text = f"A gauge that reads {one} too much makes k {one} too small and beta {one} too large. Ratios stay the same."
+    sd = result.run["options"].get("displacement_scale_sd")
+    if isinstance(sd, int | float) and sd > 0:
+        return f"{text} An error with a standard deviation of {100 * sd:g}{PERCENT} is in the intervals, no larger one."
+    return text

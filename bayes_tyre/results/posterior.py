@@ -1,0 +1,63 @@
+"""A posterior that shows itself as its table and verdict: still a DataTree, whatever is done with it."""
+
+from html import escape
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from bayes_tyre.inference.sampling.group_means import group_means
+from bayes_tyre.record import RECORD_UNITS
+
+INTERVAL = 0.95
+_USE = "bt.cases, bt.contrasts, bt.repeats, bt.diagnose and bt.figure take it"
+
+
+class Posterior(xr.DataTree):
+    """A posterior as ArviZ keeps it, whose text is the mean parameters with their intervals, and the verdict.
+
+    ``posterior.posterior`` is the dataset of draws; ``xarray.DataTree.__repr__(posterior)`` shows the whole tree.
+    """
+
+    __slots__ = ()
+
+    @classmethod
+    def of(cls, tree: xr.DataTree) -> "Posterior":
+        """Return a tree as such a posterior; its data are not copied."""
+        return cls(tree.to_dataset(), dict(tree.children), name=tree.name)
+
+    def __repr__(self) -> str:
+        """Return the table and the verdict."""
+        return f"{self._about()}\n\n{means_table(self).to_string(index_names=False)}\n\n{_USE}"
+
+    def __str__(self) -> str:
+        """Return the table and the verdict."""
+        return repr(self)
+
+    def _repr_html_(self) -> str:
+        """Return the table and the verdict as HTML; labels are text, never markup."""
+        return f"<p>{escape(self._about())}</p>{means_table(self).to_html(index_names=False)}<p>{escape(_USE)}</p>"
+
+    def _about(self) -> str:
+        posterior = self["posterior"]
+        records = f"{posterior.sizes['record']} records" if "record" in posterior.dims else "printed tables"
+        draws = f"{posterior.sizes['chain']} chains of {posterior.sizes['draw']} draws"
+        verdict, origin = self.attrs.get("verdict", "none"), self.attrs["origin"]
+        return (
+            f"Posterior of {records} (data: {origin}), {draws}; verdict: {verdict}\n"
+            f"mean over the cases, median and {100 * INTERVAL:g} % interval"
+        )
+
+
+def means_table(tree: xr.DataTree) -> pd.DataFrame:
+    """Return the mean parameters over the cases as text, a row a parameter and direction, a column a configuration."""
+    means = group_means(tree)
+    tails = [(1.0 - INTERVAL) / 2.0, 0.5, (1.0 + INTERVAL) / 2.0]
+    factors = [means[name].fillna("").to_numpy() for name in ("configuration", "direction")]
+    cells: dict[str, dict[tuple[str, str], str]] = {}
+    for name, draws in means.data_vars.items():
+        by_group = np.quantile(draws.to_numpy(), tails, axis=(0, 1)).T
+        for configuration, direction, (lower, median, upper) in zip(*factors, by_group, strict=True):
+            row = f"{name}, {RECORD_UNITS[str(name)]}", str(direction or "")
+            cells.setdefault(str(configuration or ""), {})[row] = f"{median:.4g} [{lower:.4g}, {upper:.4g}]"
+    return pd.DataFrame(cells).fillna("")

@@ -1,0 +1,107 @@
+"""The answer of a command without a posterior (`audit`, `study`, `modes`, `next`) once more, from its folder."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pandas as pd
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.tables.table_files import read_table
+from bayes_tyre.record import CASE_FACTORS
+from bayes_tyre.results.columns import numbers
+
+
+def answer(folder: Path) -> list[str]:
+    """Return the lines that a command ended with, from the table it wrote into a folder; none for other folders.
+
+    Raises
+    ------
+    BadInput
+        If the table is not what the command writes.
+    """
+    found = next((name for name in _ANSWERS if (folder / name).is_file()), None)
+    if found is None:
+        return []
+    try:
+        return _ANSWERS[found](read_table(folder / found), folder)
+    except (KeyError, AttributeError, TypeError, ValueError, IndexError) as error:
+        raise BadInput(f"{folder / found}: is not what its command writes; run it again") from error
+
+
+def _audit(table: pd.DataFrame, folder: Path) -> list[str]:
+    from bayes_tyre.studies.audit.overview import overview
+    from bayes_tyre.studies.audit.sentences import lines
+
+    path = folder / "conclusion.txt"
+    conclusion = ["", *path.read_text(encoding="utf-8").splitlines()] if path.is_file() else []
+    return ["audit of the methods on simulated records, not measured", *lines(overview(table)), *conclusion]
+
+
+def _calibration(table: pd.DataFrame, folder: Path) -> list[str]:
+    del folder
+    wrong = table.loc[~table["calibrated"].astype(bool), "parameter"].tolist()
+    not_so = [f"not calibrated: {', '.join(map(str, wrong))}"] if wrong else []
+    return [
+        "calibration on simulated data sets, not measured",
+        f"calibrated: {len(table) - len(wrong)} of {len(table)} parameters",
+        *not_so,
+    ]
+
+
+def _outliers(table: pd.DataFrame, folder: Path) -> list[str]:
+    from bayes_tyre.studies.outliers import sentences
+
+    del folder
+    return ["discordant repeats in simulated campaigns, not measured", *sentences(table)]
+
+
+def _motion(table: pd.DataFrame, folder: Path) -> list[str]:
+    from bayes_tyre.studies.motion_study import sentences
+
+    del folder
+    return ["motions simulated with known truth, not measured", *sentences(table)]
+
+
+def _laws(table: pd.DataFrame, folder: Path) -> list[str]:
+    from bayes_tyre.studies.law_ranking import sentences
+
+    del folder
+    return ["laws ranked on records simulated with each, not measured", *sentences(table)]
+
+
+def _coverage(table: pd.DataFrame, folder: Path) -> list[str]:
+    from bayes_tyre.studies.coverage import overview
+
+    del folder
+    rows = overview(table).to_string(index=False).splitlines()
+    return ["coverage of 95 % intervals ± its standard error, of simulated data sets, not measured", *rows]
+
+
+def _modes(table: pd.DataFrame, folder: Path) -> list[str]:
+    from bayes_tyre.workflow.modes import parameter_lines
+
+    del folder
+    about = f"flexible ring (data: {table['origin'].iloc[0]}): verdict {table['verdict'].iloc[0]}"
+    return [about, *parameter_lines(table)]
+
+
+def _next(table: pd.DataFrame, folder: Path) -> list[str]:
+    from bayes_tyre.results.next_tests.sentences import candidate_lines, plan_line
+
+    about = f"tests to run next (data: {table['origin'].iloc[0]}, verdict {table['verdict'].iloc[0]})"
+    given = {name: numbers(table, name) for name in (*CASE_FACTORS[2:], "minutes")}  # a blank cell makes a column text
+    plan = read_table(folder / "plan.csv")
+    return [about, *candidate_lines(table.assign(**given)), plan_line(plan.assign(minutes=numbers(plan, "minutes")))]
+
+
+#: By the table that only this command writes.
+_ANSWERS: Mapping[str, Callable[[pd.DataFrame, Path], list[str]]] = {
+    "audit.csv": _audit,
+    "calibration.csv": _calibration,
+    "outliers.csv": _outliers,
+    "motion_study.csv": _motion,
+    "law_ranking.csv": _laws,
+    "coverage.csv": _coverage,
+    "modes.csv": _modes,
+    "next.csv": _next,
+}

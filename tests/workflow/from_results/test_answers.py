@@ -1,0 +1,59 @@
+"""`show` of folders without a posterior: what the command printed, from the table that it wrote."""
+
+from pathlib import Path
+
+import pytest
+from helpers.command_line import here
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.workflow.from_results.answers import answer
+
+NEXT = (
+    "rank,kind,configuration,direction,speed_km_h,initial_load_kN,step_kN,tests,minutes,width_now,width_expected,"
+    "origin,verdict\n"
+    "1,repeat,single,loading,0,20,10,3,25,0.2,0.151,simulated,pass\n"
+    "2,case,dual,,,20,10,1,,0.2,0.18,simulated,pass\n"
+)
+PLAN = "width_now,width_expected,minutes\n0.2,0.18,5\n0.2,0.151,10\n"
+MODES = (
+    "parameter,median,lower,upper,unit,status,origin,verdict\n"
+    "k_w,12.344,11,13,1/s^2,ok,measured,pass\nsigma,0.1,0,1,,not identified; more modes,measured,pass\n"
+)
+
+
+def folder_of(path: Path, **files: str) -> Path:
+    for name, content in files.items():
+        (path / f"{name}.csv").write_text(content)
+    return path
+
+
+def test_the_tests_to_run_next_are_listed_with_their_plan(tmp_path):
+    assert answer(folder_of(tmp_path, next=NEXT, plan=PLAN)) == [
+        "tests to run next (data: simulated, verdict pass)",
+        "1  3 more repeats of single (0)20-30: interval 20 % to 15.1 %, 25 min",
+        "2  1 test of the new case dual 20-30: interval 20 % to 18 %",
+        "plan: 2 tests, 20 % to 15.1 %, 10 min",
+    ]
+
+
+def test_a_ring_and_a_calibration_say_what_is_not_identified_or_not_calibrated(tmp_path):
+    ring, calibration = tmp_path / "ring", tmp_path / "calibration"
+    for folder in (ring, calibration):
+        folder.mkdir()
+    assert answer(folder_of(ring, modes=MODES)) == [
+        "flexible ring (data: measured): verdict pass",
+        "k_w 12.34 [11, 13] 1/s^2",
+        "sigma 0.1 [0, 1] : not identified",
+    ]
+    lines = answer(folder_of(calibration, calibration="parameter,calibrated\nk,True\nbeta,False\n"))
+    assert lines[1:] == ["calibrated: 1 of 2 parameters", "not calibrated: beta"]
+
+
+def test_show_prints_it_and_refuses_another_program_s_table(tmp_path):
+    shown = here("show", folder_of(tmp_path, modes=MODES))
+    assert (shown.exit_code, shown.stderr) == (0, "")
+    assert shown.stdout.splitlines()[-1] == f"files: {tmp_path}"
+    assert "k_w 12.34 [11, 13] 1/s^2" in shown.stdout
+    assert answer(tmp_path / "elsewhere") == []
+    with pytest.raises(BadInput, match=r"modes\.csv: is not what its command writes; run it again"):
+        answer(folder_of(tmp_path, modes="a,b\n1,2\n"))
