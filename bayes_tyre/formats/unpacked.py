@@ -1,5 +1,6 @@
 """How large a compressed file is unpacked, found before it is: a few bytes can claim to hold any number."""
 
+import io
 import struct
 import zlib
 from pathlib import Path
@@ -13,9 +14,11 @@ from bayes_tyre.errors import BadInput
 
 #: A file is refused that unpacks to more bytes than this and to more than so many times its own size: recordings and
 #: draws pack to a tenth at best, numbers that repeat to a thousandth.
-MOST_BYTES, MOST_TIMES = 1 << 28, 100
+MOST_BYTES, MOST_TIMES = 1 << 27, 100
 _PIECE = 1 << 16
-_COMPRESSED, _MAT_HEADER = 15, 128
+#: Of MATLAB files: bytes of the header, and types of data.
+_MAT_HEADER, _VARIABLE, _COMPRESSED = 128, 14, 15
+_MAT_KINDS = {*range(1, 8), 9, *range(12, 19)}
 
 
 def check_unpacked(path: Path, size: int) -> None:
@@ -52,22 +55,48 @@ def check_hdf5(path: Path) -> None:
 
 
 def check_mat_5(path: Path) -> None:
-    """Refuse a MATLAB file of version 5 whose compressed variables are too large; see `check_unpacked`."""
-    size, most = 0, limit_of(path)
+    """Refuse a MATLAB file of version 5 whose compressed variables are too large (`check_unpacked`), or damaged.
+
+    SciPy ends the process where it meets a type of data that it does not know.
+
+    Raises
+    ------
+    BadInput
+        With the size and the limit, or the unknown type.
+    """
     with path.open("rb") as file:
-        order = "<" if file.read(_MAT_HEADER)[126:] == b"IM" else ">"
-        while len(tag := file.read(8)) == 8:
-            kind, length = struct.unpack(f"{order}II", tag)
-            if kind != _COMPRESSED:
-                file.seek(length, 1)
-                continue
-            unpack, left = zlib.decompressobj(), length
-            while left > 0 and (piece := file.read(min(left, _PIECE))):
-                left -= len(piece)
-                while piece and size <= most:
-                    size += len(unpack.decompress(piece, _PIECE))
-                    piece = unpack.unconsumed_tail
-                check_unpacked(path, size)
+        header = file.read(_MAT_HEADER)
+        order = {b"IM": "<", b"MI": ">"}.get(header[126:])
+        if order is not None and 0 not in header[:4]:  # else it is of version 4, where nothing is compressed
+            _check_elements(path, file, order, 0)
+
+
+def _check_elements(path: Path, stream: io.BufferedIOBase, order: str, size: int) -> int:
+    """Check the elements of a stream one after another; those of a variable follow its tag. Return the bytes so far."""
+    while len(tag := stream.read(8)) == 8:
+        kind, length = struct.unpack(f"{order}II", tag)
+        if kind >> 16:  # up to four bytes stand in the tag itself
+            kind, length = kind & 0xFFFF, 0
+        if kind not in _MAT_KINDS:
+            raise BadInput(f"{path}: holds data of type {kind}, which MATLAB does not have: damaged; save it again")
+        if kind == _COMPRESSED:
+            content = _unpacked(path, stream, length, size)
+            size = _check_elements(path, io.BytesIO(content), order, size + len(content))
+        elif kind != _VARIABLE:
+            stream.seek(length + -length % 8, 1)
+    return size
+
+
+def _unpacked(path: Path, stream: io.BufferedIOBase, left: int, size: int) -> bytearray:
+    """Return a compressed variable's content, or refuse it once it is too large beside the `size` before it."""
+    unpack, content, most = zlib.decompressobj(), bytearray(), limit_of(path)
+    while left > 0 and (piece := stream.read(min(left, _PIECE))):
+        left -= len(piece)
+        while piece and size + len(content) <= most:
+            content += unpack.decompress(piece, _PIECE)
+            piece = unpack.unconsumed_tail
+        check_unpacked(path, size + len(content))
+    return content
 
 
 def check_parquet(path: Path) -> None:

@@ -136,7 +136,7 @@ def test_a_bomb_is_refused_at_once_in_one_line(name, reader, tmp_path):
     assert cpu < MOST_CPU, (cpu, said)
     assert grown < MOST_MEMORY, (grown, said)
     if "unpacks to" in said and file.endswith(("nc", "mat", "parquet")):
-        assert "over 268 MB and 100 times its own size" in said
+        assert "over 134 MB and 100 times its own size" in said
 
 
 def test_a_compressed_file_of_usual_size_is_read(tmp_path):

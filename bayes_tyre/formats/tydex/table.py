@@ -8,7 +8,7 @@ import pandas as pd
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tydex.reader import read_tydex
 from bayes_tyre.formats.tydex.write import Tydex
-from bayes_tyre.plain_text import quoted
+from bayes_tyre.plain_text import listed, one_line, quoted
 
 #: What one of a unit, in lower case, is in kN, mm or s.
 _KN = {"n": 1e-3, "kn": 1.0}
@@ -35,7 +35,9 @@ def read_tydex_table(path: Path) -> pd.DataFrame:
     names = [channel.name for channel in file.channels]
     lacks = next((of for of in (("FZW",), ("TYREDEFW", "DSTGRWHC")) if not {*of} & {*names}), None)
     if lacks:
-        raise BadInput(f"{path}: has no channel {' or '.join(lacks)}, but {', '.join(names)}; give a vertical test")
+        raise BadInput(
+            f"{path}: has no channel {' or '.join(lacks)}, but {listed(names, show=one_line)}; give a vertical test"
+        )
     force = _values(path, file, "FZW", _KN)
     force = -force if np.mean(force < 0) > _NEGATIVE else force
     if "TYREDEFW" in names:

@@ -1,5 +1,7 @@
 """MATLAB files: structs and plain variables of version 5 and 7.3; what is no table is refused in one line."""
 
+import io
+import zlib
 from pathlib import Path
 
 import h5py
@@ -79,3 +81,16 @@ def test_what_is_no_table_is_refused(content, said, tmp_path):
         read_table(tmp_path / "a.mat")
     assert said in str(caught.value)
     assert str(caught.value).endswith("; save one struct of vectors, or vectors alone, of equal length")
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_data_of_an_unknown_type_are_refused_because_scipy_would_end_the_process(compressed, tmp_path):
+    path, written = tmp_path / "t.mat", io.BytesIO()
+    savemat(written, {"force_kN": np.arange(9) / 7})
+    header, element = written.getvalue()[:128], written.getvalue()[128:]
+    type_9 = element.index(b"\x09\0\0\0\x48\0\0\0")
+    element = element[:type_9] + b"," + element[type_9 + 1 :]
+    packed = zlib.compress(element)
+    path.write_bytes(header + (np.array([15, len(packed)], "<u4").tobytes() + packed if compressed else element))
+    with pytest.raises(BadInput, match=r"t\.mat: holds data of type 44, .* damaged; save it again"):
+        read_table(path)
