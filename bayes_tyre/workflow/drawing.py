@@ -1,5 +1,6 @@
 """Figures drawn by a process of their own, while this one computes the next and writes files."""
 
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager
@@ -11,6 +12,8 @@ from bayes_tyre.workflow.execution.executors import local_processes
 
 #: Begins a drawing, and returns what gives the bytes of its PNG, or raises what the drawing raised.
 type Begin = Callable[[Drawing], Callable[[], bytes]]
+#: The bytes of a PNG, and the warnings of its drawing: text and category.
+type Drawn = tuple[bytes, list[tuple[str, type[Warning]]]]
 
 
 @contextmanager
@@ -26,7 +29,7 @@ def drawing_process(apart: bool) -> Iterator[Begin]:
 
         def begin(drawing: Drawing) -> Callable[[], bytes]:
             try:
-                return partial(_drawn, drawing, pool.submit(png_file, drawing).result)
+                return partial(_drawn, drawing, pool.submit(_drawn_there, drawing).result)
             except (BrokenExecutor, OSError):
                 return partial(png_file, drawing)
 
@@ -34,8 +37,18 @@ def drawing_process(apart: bool) -> Iterator[Begin]:
         yield begin
 
 
-def _drawn(drawing: Drawing, elsewhere: Callable[[], bytes]) -> bytes:
+def _drawn_there(drawing: Drawing) -> Drawn:
+    """Return the bytes of a PNG, and its warnings: only the first process knows how they are shown."""
+    with warnings.catch_warnings(record=True) as caught:
+        drawn = png_file(drawing)
+    return drawn, [(str(each.message), each.category) for each in caught]
+
+
+def _drawn(drawing: Drawing, elsewhere: Callable[[], Drawn]) -> bytes:
     try:
-        return elsewhere()
+        drawn, warned = elsewhere()
     except BrokenExecutor:
         return png_file(drawing)
+    for text, category in warned:
+        warnings.warn(text, category, stacklevel=2)
+    return drawn

@@ -1,5 +1,6 @@
 """Figures drawn by a process of their own are those drawn here, and none is lost with it."""
 
+import warnings
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
@@ -47,3 +48,10 @@ def test_what_a_dead_process_did_not_draw_is_drawn_here(at_once, monkeypatch):
     monkeypatch.setattr(drawing, "local_processes", lambda _: Executors(start, lambda: 1))
     with drawing_process(apart=True) as begin:
         assert begin(EMPTY)() == png_file(EMPTY)
+
+
+def test_warnings_of_another_process_are_given_here():
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        assert drawing._drawn(EMPTY, lambda: (b"drawn", [("no glyph", UserWarning)])) == b"drawn"
+    assert [(str(each.message), each.category) for each in caught] == [("no glyph", UserWarning)]

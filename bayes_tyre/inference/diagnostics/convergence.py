@@ -2,10 +2,10 @@
 
 from typing import Any, NamedTuple
 
-import arviz_stats
 import numpy as np
 import pandas as pd
 import xarray as xr
+from arviz_stats import sampling_diagnostics
 
 from bayes_tyre.inference.diagnostics.effective_sizes import statistics
 from bayes_tyre.inference.sampling.nuts import DEEPEST
@@ -117,7 +117,7 @@ def by_chain(tree: xr.DataTree) -> list[dict[str, Any]]:
     `trees_at_limit` counts the draws whose tree reached the depth limit before a U-turn.
     """
     sampled = tree["sample_stats"].to_dataset().transpose("chain", "draw", ...)
-    bfmi = arviz_stats.bfmi(tree)["energy"].to_numpy()
+    bfmi = sampling_diagnostics.bfmi(tree)["energy"].to_numpy()
     rows = []
     for chain in range(sampled.sizes["chain"]):
         one = sampled.isel(chain=chain)

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from functools import partial
 
 import arviz_base
-import arviz_stats
 import numpy as np
 import pandas as pd
 import xarray as xr
 from arviz_stats import ELPDData
+from arviz_stats.loo import loo
 from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
@@ -151,7 +151,7 @@ def left_out(
     )
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Estimated shape parameter", UserWarning)
-        elpd = arviz_stats.loo(tree, pointwise=True, reff=1.0)
+        elpd = loo(tree, pointwise=True, reff=1.0)
     assert isinstance(elpd, ELPDData)
     pareto_k = elpd.pareto_k.to_numpy()
     failed, values = np.zeros(len(pareto_k), bool), elpd.elpd_i.copy()

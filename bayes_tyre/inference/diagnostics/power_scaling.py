@@ -3,10 +3,10 @@
 import warnings
 from collections.abc import Mapping
 
-import arviz_stats
 import numpy as np
 import pandas as pd
 import xarray as xr
+from arviz_stats.psense import psense
 
 from bayes_tyre.inference.diagnostics.attempts import Attempt, directly
 from bayes_tyre.inference.diagnostics.log_densities import (
@@ -101,7 +101,7 @@ def sensitivity(quantities: xr.Dataset, log_prior: xr.Dataset, log_likelihood: x
         warnings.simplefilter("ignore", UserWarning)
         warnings.simplefilter("ignore", RuntimeWarning)
         for group in ("prior", "likelihood"):
-            each = arviz_stats.psense(tree, group=group)
+            each = psense(tree, group=group)
             floor = float(each["noise_"].max())
             found[f"{group}_sensitivity"] = each.drop_vars(["noise_"]).assign_attrs(floor=floor)
     return found
