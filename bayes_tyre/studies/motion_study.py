@@ -17,9 +17,9 @@ from bayes_tyre.signals.factors import RecordFactors
 from bayes_tyre.signals.process import prepare
 from bayes_tyre.simulate.draw import draw_truth, stream
 from bayes_tyre.simulate.plan import Planned, thesis_plan
-from bayes_tyre.simulate.simulator import simulate_record
 from bayes_tyre.simulate.truth import Truth
-from bayes_tyre.studies.motion_mismatch import MISMATCHES, ROLLING_ONLY
+from bayes_tyre.studies.motion_machine import recorded_on
+from bayes_tyre.studies.motion_mismatch import MISMATCHES
 
 STATIONARY, ROLLING = "stationary", "rolling"
 
@@ -59,7 +59,9 @@ class StudyRecord(NamedTuple):
     plan: Planned
 
 
-def study_records(stationary: int, rolling: int, seed: int, mismatched: int = 0) -> list[StudyRecord]:
+def study_records(
+    stationary: int, rolling: int, seed: int, mismatched: int = 0, standing_only: bool = False
+) -> list[StudyRecord]:
     """Return the records of a study: cases in random order, balanced over axles, directions and speeds.
 
     Parameters
@@ -70,13 +72,17 @@ def study_records(stationary: int, rolling: int, seed: int, mismatched: int = 0)
         Of the order.
     mismatched:
         Number of records of each kind with each mismatch that it can have; the first cases of its kind.
+    standing_only:
+        Whether mismatches are those of stationary records alone.
     """
     records = []
     for kind, count in ((STATIONARY, stationary), (ROLLING, rolling)):
         plans = _cases(kind, max(count, mismatched), seed)
         records += [StudyRecord("none", kind, i, plan) for i, plan in enumerate(plans[:count])]
-        for name in list(MISMATCHES)[1:]:
-            if kind == ROLLING or name not in ROLLING_ONLY:
+        for name, mismatch in list(MISMATCHES.items())[1:]:
+            if standing_only and kind == ROLLING:
+                continue
+            if kind == ROLLING or not mismatch.rolling_only:
                 records += [StudyRecord(name, kind, i, plan) for i, plan in enumerate(plans[:mismatched])]
     return records
 
@@ -95,7 +101,9 @@ def _cases(kind: str, count: int, seed: int) -> list[Planned]:
 
 
 def study_motion(
-    records: list[StudyRecord], seed: int = 0, on_progress: Callable[[int], None] = lambda _: None
+    records: list[StudyRecord],
+    seed: int = 0,
+    on_progress: Callable[[int], None] = lambda _: None,
 ) -> MotionStudy:
     """Return errors and coverage of the motion fit on records, one after the other.
 
@@ -120,9 +128,10 @@ def _rows(record: StudyRecord, seed: int) -> list[dict[str, object]]:
     plan, rig = record.plan, load_rig(record.plan.case.configuration)
     # The same axle, tyre and noise with each mismatch: differences are the mismatch's.
     record_seed = int(stream(seed, "motion study", record.kind, str(record.number)).integers(2**32))
-    truth, law = MISMATCHES[record.mismatch](draw_truth(plan, rig, record_seed), rig)
+    mismatch = MISMATCHES[record.mismatch]
+    truth = mismatch.change(draw_truth(plan, rig, record_seed), rig)
     factors = {"mismatch": record.mismatch, "kind": record.kind, "record": plan.record, **plan.case._asdict()}
-    raw = simulate_record(truth, rig, law).raw
+    raw = recorded_on(mismatch.machine, truth, rig)
     began = time.process_time()
     try:
         recording = prepare(raw, rig, RecordFactors(plan.record, plan.case, plan.repeat))
@@ -197,7 +206,7 @@ def _statistics(rows: pd.DataFrame) -> dict[str, float | int]:
 
 
 def sentences(table: pd.DataFrame) -> list[str]:
-    """Return a line a mismatch and kind: error, bias and coverage of each parameter, number of doubted records."""
+    """Return a line a mismatch and kind: errors and coverage, numbers doubted and estimated, processor time."""
     lines = []
     for (mismatch, kind), rows in table.groupby(["mismatch", "kind"], sort=False):
         columns = rows[["parameter", "rms_error_percent", "bias_percent", "coverage_95"]]
@@ -207,5 +216,7 @@ def sentences(table: pd.DataFrame) -> list[str]:
         ]
         first = rows.iloc[0]
         heading = f"{kind}, mismatch {mismatch}, {first['records']} records, {first['doubted']} doubted"
-        lines.append(f"{heading}: rms error {', '.join(errors)}")
+        estimated = f"{first['records'] - first['declined']} with an estimate"
+        cost = f"{first['cpu_seconds_median']:.2g} s of processor time a record"
+        lines.append(f"{heading}: rms error {', '.join(errors)}; {estimated}, {cost}")
     return lines

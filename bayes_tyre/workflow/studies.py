@@ -70,11 +70,19 @@ def write_outliers(out: Path, campaigns: int, seed: int, on_progress: Callable[[
 
 
 def write_motion_study(
-    out: Path, stationary: int, rolling: int, mismatch: int, seed: int, on_progress: Callable[[int], None]
+    out: Path,
+    stationary: int,
+    rolling: int,
+    mismatch: int,
+    seed: int,
+    on_progress: Callable[[int], None],
+    standing_only: bool = False,
 ) -> MotionStudy:
     """Write `motion_study.csv` and `motion_records.csv` into `out`."""
-    with study_run("study motion", out, seed, stationary=stationary, rolling=rolling, mismatch=mismatch):
-        result = study_motion(study_records(stationary, rolling, seed, mismatch), seed, on_progress)
+    counts = {"stationary": stationary, "rolling": rolling, "mismatch": mismatch}
+    with study_run("study motion", out, seed, **counts, standing_only=standing_only):
+        records = study_records(stationary, rolling, seed, mismatch, standing_only)
+        result = study_motion(records, seed, on_progress)
         write_table(result.records, out / "motion_records.csv")
         write_table(result.table, out / "motion_study.csv")
     return result

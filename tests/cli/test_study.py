@@ -107,8 +107,9 @@ def test_motions_are_written_and_said_in_words(tmp_path, monkeypatch):
 @pytest.mark.usefixtures("fully_compiled")
 def test_a_small_study_of_motions_from_simulation_to_tables(tmp_path, monkeypatch):
     def standing_on_one_rig(*of: int) -> list[StudyRecord]:
-        """Return two records as they are and one with each mismatch that a standing record can have."""
-        records = [record for record in study_records(*of) if record.kind == STATIONARY]
+        """Return two records as they are and one with each of some mismatches that a standing record can have."""
+        tried = {"none", "mass 5 % off", "load in two stages", "stiffness grows 3 %/mm", "first-order lag"}
+        records = [record for record in study_records(*of) if record.kind == STATIONARY and record.mismatch in tried]
         rig = records[0].plan.case.configuration
         return [record for record in records if record.plan.case.configuration == rig]
 
@@ -136,7 +137,7 @@ def test_a_small_study_of_motions_from_simulation_to_tables(tmp_path, monkeypatc
     assert (np.abs(np.log(mass["estimate"] / mass["truth"]) / (mass["sd"] / mass["estimate"])) < 4).all()
     # A load that rises twice, and a stiffness that grows: of 1100 residuals the mean square has a standard deviation
     # of 0.04, and 1.3 is what the status allows.
-    for name in ("load in two stages", "stiffness grows 2 %/mm"):
+    for name in ("load in two stages", "stiffness grows 3 %/mm"):
         wrong = of.pop(name)
         assert (wrong["chi_squared_acceleration"] > 1.3).all()
         assert wrong["status"].str.contains("acceleration is off by").all()

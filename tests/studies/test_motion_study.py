@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 from helpers.motion_studies import motion_rows
 
-from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.draw import draw_truth
-from bayes_tyre.studies.motion_mismatch import MISMATCHES, ROLLING_ONLY, CurvedFancher
+from bayes_tyre.studies.motion_machine import Machine, load_of
+from bayes_tyre.studies.motion_mismatch import MISMATCHES
 from bayes_tyre.studies.motion_study import ROLLING, STATIONARY, study_records, summarise
 
 pytestmark = pytest.mark.usefixtures("fully_compiled")
 
 RIG = load_rig("single")
-TYRE = {"k": 1.6, "C": 0.1, "x": 0.4, "beta": 0.09}
 
 
 def test_speeds_directions_and_axles_come_equally_often():
@@ -32,15 +31,26 @@ def test_speeds_directions_and_axles_come_equally_often():
 def test_mismatches_are_tried_on_the_kinds_that_can_have_them():
     names = Counter((record.mismatch, record.kind) for record in study_records(1, 0, seed=0, mismatched=2))
     expected = {(name, ROLLING): 2 for name in MISMATCHES if name != "none"}
-    expected |= {(name, STATIONARY): 2 for name in MISMATCHES if name not in ("none", *ROLLING_ONLY)}
+    expected |= {(name, STATIONARY): 2 for name, of in MISMATCHES.items() if name != "none" and not of.rolling_only}
     assert names == expected | {("none", STATIONARY): 1}
+    standing = study_records(0, 0, seed=0, mismatched=1, standing_only=True)
+    assert {record.kind for record in standing} == {STATIONARY}
 
 
 def test_every_mismatch_is_one():
     truth = draw_truth(next(r.plan for r in study_records(0, 12, 0) if r.plan.case.configuration == "single"), RIG, 5)
     for name, of in MISMATCHES.items():
-        other, law = of(truth, RIG)
-        assert ((other, law) == (truth, None)) == (name == "none"), name
+        assert (of.change(truth, RIG) == truth and of.machine == Machine()) == (name == "none"), name
+
+
+def test_a_ringing_load_overshoots_by_its_share():
+    truth = draw_truth(next(r.plan for r in study_records(1, 0, 0)), RIG, 5)
+    time_s = truth.step_start_s + np.linspace(-0.1, 1.0, 5001)
+    share = (load_of(Machine(overshoot=0.06), truth, time_s) - truth.load_before_kN) / (
+        truth.load_after_kN - truth.load_before_kN
+    )
+    assert share.max() == pytest.approx(1.06, abs=0.002)
+    assert (share[0], share[-1]) == pytest.approx((0.0, 1.0), abs=1e-4)
 
 
 def test_figures_are_those_of_the_errors():
@@ -64,20 +74,3 @@ def test_a_record_without_an_estimate_is_declined():
     found = summarise(rows)
     assert (found["records"] == 2).all()
     assert (found["declined"] == 1).all()
-
-
-def test_the_curved_law_is_fanchers_where_it_does_not_curve():
-    path = np.array([10.0, 10.3, 10.05, 9.8, 10.4])
-    straight = CurvedFancher(**TYRE, q=0.0, d_m=10.0).force(path, 16.0)
-    np.testing.assert_allclose(straight, Fancher(**TYRE).force(path, 16.0), rtol=1e-12)
-
-
-def test_the_curved_law_solves_its_equation():
-    law = CurvedFancher(**TYRE, q=0.3, d_m=10.0)
-    d = np.linspace(10.0, 10.5, 5001)
-    F = np.asarray(law.force(d, 16.0))
-    upper = TYRE["k"] * d + TYRE["C"] + 0.3 * (d - 10.0) ** 2 + TYRE["x"]
-    slope, middle = np.diff(F) / np.diff(d), (F[1:] + F[:-1]) / 2
-    np.testing.assert_allclose(slope, ((upper[1:] + upper[:-1]) / 2 - middle) / TYRE["beta"], atol=1e-4)
-    # However the move is cut.
-    assert float(law.force(np.array([10.0, 10.5]), 16.0)[-1]) == pytest.approx(F[-1], rel=1e-12)

@@ -87,10 +87,14 @@ def motion(
         int,
         typer.Option(
             min=0,
-            help="So many records of each kind further with each of: turns 0.5 % off, a road of another spectrum, "
-            "stiffness growing by 2 %/mm, mass 5 % off, two other shapes of the load's step.",
+            help="So many records of each kind further with each mismatch: shapes and ringing of the load, lag of the "
+            "laser, mass on the load cell, beam mode, relaxation, other friction, growing stiffness, mass, three "
+            "together; rolling ones with another speed or road too.",
         ),
     ] = 0,
+    standing_only: Annotated[
+        bool, typer.Option("--standing-only", help="Mismatches of stationary records alone: rolling ones take minutes.")
+    ] = False,
     seed: Seed = 0,
     quiet: Quiet = False,
 ) -> None:
@@ -109,9 +113,9 @@ def motion(
     from bayes_tyre.studies.motion_study import sentences, study_records
     from bayes_tyre.workflow.studies import write_motion_study
 
-    count = len(study_records(stationary, rolling, seed, mismatch))
+    count = len(study_records(stationary, rolling, seed, mismatch, standing_only))
     with progress("fitting motions", count, quiet) as on_progress:
-        result = write_motion_study(out, stationary, rolling, mismatch, seed, on_progress)
+        result = write_motion_study(out, stationary, rolling, mismatch, seed, on_progress, standing_only)
     say(f"wrote {out / 'motion_study.csv'} (simulated, not measured)", quiet)
     for line in sentences(result.table):
         say(f"  {line}", quiet)
