@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -106,7 +107,7 @@ def test_motions_are_written_and_said_in_words(tmp_path, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.usefixtures("fully_compiled")
 def test_a_small_study_of_motions_from_simulation_to_tables(tmp_path, monkeypatch):
-    def standing_on_one_rig(*of: int) -> list[StudyRecord]:
+    def standing_on_one_rig(*of: Any) -> list[StudyRecord]:
         """Return two records as they are and one with each of some mismatches that a standing record can have."""
         tried = {"none", "mass 5 % off", "load in two stages", "stiffness grows 3 %/mm", "first-order lag"}
         records = [record for record in study_records(*of) if record.kind == STATIONARY and record.mismatch in tried]

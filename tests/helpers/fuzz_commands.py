@@ -94,7 +94,7 @@ def fuzz(examples: int, folder: Path, start: int = 0) -> Counter[int]:
         deadline=None,
         database=None,
         phases=[Phase.generate, Phase.shrink],
-        suppress_health_check=list(HealthCheck),
+        suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much],
     )
     @given(command_lines())
     def check(line: list[str]) -> None:

@@ -195,7 +195,7 @@ def fuzz(reader: Reader, examples: int, folder: Path, start: int = 0) -> Counter
         deadline=None,
         database=None,
         phases=[Phase.generate, Phase.shrink],
-        suppress_health_check=list(HealthCheck),
+        suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much],
     )
     @given(mutated(seeds, TOKENS))
     def check(data: bytes) -> None:

@@ -68,7 +68,7 @@ def printed_factors(*configurations: str) -> pd.DataFrame:
 
 def made(folder: Path, stiffness: Mapping[str, float], **how) -> Reported:
     """Return such a result as the report reads it."""
-    return read_reported(write_made(folder, stiffness, **how), *names([folder]))
+    return read_reported(write_made(folder, stiffness, **how), names([folder])[0])
 
 
 def write_fitted(folder: Path, configurations: tuple[str, ...] = ("single", SCRIPT)) -> Path:

@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
-import arviz_stats
 import numpy as np
+from arviz_stats.visualization import kde
 from jaxtyping import Float
 
 
@@ -30,5 +30,5 @@ def density(values: Float[np.ndarray, " draws"], interval: float = 0.95, decades
     quantiles = np.quantile(values, [(1 - interval) / 2, 0.5, (1 + interval) / 2])
     if np.ptp(values) == 0:
         return Density(np.empty(0), np.empty(0), *quantiles)
-    at, height, _ = arviz_stats.kde(np.log10(values) if decades else values)
+    at, height, _ = kde(np.log10(values) if decades else values)
     return Density(10**at if decades else at, height, *quantiles)

@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
-import arviz_stats
 import numpy as np
+from arviz_stats.visualization import kde
 from jaxtyping import Float
 
 from bayes_tyre.inference.model.default_priors import PRIORS
@@ -59,7 +59,7 @@ def _prior_posterior(hyperparameter: Hyperparameter, prior: Prior) -> PriorPoste
     ends_at_zero = not log and distribution.support()[0] == 0
     # A half-normal prior is highest at zero, and a posterior may be: the density is mirrored there, not cut off.
     edge = {"custom_lims": (0.0, most), "bound_correction": True} if ends_at_zero else {}
-    x, height, _ = arviz_stats.kde(draws, **edge)
+    x, height, _ = kde(draws, **edge)
     whole = np.linspace(min(0.0 if ends_at_zero else low, least), max(high, most), POINTS)
     at = np.sort(np.concatenate([whole, np.linspace(least, most, POINTS)]))
     values = np.exp(at) if log else at

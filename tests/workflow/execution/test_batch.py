@@ -170,7 +170,8 @@ def test_a_cluster_that_has_lost_all_workers_ends_the_run_after_the_stated_wait(
 
     monkeypatch.setattr(cluster_module, "WITHOUT_WORKERS", 2)
     options = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
-    with LocalCluster(silence_logs=logging.CRITICAL, **options) as own, connected(own.scheduler_address) as client:
+    own = LocalCluster(silence_logs=logging.CRITICAL, **options)
+    with own, connected(own.scheduler_address) as client:
         tasks = tasks_of(tmp_path, list(map(str, range(300))))
         outcomes = as_completed(cluster_executors(client, "tcp://s"), dying_work.slowly, tasks)
         next(outcomes)
