@@ -17,6 +17,7 @@ from scipy.signal import lfilter
 from bayes_tyre.record import RawSignals
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
+from bayes_tyre.rig.motion import KN_PER_KG_MM_PER_S2
 from bayes_tyre.simulate.drive import WARM_UP_S, cylinder_load, runout
 from bayes_tyre.simulate.sensors import channels
 from bayes_tyre.simulate.truth import Truth
@@ -26,7 +27,6 @@ State = tuple[float, ...]
 
 #: Longest step, s. A standing axle rests until so long before its load's step, s.
 STEP_S, AT_REST_S = 5e-5, 0.01
-_KN_PER_KG_MM_PER_S2 = 1e-6
 
 
 class Machine(NamedTuple):
@@ -154,7 +154,7 @@ def _equations(
     machine: Machine, truth: Truth, rig: Rig, force_kN: float, ground_mm: float
 ) -> tuple[State, Callable[..., State]]:
     """Return the state at rest under a force, and the derivatives of a state: d, v, relaxing force, beam, frictions."""
-    k, mass, factor = truth.k_kN_per_mm, truth.m_kg * _KN_PER_KG_MM_PER_S2, geometry.curvature_factor(rig)
+    k, mass, factor = truth.k_kN_per_mm, truth.m_kg * KN_PER_KG_MM_PER_S2, geometry.curvature_factor(rig)
     settled = (truth.x_kN - k * truth.beta_mm) / len(machine.yields)
     height = geometry.centre_height_mm(rig) if rig.rollers else 1.0
     spacing = rig.rollers.half_spacing_mm if rig.rollers else 0.0

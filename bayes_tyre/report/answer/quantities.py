@@ -12,12 +12,18 @@ _NAMES = {
     "rho": "correlation rho of the noise",
 }
 #: What differs by a factor, its level with the unit, and what a standard deviation of the effect is over.
-_LEVELS = {"speed": "{} km/h", "load": "initial load {} kN", "step": "step {} kN", "direction_step": "steps of {}"}
+_LEVELS = {
+    **{"speed": "{} km/h", "load": "initial load {} kN", "step": "step {} kN", "direction_step": "steps of {} kN"},
+    **{"configuration_speed": "{} km/h", "configuration_load": "{} kN of initial load"},
+}
 _OVER = {
     **{"speed": "between speeds", "load": "between initial loads", "step": "between steps"},
     **{"direction_step": "between steps of one direction", "case": "between cases", "repeat": "between repeats"},
-    **{"repeat_over_speeds": "of repeats, over speeds", "published": "of printed values"},
+    **{"configuration_speed": "between speeds of one configuration", "published": "of printed values"},
+    **{"configuration_load": "between initial loads of one configuration"},
+    **{"repeat_over_speeds": "of repeats, over speeds", "published_over_speeds": "of printed values, over speeds"},
 }
+_BY_SPEED = {"repeat_by_speed": "between repeats", "published_by_speed": "of printed values"}
 _SINGLE = {
     "discordant_weight": "share of discordant repeats",
     "student_nu": "degrees of freedom of the repeats",
@@ -59,8 +65,8 @@ def _words(name: str, label: str | None) -> str:
 
 
 def _of_level(parameter: str, factor: str, is_sd: bool, label: str | None) -> str:
-    if is_sd and factor == "repeat_by_speed" and label is not None:
-        return f"standard deviation of log {parameter} between repeats at {label} km/h"
+    if is_sd and factor in _BY_SPEED and label is not None:
+        return f"standard deviation of log {parameter} {_BY_SPEED[factor]} at {label} km/h"
     if is_sd:
         return f"standard deviation of log {parameter} {_OVER[factor]}" if factor in _OVER else ""
     if factor not in _LEVELS or label is None:
