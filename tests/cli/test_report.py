@@ -80,7 +80,7 @@ def test_kept_figures_are_shown_as_they_lie_there(fitted, tmp_path):
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "data:image/svg" not in page
     headings = re.findall(r"<h3>([^<]*)</h3>", page)
-    assert headings == [HEADINGS["contrasts"][0], HEADINGS["pair_plot"][0], "Of my own"]
+    assert headings == ["Not checked", HEADINGS["contrasts"][0], HEADINGS["pair_plot"][0], "Of my own"]
 
 
 def test_figures_of_records_are_those_of_the_fit_where_its_input_is_gone(fitted, tmp_path, quick):

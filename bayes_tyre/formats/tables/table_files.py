@@ -21,8 +21,8 @@ from bayes_tyre.formats.unpacked import MOST_BYTES, check_parquet
 from bayes_tyre.plain_text import reason
 from bayes_tyre.record import TEXT_COLUMNS
 
-#: Characters of one cell.
-MOST_TEXT = 10_000
+#: Characters of one cell; our own tables have cells that name several labels.
+MOST_TEXT = 50_000
 _WORKBOOKS = (".xlsm", ".xlsb", ".xls", ".ods")
 _TEXTS = (".txt", ".tsv", ".dat", ".asc")
 
