@@ -195,10 +195,12 @@ def checked_limit(text: str | None, of_records: bool = False) -> str | None:
 
 def conclude(diagnostics: "Diagnostics", answered: "Diagnostics", out: Path, quiet: bool) -> None:
     """Print where a fit was written, and what failed since its answer; end with code 4 where it is not `pass`."""
+    from bayes_tyre.report.answer.quantities import in_words
+
     say(f"wrote {out}: verdict {diagnostics.verdict}", quiet)
     say(f"next: {shlex.join(['bayes-tyre', 'report', path_text(out)])}", quiet)
-    for reason in diagnostics.reasons[len(answered.reasons) :]:
-        fault(reason)
+    for reason in diagnostics.reasons[0 if quiet else len(answered.reasons) :]:
+        fault(in_words(reason))
     if diagnostics.verdict != "pass":
         raise typer.Exit(NOT_TRUSTED)
 
@@ -221,7 +223,7 @@ class Answer:
     out, origin, reference:
         The folder that holds its tables; what they rest on; the configuration that others are compared with.
     quiet:
-        Whether to print failed checks alone.
+        Whether to print nothing: `conclude` then prints the failed checks, alone.
     bar:
         What draws the progress; closed before anything is printed.
     limited:
@@ -241,10 +243,10 @@ class Answer:
         if self.given is None:
             self.given = diagnostics
             self.bar.close()
-            # Where nobody reads on, what follows must be written all the same; `conclude` then meets the error again.
-            with suppress(OSError):
-                report_verdict(diagnostics, f"answer after {time.monotonic() - self.began:.0f} s", self.quiet)
-                if not self.quiet:
+            if not self.quiet:
+                # Where nobody reads on, the rest must be written all the same; `conclude` then meets the error again.
+                with suppress(OSError):
+                    report_verdict(diagnostics, f"answer after {time.monotonic() - self.began:.0f} s", self.quiet)
                     self._print_tables()
         return self.given
 

@@ -263,12 +263,14 @@ def test_a_file_in_the_place_of_a_folder_is_refused_before_the_work(command, bel
 
 
 def test_the_installed_commands_refuse_to_write_into_a_file(given, tmp_path):
-    (tmp_path / "file").write_text("mine")
-    running = {name: start(*WRITERS[name](given, tmp_path / "file"), cwd=tmp_path) for name in ("fit", "predict")}
-    for process in running.values():
+    files = {name: tmp_path / name for name in ("fit", "predict")}
+    for file in files.values():
+        file.write_text("mine")
+    running = {name: start(*WRITERS[name](given, file), cwd=tmp_path) for name, file in files.items()}
+    for name, process in running.items():
         done = finish(process)
-        assert_refused(done.returncode, done.stderr, f"--out {tmp_path / 'file'}", "is a file", "name a folder")
-    assert tree_of(tmp_path) == {"file": b"mine"}
+        assert_refused(done.returncode, done.stderr, f"--out {files[name]}", "is a file", "name a folder")
+    assert tree_of(tmp_path) == {"fit": b"mine", "predict": b"mine"}
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full: not Linux")

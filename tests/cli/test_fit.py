@@ -275,7 +275,7 @@ def test_show_prints_the_table_of_a_result_and_what_it_rests_on(fitted):
     means = pd.read_csv(folder / "one" / "summary.csv").query("parameter in ('k_mean', 'beta_mean')")
     assert len(means) == 4
     for text, cells in Counter(f"{median:.4g}" for median in means["median"]).items():
-        assert len(re.findall(rf"(?<![\d.]){re.escape(text)} ", done.stdout)) == 2 * cells
+        assert len(re.findall(rf"(?<![\d.]){re.escape(text)} \[", done.stdout)) == 2 * cells
     for word in ("single", "k, kN/mm", "beta, mm", "not measured", "verdict: fail", "95 % interval"):
         assert done.stdout.count(word) >= 2
     assert done.stdout.count("files: one\n") == done.stdout.count("files: two\n") == 1
