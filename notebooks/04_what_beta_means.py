@@ -37,11 +37,7 @@ from bayes_tyre.rig import axle, geometry
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.signals import factors, inertia, process, thesis
 from bayes_tyre.simulate.simulator import simulate_record
-from bayes_tyre.studies.audit import grid as audit_grid
-from bayes_tyre.studies.audit import methods as audit_methods
-from bayes_tyre.studies.audit import overview as audit_overview
-from bayes_tyre.studies.audit import sentences as audit_sentences
-from bayes_tyre.studies.audit import study as audit
+from bayes_tyre.studies.audit import grid, methods, overview, sentences, study
 
 # %% [markdown]
 # ## What becomes of one record?
@@ -52,13 +48,13 @@ from bayes_tyre.studies.audit import study as audit
 
 # %%
 prepare_jax()
-rig, typical = axle.load_rig("single"), audit_grid.TYPICAL
-truth = audit_grid.truth_of(typical, 1, rig, seed=0)
+rig, typical = axle.load_rig("single"), grid.TYPICAL
+truth = grid.truth_of(typical, 1, rig, seed=0)
 simulated = simulate_record(truth, rig)
 named = factors.RecordFactors(truth.plan.record, truth.plan.case, 1)
 recording = process.prepare(simulated.raw, rig, named)
-methods = {"thesis": thesis.thesis, "inertia": inertia.inertia}
-paths = {name: audit_methods.curve(method(recording, rig)) for name, method in methods.items()}
+processing = {"thesis": thesis.thesis, "inertia": inertia.inertia}
+paths = {name: methods.curve(method(recording, rig)) for name, method in processing.items()}
 
 # %%
 motion, end = simulated.motion, simulated.motion.displacement_mm.argmin()
@@ -76,8 +72,8 @@ NotebookFigure(one_record(tyre, paths))
 # %%
 varied = {"damping_ratio": (0.1,), "step_kN": (10.0,)}
 crossed = {"beta_mm": (0.02, 0.08, 0.16), "rise_s": (0.036, 0.09)}
-windows = (1, 201, 401, audit_grid.SOURCE_WINDOW, 1601)
-found = audit.study_audit(audit_grid.Plan(varied, crossed, windows), replicates=1)
+windows = (1, 201, 401, grid.SOURCE_WINDOW, 1601)
+found = study.study_audit(grid.Plan(varied, crossed, windows), replicates=1)
 print(f"{len(found.records.drop_duplicates(list(typical._fields)))} records, simulated, not measured")
 
 # %% [markdown]
@@ -87,7 +83,7 @@ print(f"{len(found.records.drop_duplicates(list(typical._fields)))} records, sim
 # little about the tyre's.
 
 # %%
-NotebookFigure(audit_figures.beta_returned(found.table, audit_grid.SOURCE_WINDOW))
+NotebookFigure(audit_figures.beta_returned(found.table, grid.SOURCE_WINDOW))
 
 # %% [markdown]
 # ## If not the tyre, what moves the beta of `thesis`?
@@ -96,8 +92,8 @@ NotebookFigure(audit_figures.beta_returned(found.table, audit_grid.SOURCE_WINDOW
 # any tyre.
 
 # %%
-windows = audit_overview.beta_by_window(found.table, "thesis")
-NotebookFigure(audit_figures.beta_window(windows, audit_grid.SOURCE_WINDOW))
+windows = overview.beta_by_window(found.table, "thesis")
+NotebookFigure(audit_figures.beta_window(windows, grid.SOURCE_WINDOW))
 
 # %% [markdown]
 # ## And k?
@@ -106,10 +102,10 @@ NotebookFigure(audit_figures.beta_window(windows, audit_grid.SOURCE_WINDOW))
 # not smoothed (window 1) even `thesis` comes near, and with a window longer than the step it does not.
 
 # %%
-changed = ("beta_mm", "rise_s", "damping_ratio", "step_kN", audit_grid.WINDOW)
-names = {factor: audit_grid.FACTOR_NAMES[factor] for factor in changed}
-bias = audit_overview.bias_by_factor(found.table, "k")
-NotebookFigure(audit_figures.k_bias(bias, names, audit_grid.TYPICAL_LEVELS))
+changed = ("beta_mm", "rise_s", "damping_ratio", "step_kN", grid.WINDOW)
+names = {factor: grid.FACTOR_NAMES[factor] for factor in changed}
+bias = overview.bias_by_factor(found.table, "k")
+NotebookFigure(audit_figures.k_bias(bias, names, grid.TYPICAL_LEVELS))
 
 # %% [markdown]
 # ## How far off is each method, and do its intervals hold the truth?
@@ -119,7 +115,7 @@ NotebookFigure(audit_figures.k_bias(bias, names, audit_grid.TYPICAL_LEVELS))
 # `energy_with_true_x` says how far off the energy would be if somebody told them x.
 
 # %%
-told = audit_overview.overview(found.table).set_index(["parameter", "method"]).sort_index()
+told = overview.overview(found.table).set_index(["parameter", "method"]).sort_index()
 told["hold the truth"] = [
     f"{round(share * of)} of {of}" if of else "no interval"
     for share, of in zip(told["coverage_95"], told["intervals"], strict=True)
@@ -132,8 +128,8 @@ told[["bias_median", "bias_low", "bias_high", "hold the truth"]].round(1)
 # *Simulated, not measured, beside the 48 published betas.* The sentences are made from the table above.
 
 # %%
-sentences = audit_sentences.conclusion(found.table, characteristic_deflection()["beta_mm"].tolist())
-for said in sentences:
+conclusion = sentences.conclusion(found.table, characteristic_deflection()["beta_mm"].tolist())
+for said in conclusion:
     if said.startswith(("beta by", "The published", "Limits")):
         print(textwrap.fill(said, 110), end="\n\n")
 
