@@ -128,7 +128,7 @@ def published_model(
     priors:
         Of the hyperparameters.
 
-    Source of the errors: Gelman et al. (2013), Bayesian Data Analysis, section 17.2.
+    Source: of the errors, Gelman et al. (2013), Bayesian Data Analysis, section 17.2.
     """
     hyperparameters = sample_hyperparameters(published_sites(factors), priors)
     by_speed = sample_scatter_by_speed(factors, hyperparameters, of="published")
