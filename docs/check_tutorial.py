@@ -81,7 +81,7 @@ class Checker(doctest.OutputChecker):
     def check_output(self, want: str, got: str, optionflags: int) -> bool:
         """Return whether the printed output agrees with the one shown, and collect the differences of its numbers."""
         del optionflags
-        difference = compare(want, got)
+        difference = compare(want.replace(doctest.BLANKLINE_MARKER, ""), got)
         self.differences += difference.numbers
         return not difference.words_differ
 

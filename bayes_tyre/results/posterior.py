@@ -28,7 +28,8 @@ class Posterior(xr.DataTree):
 
     def __repr__(self) -> str:
         """Return the table and the verdict."""
-        return f"{self._about()}\n\n{means_table(self).to_string(index_names=False)}\n\n{_USE}"
+        table = means_table(self).to_string(index_names=False).splitlines()
+        return "\n".join([self._about(), "", *map(str.rstrip, table), "", _USE])
 
     def __str__(self) -> str:
         """Return the table and the verdict."""
