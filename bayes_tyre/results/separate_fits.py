@@ -61,8 +61,11 @@ def read_separate_fits(folder: Path) -> list[FitTable]:
     BadInput
         If one is not what the command writes.
     """
-    if (folder / RUN_JSON).is_file():
-        return []
+    return [] if (folder / RUN_JSON).is_file() else read_fit_tables(folder)
+
+
+def read_fit_tables(folder: Path) -> list[FitTable]:
+    """Return the same, a posterior in the folder or not: what is there of `least_squares.csv`, `loops.csv`, ..."""
     return [_table(folder / name) for name in _SHOWN if (folder / name).is_file()]
 
 

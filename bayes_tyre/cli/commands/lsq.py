@@ -1,6 +1,7 @@
 """`lsq`: Equation 2 fitted to each record separately."""
 
 import math
+from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
@@ -65,7 +66,6 @@ def lsq(
     Example: bayes-tyre lsq data/campaign/records.csv --out results/lsq --region thesis
     """
     from bayes_tyre.inference.least_squares.settings import FitSettings
-    from bayes_tyre.record_table import origin_of
     from bayes_tyre.runtime import prepare_jax
 
     del seed
@@ -88,16 +88,22 @@ def lsq(
         warn(warning)
     with progress("least squares", table["record"].nunique(), quiet) as on_progress:
         if loops:
-            fits, cycles = fit_loops(table, settings, out, on_progress, xlsx=xlsx)
+            fit_loops(table, settings, out, on_progress, xlsx=xlsx)
         else:
-            fits, cycles = fit_least_squares(table, settings, out, on_progress, xlsx=xlsx), None
-    failed = int((fits["status"] != "ok").sum())
+            fit_least_squares(table, settings, out, on_progress, xlsx=xlsx)
     if not quiet:
-        from bayes_tyre.report.terminal.fits_table import print_tables
-        from bayes_tyre.results.separate_fits import read_separate_fits
+        _print_answer(out)
 
-        print_tables(read_separate_fits(out))
-    say(f"wrote {out / 'least_squares.csv'} (data: {origin_of(table)})", quiet)
-    if cycles is not None:
-        say(f"wrote loops.csv, backbone.csv and figures/loops.png beside it: {len(cycles)} closed cycles", quiet)
-    say(f"{len(fits)} {'branches' if loops else 'records'}, {failed} not ok", quiet)
+
+def _print_answer(out: Path) -> None:
+    """Print the tables of a folder, where they are, and how many records (or branches of loops) are not ok."""
+    from bayes_tyre.report.terminal.fits_table import print_tables
+    from bayes_tyre.results.separate_fits import read_fit_tables
+
+    fits, *cycles = tables = read_fit_tables(out)
+    print_tables(tables)
+    say(f"wrote {out / 'least_squares.csv'} (data: {fits.origin})", quiet=False)
+    if cycles:
+        closed = len(cycles[0].status)
+        say(f"wrote loops.csv, backbone.csv and figures/loops.png beside it: {closed} closed cycles", quiet=False)
+    say(f"{len(fits.status)} {'branches' if cycles else 'records'}, {fits.not_ok} not ok", quiet=False)
