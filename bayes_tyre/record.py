@@ -98,8 +98,9 @@ class Channel:
     @property
     def uneven_steps(self) -> Int[np.ndarray, " steps"]:
         """Indices of samples whose next one comes before them, with them, or over 10 % off the median spacing."""
-        off = np.abs(self._steps_s - self.dt_s) > _JITTER * self.dt_s
-        return np.flatnonzero(off | ~(self._steps_s > 0))
+        steps_s, dt_s = self._steps_s, self.dt_s
+        off = np.abs(steps_s - dt_s) > _JITTER * dt_s
+        return np.flatnonzero(off | ~(steps_s > 0))
 
     @property
     def _steps_s(self) -> Float[np.ndarray, " steps"]:

@@ -5,7 +5,6 @@ import struct
 import zlib
 from pathlib import Path
 
-import h5py
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
@@ -43,6 +42,8 @@ def limit_of(path: Path) -> int:
 
 def check_hdf5(path: Path) -> None:
     """Refuse an HDF5 file (netCDF, MATLAB 7.3) whose arrays are too large; see `check_unpacked`."""
+    import h5py  # slow to import, and text tables have no use for it
+
     size = 0
 
     def add(_: str, item: object) -> None:

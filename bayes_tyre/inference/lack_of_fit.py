@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
-from scipy import stats
+from scipy.special import fdtrc
 
 from bayes_tyre.inference.record_data import EQUATION_2, LAWS
 
@@ -89,7 +89,7 @@ def misfit(
     with np.errstate(divide="ignore", invalid="ignore"):
         square = np.sum(residual**2, axis=1) / points
         ratio = in_waves / WAVES / (variance * (1.0 + rho) / (1.0 - rho))
-        p_value = np.where(enough, stats.f.sf(ratio, WAVES, spare), np.nan)
+        p_value = np.where(enough, fdtrc(WAVES, spare, ratio), np.nan)
         return Misfit(
             np.sqrt(square) / extent,
             np.sqrt(np.maximum(square - np.where(enough, variance, 0.0), 0.0)) / extent,

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from bayes_tyre.inference.flexible_ring import PARAMETERS, MeasuredModes, RingFit
-from bayes_tyre.rig.motion import KN_PER_KG_MM_PER_S2
+from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
 
 #: What `modes.csv` calls a parameter: from frequencies alone; and of a belt whose mass and radius are given, with its
 #: unit.

@@ -17,6 +17,7 @@ from jaxtyping import Float
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.record_data import EQUATION_2, LAWS
 from bayes_tyre.inference.sampling.datatree import law_of, priors_of, tree_cases
+from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import CASE_FACTORS, Case
 from bayes_tyre.results.case_draws import CaseDraws, of_case, of_repeat, travel_mm
 from bayes_tyre.results.case_selection import CaseQuery, case_list, choose, sign_of
@@ -94,7 +95,7 @@ def predict(
     if of not in KINDS:
         raise BadInput(f"of is {of!r}; use {' or '.join(KINDS)}")
     cases = predictable_cases(tree)
-    posterior = tree["posterior"].to_dataset()
+    posterior = with_records(tree)
     choice = choose(query, cases)
     warnings = [f"no opposite direction of {case_list([cases[i].label for i in choice.alone])}"] if choice.alone else []
     curves, parameters, unused = [], [], []
@@ -128,7 +129,7 @@ def predictable_cases(tree: xr.DataTree) -> list[Case]:
     """
     if "posterior" not in tree.children or "origin" not in tree.attrs:
         raise BadInput("is no posterior of this program; name a folder that fit wrote")
-    posterior = tree["posterior"].to_dataset()
+    posterior = with_records(tree)
     if "k_case" in posterior and "record" not in posterior.dims:
         raise BadInput("holds no records, so neither F_i nor J of a step; name a folder that fit wrote from records")
     dims = {name: {"chain", "draw", dim} for name, dim in _NEEDED.items()}

@@ -9,6 +9,7 @@ from bayes_tyre.inference.diagnostics.power_scaling import identified
 from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS
 from bayes_tyre.inference.sampling.datatree import case_parameters, shown_parameters
 from bayes_tyre.inference.sampling.group_means import named_group_means
+from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import AXLE_PARAMETERS, CASE_FACTORS, ENERGY, FACTORS, LAW_PARAMETERS, RECORD_UNITS
 from bayes_tyre.record_table import carry_extras
 
@@ -23,6 +24,8 @@ REPEAT_PARAMETERS = (
     *AXLE_PARAMETERS,
     ENERGY,
 )
+#: Elements whose statistics are computed at once.
+_BATCH = 256
 
 
 def describe(draws: xr.DataArray, interval: float = 0.95, figures: Figures | None = None) -> pd.DataFrame:
@@ -40,7 +43,11 @@ def describe(draws: xr.DataArray, interval: float = 0.95, figures: Figures | Non
     sample = draws.transpose("chain", "draw", ...)
     flat = sample.to_numpy().reshape(-1, int(np.prod(sample.shape[2:])))
     tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
-    lower, median, upper = np.quantile(flat, tails, axis=0)
+    # In batches: quantiles copy the draws, which of thousands of records are gigabytes.
+    batches = np.array_split(flat, max(1, -(-flat.shape[1] // _BATCH)), axis=1)
+    mean, sd, lower, median, upper = np.concatenate(
+        [[one.mean(axis=0), one.std(axis=0, ddof=1), *np.quantile(one, tails, axis=0)] for one in batches], axis=1
+    )
     figures = figures or monitor(sample.to_dataset(name="quantity"))
     r_hat = xr.full_like(figures.ess_bulk, np.nan) if figures.r_hat is None else figures.r_hat
     monitored = {
@@ -51,7 +58,7 @@ def describe(draws: xr.DataArray, interval: float = 0.95, figures: Figures | Non
     }
     return pd.DataFrame(
         {
-            **{"mean": flat.mean(axis=0), "sd": flat.std(axis=0, ddof=1), "median": median},
+            **{"mean": mean, "sd": sd, "median": median},
             **{"lower": lower, "upper": upper, "interval": interval},
             **{name: figure.to_dataarray().to_numpy().ravel() for name, figure in monitored.items()},
         }
@@ -108,7 +115,7 @@ def repeats(
 
 def outlier_probability(tree: xr.DataTree) -> pd.Series:
     """Return the posterior probability that each record is discordant; missing where it cannot be judged."""
-    posterior = tree["posterior"].to_dataset()
+    posterior = with_records(tree)
     factors = _factors_of(posterior, "record")
     if "outlier_probability" not in posterior:
         return pd.Series(np.nan, index=factors.index)

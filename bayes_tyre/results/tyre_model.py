@@ -11,6 +11,7 @@ from jaxtyping import Float
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.load_deflection.table import law_loop
 from bayes_tyre.inference.sampling.datatree import case_parameters, is_of_motions, law_of, tree_cases
+from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import CASE_FACTORS, RECORD_UNITS, parameter_column
 from bayes_tyre.results.case_draws import of_case, travel_mm
 from bayes_tyre.results.case_selection import sign_of
@@ -84,14 +85,14 @@ def of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:
     posterior = tree["posterior"].to_dataset() if "posterior" in tree.children else xr.Dataset()
     if not {"k_case", *(f"case_{factor}" for factor in CASE_FACTORS)} <= set(posterior.variables):
         raise BadInput("is no posterior of cases; name a folder that fit or motion wrote")
-    of_motions, models = is_of_motions(posterior), []
+    of_motions, models, together = is_of_motions(posterior), [], with_records(tree)
     for i, case in enumerate(tree_cases(posterior)):
         draws = {name: posterior[f"{name}_case"].isel(case=i).to_numpy().ravel() for name in case_parameters(posterior)}
         curves = None
         if of_motions and tree.attrs.get("law", hysteresis_loops.LAW) == hysteresis_loops.LAW:
             curves = _cycle(draws, float(tree.attrs["amplitude_mm"]), level)
         elif "record" in posterior.dims and not of_motions:
-            step, sign = of_case(posterior, i), sign_of(case) or 1
+            step, sign = of_case(together, i), sign_of(case) or 1
             draws = {"k": step.k, "beta": step.beta, "J": step.J, "C": step.C, "F_i": step.F_i}
             u = travel_mm(posterior, i) * np.linspace(0.0, 1.0, _POINTS) ** 2  # dense where the force changes fast
             force = force_kN(sign * u, *(draws[name][:, None] for name in ("F_i", "J", "k", "beta")), law=law_of(tree))

@@ -15,9 +15,8 @@ from bayes_tyre.laws.base import ScalarLike, StatefulLaw
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.motion_step import Leg, Point, step, wheel_centre_per_flat
+from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
 
-#: One kg mm/s^2 in kN.
-KN_PER_KG_MM_PER_S2 = 1e-6
 #: Longest step of the integration unless told otherwise; `move` says what error it leaves.
 MAX_STEP_S = 2e-4
 

@@ -6,7 +6,7 @@ from jaxtyping import Float
 from bayes_tyre.errors import BadInput
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
-from bayes_tyre.rig.motion import KN_PER_KG_MM_PER_S2
+from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
 from bayes_tyre.signals.flat_ground import to_flat_ground
 from bayes_tyre.signals.integrate import MM_PER_M, Path, anchored_path
 from bayes_tyre.signals.mass import Mass, Motion, find_mass

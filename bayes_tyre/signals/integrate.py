@@ -4,7 +4,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.integrate import cumulative_trapezoid
 
 from bayes_tyre.signals.channels import Signals
 from bayes_tyre.signals.noise import signal_level
@@ -47,7 +46,7 @@ class Path(NamedTuple):
 
 def integrated(values: Samples, dt_s: float) -> Samples:
     """Return the integral from the first sample on by the trapezoid rule, beginning with 0."""
-    return cumulative_trapezoid(values, dx=dt_s, initial=0.0)
+    return np.concatenate([[0.0], np.cumsum(dt_s * (values[1:] + values[:-1]) / 2.0)])
 
 
 def anchored_path(signals: Signals, step: Step, first: int) -> Path:

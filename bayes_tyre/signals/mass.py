@@ -7,7 +7,7 @@ from jaxtyping import Float
 from scipy.optimize import lsq_linear
 
 from bayes_tyre.rig.axle import Rig
-from bayes_tyre.rig.motion import KN_PER_KG_MM_PER_S2
+from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
 from bayes_tyre.signals.noise import block_means
 
 Samples = Float[np.ndarray, "..."]

@@ -1,6 +1,7 @@
 """The periodic runout of a rolling tyre: turns of wheel and rollers, fitted before the step and removed everywhere."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from bayes_tyre.signals.channels import Signals
 from bayes_tyre.signals.noise import block_means
 
 Samples = Float[np.ndarray, " samples"]
+Columns = Float[np.ndarray, "columns samples"]
 #: Harmonics of each turning body.
 WHEEL_HARMONICS, ROLLER_HARMONICS = 5, 3
 # A loaded tyre rolls on less than its unloaded radius, and the speed is not exact: a turn is searched this far about
@@ -76,7 +78,7 @@ def remove_runout(signals: Signals, pre_step: int, bodies: tuple[Turning, ...]) 
     length = max(1, round(_MEAN_S / signals.dt_s))
     means = block_means(signals.acceleration_m_per_s2[:pre_step], length)
     refined = _refined(block_means(time_s[:pre_step], length), means, bodies_fitted)
-    columns = _columns(time_s, refined)
+    columns = columns_of(time_s, refined)
     trend = np.stack([np.ones(pre_step), time_s[:pre_step] - time_s[:pre_step].mean()])
     design = np.concatenate([columns[:, :pre_step], trend])
     gram = design @ design.T
@@ -97,17 +99,14 @@ def _refined(time_s: Samples, values: Samples, bodies: tuple[Turning, ...]) -> t
             step = 0.2 / (time_s[-1] * refined[i].harmonics) * (1.0 if reach == _SEARCH else 0.1)
             count = max(2, math.ceil(reach * centre / step))
             tried = centre + np.linspace(-1, 1, 2 * count + 1) * reach * centre
-            left = [_left_over(time_s, values, _with(refined, i, turn)) for turn in tried]
+            others = np.concatenate([columns_of(time_s, refined[:i] + refined[i + 1 :]), np.ones((1, len(time_s)))])
+            own = [columns_of(time_s, [refined[i]._replace(turn_Hz=turn_Hz)]) for turn_Hz in tried]
+            left = [_left_over(values, np.concatenate([columns, others])) for columns in own]
             refined[i] = refined[i]._replace(turn_Hz=_peak(tried, np.array(left)))
     return tuple(refined)
 
 
-def _with(bodies: list[Turning], i: int, turn_Hz: float) -> tuple[Turning, ...]:
-    return (*bodies[:i], bodies[i]._replace(turn_Hz=turn_Hz), *bodies[i + 1 :])
-
-
-def _left_over(time_s: Samples, values: Samples, bodies: tuple[Turning, ...]) -> float:
-    design = np.concatenate([_columns(time_s, bodies), np.ones((1, len(time_s)))])
+def _left_over(values: Samples, design: Columns) -> float:
     weights = np.linalg.lstsq(design @ design.T, design @ values, rcond=1e-10)[0]
     return float(np.sum((values - weights @ design) ** 2))
 
@@ -121,6 +120,13 @@ def _peak(tried: Samples, left: Samples) -> float:
     return float(tried[i] + shift * (tried[1] - tried[0]))
 
 
-def _columns(time_s: Samples, bodies: tuple[Turning, ...]) -> Float[np.ndarray, "columns samples"]:
-    angles = [2 * np.pi * frequency * time_s for body in bodies for frequency in body.frequencies_Hz]
-    return np.concatenate([np.sin(angles), np.cos(angles)])
+def columns_of(time_s: Samples, bodies: Sequence[Turning]) -> Columns:
+    """Return the sines, then the cosines, of all harmonics; powers of each body's first cost a fourth of sines."""
+    harmonics = []
+    for body in bodies:
+        first = np.exp(2j * np.pi * body.turn_Hz * time_s)
+        harmonics.append(first)
+        for _ in range(body.harmonics - 1):
+            harmonics.append(harmonics[-1] * first)
+    both = [*(one.imag for one in harmonics), *(one.real for one in harmonics)]
+    return np.array(both).reshape(-1, len(time_s))  # no body, no column

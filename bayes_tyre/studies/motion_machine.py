@@ -17,7 +17,7 @@ from scipy.signal import lfilter
 from bayes_tyre.record import RawSignals
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
-from bayes_tyre.rig.motion import KN_PER_KG_MM_PER_S2
+from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
 from bayes_tyre.simulate.drive import WARM_UP_S, cylinder_load, runout
 from bayes_tyre.simulate.sensors import channels
 from bayes_tyre.simulate.truth import Truth

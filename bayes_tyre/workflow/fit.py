@@ -37,6 +37,8 @@ from bayes_tyre.workflow.result_folder import write_fit
 _SAMPLER = ("chains", "warmup", "draws")
 #: Missing in a `run.json` of an earlier version, and then None.
 _TARGET, _COLUMNS = "target_accept", "columns"
+#: Options that a `run.json` has only where they were given.
+_IF_GIVEN = ("limit", "reference", "record_draws")
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,9 @@ class Plan:
         What `cases.csv` says the probability of, such as ``k >= 1.8``; None: nothing.
     reference:
         The configuration that others are compared with; None: the later in sorted order.
+    record_draws:
+        Draws of each record in `posterior.nc`; None: all, of thousands of records some
+        (`bayes_tyre.inference.sampling.record_draws`).
     """
 
     records: tuple[Path, ...]
@@ -69,6 +74,7 @@ class Plan:
     columns: Path | None = None
     limit: str | None = None
     reference: str | None = None
+    record_draws: int | None = None
 
     @property
     def inputs(self) -> list[Path]:
@@ -84,8 +90,7 @@ class Plan:
             "priors": self.model.priors.given(),
             **{"interval": self.interval, "units_checked": self.units_checked},
             _COLUMNS: None if self.columns is None else read_column_map(self.columns).options,
-            **({} if self.limit is None else {"limit": self.limit}),
-            **({} if self.reference is None else {"reference": self.reference}),
+            **{name: value for name in _IF_GIVEN if (value := getattr(self, name)) is not None},
         }
 
 
@@ -102,7 +107,7 @@ def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
     """
     run = read_run(path)
     options, fields_of_model = run["options"], {field.name for field in fields(ModelSettings)}
-    known = {*fields_of_model, *_SAMPLER, _TARGET, _COLUMNS, "interval", "units_checked", "limit", "reference"}
+    known = {*fields_of_model, *_SAMPLER, _TARGET, _COLUMNS, *("interval", "units_checked"), *_IF_GIVEN}
     if unknown := sorted(set(options) - known):
         raise BadInput(
             f"{path}: option {unknown[0]} is unknown to this version; repeat the run with the version it names"
@@ -120,7 +125,7 @@ def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
         plan = Plan(
             *(tuple(records), sampler, model),
             *(float(options["interval"]), options["units_checked"] is True, columns),
-            *(options.get("limit"), options.get("reference")),
+            *(options.get(name) for name in _IF_GIVEN),
         )
     except (KeyError, TypeError, ValueError):
         raise BadInput(f"{path}: is not what fit writes; name the run.json in a folder that fit wrote") from None
@@ -202,7 +207,9 @@ def fit_table(
     # Only records made from the printed tables have printed values to be held against.
     printed = tables.case_means() if origin_of(table) == "reconstructed" else None
     result = Result(tree, diagnostics.verdict, table, printed, plan.interval, limit=limit, reference=plan.reference)
-    diagnostics = write_fit(result, diagnostics, run, out, xlsx=xlsx, answer=callbacks.answer)
+    diagnostics = write_fit(
+        result, diagnostics, run, out, xlsx=xlsx, answer=callbacks.answer, record_draws=plan.record_draws
+    )
     checkpoints.clear()
     return diagnostics
 

@@ -7,7 +7,6 @@ import pandas as pd
 
 from bayes_tyre.formats.files import prepare_folder
 from bayes_tyre.formats.tables.table_files import write_table
-from bayes_tyre.formats.tables.workbook_writer import write_workbook
 from bayes_tyre.inference.least_squares.table import FitSettings, fit_records
 
 FITS, WORKBOOK = "least_squares.csv", "least_squares.xlsx"
@@ -28,5 +27,7 @@ def fit_least_squares(
         (out / name).unlink(missing_ok=True)
     write_table(fits, out / FITS)
     if xlsx:
+        from bayes_tyre.formats.tables.workbook_writer import write_workbook  # imports what most runs do not need
+
         write_workbook({"least_squares": fits}, out / WORKBOOK)
     return fits

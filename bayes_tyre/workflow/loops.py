@@ -7,7 +7,6 @@ import pandas as pd
 
 from bayes_tyre.formats.files import prepare_folder
 from bayes_tyre.formats.tables.table_files import write_table
-from bayes_tyre.formats.tables.workbook_writer import write_workbook
 from bayes_tyre.inference.least_squares.loops import backbone, cycle_table, law_curves
 from bayes_tyre.inference.least_squares.table import FitSettings, fit_records
 from bayes_tyre.record_table import check_record_table, origin_of
@@ -66,5 +65,7 @@ def fit_loops(
     setting = Setting(origin_of(branches), configurations=tuple(configurations))
     save(driven_loops(branches, law_curves(branches, fits), backbones, setting), out / FIGURE)
     if xlsx:
+        from bayes_tyre.formats.tables.workbook_writer import write_workbook  # imports what most runs do not need
+
         write_workbook({"least_squares": fits, "loops": cycles, "backbone": backbones}, out / WORKBOOK)
     return fits, cycles

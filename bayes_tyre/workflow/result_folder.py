@@ -13,6 +13,7 @@ from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.diagnostics.attempts import Attempts
 from bayes_tyre.inference.diagnostics.judge import with_failures
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
+from bayes_tyre.inference.sampling.record_draws import thin_records
 from bayes_tyre.inference.sampling.run import sampler_runs
 from bayes_tyre.record_table import record_extras
 from bayes_tyre.report.figures import catalogue
@@ -38,6 +39,7 @@ def write_fit(
     *,
     xlsx: bool = False,
     answer: Callable[[Diagnostics], object] = lambda _: None,
+    record_draws: int | None = None,
 ) -> Diagnostics:
     """Write a posterior with its tables, diagnostics and figures into `out`; return the diagnostics that were written.
 
@@ -54,6 +56,8 @@ def write_fit(
         Write the tables as one workbook too.
     answer:
         Called once tables and diagnostics are written, with the verdict that stands unless a figure fails.
+    record_draws:
+        Draws of each record in `posterior.nc`, as `thin_records` takes them; tables and figures are of all draws.
     """
     prepare_folder(out)
     (out / RUN_JSON).unlink(missing_ok=True)  # of an older run: it marks a folder as finished
@@ -79,7 +83,7 @@ def write_fit(
         result, judged = settled(result, tables)
         write_json(judged._asdict(), out / "diagnostics.json")
         answer(judged)
-        write_tree(result.tree, out / "posterior.nc")
+        write_tree(thin_records(result.tree, record_draws), out / "posterior.nc")
         result, judged = settled(result, tables, figures)
     write_json(judged._asdict(), out / "diagnostics.json")
     write_run(run, out, sampler_runs(result.tree))

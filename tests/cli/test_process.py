@@ -75,6 +75,20 @@ def test_every_file_is_a_record_or_a_reason(done):
     assert {path.name for path in (out / "pictures").iterdir()} == {f"{name}.png" for name in set(records["record"])}
 
 
+def test_text_files_wait_for_no_library_that_they_do_not_need(raw, tmp_path):
+    script = f"""
+import sys
+from bayes_tyre.cli import app
+try:
+    app(["process", {str(raw / GOOD[0])!r}, "--out", "records.csv"], prog_name="bayes-tyre")
+finally:
+    print([name for name in ("jax", "equinox", "scipy.io", "h5py", "openpyxl", "nptdms") if name in sys.modules])
+"""
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True)
+    assert done.stdout.endswith("1 records, 0 rejected\n[]\n")
+
+
 @pytest.mark.slow
 def test_the_number_of_processes_changes_nothing(done, raw, tmp_path):
     out, _, _ = done

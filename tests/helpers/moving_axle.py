@@ -14,7 +14,6 @@ from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.rig.motion import (
-    KN_PER_KG_MM_PER_S2,
     Body,
     Drive,
     Motion,
@@ -24,6 +23,7 @@ from bayes_tyre.rig.motion import (
     rest_displacement,
     substeps_for,
 )
+from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
 
 RIG = load_rig("single")
 K, C, X, BETA, M, DAMPING = 1.7, 0.3, 0.4, 0.06, 285.0, 0.0013

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers.steps_made import RIG, plain
 
-from bayes_tyre.signals.runout import nominal_bodies, remove_runout
+from bayes_tyre.signals.runout import Turning, columns_of, nominal_bodies, remove_runout
 
 
 def test_nominal_turns_follow_from_speed_and_radii():
@@ -32,6 +32,13 @@ def test_sines_off_their_nominal_frequency_are_removed():
     assert np.abs(found.laser_mm - clean.laser_mm).max() < 0.01
     assert np.abs(found.load_kN - clean.load_kN).max() < 0.15
     assert runout.acceleration_rms_m_per_s2 == pytest.approx(np.std(sines), rel=0.02)
+
+
+def test_powers_of_the_first_harmonic_are_the_sines_of_all():
+    bodies, time_s = (Turning(3.1, 5), Turning(11.7, 3)), np.arange(30_000) / 2000.0
+    angles = [2 * np.pi * order * body.turn_Hz * time_s for body in bodies for order in range(1, body.harmonics + 1)]
+    # An angle of 3300 rad is rounded by 2e-13 already.
+    assert np.abs(columns_of(time_s, bodies) - np.concatenate([np.sin(angles), np.cos(angles)])).max() < 2e-12
 
 
 def test_too_few_turns_are_left_alone():

@@ -44,6 +44,15 @@ def fit(
     interval: shell.Interval = 0.95,
     limit: shell.LimitOption = None,
     reference: shell.ReferenceOption = None,
+    record_draws: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="Draws of each record to keep in posterior.nc, over all chains; what records share is kept in full, "
+            "and tables are of all draws. Default: all; 200 of more than 2,000 records.",
+            show_default=False,
+        ),
+    ] = None,
     units_checked: Annotated[bool, typer.Option("--units-checked", help="The forces are kN, travel is mm.")] = False,
     xlsx: shell.Xlsx = False,
     resume: shell.Resume = False,
@@ -82,7 +91,7 @@ def fit(
     )
     settings = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
     limit = shell.checked_limit(limit, of_records=True)
-    plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns, limit, reference)
+    plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns, limit, reference, record_draws)
     _run(plan, out, resume, xlsx, quiet)
 
 

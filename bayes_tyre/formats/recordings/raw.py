@@ -11,21 +11,47 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.lvm.channels import grouped_warnings
 from bayes_tyre.formats.lvm.reader import read_lvm
 from bayes_tyre.formats.recordings.column_signals import numbered, read_columns
-from bayes_tyre.formats.recordings.excel import read_excel
-from bayes_tyre.formats.recordings.mat_signals import read_mat_signals
-from bayes_tyre.formats.recordings.mdf import read_mdf
-from bayes_tyre.formats.recordings.tdms import read_tdms
 from bayes_tyre.record import Channel, RawSignals
 
 type _Columns = Mapping[str, int] | None
 
+
+def _read_lvm(path: Path, columns: _Columns) -> RawSignals:
+    return numbered(read_lvm(path), columns, path)
+
+
+# Libraries of the other formats are imported with the first such file: text files must not wait for them.
+def _read_tdms(path: Path, columns: _Columns) -> RawSignals:
+    from bayes_tyre.formats.recordings.tdms import read_tdms
+
+    return numbered(read_tdms(path), columns, path)
+
+
+def _read_mdf(path: Path, columns: _Columns) -> RawSignals:
+    from bayes_tyre.formats.recordings.mdf import read_mdf
+
+    return numbered(read_mdf(path), columns, path)
+
+
+def _read_mat(path: Path, columns: _Columns) -> RawSignals:
+    from bayes_tyre.formats.recordings.mat_signals import read_mat_signals
+
+    return numbered(read_mat_signals(path), columns, path)
+
+
+def _read_excel(path: Path, columns: _Columns) -> RawSignals:
+    from bayes_tyre.formats.recordings.excel import read_excel
+
+    return read_excel(path, columns)
+
+
 READERS: dict[str, Callable[[Path, _Columns], RawSignals]] = {
-    ".lvm": lambda path, columns: numbered(read_lvm(path), columns, path),
-    ".txt": lambda path, columns: numbered(read_lvm(path), columns, path),
-    ".tdms": lambda path, columns: numbered(read_tdms(path), columns, path),
-    ".mf4": lambda path, columns: numbered(read_mdf(path), columns, path),
-    ".mat": lambda path, columns: numbered(read_mat_signals(path), columns, path),
-    ".xlsx": read_excel,
+    ".lvm": _read_lvm,
+    ".txt": _read_lvm,
+    ".tdms": _read_tdms,
+    ".mf4": _read_mdf,
+    ".mat": _read_mat,
+    ".xlsx": _read_excel,
     ".csv": read_columns,
     ".parquet": read_columns,
 }

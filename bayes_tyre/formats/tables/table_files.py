@@ -14,7 +14,6 @@ from bayes_tyre.formats.tables.decimals import read_by_decimals
 from bayes_tyre.formats.tables.dialect import Dialect, find_dialect, first_long_row, lines_below
 from bayes_tyre.formats.tables.formulas import as_meant, harmless, map_texts, texts_of
 from bayes_tyre.formats.tables.header import FIRST_LINE, NOTES, SEARCHED, UNITS_ROW, Layout, units_in
-from bayes_tyre.formats.tables.mat_table import read_mat_table
 from bayes_tyre.formats.tables.workbook import read_rows, split_sheet
 from bayes_tyre.formats.tydex.table import read_tydex_table
 from bayes_tyre.formats.unpacked import MOST_BYTES, check_parquet
@@ -71,6 +70,8 @@ def _read_parquet(path: Path, layout: Layout | None) -> pd.DataFrame:
 
 
 def _read_mat(path: Path, layout: Layout | None) -> pd.DataFrame:
+    from bayes_tyre.formats.tables.mat_table import read_mat_table  # imports SciPy and h5py
+
     return _renamed(map_texts(read_mat_table(path), _text), path, layout)
 
 

@@ -18,6 +18,7 @@ from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.prepared_records import displacement_sd_mm, record_batch, with_noise
 from bayes_tyre.inference.record_data import EQUATION_2, force_curves
 from bayes_tyre.inference.sampling.datatree import as_measured, law_of
+from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record_table import record_factors
 
 #: What a law takes of a record.
@@ -114,7 +115,7 @@ class LawFit(NamedTuple):
 def residuals(tree: xr.DataTree, table: pd.DataFrame) -> Residuals:
     """Return the residuals (kN) of every record of a table at the posterior mean."""
     batch = record_batch(table)
-    posterior = as_measured(tree["posterior"].to_dataset())
+    posterior = as_measured(with_records(tree))
     names = [name for name in (*OF_CURVE, "sigma", "rho") if name in posterior]
     mean = posterior[names].sel(record=list(batch.records)).mean(("chain", "draw"))
     means = {name: mean[name].to_numpy() for name in (*OF_CURVE, "sigma")}

@@ -7,6 +7,7 @@ import xarray as xr
 from bayes_tyre.inference.diagnostics.residuals import OF_CURVE, Residuals, autocorrelations
 from bayes_tyre.inference.model.prepared_records import record_batch
 from bayes_tyre.inference.sampling.datatree import as_measured, law_of
+from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record_table import record_factors
 from bayes_tyre.results.prediction import force_kN
 from bayes_tyre.results.summary import outlier_probability
@@ -77,7 +78,7 @@ def predictive_bands(
     """
     rng = np.random.default_rng(seed)
     batch = record_batch(table[table["record"].isin(records)])
-    posterior = as_measured(tree["posterior"].to_dataset()).sel(record=list(batch.records))
+    posterior = as_measured(with_records(tree)).sel(record=list(batch.records))
     tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
     bands = []
     for i, record in enumerate(batch.records):

@@ -12,6 +12,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.factors import INTERACTIONS
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.sampling.datatree import as_measured, case_parameters, priors_of, tree_cases
+from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import AXLE_PARAMETERS, LAW_PARAMETERS, Case
 from bayes_tyre.results.case_draws import factors_along, flat, scatter_of_repeats
 
@@ -90,7 +91,9 @@ def candidates(tree: xr.DataTree, new: Sequence[Case], seed: int = 0) -> Candida
     predicted = np.zeros((len(known), len(new), len(parameters)))
     for p, name in enumerate(measured):
         predicted[:, :, p] = _predicted(posterior, priors, name, new, rng)
-    noise = _noise(posterior, priors, measured, [*cases, *new], known[:, :, : len(measured)])
+    together = as_measured(with_records(tree))
+    of_cases = np.log(np.stack([flat(together[f"{name}_case"]) for name in measured], axis=-1))
+    noise = _noise(together, priors, measured, [*cases, *new], of_cases)
     return Candidates((*cases, *new), len(cases), parameters, np.concatenate([known, predicted], axis=1), noise)
 
 

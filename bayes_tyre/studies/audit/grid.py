@@ -9,7 +9,7 @@ from typing import NamedTuple
 from bayes_tyre.record import Case
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
-from bayes_tyre.rig.motion import KN_PER_KG_MM_PER_S2
+from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
 from bayes_tyre.simulate.draw import draw_truth, stream
 from bayes_tyre.simulate.plan import RATE_HZ, Planned
 from bayes_tyre.simulate.truth import Truth

@@ -11,7 +11,6 @@ from bayes_tyre.formats.recordings.raw import read_raw
 from bayes_tyre.formats.tables.joined import write_joined
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.rig.sensors import columns_of
-from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.signals.process import process
 from bayes_tyre.workflow.execution.batch import Machines, run_batch
 from bayes_tyre.workflow.execution.outcome import Done, Fault
@@ -66,7 +65,6 @@ def process_files(
 
 def process_file(task: Task) -> Done | Fault:
     """Return the rows of a file's record and its picture if one is wanted, or why there are none."""
-    prepare_jax()
     return attempted(_done, task)
 
 

@@ -15,8 +15,8 @@ from bayes_tyre.laws.loop_energy import dissipated_energy_per_cycle, loop_energy
 from bayes_tyre.laws.rigid_ring import RigidRing
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
-from bayes_tyre.rig.motion import KN_PER_KG_MM_PER_S2
 from bayes_tyre.rig.motion_step import wheel_centre_per_flat
+from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
 
 #: Strokes from the middle line before a numerical cycle is steady, and points of half a cycle.
 WARM_UP_STROKES, HALF_CYCLE = 16, 96

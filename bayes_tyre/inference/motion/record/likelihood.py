@@ -16,7 +16,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
-from bayes_tyre.rig.motion import KN_PER_KG_MM_PER_S2
+from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
 
 #: A direction in which a record narrows its prior's variance by less than about this share counts as uninformed: a
 #: covariance from some hundred draws is no more precise, and a difference of two such numbers may be negative.

@@ -12,7 +12,7 @@ from bayes_tyre.inference.motion.record.load_step import SHAPE_TERMS
 from bayes_tyre.inference.motion.record.runout import Ground, Rolling, ground_in_units
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
-from bayes_tyre.rig.motion import KN_PER_KG_MM_PER_S2
+from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
 
 #: Priors of the parameters that follow the tyre's own (`laws.TYRE_PRIORS`), by name, in order. Logarithms are natural.
 RECORD_PRIORS: dict[str, NormalPrior] = {

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, Int
 
-from bayes_tyre.rig.motion import KN_PER_KG_MM_PER_S2
+from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
 
 
 class Rolling(NamedTuple):
