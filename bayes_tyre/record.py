@@ -15,6 +15,9 @@ ORIGINS = ("measured", "published", "reconstructed", "simulated")
 ORIGIN_UNKNOWN = "origin not stated"
 TEXT_COLUMNS = ("record", "configuration", "direction", "origin")
 NUMBER_COLUMNS = ("displacement_mm", "force_kN", "time_s", "speed_km_h", "initial_load_kN", "step_kN", "repeat")
+#: Where a moving mass was taken off: that mass (kg), how well it is known (kg), and by how much a force would change
+#: with another kilogram of it (kN).
+MASS, MASS_SD, FORCE_PER_KG = "mass_kg", "mass_sd_kg", "force_per_kg_kN"
 
 #: Units by parameter; the parameters that a record has. Those after `sigma` are of motions; `settled` is x - k beta.
 RECORD_UNITS = {

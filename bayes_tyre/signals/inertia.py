@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.record import MASS, MASS_SD
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
@@ -66,6 +67,8 @@ def inertia(recording: Recording, rig: Rig) -> Processed:
     force_sd = np.full(end, _force_sd(rig, recording, mass))
     force_sd[0] = step.load.standard_error * float(geometry.wheel_centre_force(rig, 1.0))
     to_flat = np.gradient(flat.displacement_mm, motion.displacement_mm[:end] + np.arange(end) * 1e-12 * step.sign)
+    per_kg = -(motion.acceleration_mm_per_s2 * KN_PER_KG_MM_PER_S2 + mass.damping_per_kg * motion.velocity_mm_per_s)
+    per_kg[0] = 0.0  # the rest before the step, whose force needs no mass
     lever = float(geometry.wheel_centre_displacement(rig, 1.0))
     return Processed(
         recording.factors,
@@ -76,6 +79,7 @@ def inertia(recording: Recording, rig: Rig) -> Processed:
         force_sd * flat.per_wheel_centre,
         {**clarity(step), **_extras(recording, mass, path, flat.start_mm)},
         recording,
+        per_kg[:end] * flat.per_wheel_centre,
     )
 
 
@@ -137,8 +141,8 @@ def _force_sd(rig: Rig, recording: Recording, mass: Mass) -> float:
 
 def _extras(recording: Recording, mass: Mass, path: Path, start_mm: float) -> dict[str, float | str]:
     return {
-        "mass_kg": mass.kg,
-        "mass_sd_kg": mass.sd_kg,
+        MASS: mass.kg,
+        MASS_SD: mass.sd_kg,
         "mass_from_record_kg": mass.record_kg,
         "mass_from_record_sd_kg": mass.record_sd_kg,
         "damping_kN_s_per_mm": mass.damping_kN_s_per_mm,

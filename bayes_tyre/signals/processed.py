@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from bayes_tyre.record import FORCE_PER_KG
 from bayes_tyre.signals.channels import Signals
 from bayes_tyre.signals.factors import RecordFactors
 from bayes_tyre.signals.runout import Turning
@@ -39,6 +40,9 @@ class Processed(NamedTuple):
         Its name, case and repeat.
     time_s, displacement_mm, force_kN, displacement_sd_mm, force_sd_kN:
         Shape (points,); time is the file's. The standard deviations are those of the noise before the step.
+    force_per_kg_kN:
+        Shape (points,): by how much each force would change had a kilogram more been taken off as moving mass; None
+        where none was.
     extras:
         A number or text for the record, by column name.
     recording:
@@ -53,6 +57,7 @@ class Processed(NamedTuple):
     force_sd_kN: Samples
     extras: dict[str, float | str]
     recording: Recording
+    force_per_kg_kN: Samples | None = None
 
     def columns(self) -> dict[str, object]:
         """Return the columns of a record table, factors and extras repeated on every row."""
@@ -63,6 +68,7 @@ class Processed(NamedTuple):
             "force_kN": self.force_kN,
             "displacement_sd_mm": self.displacement_sd_mm,
             "force_sd_kN": self.force_sd_kN,
+            **({} if self.force_per_kg_kN is None else {FORCE_PER_KG: self.force_per_kg_kN}),
             **self.extras,
         }
 

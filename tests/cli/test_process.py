@@ -14,7 +14,9 @@ from helpers.command_line import assert_refused, environment, here, start, tree_
 from helpers.dying_work import DEADLY, work
 
 from bayes_tyre.embedded import data_path
+from bayes_tyre.formats.recordings.raw import read_raw
 from bayes_tyre.rig.axle import load_rig
+from bayes_tyre.signals.factors import factors_from_name
 from bayes_tyre.signals.process import process
 from bayes_tyre.simulate.plan import thesis_plan
 from bayes_tyre.workflow.execution.batch import as_completed
@@ -73,6 +75,23 @@ def test_every_file_is_a_record_or_a_reason(done):
     assert "--cases" in reasons["run7.lvm"]
     assert len(reasons["DynamicS(0)30-20(3).lvm"]) > 10
     assert {path.name for path in (out / "pictures").iterdir()} == {f"{name}.png" for name in set(records["record"])}
+
+
+def test_records_of_a_rig_share_its_mass(done, raw):
+    """Each has the force that it had with its own mass, less what the difference between the masses accelerates."""
+    records = pd.read_csv(done[0] / "records.csv")
+    masses = records.groupby("configuration")[["mass_kg", "mass_sd_kg"]].nunique()
+    assert masses.to_numpy().tolist() == [[1, 1], [1, 1]]
+    changes = []
+    for name, rows in records.groupby("record"):
+        file = raw / f"Dynamic{name}.lvm"
+        alone = process(read_raw(file), RIGS[rows["configuration"].iloc[0]], factors_from_name(file.name), "inertia")
+        change = rows["mass_kg"].iloc[0] - float(alone.extras["mass_kg"])
+        changes.append(abs(change))
+        expected = alone.force_kN + change * np.asarray(alone.force_per_kg_kN)
+        np.testing.assert_allclose(rows["force_kN"], expected, atol=1e-6)
+        assert rows["mass_sd_kg"].iloc[0] < 1.01 * float(alone.extras["mass_sd_kg"])
+    assert max(changes) > 1.0
 
 
 def test_text_files_wait_for_no_library_that_they_do_not_need(raw, tmp_path):

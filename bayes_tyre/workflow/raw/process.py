@@ -1,6 +1,7 @@
 """Processing of raw files to a record table; a file that fails becomes a row of `rejected.csv`."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -8,9 +9,11 @@ import pandas as pd
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, remove_leftovers
 from bayes_tyre.formats.recordings.raw import read_raw
-from bayes_tyre.formats.tables.joined import write_joined
+from bayes_tyre.formats.tables.joined import Change, read_part, write_joined
 from bayes_tyre.formats.tables.table_files import write_table
+from bayes_tyre.record import FORCE_PER_KG, MASS, MASS_SD
 from bayes_tyre.rig.sensors import columns_of
+from bayes_tyre.signals.mass import shared_mass
 from bayes_tyre.signals.process import process
 from bayes_tyre.workflow.execution.batch import Machines, run_batch
 from bayes_tyre.workflow.execution.outcome import Done, Fault
@@ -59,8 +62,30 @@ def process_files(
         out.unlink(missing_ok=True)  # an earlier run's records are not those of these files
         cache.remove()
         raise none_usable(out.parent / REJECTED, rows, len(tasks))
-    write_joined(records, out)
+    write_joined(records, out, _shared_masses(tasks, outcomes))
     return len(records), rows
+
+
+def _shared_masses(tasks: Sequence[Task], outcomes: Sequence[Path | Fault]) -> list[Change] | None:
+    """Return, for each record, what gives it the mass that all records of its rig share; None where none has a mass.
+
+    An axle has one mass. What each record finds by itself is off by several times as much, and its k with it.
+    """
+    done = [(task.rig, part) for task, part in zip(tasks, outcomes, strict=True) if isinstance(part, Path)]
+    rigs = {rig.model_dump_json(): rig for rig, _ in done if rig is not None}
+    keys = [rig.model_dump_json() for rig, _ in done if rig is not None]
+    own = pd.DataFrame([read_part(part).iloc[0] for _, part in done]).reset_index(drop=True)
+    if MASS not in own:
+        return None
+    found = own[["mass_from_record_kg", "mass_from_record_sd_kg"]].astype(float).groupby(pd.Series(keys), sort=False)
+    shared = {str(key): shared_mass(rigs[str(key)], rows.to_numpy()) for key, rows in found}
+    return [partial(_with_mass, mass=shared[key]) for key in keys]
+
+
+def _with_mass(record: pd.DataFrame, mass: tuple[float, float]) -> pd.DataFrame:
+    kg, sd_kg = mass
+    force_kN = record["force_kN"] + (kg - record[MASS]) * record[FORCE_PER_KG]
+    return record.assign(**{"force_kN": force_kN, MASS: kg, MASS_SD: sd_kg})
 
 
 def process_file(task: Task) -> Done | Fault:

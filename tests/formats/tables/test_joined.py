@@ -32,6 +32,15 @@ def test_a_column_that_a_part_has_not_is_missing_in_its_rows(tmp_path):
     pd.testing.assert_frame_equal(joined_table, pd.concat(tables, ignore_index=True))
 
 
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_each_part_is_changed_by_its_own_change(suffix, tmp_path):
+    parts = [write_part(table, tmp_path / f"{i}.part") for i, table in enumerate(TABLES[:2])]
+    changes = [lambda table, n=n: table.assign(force_kN=table["force_kN"] + n) for n in (1.0, 2.0)]
+    changed = read_table(write_joined(parts, tmp_path / f"r.{suffix}", changes))
+    assert changed["force_kN"].tolist() == [*(TABLES[0]["force_kN"] + 1.0), *(TABLES[1]["force_kN"] + 2.0)]
+    assert set(changed) == set(TABLES[0])
+
+
 def test_no_part_is_none(tmp_path):
     assert not is_part(tmp_path / "none.part")
     (tmp_path / "half.part").write_bytes(b"PAR1")
