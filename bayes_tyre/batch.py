@@ -23,12 +23,16 @@ class Batch:
         Shape (records, points), float64; padding repeats the record's first point.
     present:
         Shape (records, points); False on padding.
+    force_error_kN:
+        Shape (records, points): what an error of one standard deviation that the points of a record share does to their
+        forces, 0 on padding; None: there is none that is known.
     """
 
     records: tuple[str, ...]
     displacement_mm: Float[np.ndarray, "records points"]
     force_kN: Float[np.ndarray, "records points"]
     present: Bool[np.ndarray, "records points"]
+    force_error_kN: Float[np.ndarray, "records points"] | None = None
 
     @property
     def points(self) -> np.ndarray:
@@ -38,7 +42,15 @@ class Batch:
     def narrowed(self, width: int) -> "Batch":
         """Return the first `width` points of every record."""
         fields = (self.displacement_mm, self.force_kN, self.present)
-        return Batch(self.records, *(np.ascontiguousarray(field[:, :width]) for field in fields))
+        displacement, force, present = (np.ascontiguousarray(field[:, :width]) for field in fields)
+        error = None if self.force_error_kN is None else self.force_error_kN[:, :width]
+        return Batch(self.records, displacement, force, present, error)
+
+    def only(self, mask: Bool[np.ndarray, " records"]) -> "Batch":
+        """Return some of the records, as wide as all."""
+        names = tuple(name for name, chosen in zip(self.records, mask, strict=True) if chosen)
+        error = None if self.force_error_kN is None else self.force_error_kN[mask]
+        return Batch(names, self.displacement_mm[mask], self.force_kN[mask], self.present[mask], error)
 
 
 def batches(table: pd.DataFrame, cells: int = 131_072) -> Iterator[Batch]:

@@ -1,4 +1,4 @@
-"""Correlated noise: a moving average of known window, or autoregressive; whitening of residuals for both."""
+"""Noise that is not independent and alike: of a moving average, autoregressive, unequal, or with an error shared."""
 
 from abc import abstractmethod
 from typing import ClassVar, override
@@ -64,6 +64,82 @@ class SmoothedNoise(Whitening):
     def log_volume(self, points: Array) -> Float[Array, " records"]:
         """Return the log determinant of the map for the first `points` points of each record."""
         return jnp.cumsum(jnp.log(jnp.diagonal(self.inverse)))[points - 1]
+
+
+class UnequalNoise(Whitening):
+    """Weights of points whose noise is independent, but not alike.
+
+    Attributes
+    ----------
+    weight:
+        Shape (records, points): the standard deviation that the others have, over that of each point; 1 on padding.
+    """
+
+    weight: Float[Array, "*records points"]
+    axis: ClassVar[int | None] = 0
+
+    @override
+    def whiten(self, values: Float[Array, " points"], present: Bool[Array, " points"]) -> Float[Array, " points"]:
+        """Return the whitened values of one record, zero on padding."""
+        return jnp.where(present, self.weight * values, 0.0)
+
+    @override
+    def log_volume(self, points: Array) -> Float[Array, " records"]:
+        """Return the log determinant of the map of each record."""
+        return jnp.sum(jnp.log(self.weight), axis=1)
+
+
+class SharedError(Whitening):
+    """An error that all points of a record share, beside noise that another map makes independent.
+
+    Attributes
+    ----------
+    others:
+        The map for the noise without the error, a record a row.
+    direction:
+        Shape (records, points): unit vector along which the error moves what `others` returns; 0 where there is none.
+    shrink:
+        Shape (records,): by what part that is shortened along it.
+    """
+
+    others: Whitening
+    direction: Float[Array, "*records points"]
+    shrink: Float[Array, "*records"]
+    axis: ClassVar[int | None] = 0
+
+    @override
+    def whiten(self, values: Float[Array, " points"], present: Bool[Array, " points"]) -> Float[Array, " points"]:
+        """Return the whitened values of one record, zero on padding."""
+        values = self.others.whiten(values, present)
+        return values - self.shrink * (self.direction @ values) * self.direction
+
+    @override
+    def log_volume(self, points: Array) -> Float[Array, " records"]:
+        """Return the log determinant of the map of each record."""
+        return self.others.log_volume(points) + jnp.log1p(-self.shrink)
+
+
+def shared_error(
+    others: Whitening, error: Float[Array, "records points"], present: Bool[Array, "records points"]
+) -> SharedError:
+    """Return the whitening of noise with a further error that the points of each record share.
+
+    Its covariance is that of the noise and ``error error^T``: the root of ``I + a a^T``, a = the whitened error, is
+    the identity but along a.
+
+    Parameters
+    ----------
+    others:
+        Of the noise alone, a record a row.
+    error:
+        What one standard deviation of the error does to the points, in standard deviations of the noise.
+    present:
+        False on padding.
+    """
+    moved = whiten_records(others, error, present)
+    square = jnp.sum(moved**2, axis=1)
+    direction = moved / jnp.sqrt(jnp.where(square > 0, square, 1.0))[:, None]
+    return SharedError(others, direction, 1.0 - 1.0 / jnp.sqrt(1.0 + square))
 
 
 def smoothed_noise(points: int, window: int) -> SmoothedNoise:

@@ -10,8 +10,10 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.correlated_noise import (
     INDEPENDENT_PART,
     MOST_POINTS,
+    UnequalNoise,
     innovations,
     lag_1,
+    shared_error,
     smoothed_noise,
     whiten,
 )
@@ -53,6 +55,25 @@ def test_innovations_have_the_density_of_autoregressive_noise(rho):
     ours = stats.norm.logpdf(new).sum() - 0.5 * (POINTS - 1) * np.log(1.0 - rho**2)
     theirs = normal_density(residual, toeplitz(rho ** np.arange(POINTS)))
     assert ours == pytest.approx(theirs, rel=1e-10)
+
+
+def test_errors_that_points_share_have_the_density_of_their_covariance():
+    """Two errors one after the other, on noise of unequal size; the second record has neither, and fewer points."""
+    rng = np.random.default_rng(3)
+    residual, errors = rng.standard_normal((2, POINTS)), rng.standard_normal((2, 2, POINTS))
+    errors[:, 1] = 0.0
+    weight, present = rng.uniform(0.3, 1.0, (2, POINTS)), np.arange(POINTS) < np.array([[POINTS], [20]])
+    residual, weight = np.where(present, residual, 0.0), np.where(present, weight, 1.0)
+    whitening = UnequalNoise(jnp.asarray(weight))
+    for error in errors:
+        whitening = shared_error(whitening, jnp.asarray(error), jnp.asarray(present))
+    white = whiten(residual, present, whitening=whitening)
+    volumes = np.asarray(whitening.log_volume(jnp.asarray(present.sum(axis=1))))
+    for i, kept in enumerate((POINTS, 20)):
+        covariance = np.diag(weight[i, :kept] ** -2) + sum(np.outer(e[i, :kept], e[i, :kept]) for e in errors)
+        ours = stats.norm.logpdf(white[i, :kept]).sum() + volumes[i]
+        assert ours == pytest.approx(normal_density(residual[i, :kept], covariance), rel=1e-10)
+        assert not white[i, kept:].any()
 
 
 def test_lag_1_leaves_padding_out():

@@ -9,7 +9,6 @@ displacement, from which all others are counted, has an error too, which the poi
 
 from dataclasses import replace
 from functools import partial
-from typing import ClassVar, override
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +17,7 @@ import pandas as pd
 from jaxtyping import Array, Bool, Float, Int
 
 from bayes_tyre.batch import Batch
-from bayes_tyre.inference.correlated_noise import Whitening
+from bayes_tyre.inference.correlated_noise import SharedError, UnequalNoise, shared_error
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.record_data import force_curve, force_curves, record_data
 
@@ -38,39 +37,9 @@ _MIXED = 0.1
 _NORMAL_MEDIAN = 0.6745
 
 
-class DisplacementErrors(Whitening):
-    """Whitening of what the errors of displacement add to the noise of the force, all records.
-
-    Attributes
-    ----------
-    weight:
-        Shape (records, points): sigma over the standard deviation of each point; 1 on padding.
-    shared:
-        Shape (records, points): unit vector along which the error of the first displacement moves weighted forces.
-    shrink:
-        Shape (records,): by what part a residual along `shared` is shortened.
-    """
-
-    weight: Float[Array, "*records points"]
-    shared: Float[Array, "*records points"]
-    shrink: Float[Array, "*records"]
-    axis: ClassVar[int | None] = 0
-
-    @override
-    def whiten(self, values: Float[Array, " points"], present: Bool[Array, " points"]) -> Float[Array, " points"]:
-        """Return the whitened values of one record, zero on padding."""
-        weighted = jnp.where(present, self.weight * values, 0.0)
-        return weighted - self.shrink * (self.shared @ weighted) * self.shared
-
-    @override
-    def log_volume(self, points: Array) -> Float[Array, " records"]:
-        """Return the log determinant of the map of each record."""
-        return jnp.sum(jnp.log(self.weight), axis=1) + jnp.log1p(-self.shrink)
-
-
 def displacement_errors(
     batch: Batch, of_record: Int[np.ndarray, " records"], sd_mm: Float[np.ndarray, " records"], law: str
-) -> tuple[Batch, DisplacementErrors]:
+) -> tuple[Batch, SharedError]:
     """Return records without the mean effect of independent errors of their displacements, and their whitening.
 
     Parameters
@@ -129,7 +98,7 @@ def _of_curves(
     curves: Float[Array, "records 5"],
     sd_mm: Float[Array, " records"],
     law: str,
-) -> tuple[Float[Array, "records points"], DisplacementErrors]:
+) -> tuple[Float[Array, "records points"], SharedError]:
     """Return the mean error of force (kN) and the whitening, about F_i, J (kN), log k, log beta and log sigma."""
     theta, sigma = curves[:, :4], jnp.exp(curves[:, 4])[:, None]
     forward = jnp.sign(jnp.sum(u, axis=1))
@@ -141,10 +110,7 @@ def _of_curves(
     bias, sd, shared = (jnp.where(exact, 0.0, values) for values in (bias, sd, slope * sd_mm[:, None]))
     of_line = jnp.exp(curves[:, 2:3]) * sd_mm[:, None]
     weight = 1.0 / jnp.sqrt(1.0 + jnp.maximum(sd**2 - of_line**2, 0.0) / sigma**2)
-    shared = weight * shared / sigma
-    square = jnp.sum(shared**2, axis=1)
-    unit = shared / jnp.sqrt(jnp.where(square > 0, square, 1.0))[:, None]
-    return bias, DisplacementErrors(weight, unit, 1.0 - 1.0 / jnp.sqrt(1.0 + square))
+    return bias, shared_error(UnequalNoise(weight), shared / sigma, present)
 
 
 def _force_errors(

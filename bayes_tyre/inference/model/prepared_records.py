@@ -3,25 +3,38 @@
 from dataclasses import replace
 from typing import Any, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float, Int
 
 from bayes_tyre.batch import Batch, pad
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.correlated_noise import Whitening, smoothed_noise
+from bayes_tyre.inference.correlated_noise import (
+    SharedError,
+    UnequalNoise,
+    Whitening,
+    shared_error,
+    smoothed_noise,
+)
 from bayes_tyre.inference.least_squares.table import LARGEST, THESIS_SHARE
-from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, laplace_approximation
+from bayes_tyre.inference.model.coordinates.laplace import (
+    LaplaceApproximation,
+    estimate_records,
+    laplace_approximation,
+)
 from bayes_tyre.inference.model.displacement_errors import converter_step_mm, displacement_errors
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.likelihood.compressed import compress
 from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood, Likelihood
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.record_data import RecordData, record_data
+from bayes_tyre.record import FORCE_PER_KG, MASS_SD
 from bayes_tyre.record_table import record_factors
 
 #: F_i, J, k, beta and sigma of a record, and one point to spare.
 LEAST_POINTS = 6
+_ERROR = "force_error_kN"
 #: Standard deviation of rounding to steps of 1.
 UNIFORM_SD = 12.0**-0.5
 
@@ -63,11 +76,8 @@ class PreparedRecords(NamedTuple):
 
     def only(self, mask: Bool[np.ndarray, " records"], model: ModelSettings) -> "PreparedRecords":
         """Return some of the records; their factors keep all cases."""
-        names = tuple(name for name, chosen in zip(self.measured.records, mask, strict=True) if chosen)
-        whole = self.measured
-        batch = Batch(names, whole.displacement_mm[mask], whole.force_kN[mask], whole.present[mask])
         factors = replace(self.factors, of_record=self.factors.of_record[mask])
-        return prepare_batch(batch, self.factor_table[mask].reset_index(drop=True), factors, model)
+        return prepare_batch(self.measured.only(mask), self.factor_table[mask].reset_index(drop=True), factors, model)
 
 
 def prepare_records(table: pd.DataFrame, model: ModelSettings) -> PreparedRecords:
@@ -111,8 +121,21 @@ def with_noise(
     """
     if window > 1:
         return batch, smoothed_noise(batch.displacement_mm.shape[1], window)
-    sd_mm = displacement_sd_mm(batch, displacement_sd, window)
-    return displacement_errors(batch, of_record, sd_mm, law) if sd_mm.any() else (batch, None)
+    sd_mm, whitening = displacement_sd_mm(batch, displacement_sd, window), None
+    if sd_mm.any():
+        batch, whitening = displacement_errors(batch, of_record, sd_mm, law)
+    if batch.force_error_kN is not None and batch.force_error_kN.any():
+        whitening = _with_force_error(batch, batch.force_error_kN, whitening, law)
+    return batch, whitening
+
+
+def _with_force_error(
+    batch: Batch, error_kN: Float[np.ndarray, "records points"], noise: Whitening | None, law: str
+) -> SharedError:
+    """Return the whitening of noise and of an error that the forces of each record share."""
+    noise = noise or UnequalNoise(jnp.ones(batch.present.shape))
+    sigma = jnp.exp(estimate_records(batch, whitening=noise, law=law).log_sigma)
+    return shared_error(noise, jnp.asarray(error_kN) / sigma[:, None], jnp.asarray(batch.present))
 
 
 def displacement_sd_mm(batch: Batch, displacement_sd: float | None, window: int) -> Float[np.ndarray, " records"]:
@@ -137,16 +160,21 @@ def used_points(table: pd.DataFrame, region: str) -> pd.DataFrame:
 def record_batch(table: pd.DataFrame) -> Batch:
     """Return every record of a checked table as one batch.
 
+    Where the table says how well a mass is known that was taken off (`force_per_kg_kN`, `mass_sd_kg`), that is an error
+    which the points of a record share.
+
     Raises
     ------
     BadInput
         For a record with too few points or no travel: a hierarchical fit drops no record.
     """
-    names, displacement, force = [], [], []
+    names, displacement, force, error = [], [], [], []
+    table = table.assign(**{_ERROR: _force_error_kN(table)})
     for name, rows in table.groupby("record", sort=False):
         names.append(str(name))
         displacement.append(rows["displacement_mm"].to_numpy(dtype=float))
         force.append(rows["force_kN"].to_numpy(dtype=float))
+        error.append(rows[_ERROR].to_numpy(dtype=float))
         for column, values in (("displacement_mm", displacement[-1]), ("force_kN", force[-1])):
             if np.abs(values).max() > LARGEST:
                 raise BadInput(
@@ -158,4 +186,19 @@ def record_batch(table: pd.DataFrame) -> Batch:
         if np.ptp(displacement[-1]) == 0 or np.ptp(force[-1]) == 0:
             still = "displacement_mm" if np.ptp(displacement[-1]) == 0 else "force_kN"
             raise BadInput(f"record {name!r}: {still} is constant, nothing to fit; remove the record")
-    return pad(tuple(names), displacement, force)
+    batch = pad(tuple(names), displacement, force)
+    padded = np.zeros(batch.present.shape)
+    padded[batch.present] = np.concatenate(error)
+    return replace(batch, force_error_kN=padded if padded.any() else None)
+
+
+def _force_error_kN(table: pd.DataFrame) -> Float[np.ndarray, " rows"]:
+    """Return what one standard deviation of the mass's error does to each force; 0 where nothing is known of it."""
+    names = FORCE_PER_KG, MASS_SD
+    if not set(names) <= set(table.columns):
+        return np.zeros(len(table))
+    try:
+        per_kg, sd_kg = (pd.to_numeric(table[name]).fillna(0.0).to_numpy(dtype=float) for name in names)
+    except ValueError as error:
+        raise BadInput(f"columns {' and '.join(names)}: {error}; mend the cell or remove the columns") from None
+    return per_kg * sd_kg

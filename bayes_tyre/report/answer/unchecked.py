@@ -28,7 +28,9 @@ def unchecked(result: Reported) -> list[Unchecked]:
         Unchecked(
             "Processing",
             "Inertia of the axle that was left out, or a wrong mass, is in the records: it changes k and beta with the "
-            "duration of the step. bayes-tyre audit measures how much on simulated records.",
+            "duration of the step. bayes-tyre audit measures how much on simulated records. Only where a table says "
+            "how well the mass is known (mass_sd_kg, force_per_kg_kN), as that of process does, is its error in the "
+            "intervals.",
         ),
         Unchecked(
             "Smoothing",

@@ -1,5 +1,6 @@
 """Errors of the displacement: the whitening against Monte Carlo and a covariance written out; what a fit then holds."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pandas as pd
@@ -83,18 +84,18 @@ def test_mean_and_scatter_of_the_force_are_those_of_displacements_that_are_off(w
         scatter = np.sqrt(SIGMA**2 + max(forces.var() - (K * SD) ** 2, 0.0))
         # The trapezium rule with steps of SD / 8, cut off where the record starts, is good to some per cent.
         assert float(bias[0, i]) == pytest.approx(0.0 if i == 0 else forces.mean() - force(u), abs=0.02 * J)
-        assert float(errors.weight[0, i]) == pytest.approx(1.0 if i == 0 else SIGMA / scatter, rel=0.06)
+        assert float(errors.others.weight[0, i]) == pytest.approx(1.0 if i == 0 else SIGMA / scatter, rel=0.06)
 
 
 def test_whitened_errors_are_independent_and_alike():
     table, _ = simulated(1, SD)
     batch = record_batch(table)
     _, errors = displacement_errors(batch, np.arange(24) // 3, np.full(24, SD), "equation_2")
-    weight, shared, shrink = (np.asarray(leaf)[5] for leaf in (errors.weight, errors.shared, errors.shrink))
-    moved = shared * np.sqrt(1.0 / (1.0 - shrink) ** 2 - 1.0) / weight
+    of_record = jax.tree.map(lambda leaf: leaf[5], errors)
+    weight, shrink = np.asarray(of_record.others.weight), float(of_record.shrink)
+    moved = np.asarray(of_record.direction) * np.sqrt(1.0 / (1.0 - shrink) ** 2 - 1.0) / weight
     covariance = np.diag(weight**-2) + np.outer(moved, moved)
     present = jnp.ones(len(weight), bool)
-    of_record = type(errors)(*map(jnp.asarray, (weight, shared, shrink)))
     white = np.stack([np.asarray(of_record.whiten(column, present)) for column in jnp.eye(len(weight))], axis=1)
     np.testing.assert_allclose(white @ covariance @ white.T, np.eye(len(weight)), atol=1e-9)
     volume = np.linalg.slogdet(white)[1]
@@ -109,7 +110,7 @@ def test_displacements_without_errors_leave_the_records_as_they_are():
     batch = record_batch(table)
     corrected, errors = displacement_errors(batch, np.arange(24) // 3, np.zeros(24), "equation_2")
     np.testing.assert_allclose(corrected.force_kN, batch.force_kN, atol=1e-9)
-    np.testing.assert_allclose(errors.weight, 1.0, atol=1e-9)
+    np.testing.assert_allclose(errors.others.weight, 1.0, atol=1e-9)
     np.testing.assert_allclose(errors.shrink, 0.0, atol=1e-9)
 
 

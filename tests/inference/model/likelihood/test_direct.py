@@ -9,10 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jaxtyping import Array
 
-from bayes_tyre.inference.correlated_noise import smoothed_noise
+from bayes_tyre.inference.correlated_noise import SharedError, UnequalNoise, smoothed_noise
 from bayes_tyre.inference.model.coordinates.laplace import RecordEstimates, estimate_records
 from bayes_tyre.inference.model.default_priors import PRIORS
-from bayes_tyre.inference.model.displacement_errors import DisplacementErrors
 from bayes_tyre.inference.model.likelihood.compressed import CompressedLikelihood, compress
 from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood
 from bayes_tyre.inference.model.prepared_records import record_batch
@@ -44,14 +43,14 @@ def correlated(request, records) -> tuple[DirectLikelihood, CompressedLikelihood
     return DirectLikelihood(direct.data, whitening), compress(direct.data, whitening=whitening), approximation, None
 
 
-def displaced(present: Array) -> DisplacementErrors:
+def displaced(present: Array) -> SharedError:
     """Return a whitening with a map of its own for each record."""
     random, shape = np.random.default_rng(5), present.shape
     shared = np.where(present, random.standard_normal(shape), 0.0)
     shared /= np.linalg.norm(shared, axis=1, keepdims=True)
     weight = np.where(present, random.uniform(0.2, 1.0, shape), 1.0)
     shrink = random.uniform(0.0, 0.9, shape[0])
-    return DisplacementErrors(*map(jnp.asarray, (weight, shared, shrink)))
+    return SharedError(UnequalNoise(jnp.asarray(weight)), jnp.asarray(shared), jnp.asarray(shrink))
 
 
 def off_from(approximation: RecordEstimates, sds: Array) -> tuple[Array, Array]:
