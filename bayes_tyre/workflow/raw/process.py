@@ -4,7 +4,9 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
+from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, remove_leftovers
@@ -69,7 +71,8 @@ def process_files(
 def _shared_masses(tasks: Sequence[Task], outcomes: Sequence[Path | Fault]) -> list[Change] | None:
     """Return, for each record, what gives it the mass that all records of its rig share; None where none has a mass.
 
-    An axle has one mass. What each record finds by itself is off by several times as much, and its k with it.
+    An axle has one mass. What each record finds by itself is off by several times as much, and its k with it. Where a
+    rig has standing records the mass is theirs: what is left of a runout looks like mass, mostly like less of it.
     """
     done = [(task.rig, part) for task, part in zip(tasks, outcomes, strict=True) if isinstance(part, Path)]
     rigs = {rig.model_dump_json(): rig for rig, _ in done if rig is not None}
@@ -77,9 +80,14 @@ def _shared_masses(tasks: Sequence[Task], outcomes: Sequence[Path | Fault]) -> l
     own = pd.DataFrame([read_part(part).iloc[0] for _, part in done]).reset_index(drop=True)
     if MASS not in own:
         return None
-    found = own[["mass_from_record_kg", "mass_from_record_sd_kg"]].astype(float).groupby(pd.Series(keys), sort=False)
-    shared = {str(key): shared_mass(rigs[str(key)], rows.to_numpy()) for key, rows in found}
+    shared = {str(key): shared_mass(rigs[str(key)], _masses(rows)) for key, rows in own.groupby(pd.Series(keys))}
     return [partial(_with_mass, mass=shared[key]) for key in keys]
+
+
+def _masses(records: pd.DataFrame) -> Float[np.ndarray, "records 2"]:
+    standing = records["runout_rms_m_per_s2"] == 0
+    used = records[standing] if standing.any() else records
+    return used[["mass_from_record_kg", "mass_from_record_sd_kg"]].to_numpy(dtype=float)
 
 
 def _with_mass(record: pd.DataFrame, mass: tuple[float, float]) -> pd.DataFrame:
