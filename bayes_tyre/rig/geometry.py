@@ -17,7 +17,7 @@ from jaxtyping import Float
 from bayes_tyre.rig.axle import Rig, needed
 
 #: JAX's array has no name here: naming it imports JAX, which takes longer than processing the first raw files.
-type Values = Float[Any, "..."] | float
+type Values = Float[Any, "..."]
 
 
 def centre_height_mm(rig: Rig) -> float:
@@ -40,7 +40,7 @@ def curvature_factor(rig: Rig) -> float:
     return 2 * math.cbrt(radius / (radius + needed(rig.tyre, rig, "tyre").unloaded_radius_mm))
 
 
-def wheel_centre_force(rig: Rig, cylinder_kN: Values) -> Values:
+def wheel_centre_force(rig: Rig, cylinder_kN: Values | float) -> Values:
     """Return the cylinder's share of the force at the wheel centre, kN; the axle's weight is not in it.
 
     Parameters
@@ -58,7 +58,7 @@ def wheel_centre_force(rig: Rig, cylinder_kN: Values) -> Values:
     return _array(cylinder_kN) * ratio
 
 
-def tyre_load(rig: Rig, cylinder_kN: Values) -> Values:
+def tyre_load(rig: Rig, cylinder_kN: Values | float) -> Values:
     """Return the force that the tyre carries at rest, kN: the cylinder's share and the axle's own load.
 
     Parameters
@@ -75,7 +75,7 @@ def tyre_load(rig: Rig, cylinder_kN: Values) -> Values:
     return wheel_centre_force(rig, cylinder_kN) + rig.axle.axle_load_kN
 
 
-def wheel_centre_displacement(rig: Rig, measured_mm: Values) -> Values:
+def wheel_centre_displacement(rig: Rig, measured_mm: Values | float) -> Values:
     """Return the displacement at the wheel centre, mm, of a straight axle.
 
     Parameters
@@ -93,7 +93,7 @@ def wheel_centre_displacement(rig: Rig, measured_mm: Values) -> Values:
     return _array(measured_mm) * ratio
 
 
-def sin_theta(rig: Rig, wheel_centre_mm: Values) -> Values:
+def sin_theta(rig: Rig, wheel_centre_mm: Values | float) -> Values:
     """Return the sine of the angle between the horizontal and the line from a roller's axis to the wheel centre.
 
     Parameters
@@ -114,7 +114,7 @@ def sin_theta(rig: Rig, wheel_centre_mm: Values) -> Values:
     return height / (_jax().numpy.sqrt(squared) if _is_jax(squared) else np.sqrt(squared))
 
 
-def flat_ground_displacement(rig: Rig, wheel_centre_mm: Values) -> Values:
+def flat_ground_displacement(rig: Rig, wheel_centre_mm: Values | float) -> Values:
     """Return the displacement as on flat ground, mm.
 
     Parameters
@@ -131,7 +131,7 @@ def flat_ground_displacement(rig: Rig, wheel_centre_mm: Values) -> Values:
     return _array(wheel_centre_mm) * sin_theta(rig, wheel_centre_mm)
 
 
-def flat_ground_force(rig: Rig, wheel_centre_kN: Values, wheel_centre_mm: Values) -> Values:
+def flat_ground_force(rig: Rig, wheel_centre_kN: Values | float, wheel_centre_mm: Values | float) -> Values:
     """Return the force as on flat ground, kN.
 
     Together with `flat_ground_displacement` this does not preserve work (the curvature factor goes into the force
@@ -202,7 +202,7 @@ def flat_ground_start(rig: Rig, cylinder_load_kN: float, stiffness_kN_per_mm: fl
     return d * sine, load / (curvature_factor(rig) * sine)
 
 
-def _array(values: Values) -> Any:
+def _array(values: Values | float) -> Any:
     """Return JAX arrays as they are, all else as a numpy array of float64; Any, for it is the caller's kind."""
     return values if _is_jax(values) else np.asarray(values, float)
 
