@@ -17,9 +17,10 @@ ESS_LEAST_PER_CHAIN = 100
 BFMI_LEAST = 0.3
 #: Largest Monte Carlo error of the mean of an outlier probability. Only the mean is reported, so only its error is
 #: judged: a tail that holds the few draws away from 0 or 1 has a small ESS and a large R-hat where the mean is known to
-#: a thousandth. (Whether a case stands apart needs no check: R-hat and ESS of the case itself follow it.) A record below 0.44 or above 0.56 is then on its side of 0.5 by three
-#: standard errors. The fewest effective draws that pass, 400, reach it for draws with a standard deviation of up to
-#: 0.4; at 0.01 one of four sound data sets of 24 records failed by nothing else (`study coverage`).
+#: a thousandth. A record below 0.44 or above 0.56 is then on its side of 0.5 by three standard errors. The fewest
+#: effective draws that pass, 400, reach it for draws with a standard deviation of up to 0.4; at 0.01 one of four sound
+#: data sets of 24 records failed by nothing else (`study coverage`). The probability that a case stands apart has no
+#: check of its own: R-hat and ESS of the case follow it.
 PROBABILITY_ERROR_MOST = 0.02
 _MORE = "raise --warmup and --draws"
 

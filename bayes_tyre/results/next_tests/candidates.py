@@ -78,9 +78,9 @@ def _loads(case: Case) -> list[float]:
 def candidates(tree: xr.DataTree, new: Sequence[Case], seed: int = 0) -> Candidates:
     """Return what a posterior of records or motions holds of its own cases and of new ones.
 
-    Draws of a new case are of the linear predictor and the remainder, which is a wider one in cases that stand apart; an
-    effect of a level without data is drawn, by
-    `seed`, with the standard deviation of the factor's effects. A posterior without repeats is refused as `BadInput`.
+    Draws of a new case are of the linear predictor and the remainder, which is wider where it stands apart; an effect
+    of a level without data is drawn, by `seed`, with the standard deviation of the factor's effects. A posterior
+    without repeats is refused as `BadInput`.
     """
     posterior, priors, rng = as_measured(tree["posterior"].to_dataset()), priors_of(tree), np.random.default_rng(seed)
     measured = [name for name in (*LAW_PARAMETERS, *AXLE_PARAMETERS) if f"sd_log_{name}_repeat" in posterior]
