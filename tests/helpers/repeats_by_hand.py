@@ -1,7 +1,7 @@
 """The repeats of a case by SciPy's normals of all of them together, choice by choice of what is unlike the rest."""
 
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -52,8 +52,8 @@ def by_hand(numbers: Numbers, factors: Factors, case: int) -> dict[Choice, float
         for i in range(PARAMETERS):
             own = np.diag((np.where(discordant, DISCORDANT_WIDENING, 1.0) * numbers.scatter[i, case]) ** 2)
             deviation = numbers.records[members, i] - numbers.mean[i, case]
-            between = remainder_by_hand(numbers, i, apart[i]) ** 2
-            total += stats.multivariate_normal.logpdf(deviation, cov=own + between)
+            covariance: Any = own + remainder_by_hand(numbers, i, apart[i]) ** 2  # SciPy's stubs say int
+            total += stats.multivariate_normal.logpdf(deviation, cov=covariance)
         log_joint[apart, choice] = float(total)
     return log_joint
 

@@ -139,7 +139,7 @@ class CaseDistribution(NamedTuple):
         """
         widening = np.array([1.0, self.apart_widening][: 2 if self.apart_weight else 1])
         log_weight = np.log([1.0 - self.apart_weight, self.apart_weight][: len(widening)])
-        return log_weight, widening[:, None, None] * self.remainder
+        return log_weight, jnp.asarray(widening)[:, None, None] * self.remainder
 
     def draw_cases(self, key: Array, sample_shape: tuple[int, ...] = ()) -> Float[Array, "*sample parameters cases"]:
         """Draw the logarithms of the cases' values."""

@@ -159,7 +159,7 @@ class RepeatsOfCases(dist.Distribution):
         log_weight, remainder = self.about.remainders()
         remainder = remainder[:, None]
         gain = 1.0 + remainder**2 * precision
-        log_kinds = log_weight[:, None, None, None] - 0.5 * (precision * mean**2 / gain + jnp.log(gain))
+        log_kinds = jnp.asarray(log_weight)[:, None, None, None] - 0.5 * (precision * mean**2 / gain + jnp.log(gain))
         log_case = logsumexp(log_kinds, axis=0)
         log_each = log_case - 0.5 * within / scatter**2
         # A choice widens the volume of those repeats that it calls discordant.

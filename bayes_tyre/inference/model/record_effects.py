@@ -99,7 +99,7 @@ def _sample_cases(
 def _keep_apart_probability(
     probability: Float[Array, "rest cases"], parameters: Sequence[str], rest: np.ndarray
 ) -> None:
-    deterministic_each("*_apart_probability", [parameters[index] for index in rest], probability)
+    deterministic_each("*_apart_probability", [str(parameters[index]) for index in rest], probability)
 
 
 def sample_cases_given(

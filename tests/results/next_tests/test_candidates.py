@@ -140,12 +140,9 @@ def test_a_new_case_may_stand_apart_where_the_model_has_such_cases():
     tree = EXACT.tree.copy()
     apart = posterior_set.assign(k_apart_probability=xr.zeros_like(posterior_set["k_case"]))
     tree["posterior"] = xr.DataTree(apart)
-    predictor = np.log(posterior_set["k_group"].sel(group="dual loading")) + posterior_set["log_k_speed"].sel(
-        speed=25.0
-    )
-    wide, normal = (
-        candidates(each, new).log_values[:, 7, 0] - predictor.to_numpy().ravel() for each in (tree, EXACT.tree)
-    )
+    group = posterior_set["k_group"].sel(group="dual loading").to_numpy().ravel()
+    predictor = np.log(group) + posterior_set["log_k_speed"].sel(speed=25.0).to_numpy().ravel()
+    wide, normal = (candidates(each, new).log_values[:, 7, 0] - predictor for each in (tree, EXACT.tree))
     # One of 20 is five times as wide. Of 10,000 draws with a kurtosis of 20 a variance has a standard error of 4 %.
     assert np.var(wide) == pytest.approx((1.0 + 0.05 * 24.0) * REST[0] ** 2, rel=0.2)
     assert np.var(normal) == pytest.approx(REST[0] ** 2, rel=0.07)
