@@ -1,8 +1,8 @@
 """The posterior of `bayes_tyre.inference.model.models.records_model`, written plainly for PyMC and for NumPyro.
 
 Centred but for sigma: the form that suits the peers best. The likelihood is point by point on padded arrays, and the
-mixture of discordant repeats is summed out. The priors are those of `bayes_tyre.inference.model.default_priors`, the
-levels those of `factors`.
+mixtures of discordant repeats and of cases that stand apart are summed out. The priors are those of
+`bayes_tyre.inference.model.default_priors`, the levels those of `factors`.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from numpyro import distributions as dist
 
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, laplace_approximation
-from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING, PRIORS
+from bayes_tyre.inference.model.default_priors import APART_WEIGHT, APART_WIDENING, DISCORDANT_WIDENING, PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.prepared_records import record_batch
 from bayes_tyre.record_table import record_factors
@@ -130,13 +130,25 @@ def _case_level(lang: Any, name: str, data: Data) -> tuple[Any, Any]:
         effect = lang.keep(f"log_{name}_{which}", (factor.basis * coordinates).sum(axis=1))
         mean = mean + effect[factor.of_case] * factor.weight
     if factors.has_remainder(name):
-        mean = lang.normal(f"log_{name}_case", mean, lang.prior(f"sd_log_{name}_case"), len(factors.cases))
+        mean = _case(lang, name, mean, lang.prior(f"sd_log_{name}_case"), len(factors.cases))
     lang.keep(f"{name}_case", lang.exp(mean))
     typical = lang.prior(f"sd_log_{name}_repeat")
     spread = lang.prior(f"sd_log_{name}_repeat_over_speeds")
     log_scatter = lang.normal(f"{name}_log_scatter", lang.log(typical), spread, len(factors.speed.labels))
     by_speed = lang.keep(f"sd_log_{name}_repeat_by_speed", lang.exp(log_scatter))
     return mean[factors.of_record], by_speed[factors.speed.of_case][factors.of_record]
+
+
+def _case(lang: Any, name: str, mean: Any, sd: Any, cases: int) -> Any:
+    """Return the logarithm of each case, usual or apart from the others."""
+    value = lang.flat(f"log_{name}_case", cases)
+
+    def about(wide: Any) -> Any:
+        return -0.5 * ((value - mean) / wide) ** 2 - lang.log(wide) - 0.5 * np.log(2.0 * np.pi)
+
+    usual, apart = np.log1p(-APART_WEIGHT) + about(sd), np.log(APART_WEIGHT) + about(APART_WIDENING * sd)
+    lang.add(f"{name}_cases", lang.logaddexp(usual, apart))
+    return value
 
 
 def _posterior(lang: Any, data: Data) -> None:

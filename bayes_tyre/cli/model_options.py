@@ -67,6 +67,6 @@ PriorsOption = Annotated[
     typer.Option(
         metavar="FILE.toml",
         help="Own priors: a line a quantity, such as k_group = { median = 1.8, sd_log = 0.3 } (kN/mm), and "
-        "discordant_widening = 6.",
+        "discordant_widening = 6, apart_widening = 5, apart_weight = 0.05.",
     ),
 ]

@@ -5,8 +5,9 @@ import pandas as pd
 import xarray as xr
 
 from bayes_tyre.inference.diagnostics.convergence import Figures, monitor, stored_figures
+from bayes_tyre.inference.diagnostics.course_checks import case_of_records
 from bayes_tyre.inference.diagnostics.power_scaling import identified
-from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS
+from bayes_tyre.inference.model.hyperparameters import APART_REPEATS, JUDGEABLE_REPEATS
 from bayes_tyre.inference.sampling.datatree import case_parameters, shown_parameters
 from bayes_tyre.inference.sampling.group_means import named_group_means
 from bayes_tyre.inference.sampling.record_draws import with_records
@@ -77,14 +78,31 @@ def _factors_of(posterior: xr.Dataset, dim: str) -> pd.DataFrame:
 
 
 def cases(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataFrame:
-    """Return `cases.csv`: k (kN/mm), beta (mm) and what else a case has, a row a case and parameter."""
+    """Return `cases.csv`: k (kN/mm), beta (mm) and what else a case has, a row a case and parameter.
+
+    `apart_probability` is the probability that the case stands apart from the others in this parameter: that they say
+    little of it. It is missing for cases of one repeat, which may be discordant instead, and where the model has no
+    such cases.
+    """
     posterior = tree["posterior"].to_dataset()
     factors = _factors_of(posterior, "case")[list(CASE_FACTORS)]
     blocks = [
-        _block(tree, factors, parameter, posterior[f"{parameter}_case"], RECORD_UNITS[parameter], interval)
+        _block(tree, factors, parameter, posterior[f"{parameter}_case"], RECORD_UNITS[parameter], interval).assign(
+            apart_probability=apart_probability(tree, parameter).to_numpy()
+        )
         for parameter in case_parameters(posterior)
     ]
     return _finish(blocks, tree, verdict)
+
+
+def apart_probability(tree: xr.DataTree, parameter: str) -> pd.Series:
+    """Return the posterior probability that each case stands apart in a parameter; missing where none can be told."""
+    posterior = tree["posterior"].to_dataset()
+    name = f"{parameter}_apart_probability"
+    if name not in posterior:
+        return pd.Series(np.nan, index=range(posterior.sizes["case"]))
+    probability = pd.Series(posterior[name].mean(("chain", "draw")).to_numpy())
+    return probability.where(np.bincount(case_of_records(posterior), minlength=len(probability)) >= APART_REPEATS)
 
 
 def repeats(

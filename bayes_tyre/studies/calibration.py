@@ -18,6 +18,7 @@ from scipy.stats import norm
 from bayes_tyre.inference.diagnostics.sampling_checks import BFMI_LEAST
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS, PARAMETERS
+from bayes_tyre.inference.sampling.datatree import PROBABILITIES
 from bayes_tyre.studies.design import Design, calibration_design
 from bayes_tyre.studies.design_fit import DesignFit, Sampled
 from bayes_tyre.studies.truths import NOTHING, Planted, Truths, draw_truths, noiseless_forces, study_priors
@@ -122,7 +123,7 @@ def log_likelihood(
 def log_repeats(design: Design, values: Truths, widening: float = DISCORDANT_WIDENING) -> Float[np.ndarray, "..."]:
     """Return the log density of log k and log beta of all records about their cases, at truths or draws.
 
-    As `bayes_tyre.inference.model.repeat_distribution.MixtureRepeats` has it, written out once more.
+    As `bayes_tyre.inference.model.repeat_distribution.MixtureAbout` has it, written out once more.
     """
     factors = design.factors
 
@@ -164,4 +165,4 @@ def judge_sampling(sampled: Sampled, first: int) -> pd.DataFrame:
 
 def _judged(name: str) -> bool:
     """Return whether a quantity varies from draw to draw: probabilities of 0 or 1 hardly do."""
-    return name != "outlier_probability"
+    return name not in PROBABILITIES

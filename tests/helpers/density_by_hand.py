@@ -7,8 +7,9 @@ import numpy as np
 from helpers.repeats_by_hand import Numbers, by_hand
 from scipy import stats
 
-from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.default_priors import APART_WEIGHT, APART_WIDENING, PRIORS
 from bayes_tyre.inference.model.factors import Factors
+from bayes_tyre.inference.model.hyperparameters import APART_REPEATS, APART_SPARE_CASES
 from bayes_tyre.inference.record_data import RecordData
 
 PARAMETERS = ("k", "beta")
@@ -81,11 +82,18 @@ def scatter_of(name: str, values: Values, factors: Factors) -> np.ndarray:
     return np.exp(values["log_sd_repeat_by_speed"])[PARAMETERS.index(name), factors.speed.of_case]
 
 
+def can_stand_apart(factors: Factors) -> bool:
+    """Return whether the model has cases that stand apart."""
+    ranks = (np.linalg.matrix_rank(factors.design(name)) for name in PARAMETERS)
+    return bool(len(factors.cases) - min(ranks) >= APART_SPARE_CASES and factors.repeats.max() >= APART_REPEATS)
+
+
 def numbers_of(values: Values, factors: Factors) -> Numbers:
     """Return what the density of the repeats of cases takes."""
     scatter = np.stack([scatter_of(name, values, factors) for name in PARAMETERS])
     remainder = np.array([[values.get(f"sd_log_{name}_case", 0.0)] for name in PARAMETERS])
-    return Numbers(values["log_records"], case_means(values, factors), scatter, remainder, values["discordant_weight"])
+    weight, apart = np.asarray(values.get("discordant_weight", 0.0)), APART_WEIGHT * can_stand_apart(factors)
+    return Numbers(values["log_records"], case_means(values, factors), scatter, remainder, weight, apart)
 
 
 def _terms(values: Values, factors: Factors) -> float:
@@ -103,16 +111,19 @@ def _terms(values: Values, factors: Factors) -> float:
 
 def _repeats(values: Values, factors: Factors, scatter: np.ndarray, repeats: str) -> float:
     records, of_record = values["log_records"], factors.of_record
-    if repeats == "mixture":
+    if repeats == "mixture" or (repeats == "normal" and can_stand_apart(factors)):
         numbers = numbers_of(values, factors)
         each = (by_hand(numbers, factors, case) for case in range(len(factors.cases)))
         return float(sum(np.logaddexp.reduce(list(joint.values())) for joint in each))
     cases, total = case_means(values, factors), 0.0
     rest = [i for i, name in enumerate(PARAMETERS) if f"sd_log_{name}_case" in values]
-    for row, i in enumerate(rest):
-        sd = values[f"sd_log_{PARAMETERS[i]}_case"]
-        total += stats.norm.logpdf(values["log_cases"][row], cases[i], sd).sum()
-        cases[i] = values["log_cases"][row]
+    if rest:
+        own = values["log_cases"].reshape(len(rest), -1)
+        sd = np.array([[values[f"sd_log_{PARAMETERS[i]}_case"]] for i in rest])
+        usual, apart = (stats.norm.pdf(own - cases[rest], 0.0, wider * sd) for wider in (1.0, APART_WIDENING))
+        weight = APART_WEIGHT * can_stand_apart(factors)
+        total += np.log((1.0 - weight) * usual + weight * apart).sum()
+        cases[rest] = own
     deviation, sd = records - cases.T[of_record], scatter.T[of_record]
     if repeats == "normal":
         return float(total + stats.norm.logpdf(deviation, 0.0, sd).sum())

@@ -8,7 +8,10 @@ import pandas as pd
 
 @dataclass(frozen=True)
 class Plan:
-    """What to simulate; scatter is relative, forces in kN, displacements in mm."""
+    """What to simulate; scatter is relative, forces in kN, displacements in mm.
+
+    `apart` is by how many times k of some cases is off.
+    """
 
     configurations: tuple[str, ...] = ("single", "dual")
     speeds: tuple[float, ...] = (0.0, 25.0)
@@ -18,6 +21,7 @@ class Plan:
     points: int = 60
     noise_kN: float = 0.03
     discordant: tuple[str, ...] = ()
+    apart: tuple[tuple[str, float], ...] = ()
 
 
 def simulate(plan: Plan, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -36,6 +40,7 @@ def simulate(plan: Plan, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
                         "step_kN": step,
                     }
                     k_case = (1.6 if configuration == "single" else 2.2) * np.exp(rng.normal(0, 0.08))
+                    k_case *= dict(plan.apart).get(f"{configuration} ({speed:g}){load:g}-{load + step:g}", 1.0)
                     beta_case = 0.05 * np.exp(rng.normal(0, 0.3))
                     scatter = 0.04 if speed == 0 else 0.10
                     for repeat in range(1, plan.repeats + 1):

@@ -1,6 +1,7 @@
 """Truths drawn down the hierarchy in numpy alone, as the documentation has it: what the model is held to."""
 
 import numpy as np
+from helpers.density_by_hand import can_stand_apart
 from jaxtyping import Float
 from numpyro import distributions as dist
 
@@ -56,7 +57,9 @@ def _case_means(
         truths[f"log_{parameter}_{name}"] = effect
         mean = mean + effect[:, factor.of_case] * factor.weight
     remainder = truths.get(f"sd_log_{parameter}_case", np.zeros(sets))
-    return mean + remainder[:, None] * rng.standard_normal(mean.shape)
+    apart = (rng.random(mean.shape) < priors.apart_weight) & can_stand_apart(factors)
+    wide = np.where(apart, priors.apart_widening, 1.0)
+    return mean + wide * remainder[:, None] * rng.standard_normal(mean.shape)
 
 
 def _scatter(

@@ -39,7 +39,8 @@ def printed_tree() -> xr.DataTree:
 
 
 def test_columns_are_those_of_the_contract(tree):
-    assert list(summary.cases(tree, "pass").columns) == [*FACTORS, *FIGURES, "origin", "verdict"]
+    apart = ["apart_probability", "origin", "verdict"]
+    assert list(summary.cases(tree, "pass").columns) == [*FACTORS, *FIGURES, *apart]
     outliers = ["outlier_probability", "origin", "verdict"]
     assert list(summary.repeats(tree, "pass").columns) == ["record", *FACTORS, "repeat", *FIGURES, *outliers]
     said = ["contraction", "prior_sensitivity", "likelihood_sensitivity", "decided_by", "origin", "verdict"]
@@ -149,6 +150,19 @@ def test_the_outlier_probability_is_empty_for_cases_of_fewer_than_three_repeats(
         cells = written.loc[written["configuration"] == configuration, "outlier_probability"]
         assert len(cells) > 0
         assert ((cells == "") == empty).all()
+
+
+def test_the_probability_to_stand_apart_is_the_mean_over_draws_and_empty_for_cases_of_one_repeat(factor_table):
+    cases = len(factor_table) // 3
+    drawn = np.random.default_rng(0).uniform(size=(2, 50, cases))
+    for repeats, factors in ((3, factor_table), (1, factor_table[factor_table["repeat"] == 1].reset_index(drop=True))):
+        table = summary.cases(posterior(scattered(factors, seed=1) | {"k_apart_probability": drawn}, factors), "pass")
+        k, beta = (table.loc[table["parameter"] == name, "apart_probability"] for name in ("k", "beta"))
+        assert beta.isna().all()
+        if repeats == 1:
+            assert k.isna().all()
+        else:
+            np.testing.assert_allclose(k, drawn.mean(axis=(0, 1)))
 
 
 def test_three_records_of_two_cases_are_not_three_repeats():

@@ -5,7 +5,7 @@ import numpy as np
 from helpers.quick_design import quick_design
 
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
-from bayes_tyre.inference.model.repeat_distribution import MixtureRepeats
+from bayes_tyre.inference.model.repeat_distribution import MixtureAbout
 from bayes_tyre.studies.calibration import log_likelihood, log_repeats, rank_truths
 from bayes_tyre.studies.truths import draw_truths, noiseless_forces, study_priors
 
@@ -42,7 +42,7 @@ def test_the_density_of_repeats_at_truths_is_that_of_the_model():
         )
         scatter = np.stack([truths[f"sd_log_{name}_repeat_by_speed"][i][speed] for name in both], axis=1)
         weight = jnp.asarray(truths["discordant_weight"][i])
-        about = MixtureRepeats(jnp.asarray(cases), jnp.asarray(scatter), weight, DISCORDANT_WIDENING)
+        about = MixtureAbout(jnp.asarray(cases), jnp.asarray(scatter), weight, DISCORDANT_WIDENING)
         np.testing.assert_allclose(found, jnp.sum(about.log_prob(jnp.asarray(records))), rtol=1e-9)
 
 

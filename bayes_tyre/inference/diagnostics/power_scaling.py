@@ -22,7 +22,7 @@ from bayes_tyre.inference.model.prepared_records import PreparedRecords
 from bayes_tyre.inference.model.prior_predictive import draw_prior, usual_repeats, without_points
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.settings import ModelSettings
-from bayes_tyre.inference.sampling.datatree import QUANTITIES, to_datatree
+from bayes_tyre.inference.sampling.datatree import PROBABILITIES, QUANTITIES, to_datatree
 from bayes_tyre.inference.sampling.group_means import named_group_means
 from bayes_tyre.record import CASE_FACTORS
 
@@ -35,8 +35,8 @@ CONTRACTION_LEAST = 0.5
 SENSITIVE = 0.05
 #: Draws of the prior, fewer where there are many records: a ratio of variances is then off by 2 or 3 % of itself.
 PRIOR_DRAWS, _PRIOR_NUMBERS = 4000, 4_000_000
-#: What is drawn of the prior: all that a posterior holds, but that which is a probability itself.
-PRIOR_SITES = tuple(name for name in QUANTITIES if name != "outlier_probability")
+#: What is drawn of the prior: all that a posterior holds, but what is a probability itself.
+PRIOR_SITES = tuple(name for name in QUANTITIES if name not in PROBABILITIES)
 #: Draws of the posterior that sensitivities rest on, evenly taken; and quantities of pure noise beside them.
 DRAWS, _NOISES = 2000, 20
 
@@ -203,10 +203,11 @@ def with_identifiability(
     """Return the tree with `GROUP`; a measure that a quantity does not have is NaN.
 
     A record's own quantities have a contraction alone: at 2 ms each, a thousand sensitivities would cost more than they
-    say beyond their case's.
+    say beyond their case's. Probabilities have none.
     """
     posterior, of_prior = (_quantities(each) for each in (tree, prior))
-    above_records = posterior.drop_vars([name for name in posterior.data_vars if "record" in posterior[name].dims])
+    of_records = [name for name in posterior.data_vars if "record" in posterior[name].dims]
+    above_records = posterior.drop_vars([*of_records, *PROBABILITIES], errors="ignore")
     found = {"contraction": contraction(posterior, of_prior, priors)}
     found |= attempt(
         "power scaling",

@@ -10,15 +10,16 @@ from scipy import stats
 
 from bayes_tyre.inference.diagnostics.course_checks import CHANCE, case_of_records
 from bayes_tyre.inference.diagnostics.sampling_checks import Check
-from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS
+from bayes_tyre.inference.model.hyperparameters import APART_REPEATS, JUDGEABLE_REPEATS
 from bayes_tyre.inference.sampling.datatree import case_parameters
 from bayes_tyre.plain_text import listed
 
 #: Fewest degrees of freedom that the scatter of repeats is estimated from.
 _LEAST_FREEDOM = 6
 _INTERVAL = [0.025, 0.5, 0.975]
-#: Probability of being discordant from which on a record does not count as one of the repeats that agree.
-_DISCORDANT = 0.5
+#: Probability of being discordant from which on a record does not count as one of the repeats that agree; and of
+#: standing apart from which on a case is named.
+_DISCORDANT = _APART = 0.5
 
 
 def repeat_checks(posterior: xr.Dataset) -> Iterator[Check]:
@@ -27,7 +28,8 @@ def repeat_checks(posterior: xr.Dataset) -> Iterator[Check]:
     In each draw the mean of a case's repeats is normal about the case with the scatter of the repeats: mean squares of
     repeats about their case's value and about their own mean then have the ratio of an F distribution, whatever the
     scatter is. It is taken by speed, where scatter may differ. A remainder that is forced to be small, such as a
-    normal one about a case that is unlike all others, drives the ratio up.
+    normal one about a case that is unlike all others, drives the ratio up. Cases that stand apart from the others, and
+    are therefore not drawn to them, are named in the note.
 
     Parameters
     ----------
@@ -62,8 +64,24 @@ def _cases_and_repeats(posterior: xr.Dataset, parameter: str, case: Int[np.ndarr
     )
     remedy = "believe repeats.csv of this case, not cases.csv; fit such cases apart"
     passed, name = value >= CHANCE, f"cases_and_repeats_{parameter}"
-    where, note = ("", _outside(posterior, parameter, case)) if passed else (label, "")
+    notes = [_apart(posterior, parameter, case), _outside(posterior, parameter, case) if passed else ""]
+    where, note = "" if passed else label, "; ".join(filter(None, notes))
     return Check(name, "model", passed, value, CHANCE, where, finding, remedy, note)
+
+
+def _apart(posterior: xr.Dataset, parameter: str, case: Int[np.ndarray, " records"]) -> str:
+    """Return which cases are likelier than not to stand apart from the others."""
+    if f"{parameter}_apart_probability" not in posterior:
+        return ""
+    probability = posterior[f"{parameter}_apart_probability"].mean(("chain", "draw")).to_series()
+    repeats = np.bincount(case, minlength=len(probability))
+    likely = probability[(probability > _APART) & (repeats >= APART_REPEATS)].sort_values(ascending=False)
+    named = listed([f"{label} ({value:.2f})" for label, value in likely.items()], 3)
+    return (
+        f"{parameter}_case: probably apart from the other cases, which then say little of them: {named}"
+        if named
+        else ""
+    )
 
 
 def _outside(posterior: xr.Dataset, parameter: str, case: Int[np.ndarray, " records"]) -> str:

@@ -8,19 +8,19 @@ import xarray as xr
 
 from bayes_tyre.inference.diagnostics.convergence import Figures, discordant_chain, monitor, where_divergent, worst
 from bayes_tyre.inference.diagnostics.divergences import against_divergences, repeat_note
+from bayes_tyre.inference.sampling.datatree import PROBABILITIES
 from bayes_tyre.inference.sampling.run import kept_acceptance, sampler_runs
 from bayes_tyre.inference.sampling.summary_error import RECORD_SUMMARIES, SUMMARY_ERROR_MOST, SummaryError
 
 R_HAT_MOST = 1.01
 ESS_LEAST_PER_CHAIN = 100
 BFMI_LEAST = 0.3
-#: Quantities that are a probability in every draw, near 0 or 1 in most of them. Only their mean is reported, so only
-#: its Monte Carlo error is judged: a tail that holds the few draws away from 0 or 1 has a small ESS and a large R-hat
-#: where the mean is known to a thousandth.
-PROBABILITIES = ("outlier_probability",)
-#: Largest Monte Carlo error of such a mean. A record below 0.44 or above 0.56 is then on its side of 0.5 by three
-#: standard errors. The fewest effective draws that pass, 400, reach it for draws with a standard deviation of up to
-#: 0.4; at 0.01 one of four sound data sets of 24 records failed by nothing else (`study coverage`).
+#: Largest Monte Carlo error of the mean of an outlier probability. Only the mean is reported, so only its error is
+#: judged: a tail that holds the few draws away from 0 or 1 has a small ESS and a large R-hat where the mean is known to
+#: a thousandth. A record below 0.44 or above 0.56 is then on its side of 0.5 by three standard errors. The fewest
+#: effective draws that pass, 400, reach it for draws with a standard deviation of up to 0.4; at 0.01 one of four sound
+#: data sets of 24 records failed by nothing else (`study coverage`). The probability that a case stands apart has no
+#: check of its own: R-hat and ESS of the case follow it.
 PROBABILITY_ERROR_MOST = 0.02
 _MORE = "raise --warmup and --draws"
 
@@ -67,7 +67,7 @@ class Check(NamedTuple):
 
 
 def without_probabilities(figures: Figures) -> Figures:
-    """Return the convergence statistics of all quantities but `PROBABILITIES`, which have a check of their own."""
+    """Return the convergence statistics of all quantities but `PROBABILITIES`, near 0 or 1 in most draws."""
     r_hat = None if figures.r_hat is None else figures.r_hat.drop_vars(PROBABILITIES, errors="ignore")
     return Figures(r_hat, *(figure.drop_vars(PROBABILITIES, errors="ignore") for figure in figures[1:]))
 
@@ -88,7 +88,8 @@ def sampling_checks(tree: xr.DataTree, figures: Figures, sampler: list[dict[str,
     least = ESS_LEAST_PER_CHAIN * posterior.sizes["chain"]
     yield _enough("bulk", figures.ess_bulk, least)
     yield _enough("tail", figures.ess_tail, least)
-    yield from (_certain(name, posterior[name]) for name in PROBABILITIES if name in posterior)
+    if "outlier_probability" in posterior:
+        yield _certain("outlier_probability", posterior["outlier_probability"])
     yield _energy(sampler)
     yield _divergences(tree, sampler)
     yield from _summaries(tree)

@@ -6,6 +6,7 @@ Arrays hold all parameters at once, in the order given: what two or five of them
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import numpyro
@@ -17,6 +18,7 @@ from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import (
     PARAMETERS,
     Hyperparameters,
+    apart_weight,
     deterministic,
     deterministic_each,
     of_each,
@@ -106,6 +108,9 @@ def case_remainder(
 class CaseDistribution(NamedTuple):
     """The distribution of the logarithms of the cases' values, and of repeats about them.
 
+    Cases are normal about their linear predictor, but for a few that stand apart from the others, in each parameter by
+    itself: so a case whose repeats agree is believed, however unlike the others it is.
+
     Attributes
     ----------
     mean:
@@ -114,11 +119,35 @@ class CaseDistribution(NamedTuple):
         Standard deviation of the cases about it; 0 for a parameter whose cases have no remainder.
     scatter:
         Standard deviation of repeats about their case.
+    apart_weight, apart_widening:
+        Probability that a case stands apart, 0 in a model without such cases; and how many times `remainder` its
+        standard deviation then is.
+
+    Source: the contaminated normal of Tukey (1960), "A survey of sampling from contaminated distributions".
     """
 
     mean: Float[Array, "parameters cases"]
-    remainder: Float[Array, "parameters 1"]
+    remainder: Float[Array, "parameters #cases"]
     scatter: Float[Array, "parameters cases"]
+    apart_weight: float
+    apart_widening: float
+
+    def remainders(self) -> tuple[Float[np.ndarray, " kinds"], Float[Array, "kinds parameters #cases"]]:
+        """Return log probability, and standard deviation about the linear predictor, of each kind of case.
+
+        The usual ones, then those that stand apart if there are any.
+        """
+        widening = np.array([1.0, self.apart_widening][: 2 if self.apart_weight else 1])
+        log_weight = np.log([1.0 - self.apart_weight, self.apart_weight][: len(widening)])
+        return log_weight, jnp.asarray(widening)[:, None, None] * self.remainder
+
+    def draw_cases(self, key: Array, sample_shape: tuple[int, ...] = ()) -> Float[Array, "*sample parameters cases"]:
+        """Draw the logarithms of the cases' values."""
+        which, of_case = jax.random.split(key)
+        shape = (*sample_shape, *self.mean.shape)
+        apart = jax.random.bernoulli(which, self.apart_weight, shape)
+        sd = jnp.where(apart, self.apart_widening, 1.0) * self.remainder
+        return self.mean + sd * jax.random.normal(of_case, shape)
 
 
 def sample_case_distribution(
@@ -130,6 +159,6 @@ def sample_case_distribution(
     """Sample what the cases are distributed by."""
     known = {**hyperparameters, **sample_scatter_by_speed(factors, hyperparameters, parameters)}
     mean = sample_linear_predictor(factors, known, parameters, priors)
-    return CaseDistribution(
-        mean, case_remainder(factors, known, parameters), scatter_of_cases(factors, known, parameters)
-    )
+    remainder, scatter = (of(factors, known, parameters) for of in (case_remainder, scatter_of_cases))
+    weight = apart_weight(factors, parameters, priors)
+    return CaseDistribution(mean, remainder, scatter, weight, priors.apart_widening)

@@ -13,6 +13,14 @@ from bayes_tyre.inference.model.priors import Prior, Priors
 #: deviation of 24 %: wide enough that a repeat 30 % off is at home there, narrow enough to compete with 3 sigma.
 DISCORDANT_WIDENING = 6.0
 
+#: A case that stands apart has the usual remainder widened this many times. At a remainder of 5 % of k that is a
+#: standard deviation of 25 %: wide enough that a case 30 % off the others is at home there, as single ones of the
+#: source are, narrow enough to compete with 3 sigma.
+APART_WIDENING = 5.0
+#: Share of the cases that stand apart: one of 20, as of discordant repeats. It is no unknown, for dozens of cases hold
+#: almost nothing of a share that small.
+APART_WEIGHT = 0.05
+
 #: By name of the site in `hierarchical` and `motion_hierarchy`. Scales of parameters are relative (of the logarithm).
 #: `settled` is x - k beta. Of the mass there is what any axle may have: the rig file's own, with which each record is
 #: fitted, would count once a record.
@@ -157,4 +165,6 @@ PRIORS = Priors(
         },
     },
     discordant_widening=DISCORDANT_WIDENING,
+    apart_widening=APART_WIDENING,
+    apart_weight=APART_WEIGHT,
 )

@@ -115,7 +115,11 @@ class Factors:
 
         With one repeat a case the data hold remainder and scatter as one number; their priors tell them apart.
         """
-        return len(self.cases) > int(np.linalg.matrix_rank(self.design(parameter)))
+        return self.spare_cases(parameter) > 0
+
+    def spare_cases(self, parameter: str) -> int:
+        """Return how many more cases there are than their factors can fit exactly."""
+        return len(self.cases) - int(np.linalg.matrix_rank(self.design(parameter)))
 
 
 def _factor(values: Sequence[Any]) -> Factor:

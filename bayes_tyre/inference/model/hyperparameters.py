@@ -26,6 +26,9 @@ PARAMETERS = ("k", "beta")
 MOTION_PARAMETERS = ("k", "settled", "beta", "m", "c")
 #: Repeats that a case needs before one of them can be called discordant.
 JUDGEABLE_REPEATS = 3
+#: Repeats that a case needs, and cases beyond those that the factors fit exactly, before one of these can be said to
+#: stand apart: one repeat may be discordant instead, and of two cases that differ either may be the one.
+APART_REPEATS, APART_SPARE_CASES = 2, 2
 #: Names that end so are sampled where their level is, in coordinates that follow what is below it.
 _PLACED = ("_group", "_typical")
 #: Sites that every record's prior goes through, whatever its factors.
@@ -57,6 +60,13 @@ def _case_sites(factors: Factors, parameters: Sequence[str], repeats: str) -> tu
         sites += [f"sd_log_{parameter}_repeat_over_speeds"] * factors.speed.varies
         sites += [f"sd_log_{parameter}_case"] * factors.has_remainder(parameter)
     return (*sites, *(of_repeats if factors.repeats.max() >= JUDGEABLE_REPEATS else ()))
+
+
+def apart_weight(factors: Factors, parameters: Sequence[str], priors: Priors) -> float:
+    """Return the probability that a case stands apart; 0 where the data cannot tell that one does."""
+    spare = max(factors.spare_cases(parameter) for parameter in parameters)
+    judgeable = spare >= APART_SPARE_CASES and factors.repeats.max() >= APART_REPEATS
+    return priors.apart_weight if judgeable else 0.0
 
 
 def published_sites(factors: Factors) -> tuple[str, ...]:

@@ -2,8 +2,8 @@
 
 Where one of three repeats is discordant, the value of the case has a mode for each answer to which one it is, and NUTS
 crosses from one to the other too seldom. Given the repeats' own values both are known in closed form: a normal for each
-choice. So the sampler never meets them. Each draw of the repeats is given its case afterwards, exactly, by standard
-normals that depend on nothing.
+choice, and for each answer to whether the case stands apart from the others. So the sampler never meets them. Each draw
+of the repeats is given its case afterwards, exactly, by standard normals that depend on nothing.
 """
 
 from itertools import product
@@ -17,6 +17,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 from numpyro.distributions import constraints
 
+from bayes_tyre.inference.model.case_effects import CaseDistribution
 from bayes_tyre.inference.model.factors import Factors
 
 #: With more repeats in a case the choices, two to their number, are too many.
@@ -44,15 +45,17 @@ class Members(NamedTuple):
     choices: Bool[np.ndarray, "choices repeats"]
 
 
-def find_members(factors: Factors, kind: str) -> Members | None:
-    """Return the members of the cases, for repeats that scatter as a ``mixture``; None if not summable.
+def find_members(factors: Factors, kind: str, apart: bool) -> Members | None:
+    """Return the members of the cases, for repeats that scatter as a ``mixture`` or ``normal``; None if not summable.
 
-    Choices of more repeats than `MOST_REPEATS` are too many. A Student-t has no closed form, and normal repeats have
-    no modes that it would be needed for.
+    Choices of more repeats than `MOST_REPEATS` are too many. A Student-t has no closed form. Where repeats are normal
+    and no case can stand `apart`, there are no modes that it would be needed for.
     """
-    if kind != "mixture" or factors.repeats.max() > MOST_REPEATS:
+    if kind == "student" or (kind == "normal" and not apart):
         return None
-    return members_of(factors, discordant=True)
+    if kind == "mixture" and factors.repeats.max() > MOST_REPEATS:
+        return None
+    return members_of(factors, discordant=kind == "mixture")
 
 
 def members_of(factors: Factors, discordant: bool) -> Members:
@@ -70,7 +73,7 @@ def members_of(factors: Factors, discordant: bool) -> Members:
 
 
 class ChoicePosterior(NamedTuple):
-    """What the values of a case's repeats leave open: its own value, and which of them are discordant.
+    """What the values of a case's repeats leave open: its own value, its kind, and which of them are discordant.
 
     Attributes
     ----------
@@ -78,63 +81,61 @@ class ChoicePosterior(NamedTuple):
         Log density of the repeats' values, over all choices.
     log_choice:
         Log probability of each choice.
+    log_kind:
+        Log probability that the case is a usual one, or stands apart, in each parameter, given the choice.
     mean, sd:
-        Of the logarithm of the case's value about its linear predictor, given the choice.
+        Of the logarithm of the case's value about its linear predictor, given kind and choice.
     """
 
     log_density: Float[Array, " cases"]
     log_choice: Float[Array, "choices cases"]
-    mean: Float[Array, "choices parameters cases"]
-    sd: Float[Array, "choices parameters cases"]
+    log_kind: Float[Array, "kinds choices parameters cases"]
+    mean: Float[Array, "kinds choices parameters cases"]
+    sd: Float[Array, "kinds choices parameters cases"]
 
 
 class RepeatsOfCases(dist.Distribution):
-    """The logarithms of the values of all records, as repeats of cases that are normal about their linear predictor.
+    """The logarithms of the values of all records, as repeats of cases about their linear predictor.
 
     Each record is discordant with the same probability, and then scatters more widely about its case. Event shape
     (records, parameters).
 
     Parameters
     ----------
-    mean, remainder:
-        The linear predictor of each case, and the standard deviation of cases about it: 0 where a case is no more.
-    scatter:
-        Standard deviation of usual repeats about their case.
+    about:
+        What the cases, and usual repeats about them, are distributed by.
     weight:
         Probability that a repeat is discordant.
     widening:
-        How many times `scatter` discordant repeats scatter.
+        How many times `about.scatter` discordant repeats scatter.
     of_record, members:
         The case of each record, and the records of each case.
 
     Source: the normal hierarchy with known standard deviations, Gelman et al. (2013), Bayesian Data Analysis, section
-    5.4, for each choice of discordant repeats; the choices weigh as in any mixture of normals.
+    5.4, for each choice; the choices weigh as in any mixture of normals.
     """
 
     support = constraints.real_matrix  # pyright: ignore[reportAssignmentType]  (as all of NumPyro's)
 
     def __init__(
         self,
-        mean: Float[Array, "parameters cases"],
-        remainder: Float[Array, "parameters #cases"],
-        scatter: Float[Array, "parameters cases"],
+        about: CaseDistribution,
         weight: Float[Array, ""],
         widening: float,
         of_record: Int[np.ndarray, " records"],
         members: Members,
     ) -> None:
-        self.mean_of_cases, self.remainder, self.scatter = mean, remainder, scatter
-        self.weight, self.widening, self.of_record, self.members = weight, widening, of_record, members
-        super().__init__(event_shape=(len(of_record), len(mean)), validate_args=False)
+        self.about, self.weight, self.widening = about, weight, widening
+        self.of_record, self.members = of_record, members
+        super().__init__(event_shape=(len(of_record), len(about.mean)), validate_args=False)
 
     @override
     def sample(self, key: Array, sample_shape: tuple[int, ...] = ()) -> Float[Array, "*sample records parameters"]:
         """Draw the cases, which of their repeats are discordant, and the repeats."""
         of_case, which, of_repeat = jax.random.split(key, 3)
-        cases = self.remainder * jax.random.normal(of_case, (*sample_shape, *self.mean_of_cases.shape))
-        cases = jnp.moveaxis(self.mean_of_cases + cases, -1, -2)[..., self.of_record, :]
+        cases = jnp.moveaxis(self.about.draw_cases(of_case, sample_shape), -1, -2)[..., self.of_record, :]
         discordant = jax.random.bernoulli(which, self.weight, (*sample_shape, len(self.of_record), 1))
-        sd = jnp.where(discordant, self.widening, 1.0) * self.scatter.T[self.of_record]
+        sd = jnp.where(discordant, self.widening, 1.0) * self.about.scatter.T[self.of_record]
         return cases + sd * jax.random.normal(of_repeat, cases.shape)
 
     @override
@@ -144,8 +145,8 @@ class RepeatsOfCases(dist.Distribution):
 
     def given(self, value: Float[Array, "records parameters"]) -> ChoicePosterior:
         """Return the density of the repeats' values, and what they leave open of their cases."""
-        members = self.members
-        deviation = (value - self.mean_of_cases.T[self.of_record]).T
+        members, scatter = self.members, self.about.scatter
+        deviation = (value - self.about.mean.T[self.of_record]).T
         own = jnp.where(jnp.asarray(members.present), deviation[:, members.records], 0.0)
         widenings = np.where(members.choices, self.widening, 1.0)
         # Axes: choices, parameters, cases, repeats. A repeat counts as so many usual ones.
@@ -153,18 +154,24 @@ class RepeatsOfCases(dist.Distribution):
         count = counts.sum(axis=-1)
         mean = jnp.sum(counts * own, axis=-1) / np.where(count > 0, count, 1.0)
         within = jnp.sum(counts * (own - mean[..., None]) ** 2, axis=-1)
-        precision = count / self.scatter**2
-        gain = 1.0 + self.remainder**2 * precision
-        log_each = -0.5 * (within / self.scatter**2 + precision * mean**2 / gain + jnp.log(gain))
+        precision = count / scatter**2
+        # Given the choice parameters are independent, and so is whether a case stands apart in each: the first axis.
+        log_weight, remainder = self.about.remainders()
+        remainder = remainder[:, None]
+        gain = 1.0 + remainder**2 * precision
+        log_kinds = jnp.asarray(log_weight)[:, None, None, None] - 0.5 * (precision * mean**2 / gain + jnp.log(gain))
+        log_case = logsumexp(log_kinds, axis=0)
+        log_each = log_case - 0.5 * within / scatter**2
         # A choice widens the volume of those repeats that it calls discordant.
-        log_widening = len(self.scatter) * np.log(self.widening) * _count(members.choices, members.present)
+        log_widening = len(scatter) * np.log(self.widening) * _count(members.choices, members.present)
         log_joint = jnp.sum(log_each, axis=1) + log_prior_of_choices(members, self.weight) - log_widening
         log_total = logsumexp(log_joint, axis=0)
         # What all choices share.
-        log_volume = members.present.sum(axis=1) * jnp.sum(jnp.log(self.scatter) + 0.5 * np.log(2.0 * np.pi), axis=0)
+        log_volume = members.present.sum(axis=1) * jnp.sum(jnp.log(scatter) + 0.5 * np.log(2.0 * np.pi), axis=0)
         # No root of a variance: its slope is infinite where a case is no more than its linear predictor.
-        sd = self.remainder / jnp.sqrt(gain)
-        return ChoicePosterior(log_total - log_volume, log_joint - log_total, sd**2 * precision * mean, sd)
+        sd = remainder / jnp.sqrt(gain)
+        log_choice, log_kind = log_joint - log_total, log_kinds - log_case
+        return ChoicePosterior(log_total - log_volume, log_choice, log_kind, sd**2 * precision * mean, sd)
 
 
 def log_prior_of_choices(members: Members, weight: Float[Array, ""]) -> Float[Array, "choices cases"]:
@@ -194,27 +201,50 @@ def choice_number(discordant: Bool[Array, " records"], members: Members) -> Int[
 
 
 def case_given_choice(
-    posterior: ChoicePosterior, choice: Int[Array, " cases"]
+    posterior: ChoicePosterior, choice: Int[Array, " cases"], kind: Int[Array, "parameters cases"]
 ) -> tuple[Float[Array, "parameters cases"], Float[Array, "parameters cases"]]:
-    """Return mean and standard deviation of the cases about their linear predictor, given a choice in each."""
-    mean, sd = (jnp.take_along_axis(each, choice[None, None], axis=0)[0] for each in (posterior.mean, posterior.sd))
+    """Return mean and standard deviation of the cases about their linear predictor, given choice and kind of each."""
+    mean, sd = (
+        jnp.take_along_axis(_of_choice(each, choice), kind[None], axis=0)[0] for each in (posterior.mean, posterior.sd)
+    )
     return mean, sd
 
 
+def _of_choice(
+    values: Float[Array, "kinds choices parameters cases"], choice: Int[Array, " cases"]
+) -> Float[Array, "kinds parameters cases"]:
+    return jnp.take_along_axis(values, choice[None, None, None], axis=1)[:, 0]
+
+
 def draw_cases(
-    posterior: ChoicePosterior, choosing: Float[Array, " cases"], z: Float[Array, "parameters cases"]
+    posterior: ChoicePosterior,
+    of_choice: Float[Array, " cases"],
+    of_kind: Float[Array, "parameters cases"],
+    z: Float[Array, "parameters cases"],
 ) -> Float[Array, "parameters cases"]:
     """Return the logarithms of the cases' values about their linear predictor, drawn given the repeats'.
 
-    `choosing` and `z` are standard normals: one picks the choice, the others the values.
+    The arguments are standard normals: one picks the choice, others the kinds, the last the values.
     """
-    up_to = jnp.cumsum(jnp.exp(posterior.log_choice), axis=0)
-    choice = jnp.minimum(jnp.sum(up_to < ndtr(choosing), axis=0), len(up_to) - 1)
-    mean, sd = case_given_choice(posterior, choice)
+    choice = _picked(posterior.log_choice, of_choice)
+    kind = _picked(_of_choice(posterior.log_kind, choice), of_kind)
+    mean, sd = case_given_choice(posterior, choice, kind)
     return mean + sd * z
+
+
+def _picked(log_probability: Float[Array, "some *units"], z: Float[Array, "*units"]) -> Int[Array, "*units"]:
+    """Return which of some alternatives a standard normal picks."""
+    up_to = jnp.cumsum(jnp.exp(log_probability), axis=0)
+    return jnp.minimum(jnp.sum(up_to < ndtr(z), axis=0), len(up_to) - 1)
 
 
 def outlier_probability(posterior: ChoicePosterior, members: Members, factors: Factors) -> Float[Array, " records"]:
     """Return the probability that each record is discordant, given the values of all repeats of its case."""
     by_place = jnp.sum(jnp.exp(posterior.log_choice)[:, :, None] * members.choices[:, None, :], axis=0)
     return jax.lax.stop_gradient(by_place)[factors.of_record, members.place]
+
+
+def apart_probability(posterior: ChoicePosterior) -> Float[Array, "parameters cases"]:
+    """Return the probability that each case stands apart from the others, given the values of its repeats."""
+    of_choices = jnp.exp(posterior.log_choice[:, None] + posterior.log_kind[-1])
+    return jax.lax.stop_gradient(jnp.sum(of_choices, axis=0))

@@ -11,8 +11,8 @@ from scipy import stats
 
 from bayes_tyre.errors import BadInput
 
-#: The key of `discordant_widening` beside the priors, in a mapping or a file.
-WIDENING = "discordant_widening"
+#: The keys of the constants beside the priors, in a mapping or a file: fields of `Priors`.
+CONSTANTS = ("discordant_widening", "apart_widening", "apart_weight")
 
 
 class Family(NamedTuple):
@@ -105,7 +105,7 @@ class Prior(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Priors(Mapping[str, Prior]):
-    """Every prior of the hierarchical models by the name of its quantity, and the widening of discordant repeats.
+    """Every prior of the hierarchical models by the name of its quantity, and the constants of their mixtures.
 
     Attributes
     ----------
@@ -113,10 +113,15 @@ class Priors(Mapping[str, Prior]):
         The priors by name.
     discordant_widening:
         How many times the usual standard deviation of repeats that of discordant ones is; above 1.
+    apart_widening, apart_weight:
+        How many times the usual standard deviation of cases about their linear predictor that of cases that stand
+        apart is, above 1; and the share of these, below 1. A share of 0 makes the remainder of cases normal.
     """
 
     table: Mapping[str, Prior]
     discordant_widening: float
+    apart_widening: float
+    apart_weight: float
 
     def __repr__(self) -> str:
         return f"<{len(self)} priors>"
@@ -141,7 +146,7 @@ class Priors(Mapping[str, Prior]):
         ----------
         changes:
             By name: a `Prior`, or a mapping of the family's parameters such as ``{"median": 1.8, "sd_log": 0.3}``, with
-            ``family`` where it is another than the default's; `discordant_widening` a number.
+            ``family`` where it is another than the default's; each of `CONSTANTS` a number.
 
         Raises
         ------
@@ -149,12 +154,10 @@ class Priors(Mapping[str, Prior]):
             For a name or a parameter that there is not, a value that cannot be, and a family that the quantity cannot
             have; the message names the key.
         """
-        table, widening = dict(self.table), self.discordant_widening
+        table, constants = dict(self.table), self._constants()
         for name, change in changes.items():
-            if name == WIDENING:
-                widening = _number(name, change)
-                if widening <= 1.0:
-                    raise BadInput(f"priors, {name}: {widening:g} does not widen; give a number above 1, such as 6")
+            if name in CONSTANTS:
+                constants[name] = _constant(name, change)
             elif name not in table:
                 raise BadInput(f"priors, {name}: there is no such quantity; docs/reference/priors.md lists all")
             else:
@@ -162,7 +165,7 @@ class Priors(Mapping[str, Prior]):
                 _check_family(name, table[name], prior)
                 if prior.given() != table[name].given():  # else the reason stays
                     table[name] = prior
-        return Priors(table, widening)
+        return Priors(table, **constants)
 
     def changes_from(self, others: "Priors") -> dict[str, Any]:
         """Return what differs from other priors, as `changed` takes it and JSON and TOML keep it."""
@@ -171,23 +174,34 @@ class Priors(Mapping[str, Prior]):
             for name, prior in self.items()
             if (prior.family, prior.parameters) != (others[name].family, others[name].parameters)
         }
-        if self.discordant_widening != others.discordant_widening:
-            changes[WIDENING] = self.discordant_widening
-        return changes
+        before = others._constants()
+        return changes | {name: value for name, value in self._constants().items() if value != before[name]}
 
     def given(self) -> dict[str, Any]:
         """Return all of them as a user gives them: what `run.json` keeps, and `changed` takes."""
-        return {name: prior.given() for name, prior in self.items()} | {WIDENING: self.discordant_widening}
+        return {name: prior.given() for name, prior in self.items()} | self._constants()
 
     def to_json(self) -> str:
         """Return all of them as JSON, for the attributes of a posterior."""
         return json.dumps(self.given())
+
+    def _constants(self) -> dict[str, float]:
+        return {name: getattr(self, name) for name in CONSTANTS}
 
 
 def _number(key: str, value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
         raise BadInput(f"priors, {key}: {value!r} is not a finite number")
     return float(value)
+
+
+def _constant(key: str, value: object) -> float:
+    number = _number(key, value)
+    if key == "apart_weight" and not 0.0 <= number < 1.0:
+        raise BadInput(f"priors, {key}: {number:g} is no share; give a number from 0 to below 1, such as 0.05")
+    if key != "apart_weight" and number <= 1.0:
+        raise BadInput(f"priors, {key}: {number:g} does not widen; give a number above 1, such as 6")
+    return number
 
 
 def _read(name: str, change: Any, default: Prior) -> Prior:

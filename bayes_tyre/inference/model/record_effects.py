@@ -11,16 +11,27 @@ from numpyro import distributions as dist  # not `import numpyro.distributions`:
 from bayes_tyre.inference.model.case_effects import CaseDistribution, sample_case_distribution, with_remainder
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.hyperparameters import PARAMETERS, Hyperparameters, deterministic, deterministic_each
+from bayes_tyre.inference.model.hyperparameters import (
+    PARAMETERS,
+    Hyperparameters,
+    deterministic,
+    deterministic_each,
+)
 from bayes_tyre.inference.model.marginal_mixture import (
     ChoicePosterior,
     RepeatsOfCases,
+    apart_probability,
     draw_cases,
     find_members,
     outlier_probability,
 )
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.model.repeat_distribution import MixtureRepeats, judgeable, repeats_about_cases
+from bayes_tyre.inference.model.repeat_distribution import (
+    MixtureAbout,
+    NormalAbout,
+    judgeable,
+    repeats_about_cases,
+)
 
 
 def sample_records(
@@ -32,8 +43,8 @@ def sample_records(
 ) -> tuple[Float[Array, "records parameters"], Float[Array, "parameters cases"]]:
     """Sample the logarithms of the records' values and of their cases' values.
 
-    Where a closed form exists the case is integrated out and the choice of discordant repeats is summed out
-    (`RepeatsOfCases`), and the case is then drawn from its conditional.
+    Where a closed form exists the case is integrated out, and the choice of discordant repeats and whether the case
+    stands apart are summed out (`RepeatsOfCases`); the case is then drawn from its conditional.
 
     Parameters
     ----------
@@ -44,40 +55,64 @@ def sample_records(
     hyperparameters, parameters:
         Sampled values by name, and the parameters that a case has.
     priors:
-        For the widening of discordant repeats and the priors of group means.
+        For the constants of the mixtures and the priors of group means.
     """
     kind, rest = judgeable(repeats, factors), with_remainder(factors, parameters)
     about, widening = sample_case_distribution(factors, hyperparameters, parameters, priors), priors.discordant_widening
-    members = find_members(factors, kind)
+    members = find_members(factors, kind, apart=about.apart_weight > 0)
     if members is None:
-        cases = _sample_cases(about, rest)
+        cases = _sample_cases(about, parameters, rest)
         of_records = cases.T[factors.of_record], about.scatter.T[factors.of_record]
         fn = repeats_about_cases(kind, *of_records, hyperparameters, widening)
         records = jnp.asarray(numpyro.sample("log_records", fn))
-        if isinstance(fn, MixtureRepeats):
-            deterministic("outlier_probability", fn.discordant(records))
+        if isinstance(fn, MixtureAbout):
+            deterministic("outlier_probability", fn.probability(records))
     else:
-        fn = RepeatsOfCases(*about, hyperparameters["discordant_weight"], widening, factors.of_record, members)
+        weight = hyperparameters.get("discordant_weight", jnp.zeros(()))
+        fn = RepeatsOfCases(about, weight, widening, factors.of_record, members)
         records = jnp.asarray(numpyro.sample("log_records", fn))
         posterior = fn.given(records)
-        deterministic("outlier_probability", outlier_probability(posterior, members, factors))
-        cases = sample_cases_given(posterior, about) if len(rest) else about.mean
+        if members.choices.any():
+            deterministic("outlier_probability", outlier_probability(posterior, members, factors))
+        cases = sample_cases_given(posterior, about, parameters, rest)
     deterministic_each("*_case", parameters, jnp.exp(cases))
     return records, cases
 
 
-def _sample_cases(about: CaseDistribution, rest: np.ndarray) -> Float[Array, "parameters cases"]:
+def _sample_cases(
+    about: CaseDistribution, parameters: Sequence[str], rest: np.ndarray
+) -> Float[Array, "parameters cases"]:
     """Sample the cases: the linear predictor, plus a remainder for those parameters that have one."""
     if not len(rest):
         return about.mean
-    fn = dist.Normal(about.mean[rest], jnp.broadcast_to(about.remainder[rest], about.mean[rest].shape))
-    return about.mean.at[rest].set(jnp.asarray(numpyro.sample("log_cases", fn.to_event(2))))
+    mean = about.mean[rest]
+    # Whether a case stands apart is each parameter's own question: each is a unit by itself.
+    centre, sd = mean.reshape(-1, 1), jnp.broadcast_to(about.remainder[rest], mean.shape).reshape(-1, 1)
+    weight = jnp.asarray(about.apart_weight)
+    fn = MixtureAbout(centre, sd, weight, about.apart_widening) if about.apart_weight else NormalAbout(centre, sd)
+    cases = jnp.asarray(numpyro.sample("log_cases", fn))
+    if isinstance(fn, MixtureAbout):
+        _keep_apart_probability(fn.probability(cases).reshape(mean.shape), parameters, rest)
+    return about.mean.at[rest].set(cases.reshape(mean.shape))
 
 
-def sample_cases_given(posterior: ChoicePosterior, about: CaseDistribution) -> Float[Array, "parameters cases"]:
-    """Sample the cases given the values of their repeats."""
-    choosing, z = (
+def _keep_apart_probability(
+    probability: Float[Array, "rest cases"], parameters: Sequence[str], rest: np.ndarray
+) -> None:
+    deterministic_each("*_apart_probability", [str(parameters[index]) for index in rest], probability)
+
+
+def sample_cases_given(
+    posterior: ChoicePosterior, about: CaseDistribution, parameters: Sequence[str], rest: np.ndarray
+) -> Float[Array, "parameters cases"]:
+    """Sample the cases given the values of their repeats; `rest`: which parameters have a remainder."""
+    if not len(rest):
+        return about.mean
+    if about.apart_weight:
+        _keep_apart_probability(apart_probability(posterior)[rest], parameters, rest)
+    every = about.mean.shape
+    of_choice, of_kind, z = (
         jnp.asarray(numpyro.sample(name, dist.Normal(0.0, 1.0).expand(shape).to_event()))
-        for name, shape in (("choice_z", about.mean.shape[1:]), ("case_z", about.mean.shape))
+        for name, shape in (("choice_z", every[1:]), ("kind_z", every), ("case_z", every))
     )
-    return about.mean + draw_cases(posterior, choosing, z)
+    return about.mean + draw_cases(posterior, of_choice, of_kind, z)

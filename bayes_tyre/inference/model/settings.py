@@ -42,7 +42,7 @@ class ModelSettings:
     noise_window:
         Samples of the moving average that went over the noise, such as 801; 1: none. Not with ``ar1``.
     priors:
-        Of the hyperparameters, and the widening of discordant repeats.
+        Of the hyperparameters, and the constants of the mixtures of repeats and of cases.
     law:
         Force law of the records: ``equation_2``, or ``small_step_limit``, the limit of Equation 1 for small steps.
     sampler:

@@ -39,6 +39,7 @@ def _quantities() -> dict[str, tuple[str | None, str]]:
         if name == "x":  # follows from `settled`, k and beta
             continue
         kept[f"{name}_case"] = ("case", RECORD_UNITS[name])
+        kept[f"{name}_apart_probability"] = ("case", "")
         kept[f"{name}_group"] = ("group", RECORD_UNITS[name])
         for factor in ("speed", "load", "step", *INTERACTIONS):
             kept[f"log_{name}_{factor}"] = (factor, "")
@@ -55,6 +56,8 @@ def _quantities() -> dict[str, tuple[str | None, str]]:
 
 
 QUANTITIES = _quantities()
+#: Those that are a probability in every draw, near 0 or 1 in most of them: their mean is what is reported.
+PROBABILITIES = tuple(name for name in QUANTITIES if name.endswith("_probability"))
 
 
 def case_parameters(posterior: xr.Dataset) -> tuple[str, ...]:

@@ -61,6 +61,8 @@ def _words(name: str, label: str | None) -> str:
         return ""
     if parameter == "outlier_probability":
         return f"outlier probability of {label}"
+    if (apart := parameter.removesuffix("_apart_probability")) != parameter:
+        return f"probability that {apart} of {label} stands apart from other cases"
     return f"{_NAMES.get(parameter, parameter)} of {label}" if parameter in _PARAMETERS else ""
 
 

@@ -79,8 +79,9 @@ def _loads(case: Case) -> list[float]:
 def candidates(tree: xr.DataTree, new: Sequence[Case], seed: int = 0) -> Candidates:
     """Return what a posterior of records or motions holds of its own cases and of new ones.
 
-    Draws of a new case are of the linear predictor and the remainder; an effect of a level without data is drawn, by
-    `seed`, with the standard deviation of the factor's effects. A posterior without repeats is refused as `BadInput`.
+    Draws of a new case are of the linear predictor and the remainder, which is wider where it stands apart; an effect
+    of a level without data is drawn, by `seed`, with the standard deviation of the factor's effects. A posterior
+    without repeats is refused as `BadInput`.
     """
     posterior, priors, rng = as_measured(tree["posterior"].to_dataset()), priors_of(tree), np.random.default_rng(seed)
     measured = [name for name in (*LAW_PARAMETERS, *AXLE_PARAMETERS) if f"sd_log_{name}_repeat" in posterior]
@@ -121,7 +122,10 @@ def _predicted(
                 effects[level] = widened * rng.standard_normal(len(widened))
         values = [value + effects.get(_levels(case)[factor], 0.0) for value, case in zip(values, new, strict=True)]
     remainder = sd(f"sd_log_{parameter}_case")
-    drawn = [value + remainder * rng.standard_normal(len(remainder)) for value in values]
+    apart_weight = priors.apart_weight if f"{parameter}_apart_probability" in posterior else 0.0
+    wider = [np.where(rng.random(len(remainder)) < apart_weight, priors.apart_widening, 1.0) for _ in new]
+    each = zip(values, wider, strict=True)
+    drawn = [value + wide * remainder * rng.standard_normal(len(remainder)) for value, wide in each]
     return np.reshape(drawn, (len(new), len(remainder))).T
 
 

@@ -59,6 +59,21 @@ def test_an_interval_that_holds_none_of_the_repeats_is_noted_though_the_check_pa
     assert "single (0)20-30 (" in drawn.note
 
 
+def test_cases_that_probably_stand_apart_are_named_and_fail_nothing():
+    posterior_set = made(np.random.default_rng(1))["posterior"].to_dataset()
+    probability = xr.zeros_like(posterior_set["k_case"])
+    probability[:, :, 3], probability[:, :, 5] = 0.6, 0.9
+    labels = posterior_set["case"].to_numpy()
+    by_name = {check.name: check for check in repeat_checks(posterior_set.assign(k_apart_probability=probability))}
+    found = by_name["cases_and_repeats_k"]
+    assert found.passed
+    assert found.note.startswith(
+        f"k_case: probably apart from the other cases, which then say little of them: "
+        f"{labels[5]} (0.90), {labels[3]} (0.60)"
+    )
+    assert "apart" not in by_name["cases_and_repeats_beta"].note
+
+
 def test_a_discordant_repeat_is_not_counted_among_those_that_agree():
     tree = made(np.random.default_rng(1))
     posterior_set = tree["posterior"].to_dataset()

@@ -11,7 +11,13 @@ from numpyro.infer.util import log_density
 from bayes_tyre.inference.model import models
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
-from bayes_tyre.inference.model.hyperparameters import by_family, prior_sites, published_sites, sample_hyperparameters
+from bayes_tyre.inference.model.hyperparameters import (
+    apart_weight,
+    by_family,
+    prior_sites,
+    published_sites,
+    sample_hyperparameters,
+)
 from bayes_tyre.inference.model.prepared_records import record_batch
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.record_data import record_data
@@ -83,3 +89,19 @@ def test_priors_of_a_family_are_sampled_together_each_with_its_own_density():
 def medians_by_site(sites: tuple[str, ...], priors: Priors) -> dict[str, jax.Array]:
     medians = priors.medians()
     return {site: jnp.stack([medians[name] for name in names]) for site, names in by_family(sites, priors).items()}
+
+
+@pytest.mark.parametrize(
+    ("plan", "share"),
+    [
+        (Plan(), 0.05),
+        (Plan(repeats=2), 0.05),
+        (Plan(repeats=1), 0.0),  # apart, or its one repeat discordant: nobody knows
+        (Plan(configurations=("a",), speeds=(0.0,), steps=(10.0,)), 0.0),  # two cases that their loads explain
+        (Plan(configurations=("a",), steps=(10.0,)), 0.0),  # one case more than the effects can fit: which is it?
+    ],
+)
+def test_cases_stand_apart_where_the_data_can_tell_one_that_does(plan, share):
+    factors = find_factors(record_factors(simulate(plan, 1)[0]))
+    assert apart_weight(factors, ("k", "beta"), PRIORS) == share
+    assert apart_weight(factors, ("k", "beta"), PRIORS.changed({"apart_weight": 0.0})) == 0.0

@@ -17,13 +17,15 @@ from numpyro.infer.util import constrain_fn
 from scipy import stats
 
 from bayes_tyre.inference.model import marginal_mixture
+from bayes_tyre.inference.model.case_effects import CaseDistribution
 from bayes_tyre.inference.model.coordinates.laplace import laplace_approximation
 from bayes_tyre.inference.model.coordinates.sites import record_starts, records_in_coordinates
-from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
+from bayes_tyre.inference.model.default_priors import APART_WIDENING, DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.marginal_mixture import (
     ChoicePosterior,
     RepeatsOfCases,
+    apart_probability,
     choice_number,
     draw_cases,
     find_members,
@@ -46,10 +48,11 @@ def levels_of(*repeats: int) -> Factors:
 
 
 def repeats_of(numbers: Numbers, factors: Factors) -> RepeatsOfCases:
-    members = find_members(factors, "mixture")
+    members = find_members(factors, "mixture", apart=True)
     assert members is not None
-    _, mean, scatter, remainder, weight = map(jnp.asarray, numbers)
-    return RepeatsOfCases(mean, remainder, scatter, weight, DISCORDANT_WIDENING, factors.of_record, members)
+    mean, scatter, remainder, weight = map(jnp.asarray, numbers[1:5])
+    about = CaseDistribution(mean, remainder, scatter, numbers.apart_weight, APART_WIDENING)
+    return RepeatsOfCases(about, weight, DISCORDANT_WIDENING, factors.of_record, members)
 
 
 def summed(numbers: Numbers, factors: Factors) -> ChoicePosterior:
@@ -61,7 +64,7 @@ def summed(numbers: Numbers, factors: Factors) -> ChoicePosterior:
 def test_choices_are_those_of_all_repeats_together(seed):
     factors = levels_of(3, 1, 2)
     numbers = some_numbers(factors, seed)
-    found, members = summed(numbers, factors), find_members(factors, "mixture")
+    found, members = summed(numbers, factors), find_members(factors, "mixture", apart=True)
     assert members is not None
     for case, count in enumerate(factors.repeats):
         expected = by_hand(numbers, factors, case)
@@ -72,7 +75,8 @@ def test_choices_are_those_of_all_repeats_together(seed):
             if choice[count:].any():  # a repeat that is not there
                 assert log_choice == -np.inf
             else:
-                joint = expected[tuple(map(bool, choice[:count]))]
+                same = tuple(map(bool, choice[:count]))
+                joint = np.logaddexp.reduce([value for (_, odd), value in expected.items() if odd == same])
                 assert log_choice == pytest.approx(joint - total, rel=1e-7, abs=1e-7)
 
 
@@ -86,7 +90,7 @@ def test_a_scatter_far_smaller_than_what_lies_about_the_predictor_loses_few_digi
 def test_draws_have_the_density_that_is_claimed():
     factors = levels_of(3, 1, 2)
     numbers = some_numbers(factors, 8)
-    numbers.remainder[:] = 0.3
+    numbers.remainder[:], numbers = 0.3, numbers._replace(apart_weight=0.2)
     one, other = (repeats_of(numbers._replace(weight=np.array(weight)), factors) for weight in (0.2, 0.4))
     drawn = one.sample(jax.random.PRNGKey(1), (20_000,))
     # The mean of a ratio of densities over draws of the one below is 1: as likely off by 5 standard errors as 6e-7.
@@ -94,7 +98,7 @@ def test_draws_have_the_density_that_is_claimed():
     assert abs(ratio.mean() - 1.0) < 5 * ratio.std() / np.sqrt(len(ratio))
     case = int(np.argmax(factors.repeats))
     records = np.flatnonzero(factors.of_record == case)
-    between = numbers.remainder[0, 0] ** 2
+    between = 0.3**2 * (1.0 + 0.2 * (APART_WIDENING**2 - 1.0))
     within = numbers.scatter[0, case] ** 2 * (1.0 + 0.2 * (DISCORDANT_WIDENING**2 - 1.0))
     covariance = np.cov(np.asarray(drawn)[:, records, 0].T)
     # Standard errors of 20,000 draws of a kurtosis below 10 are 2 %; the covariances' are smaller.
@@ -105,14 +109,22 @@ def test_draws_have_the_density_that_is_claimed():
 def test_a_case_is_drawn_as_its_repeats_leave_it():
     factors = levels_of(3)
     numbers = some_numbers(factors, 3)
-    numbers.remainder[:] = 0.3
+    numbers.remainder[:], numbers = 0.1, numbers._replace(apart_weight=0.2)
     found, random = summed(numbers, factors), np.random.default_rng(7)
-    z = random.standard_normal((20_000, 1 + PARAMETERS))
-    drawn = np.asarray(jax.vmap(lambda z: draw_cases(found, z[:1], z[1:, None]))(jnp.asarray(z)))[:, :, 0]
-    # On a grid: the words' normal times the density of repeats, each usual or discordant, about each pair of values.
+    z = jnp.asarray(random.standard_normal((20_000, 1 + 2 * PARAMETERS)))
+
+    def draw(z: jax.Array) -> jax.Array:
+        return draw_cases(found, z[:1], z[1 : 1 + PARAMETERS, None], z[1 + PARAMETERS :, None])[:, 0]
+
+    drawn = np.asarray(jax.vmap(draw)(z))
+    # On a grid: the density of usual cases and of those that stand apart in either, times that of repeats, each usual
+    # or discordant, about each pair of values.
     at = np.linspace(-1.5, 1.5, 601)
     first, second = np.meshgrid(at, at, indexing="ij")
-    density = stats.norm.logpdf(first, 0, 0.3) + stats.norm.logpdf(second, 0, 0.3)
+    density = np.zeros(first.shape)
+    for values in (first, second):
+        usual, apart = (stats.norm.logpdf(values, 0, wider * 0.1) for wider in (1.0, APART_WIDENING))
+        density += np.logaddexp(np.log(0.8) + usual, np.log(0.2) + apart)
     for record in range(3):
         usual, odd = (np.log(1 - numbers.weight), 1.0), (np.log(numbers.weight), DISCORDANT_WIDENING)
         of_each = []
@@ -135,21 +147,56 @@ def test_a_case_is_drawn_as_its_repeats_leave_it():
 
 def test_each_record_has_its_own_probability():
     factors = levels_of(3, 2, 3)
-    numbers, members = some_numbers(factors, 4), find_members(factors, "mixture")
+    numbers, members = some_numbers(factors, 4), find_members(factors, "mixture", apart=True)
     assert members is not None
     found = np.asarray(outlier_probability(summed(numbers, factors), members, factors))
     for record, case in enumerate(factors.of_record):
         joint = by_hand(numbers, factors, case)
         reparameterise = int(np.flatnonzero(np.flatnonzero(factors.of_record == case) == record)[0])
-        odd = np.logaddexp.reduce([value for choice, value in joint.items() if choice[reparameterise]])
+        odd = np.logaddexp.reduce([value for (_, choice), value in joint.items() if choice[reparameterise]])
         assert found[record] == pytest.approx(np.exp(odd - np.logaddexp.reduce(list(joint.values()))), rel=1e-7)
+
+
+def test_each_parameter_of_a_case_has_its_own_probability_to_stand_apart():
+    factors = levels_of(3, 2, 1)
+    numbers = some_numbers(factors, 4)
+    found = np.asarray(apart_probability(summed(numbers, factors)))
+    for case in range(len(factors.cases)):
+        joint = by_hand(numbers, factors, case)
+        for parameter in range(PARAMETERS):
+            apart = np.logaddexp.reduce([value for (kind, _), value in joint.items() if kind[parameter]])
+            expected = np.exp(apart - np.logaddexp.reduce(list(joint.values())))
+            assert found[parameter, case] == pytest.approx(expected, rel=1e-7)
+
+
+def test_the_density_s_slope_is_that_of_finite_differences():
+    factors = levels_of(3, 1, 2)
+    numbers, step = some_numbers(factors, 6), 1e-6
+    numbers.remainder[:] = [[0.1], [0.0]]  # the slope exists where a parameter has no remainder too
+
+    def density(remainder: jax.Array, scatter: jax.Array) -> jax.Array:
+        repeats = repeats_of(numbers, factors)
+        repeats.about = repeats.about._replace(remainder=remainder, scatter=scatter)
+        return repeats.log_prob(jnp.asarray(numbers.records))
+
+    at = jnp.asarray(numbers.remainder), jnp.asarray(numbers.scatter)
+    for which, slope in enumerate(jax.grad(density, argnums=(0, 1))(*at)):
+        assert np.isfinite(slope).all()
+        for place in np.ndindex(*slope.shape):
+            ends = []
+            for sign in (1.0, -1.0):
+                moved = list(at)
+                moved[which] = at[which].at[place].add(sign * step)
+                ends.append(float(density(*moved)))
+            # Of second order in the step, and rounding of 1e-15 x 1e3 / 1e-6.
+            assert slope[place] == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-5, abs=1e-5)
 
 
 @settings(deadline=None, max_examples=25)
 @given(odd=st.lists(st.booleans(), min_size=6, max_size=6))
 def test_the_choice_that_some_records_look_is_found(odd):
     factors = levels_of(3, 1, 2)
-    members, looks = find_members(factors, "mixture"), jnp.asarray(odd)
+    members, looks = find_members(factors, "mixture", apart=True), jnp.asarray(odd)
     assert members is not None
     found = choice_number(looks, members)
     for case, count in enumerate(factors.repeats):
@@ -159,11 +206,12 @@ def test_the_choice_that_some_records_look_is_found(odd):
         assert found[case] == same.index(True)
 
 
-def test_only_mixtures_of_few_repeats_are_summed_out():
-    assert find_members(levels_of(3), "student") is None
-    assert find_members(levels_of(3), "normal") is None
-    assert find_members(levels_of(marginal_mixture.MOST_REPEATS + 1, 3), "mixture") is None
-    assert find_members(levels_of(marginal_mixture.MOST_REPEATS, 3), "mixture") is not None
+@pytest.mark.parametrize("apart", [True, False])
+def test_only_mixtures_of_few_repeats_are_summed_out(apart):
+    assert find_members(levels_of(3), "student", apart) is None
+    assert (find_members(levels_of(3), "normal", apart) is None) == (not apart)
+    assert find_members(levels_of(marginal_mixture.MOST_REPEATS + 1, 3), "mixture", apart) is None
+    assert find_members(levels_of(marginal_mixture.MOST_REPEATS, 3), "mixture", apart) is not None
 
 
 @pytest.mark.slow  # compiles the whole model

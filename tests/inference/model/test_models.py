@@ -1,6 +1,7 @@
 """The models' densities: those written in numpy alone, and the same in the coordinates that NUTS walks in."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache, partial
 from typing import Any, NamedTuple
 
@@ -36,8 +37,10 @@ SEVERAL = Plan(("a",), (0.0, 25.0), (20.0, 30.0), (-5.0, 5.0), points=12, discor
 CROSSED = Plan(("a", "b"), (0.0, 25.0), (20.0, 30.0), (-5.0, 5.0), points=12, discordant=("a (0)20-25(2)",))
 ONE = Plan(configurations=("a",), speeds=(0.0,), loads=(20.0,), steps=(10.0,), repeats=1, points=12)
 FEW = Plan(("a",), (0.0,), (30.0,), (-10.0, -5.0, 5.0, 10.0), points=12)
+SIX = replace(FEW, steps=(-15.0, -10.0, -5.0, 5.0, 10.0, 15.0))
 KINDS = {
     "a remainder of k alone": (FEW, ModelSettings()),
+    "a remainder of k alone, of cases that may stand apart": (SIX, ModelSettings()),
     "mixture": (CROSSED, ModelSettings()),
     "autoregressive": (SEVERAL, ModelSettings(noise="ar1", initial_load="actual")),
     "student": (SEVERAL, ModelSettings(repeats="student")),
@@ -131,7 +134,7 @@ def _near(at: dict[str, Any], case: Case, seed: int) -> dict[str, Any]:
 
 
 #: Standard normals by which the model draws what is known in closed form given the rest.
-DRAWN = ("choice_z", "case_z", "offsets_z")
+DRAWN = ("choice_z", "kind_z", "case_z", "offsets_z")
 
 
 def _of_auxiliaries(values: dict[str, Any]) -> float:
@@ -210,9 +213,11 @@ def _density_of_auxiliary_cases(values: dict[str, Any], case: Case | None) -> fl
     assert case is not None
     factors, total = case.records.factors, 0.0
     numbers = density_by_hand.numbers_of(named(values, case.sites), factors)
-    discordant = np.asarray(case.approximation.cases.discordant)
+    cases = case.approximation.cases
+    discordant = np.asarray(cases.discordant) & (case.repeats == "mixture")
+    apart = np.asarray(cases.apart)
     for row, parameter in enumerate(np.flatnonzero(numbers.remainder[:, 0])):
         for of_case in range(len(factors.cases)):
-            mean, sd = case_by_hand(numbers, factors, of_case, discordant, int(parameter))
+            mean, sd = case_by_hand(numbers, factors, of_case, discordant, int(parameter), apart[parameter, of_case])
             total += stats.norm.logpdf(values["log_records_auxiliary"][row, of_case], mean, sd)
     return float(total)

@@ -34,6 +34,12 @@ def test_the_weight_of_discordant_repeats_is_as_its_reason_states():
     assert np.mean(draws < 0.15) == pytest.approx(0.95, abs=0.005)
 
 
+def test_the_share_of_cases_that_stand_apart_is_the_mean_of_that_of_discordant_repeats():
+    """As its reason states: one of 20; and they are wider than usual cases, or they would be no others."""
+    assert PRIORS.apart_weight == pytest.approx(PRIORS["discordant_weight"].scipy().mean())
+    assert PRIORS.apart_widening > 1.0
+
+
 def test_starts_are_positive_and_near_the_middle_of_each_prior():
     for name, start in PRIORS.medians().items():
         below = np.asarray(PRIORS[name].distribution().sample(jax.random.key(1), (4000,)) < start).mean()

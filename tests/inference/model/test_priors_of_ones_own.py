@@ -27,6 +27,7 @@ OWN = PRIORS.changed(
         "sd_J": {"family": "log_normal", "median": 3.0, "sd_log": 0.2},
         "discordant_weight": Prior(dist.Beta, (2.0, 5.0)),
         "discordant_widening": 9,
+        "apart_weight": 0,
     }
 )
 
@@ -40,8 +41,14 @@ def test_what_is_given_comes_back_to_the_bit():
     assert PRIORS.changed(json.loads(PRIORS.to_json())).changes_from(PRIORS) == {}
     again = PRIORS.changed(json.loads(OWN.to_json()))
     assert {name: prior.parameters for name, prior in again.items()} == {n: p.parameters for n, p in OWN.items()}
-    assert again.discordant_widening == 9.0
-    assert set(OWN.changes_from(PRIORS)) == {"k_group", "sd_J", "discordant_weight", "discordant_widening"}
+    assert (again.discordant_widening, again.apart_weight) == (9.0, 0.0)
+    assert set(OWN.changes_from(PRIORS)) == {
+        "k_group",
+        "sd_J",
+        "discordant_weight",
+        "discordant_widening",
+        "apart_weight",
+    }
     assert OWN["k_group"].unit == "kN/mm"
 
 
@@ -57,6 +64,8 @@ def test_what_is_given_comes_back_to_the_bit():
         ({"sd_J": {"family": "cauchy", "scale": 1}}, "priors, sd_J, family: 'cauchy' is unknown; use log_normal,"),
         ({"sd_J": Prior(dist.Beta, (1.0, 1.0))}, "priors, sd_J, family: must be log_normal or half_normal"),
         ({"discordant_widening": 1}, "priors, discordant_widening: 1 does not widen; give a number above 1"),
+        ({"apart_widening": 0.5}, "priors, apart_widening: 0.5 does not widen; give a number above 1"),
+        ({"apart_weight": 1}, "priors, apart_weight: 1 is no share; give a number from 0 to below 1"),
         ({"discordant_widening": True}, "priors, discordant_widening: True is not a finite number"),
     ],
 )

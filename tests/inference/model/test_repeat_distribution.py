@@ -10,7 +10,7 @@ from scipy import stats
 from scipy.special import expit
 
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
-from bayes_tyre.inference.model.repeat_distribution import MixtureRepeats, RepeatsAboutCases, repeats_about_cases
+from bayes_tyre.inference.model.repeat_distribution import MixtureAbout, NormalAbout, repeats_about_cases
 
 
 @pytest.mark.parametrize("parameters", [2, 5])
@@ -29,9 +29,9 @@ def test_the_density_is_scipy_s(kind, parameters):
         "student": np.array([_student(*each, nu) for each in zip(deviation, scatter, strict=True)]),
     }[kind]
     np.testing.assert_allclose(about.log_prob(jnp.asarray(deviation)), expected, rtol=1e-12)
-    if isinstance(about, MixtureRepeats):
+    if isinstance(about, MixtureAbout):
         odds = np.log(weight) + odd - np.log(1 - weight) - usual
-        np.testing.assert_allclose(about.discordant(jnp.asarray(deviation)), expit(odds), rtol=1e-9)
+        np.testing.assert_allclose(about.probability(jnp.asarray(deviation)), expit(odds), rtol=1e-9)
 
 
 @pytest.mark.parametrize(("kind", "excess"), [("mixture", 0.1 * (DISCORDANT_WIDENING**2 - 1)), ("student", 2 / 8)])
@@ -45,7 +45,7 @@ def test_draws_scatter_as_widely_as_the_density_says(kind, excess):
     assert np.mean(both[0] & both[1]) > 3 * np.mean(both[0]) * np.mean(both[1])  # a record's parameters widen together
 
 
-def made(kind: str, scatter: np.ndarray, nu: float, weight: float) -> RepeatsAboutCases:
+def made(kind: str, scatter: np.ndarray, nu: float, weight: float) -> NormalAbout:
     hyperparameters = {"student_nu": jnp.asarray(nu), "discordant_weight": jnp.asarray(weight)}
     case = jnp.zeros(scatter.shape)
     return repeats_about_cases(kind, case, jnp.asarray(scatter), hyperparameters, DISCORDANT_WIDENING)

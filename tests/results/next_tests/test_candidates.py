@@ -134,6 +134,20 @@ def test_a_level_without_data_has_an_effect_that_new_cases_share():
     assert covariance[0, 0] == pytest.approx(1.5 * SPEED[0] ** 2 + REST[0] ** 2 + 1.25 * 0.01, rel=0.1)
 
 
+def test_a_new_case_may_stand_apart_where_the_model_has_such_cases():
+    new = EXACT.cases[7:]
+    posterior_set = EXACT.tree["posterior"].to_dataset()
+    tree = EXACT.tree.copy()
+    apart = posterior_set.assign(k_apart_probability=xr.zeros_like(posterior_set["k_case"]))
+    tree["posterior"] = xr.DataTree(apart)
+    group = posterior_set["k_group"].sel(group="dual loading").to_numpy().ravel()
+    predictor = np.log(group) + posterior_set["log_k_speed"].sel(speed=25.0).to_numpy().ravel()
+    wide, normal = (candidates(each, new).log_values[:, 7, 0] - predictor for each in (tree, EXACT.tree))
+    # One of 20 is five times as wide. Of 10,000 draws with a kurtosis of 20 a variance has a standard error of 4 %.
+    assert np.var(wide) == pytest.approx((1.0 + 0.05 * 24.0) * REST[0] ** 2, rel=0.2)
+    assert np.var(normal) == pytest.approx(REST[0] ** 2, rel=0.07)
+
+
 def test_a_new_case_has_what_its_configuration_has_of_its_own_at_its_speed():
     tree, new = EXACT.tree.copy(), EXACT.cases[7:]
     factor = find_factors(pd.DataFrame(EXACT.cases * 2)).configuration_speed

@@ -1,11 +1,12 @@
 """Repeats of cases of which only estimates are known: records and cases integrated out, choices summed out.
 
 Where the log likelihood of a record is quadratic in the logarithms of its values, its value given its case, the case
-given its linear predictor and the choice of discordant repeats are known in closed form. What is left to sample is what
-they are distributed by.
+given its linear predictor, the choice of discordant repeats and whether the case stands apart are known in closed form.
+What is left to sample is what they are distributed by.
 """
 
 from collections.abc import Sequence
+from itertools import product
 from typing import NamedTuple
 
 import jax
@@ -18,7 +19,12 @@ from jaxtyping import Array, Float, Int
 from bayes_tyre.inference.model.case_effects import CaseDistribution, sample_case_distribution, with_remainder
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.hyperparameters import PARAMETERS, Hyperparameters, deterministic, deterministic_each
+from bayes_tyre.inference.model.hyperparameters import (
+    PARAMETERS,
+    Hyperparameters,
+    deterministic,
+    deterministic_each,
+)
 from bayes_tyre.inference.model.marginal_mixture import (
     MOST_REPEATS,
     Members,
@@ -77,16 +83,16 @@ def sample_cases_of(
 ) -> Float[Array, "parameters cases"]:
     """Sample the logarithms of the cases' values given those of the records, and keep what is known of cases."""
     about, _, weight, widening, of_record, members = collapsed.repeats
-    posterior = RepeatsOfCases(*about, weight, widening, of_record, members).given(log_values)
+    posterior = RepeatsOfCases(about, weight, widening, of_record, members).given(log_values)
     if members.choices.any():
         deterministic("outlier_probability", outlier_probability(posterior, members, factors))
-    cases = sample_cases_given(posterior, about) if len(with_remainder(factors, parameters)) else about.mean
+    cases = sample_cases_given(posterior, about, parameters, with_remainder(factors, parameters))
     deterministic_each("*_case", parameters, jnp.exp(cases))
     return cases
 
 
 class CollapsedRepeats(NamedTuple):
-    """Repeats of cases that are normal about their linear predictor, given estimates of the repeats.
+    """Repeats of cases about their linear predictor, given estimates of the repeats.
 
     Attributes
     ----------
@@ -130,13 +136,31 @@ class CollapsedRepeats(NamedTuple):
             return sum(of_each, jnp.zeros(()))
 
         slopes, precisions = (total(*both) for both in zip(usual.for_above(), discordant.for_above(), strict=True))
-        remainder = jnp.broadcast_to(self.about.remainder, self.about.mean.shape)[:, None]
-        cases = NormalPosterior(slopes, precisions, jnp.broadcast_to(remainder, slopes.shape))
-        of_repeats = total(usual.log_marginal, discordant.log_marginal)
-        log_joint = of_repeats + cases.log_marginal + log_prior_of_choices(self.members, self.weight)
+        of_choices = total(usual.log_marginal, discordant.log_marginal)
+        of_choices = of_choices + log_prior_of_choices(self.members, self.weight)
+        log_kinds, remainders = self._kinds_of_case()
+        # Each kind of case with each choice, the choices running faster.
+        slopes, precisions, of_choices = (
+            jnp.concatenate([each] * len(log_kinds), axis=-2) for each in (slopes, precisions, of_choices)
+        )
+        remainders = jnp.repeat(remainders, len(self.members.choices), axis=1)
+        cases = NormalPosterior(slopes, precisions, jnp.broadcast_to(remainders, slopes.shape))
+        log_kinds = np.repeat(log_kinds, len(self.members.choices))
+        log_joint = of_choices + cases.log_marginal + log_kinds[:, None]
         log_total = logsumexp(log_joint, axis=0)
         at_predictor = jnp.sum((slope - 0.5 * slope_off) * off, axis=(0, 1))
         return CollapsedPosterior(self, at_predictor + log_total, log_joint - log_total, cases)
+
+    def _kinds_of_case(self) -> tuple[Float[np.ndarray, " kinds"], Float[Array, "parameters kinds #cases"]]:
+        """Return log probability, and standard deviations about the linear predictor, of each kind of case.
+
+        A case may stand apart in any of its parameters, and estimates trade one against the other: each combination is
+        a kind.
+        """
+        log_weight, remainder = self.about.remainders()
+        kinds = np.array(list(product(range(len(log_weight)), repeat=len(self.about.mean)))).T
+        of_each = [remainder[kind, parameter] for parameter, kind in enumerate(kinds)]
+        return log_weight[kinds].sum(axis=0), jnp.stack(of_each)
 
     def _by_case(self) -> tuple[Array, Array, Array]:
         """Return centre, slope and precision of the estimates by repeat and case; axes: parameters, repeats, cases.
@@ -163,14 +187,14 @@ class CollapsedPosterior(NamedTuple):
     log_density:
         Shape (cases,): log density of the estimates.
     log_choice:
-        Shape (choices, cases): log probability of each choice of discordant repeats.
+        Shape (kinds x choices, cases): log probability of each kind of case with each choice of discordant repeats.
     cases:
-        Of the logarithms of the cases' values about their linear predictor; axes: parameters, choices, cases.
+        Of the logarithms of the cases' values about their linear predictor; axes: parameters, kinds x choices, cases.
     """
 
     repeats: CollapsedRepeats
     log_density: Float[Array, " cases"]
-    log_choice: Float[Array, "choices cases"]
+    log_choice: Float[Array, "alternatives cases"]
     cases: NormalPosterior
 
     def draw(self, key: Array, count: int) -> Float[Array, "count records parameters"]:
@@ -182,7 +206,8 @@ class CollapsedPosterior(NamedTuple):
             jnp.broadcast_to(jax.random.normal(of_case, mean.shape)[:, None], self.cases.scale.shape)
         )
         above = (mean + jnp.take_along_axis(drawn, choice[None, None], axis=1)[:, 0])[:, repeats.of_record]
-        discordant = jnp.asarray(repeats.members.choices)[choice[repeats.of_record], repeats.members.place]
+        choices = jnp.asarray(repeats.members.choices)
+        discordant = choices[choice[repeats.of_record] % len(choices), repeats.members.place]
         scatter = jnp.where(discordant, repeats.widening, 1.0) * repeats.about.scatter[:, repeats.of_record]
         slope, precision = repeats.estimates.slope_at(above.T).T, jnp.moveaxis(repeats.estimates.precision, 0, -1)
         records = NormalPosterior(slope, precision, scatter)

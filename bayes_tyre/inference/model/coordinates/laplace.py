@@ -225,8 +225,8 @@ def empty_approximation(records: int, factors: Factors) -> LaplaceApproximation:
     cases, speeds = (
         jnp.asarray(np.zeros((len(PARAMETERS), n))) for n in (len(factors.cases), len(factors.speed.labels))
     )
-    none = jnp.asarray(np.zeros(records, dtype=bool))
-    return LaplaceApproximation(blank, CaseEstimates(cases, cases, Gaussian(speeds, speeds), none))
+    none, apart = (jnp.asarray(np.zeros(shape, dtype=bool)) for shape in ((records,), cases.shape))
+    return LaplaceApproximation(blank, CaseEstimates(cases, cases, Gaussian(speeds, speeds), none, apart))
 
 
 def cases_of(records: RecordEstimates, factors: Factors, priors: Priors = PRIORS) -> CaseEstimates:

@@ -3,6 +3,7 @@
 It shapes the coordinates of `coordinates`, and never the posterior.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -13,10 +14,13 @@ from scipy import stats
 from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
+from bayes_tyre.inference.model.hyperparameters import PARAMETERS, apart_weight
 from bayes_tyre.inference.model.priors import Priors
 
 #: Scatter of repeats where no case has two of them; it counts with no weight.
 _UNKNOWN_SCATTER = 0.1
+#: Rounds of reweighted least squares, and the residual below which a case counts no more: far below any scatter.
+_ROUNDS, _LEAST_RESIDUAL = 30, 1e-4
 
 
 class CaseEstimates(NamedTuple):
@@ -30,12 +34,15 @@ class CaseEstimates(NamedTuple):
         What the repeats say of the logarithm of their scatter, by speed; shape (parameters, speeds).
     discordant:
         Shape (records,): which records look discordant.
+    apart:
+        Shape (parameters, cases): which cases look as if they stood apart from the others.
     """
 
     middle: Float[Array, "parameters cases"]
     variance: Float[Array, "parameters cases"]
     log_scatter: Gaussian
     discordant: Bool[Array, " records"]
+    apart: Bool[Array, "parameters cases"]
 
 
 def case_estimates(
@@ -43,6 +50,7 @@ def case_estimates(
     variances: Float[np.ndarray, "records parameters"],
     factors: Factors,
     priors: Priors = PRIORS,
+    parameters: Sequence[str] = PARAMETERS,
 ) -> CaseEstimates:
     """Return what the records say of the logarithms of their cases; a discordant repeat moves none."""
     members = [factors.of_record == case for case in range(len(factors.cases))]
@@ -57,7 +65,14 @@ def case_estimates(
     discordant = _look_discordant(values - median[factors.of_record], variances, typical, priors)
     usual = [member & ~discordant if (member & ~discordant).any() else member for member in members]
     middle, variance = (np.array([np.mean(of[member], axis=0) for member in usual]).T for of in (values, variances))
-    return CaseEstimates(jnp.asarray(middle), jnp.asarray(variance), log_scatter, jnp.asarray(discordant))
+    apart = np.zeros(middle.shape, dtype=bool)
+    if weight := apart_weight(factors, parameters, priors):
+        of_one = np.exp(log_scatter.value)[:, factors.speed.of_case] ** 2 + variance
+        of_mean = of_one / np.maximum(factors.repeats, 1)
+        each = zip(parameters, middle, of_mean, strict=True)
+        apart = np.stack([_look_apart(*one, factors, weight, priors.apart_widening) for one in each])
+    looks = jnp.asarray(discordant), jnp.asarray(apart)
+    return CaseEstimates(jnp.asarray(middle), jnp.asarray(variance), log_scatter, *looks)
 
 
 def _look_discordant(
@@ -73,6 +88,41 @@ def _look_discordant(
     )
     weight = priors["discordant_weight"].scipy().mean()
     return np.log(weight) + widened > np.log1p(-weight) + usual
+
+
+def _look_apart(
+    parameter: str,
+    values: Float[np.ndarray, " cases"],
+    variance: Float[np.ndarray, " cases"],
+    factors: Factors,
+    weight: float,
+    widening: float,
+) -> Bool[np.ndarray, " cases"]:
+    """Return which cases are likelier to stand apart than not, by how far they lie from what their factors predict.
+
+    The prediction is that of least absolute deviations, which a case that stands apart does not move.
+    """
+    spare = factors.spare_cases(parameter)
+    if not spare:
+        return np.zeros(len(values), dtype=bool)
+    off = _least_absolute_residuals(factors.design(parameter), values)
+    # As many residuals as the design has columns vanish; the median of others is 0.67 standard deviations.
+    typical = max(np.median(np.sort(np.abs(off))[-spare:]) / 0.67, _LEAST_RESIDUAL)
+    remainder = np.maximum(typical**2 - variance, 0.1 * typical**2)
+    usual, wider = (stats.norm.logpdf(off, 0.0, np.sqrt(times**2 * remainder + variance)) for times in (1.0, widening))
+    return np.log(weight) + wider > np.log1p(-weight) + usual
+
+
+def _least_absolute_residuals(
+    design: Float[np.ndarray, "cases terms"], values: Float[np.ndarray, " cases"]
+) -> Float[np.ndarray, " cases"]:
+    """Return residuals of least absolute deviations, by least squares weighted with the residuals' own inverse."""
+    off = values - np.median(values)
+    for _ in range(_ROUNDS):
+        root = 1.0 / np.sqrt(np.maximum(np.abs(off), _LEAST_RESIDUAL))
+        terms = np.linalg.lstsq(root[:, None] * design, root * values, rcond=None)[0]
+        off = values - design @ terms
+    return off
 
 
 def _log_scatter(

@@ -25,6 +25,7 @@ from bayes_tyre.inference.model.coordinates.reparameterisation import (
 )
 from bayes_tyre.inference.model.hyperparameters import Hyperparameters
 from bayes_tyre.inference.model.marginal_mixture import RepeatsOfCases, case_given_choice, choice_number
+from bayes_tyre.inference.model.repeat_distribution import NormalAbout
 from bayes_tyre.inference.model.terms import Terms
 
 #: By site: its reparameterisation, given the values of the sites before it.
@@ -135,21 +136,44 @@ class TermsReparam(Reparam):
         return None, terms.flat(unknown.value)
 
 
+class CasesReparam(Reparam):
+    """The cases' logarithms about their linear predictor, in coordinates that follow their estimates.
+
+    Parameters
+    ----------
+    estimate:
+        Of each parameter of each case, shape (units, 1).
+    widening:
+        How many times wider than usual each is expected about its linear predictor, likewise.
+    """
+
+    def __init__(self, estimate: Gaussian, widening: Float[Array, "units 1"]) -> None:
+        self.estimate, self.widening = estimate, widening
+
+    @override
+    def __call__(self, name: str, fn: Any, obs: Any) -> tuple[None, Array]:
+        assert isinstance(fn, NormalAbout)
+        z = sample_coordinates(f"{name}_z", fn.shape())
+        cases = reparameterise(z, self.estimate, fn.centre, self.widening * fn.sd)
+        numpyro.factor(f"{name}_density", jnp.sum(fn.log_prob(cases.value)) + jnp.sum(cases.log_volume))
+        return None, cases.value
+
+
 class RecordsReparam(Reparam):
     """The records' logarithms, in coordinates that follow their case and their own estimates.
 
     Where cases are integrated out, coordinates need a case to follow: an auxiliary value of it, given one fixed choice
-    of discordant repeats, those that look so by their estimates. Given that choice everything is normal, so weakly
-    identified records follow what their case shares, and no discordant repeat makes a second mode. What is sampled is
-    the records, whose density is that over all choices, and the auxiliary value, whose density is its conditional given
-    the records and the one choice: what it adds integrates to 1.
+    of discordant repeats and of cases that stand apart, those that look so by their estimates. Given that choice
+    everything is normal, so weakly identified records follow what their case shares, and no discordant repeat makes a
+    second mode. What is sampled is the records, whose density is that over all choices, and the auxiliary value, whose
+    density is its conditional given the records and the one choice: what it adds integrates to 1.
 
     Parameters
     ----------
     place:
         Places the records.
     estimates:
-        Of the cases, and which records look discordant.
+        Of the cases, which of them look as if they stood apart, and which records look discordant.
     variance:
         Of the estimate of each case.
     rest:
@@ -169,7 +193,7 @@ class RecordsReparam(Reparam):
     def __call__(self, name: str, fn: Any, obs: Any) -> tuple[None, Array]:
         if isinstance(fn, RepeatsOfCases):
             return None, self._about_auxiliary_cases(name, fn)
-        records = self._placed(name, fn.case, fn.scatter)
+        records = self._placed(name, fn.centre, fn.sd)
         numpyro.factor(f"{name}_density", fn.log_prob(records.value))
         return None, records.value
 
@@ -179,25 +203,28 @@ class RecordsReparam(Reparam):
         return records
 
     def _about_auxiliary_cases(self, name: str, fn: RepeatsOfCases) -> Float[Array, "records parameters"]:
-        rest, discordant = self.rest, self.estimates.discordant
+        rest, about = self.rest, fn.about
+        discordant = self.estimates.discordant & fn.members.choices.any()
         auxiliary = self._auxiliary_cases(name, fn)
         numpyro.deterministic(f"{name}_auxiliary", auxiliary)
-        cases = fn.mean_of_cases.at[rest].set(auxiliary) if len(rest) else fn.mean_of_cases
-        scatter = jnp.where(discordant[:, None], fn.widening, 1.0) * fn.scatter.T[fn.of_record]
+        cases = about.mean.at[rest].set(auxiliary) if len(rest) else about.mean
+        scatter = jnp.where(discordant[:, None], fn.widening, 1.0) * about.scatter.T[fn.of_record]
         records = self._placed(name, cases.T[fn.of_record], scatter).value
         posterior = fn.given(records)
         numpyro.factor(f"{name}_density", posterior.log_density)
         if len(rest):
-            mean, sd = case_given_choice(posterior, choice_number(discordant, fn.members))
-            deviation = auxiliary - fn.mean_of_cases[rest] - mean[rest]
+            kind = jnp.where(self.estimates.apart, len(posterior.mean) - 1, 0)
+            mean, sd = case_given_choice(posterior, choice_number(discordant, fn.members), kind)
+            deviation = auxiliary - about.mean[rest] - mean[rest]
             numpyro.factor(f"{name}_auxiliary_density", norm.logpdf(deviation, 0.0, sd[rest]))
         return records
 
     def _auxiliary_cases(self, name: str, fn: RepeatsOfCases) -> Float[Array, "rest cases"]:
-        rest = self.rest
+        rest, about = self.rest, fn.about
         estimate = Gaussian(self.estimates.middle[rest], 1.0 / self.variance[rest])
         z = sample_coordinates(f"{name}_auxiliary_z", estimate.value.shape)
-        cases = reparameterise(z, estimate, fn.mean_of_cases[rest], fn.remainder[rest])
+        remainder = jnp.where(self.estimates.apart, about.apart_widening, 1.0) * about.remainder
+        cases = reparameterise(z, estimate, about.mean[rest], remainder[rest])
         numpyro.factor(f"{name}_auxiliary_volume", cases.log_volume)
         return cases.value
 

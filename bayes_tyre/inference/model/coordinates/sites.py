@@ -18,6 +18,7 @@ from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation,
 from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates
 from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian, Reparameterised, reparameterise_by_slope
 from bayes_tyre.inference.model.coordinates.reparams import (
+    CasesReparam,
     Coordinates,
     DrawnReparam,
     InCoordinates,
@@ -110,9 +111,10 @@ def case_coordinates(
         return (scatter_of_cases(factors, values, parameters) ** 2 + estimates.variance) / repeats
 
     condensed = condense(terms.design, factors) if len(factors.cases) > _FEW_CASES else None
+    wider = jnp.where(estimates.apart, priors.apart_widening, 1.0)
 
     def of_terms(values: Hyperparameters) -> Reparam:
-        of_cases = variance(values) + case_remainder(factors, values, parameters) ** 2
+        of_cases = variance(values) + (wider * case_remainder(factors, values, parameters)) ** 2
         if condensed is None:
             return TermsReparam(terms, Gaussian(estimates.middle, 1.0 / of_cases))
         rows = jnp.einsum("puc,pc->pu", jnp.asarray(condensed.rotation), estimates.middle)
@@ -121,9 +123,13 @@ def case_coordinates(
     return {
         "log_sd_repeat_by_speed": lambda _: NormalReparam(estimates.log_scatter),
         "terms": of_terms,
-        "log_cases": lambda values: NormalReparam(Gaussian(estimates.middle[rest], 1.0 / variance(values)[rest])),
+        "log_cases": lambda values: CasesReparam(
+            Gaussian(*(of[rest].reshape(-1, 1) for of in (estimates.middle, 1.0 / variance(values)))),
+            wider[rest].reshape(-1, 1),
+        ),
         "log_records": lambda values: RecordsReparam(placed_by(values), estimates, variance(values), rest),
         "choice_z": lambda _: DrawnReparam(),
+        "kind_z": lambda _: DrawnReparam(),
         "case_z": lambda _: DrawnReparam(),
     }
 

@@ -164,13 +164,14 @@ def fit_motions(
     """
     if repeats not in REPEATS:
         raise BadInput(f"repeats {repeats!r} is unknown; use {' or '.join(REPEATS)}")
-    factors = factors or find_factors(motions.factor_table)
+    factors, parameters = factors or find_factors(motions.factor_table), motions.law.parameters
+    cases = case_estimates(motions.log_mean, motions.log_variance, factors, priors, parameters)
     arguments = {
         **{"rows": jnp.asarray(motions.rows), "target": jnp.asarray(motions.target), "factors": factors},
-        **{"cases": case_estimates(motions.log_mean, motions.log_variance, factors, priors), "repeats": repeats},
+        **{"cases": cases, "repeats": repeats},
         **{"law": motions.law, "priors": priors},
     }
-    starts = hyperparameter_starts(motion_sites(factors, repeats, motions.law.parameters), priors.medians(), priors)
+    starts = hyperparameter_starts(motion_sites(factors, repeats, parameters), priors.medians(), priors)
     settings = settings or SamplerSettings()
     chains = make_chains(motions_in_coordinates, arguments, settings, starts, CAREFUL_ACCEPTANCE)
     draws, runs = run_until_sound(chains, settings)

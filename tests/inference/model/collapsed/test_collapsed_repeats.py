@@ -16,6 +16,7 @@ from bayes_tyre.inference.model.marginal_mixture import members_of
 from bayes_tyre.inference.model.normal_posterior import QuadraticApproximation
 
 WIDENING, WEIGHT = 6.0, 0.1
+APART_WIDENING, APART_WEIGHT = 5.0, 0.2
 #: Repeats of each case.
 REPEATS = (3, 1, 2)
 
@@ -25,7 +26,7 @@ def factors_of(repeats: tuple[int, ...] = REPEATS) -> Factors:
     return find_factors(pd.DataFrame(rows))
 
 
-def made(seed: int, discordant: bool = True, remainder: float = 0.3) -> CollapsedRepeats:
+def made(seed: int, discordant: bool = True, remainder: float = 0.3, apart: bool = True) -> CollapsedRepeats:
     """Return repeats of cases with estimates whose values trade against each other."""
     factors, random = factors_of(), np.random.default_rng(seed)
     records, cases = len(factors.of_record), len(factors.cases)
@@ -38,6 +39,8 @@ def made(seed: int, discordant: bool = True, remainder: float = 0.3) -> Collapse
         jnp.asarray(random.normal(0.0, 0.3, (2, cases))),
         jnp.asarray([[remainder], [0.0]]),
         jnp.asarray(random.uniform(0.05, 0.4, (2, cases))),
+        APART_WEIGHT if apart else 0.0,
+        APART_WIDENING,
     )
     weight = jnp.asarray(WEIGHT if discordant else 0.0)
     return CollapsedRepeats(about, estimates, weight, WIDENING, factors.of_record, members_of(factors, discordant))
@@ -46,18 +49,22 @@ def made(seed: int, discordant: bool = True, remainder: float = 0.3) -> Collapse
 def by_hand(
     repeats: CollapsedRepeats, case: int, discordant: bool
 ) -> tuple[np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
-    """Return the log weight of each choice; mean and covariance of all estimates of the case given it."""
+    """Return the log weight of each kind of case with each choice; mean and covariance of all estimates given both."""
     members = np.flatnonzero(repeats.of_record == case)
-    mean, remainder, scatter = (np.asarray(part) for part in repeats.about)
-    logs, normals = [], []
-    for choice in product((False, True) if discordant else (False,), repeat=len(members)):
-        covariance = np.kron(np.ones((len(members),) * 2), np.diag(remainder[:, 0] ** 2))
+    mean, remainder, scatter = (np.asarray(part) for part in repeats.about[:3])
+    apart, logs, normals = repeats.about.apart_weight, [], []
+    kinds = product((False, True) if apart else (False,), repeat=2)
+    choices = product((False, True) if discordant else (False,), repeat=len(members))
+    for kind, choice in product(kinds, choices):
+        sd = np.where(kind, APART_WIDENING, 1.0) * remainder[:, 0]
+        covariance = np.kron(np.ones((len(members),) * 2), np.diag(sd**2))
         for i, (record, odd) in enumerate(zip(members, choice, strict=True)):
             own = np.linalg.inv(repeats.estimates.precision[record])
             own = own + np.diag((scatter[:, case] * (WIDENING if odd else 1.0)) ** 2)
             covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] += own
         odd = sum(choice)
-        logs.append(odd * np.log(WEIGHT) + (len(choice) - odd) * np.log1p(-WEIGHT) if discordant else 0.0)
+        log = odd * np.log(WEIGHT) + (len(choice) - odd) * np.log1p(-WEIGHT) if discordant else 0.0
+        logs.append(log + sum(kind) * np.log(apart or 1.0) + (2 - sum(kind)) * np.log1p(-apart))
         normals.append((np.tile(mean[:, case], len(members)), covariance))
     return np.array(logs), normals
 
@@ -80,9 +87,10 @@ def maxima(repeats: CollapsedRepeats, case: int) -> tuple[np.ndarray, float]:
 
 @pytest.mark.parametrize("discordant", [True, False])
 @pytest.mark.parametrize("remainder", [0.3, 0.0])
-def test_the_density_is_that_of_a_mixture_of_normals(discordant, remainder):
+@pytest.mark.parametrize("apart", [True, False])
+def test_the_density_is_that_of_a_mixture_of_normals(discordant, remainder, apart):
     for seed in range(3):
-        repeats = made(seed, discordant, remainder)
+        repeats = made(seed, discordant, remainder, apart)
         posterior = repeats.given()
         for case in range(len(REPEATS)):
             logs, normals = by_hand(repeats, case, discordant)
@@ -115,7 +123,7 @@ def test_gradients_are_those_of_finite_differences():
 
 
 def test_draws_of_records_have_the_moments_of_their_normal():
-    repeats, draws = made(5, discordant=False), 4000
+    repeats, draws = made(5, discordant=False, apart=False), 4000
     posterior = repeats.given()
     keys = jax.random.split(jax.random.PRNGKey(0), draws)
     drawn = np.asarray(jax.jit(jax.vmap(lambda key: posterior.draw(key, 1)[0]))(keys))
@@ -134,6 +142,22 @@ def test_draws_of_records_have_the_moments_of_their_normal():
         # 12 means and 12 standard deviations, near normal: one beyond 4.5 standard errors in 2e-4 of seeds.
         assert (np.abs(found.mean(axis=0) - mean) < 4.5 * sd / np.sqrt(draws)).all()
         assert (np.abs(found.std(axis=0) / sd - 1.0) < 4.5 / np.sqrt(2 * draws)).all()
+
+
+def test_draws_of_records_have_the_density_that_is_claimed():
+    repeats, draws = made(6), 20_000
+    posterior = repeats.given()
+    # The mean over draws of a ratio to another density of the same records is 1, if they are drawn as they should be:
+    # here that with other estimates of the records, whose likelihoods and marginals are known.
+    slope = repeats.estimates.slope + 0.3
+    other = repeats._replace(estimates=repeats.estimates._replace(slope=slope))
+    keys = jax.random.split(jax.random.PRNGKey(1), draws)
+    drawn = jax.jit(jax.vmap(lambda key: posterior.draw(key, 1)[0]))(keys)
+    log_ratio = jax.vmap(lambda values: other.estimates.at(values) - repeats.estimates.at(values))(drawn)
+    by_case = np.stack([log_ratio[:, repeats.of_record == case].sum(axis=1) for case in range(len(REPEATS))])
+    ratio = np.exp(by_case - np.asarray(other.given().log_density - posterior.log_density)[:, None])
+    # As likely off by 5 standard errors in any of three cases as 2e-6.
+    assert (np.abs(ratio.mean(axis=1) - 1.0) < 5 * ratio.std(axis=1) / np.sqrt(draws)).all()
 
 
 def test_what_can_be_collapsed():

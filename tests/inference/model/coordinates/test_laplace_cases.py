@@ -38,6 +38,43 @@ def test_records_that_say_little_are_not_called_odd():
     assert not case_estimates(values, variances, factors).discordant[4]
 
 
+def crossed(repeats: int) -> Factors:
+    """Return 20 cases of one configuration at five loads and four speeds: 12 more than their effects can fit."""
+    rows = [
+        {"configuration": "x", "initial_load_kN": load, "speed_km_h": speed}
+        for load in (10.0, 15.0, 20.0, 25.0, 30.0)
+        for speed in (0.0, 15.0, 25.0, 35.0)
+        for _ in range(repeats)
+    ]
+    return find_factors(pd.DataFrame(rows))
+
+
+def additive(factors: Factors) -> np.ndarray:
+    """Return logarithms of two parameters: effects of load and of speed, 3 % about these, and usual repeats."""
+    random, cases = np.random.default_rng(3), factors.of_record
+    effects = factors.design("k") @ random.normal(0.0, 0.3, (factors.design("k").shape[1], 2))
+    case = effects + 0.03 * random.normal(size=effects.shape)
+    return case[cases] + 0.02 * random.normal(size=(len(cases), 2))
+
+
+def test_a_case_that_stands_apart_is_seen_in_the_parameter_in_which_it_does():
+    factors = crossed(3)
+    values = additive(factors)
+    values[factors.of_record == 7, 0] += 0.4
+    found = case_estimates(values, np.full(values.shape, SD**2), factors)
+    assert found.apart[0, 7]
+    # Of usual cases 0.7 % look as if they stood apart (simulated: more than 3 of 39 in 2 of 1000 seeds).
+    assert int(found.apart.sum()) <= 4
+
+
+def test_where_no_case_can_be_told_to_stand_apart_none_looks_so():
+    factors = crossed(1)
+    values = additive(factors)
+    values[7, 0] += 0.4
+    assert not case_estimates(values, np.full(values.shape, SD**2), factors).apart.any()
+    assert not case_estimates(usual(3), np.full((3 * CASES, 2), SD**2), levels_of(3)).apart.any()
+
+
 def test_of_two_that_both_look_odd_neither_is_left_out():
     values, factors = usual(2), levels_of(2)
     values[6:8] = [[-1.0, -1.0], [1.0, 1.0]]
