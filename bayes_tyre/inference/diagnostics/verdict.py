@@ -9,7 +9,12 @@ import xarray as xr
 from bayes_tyre.inference.diagnostics.attempts import MODEL_CHECKS, checks_in
 from bayes_tyre.inference.diagnostics.convergence import by_chain, by_parameter, figures_of
 from bayes_tyre.inference.diagnostics.data_checks import failed_checks, find_limitations
-from bayes_tyre.inference.diagnostics.sampling_checks import Check, sampling_checks, without_probabilities
+from bayes_tyre.inference.diagnostics.sampling_checks import (
+    Check,
+    sampling_checks,
+    uncertain_probabilities,
+    without_probabilities,
+)
 from bayes_tyre.inference.sampling.datatree import priors_of
 
 
@@ -57,9 +62,10 @@ def diagnose(tree: xr.DataTree) -> Diagnostics:
 
     Pass: R-hat <= 1.01, bulk and tail ESS >= 100 a chain, BFMI >= 0.3, no divergence, finite draws, no doubt of
     `bayes_tyre.inference.diagnostics.data_checks` about the records, and the checks of the model that the posterior
-    carries (`bayes_tyre.inference.diagnostics.judge.model_checks`). Of an outlier probability the Monte Carlo error of
-    its mean is judged instead of R-hat and ESS: at most 0.02. Source: Vehtari et al. (2021), "Rank-normalization,
-    folding, and localization".
+    carries (`bayes_tyre.inference.diagnostics.judge.model_checks`). Of an outlier probability neither R-hat nor ESS is
+    judged: a Monte Carlo error of its mean above 0.02 is a limitation, for it makes no interval wrong.
+
+    Source: Vehtari et al. (2021), "Rank-normalization, folding, and localization".
 
     Parameters
     ----------
@@ -88,6 +94,7 @@ def diagnose(tree: xr.DataTree) -> Diagnostics:
         value.get("residual_autocorrelation", np.nan),
         (
             *(check.note for check in checks if check.kind == "model" and check.note),
+            *uncertain_probabilities(posterior),
             *_deep_trees(sampler, draws),
             *find_limitations(tree),
         ),

@@ -10,7 +10,7 @@ from helpers.hand_made_posteriors import grid, posterior, quiet, scattered
 
 from bayes_tyre.inference.diagnostics.attempts import MODEL_CHECKS, with_checks
 from bayes_tyre.inference.diagnostics.convergence import figures_of
-from bayes_tyre.inference.diagnostics.sampling_checks import Check
+from bayes_tyre.inference.diagnostics.sampling_checks import Check, mean_error
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics, diagnose
 from bayes_tyre.inference.sampling.run import RUNS, SamplerRun, runs_to_json
 from bayes_tyre.workflow.result_folder import write_json
@@ -211,27 +211,28 @@ def test_a_probability_is_judged_by_the_error_of_its_mean_not_by_r_hat_and_effec
     assert float(figures.ess_tail["outlier_probability"].min()) < 100 * CHAINS
     assert found.verdict == "pass", found.reasons
     assert "outlier_probability" not in found.by_parameter
+    assert not [each for each in found.limitations if "outlier_probability" in each]
     # 0.0005 if those eight draws were independent; as one run they are worth less, at worst one draw in sixteen.
-    assert 0.0005 < check(found, "outlier_probability_mcse")["value"] < 0.0005 * np.sqrt(2 * 8)
+    error = mean_error(tree(outlier_probability=rare)["posterior"].to_dataset()["outlier_probability"]).max()
+    assert 0.0005 < float(error) < 0.0005 * np.sqrt(2 * 8)
 
 
-def test_a_probability_whose_mean_is_not_known_fails_and_asks_for_more_draws():
+def test_a_probability_whose_mean_is_not_known_is_a_limitation_and_asks_for_more_draws():
+    """It makes no interval wrong, so it fails nothing."""
     unsure = np.full((CHAINS, DRAWS, 12), 0.01)
     unsure[:, :, 7] = np.tile(0.5 + 0.1 * slow_path(DRAWS), (CHAINS, 1))
     found = diagnose(tree(outlier_probability=unsure))
-    reason = only_reason(found)
-    assert reason.startswith("outlier_probability[single 25 loading 2]: Monte Carlo error 0.0")
-    assert reason.endswith("of its mean is above 0.02; raise --draws")
-    row = check(found, "outlier_probability_mcse")
-    assert (row["passed"], row["limit"], row["remedy"]) == (False, 0.02, "raise --draws")
-    assert row["where"] == "outlier_probability[single 25 loading 2]"
+    assert found.verdict == "pass", found.reasons
+    (limitation,) = [each for each in found.limitations if "outlier_probability" in each]
+    assert limitation.startswith("outlier_probability[single 25 loading 2]: Monte Carlo error 0.0")
+    assert limitation.endswith("of its mean is above 0.02; raise --draws to quote it")
 
 
 def test_checks_are_the_criteria_and_those_that_failed_are_the_reasons():
     passed = diagnose(with_checks(tree(), MODEL_CHECKS, [correlated(0.1)]))
     assert {tuple(row) for row in passed.checks} == {CHECK}
     assert {row["name"]: row["kind"] for row in passed.checks} == {
-        **dict.fromkeys(("finite_draws", "r_hat", "ess_bulk", "ess_tail", "outlier_probability_mcse"), "sampling"),
+        **dict.fromkeys(("finite_draws", "r_hat", "ess_bulk", "ess_tail"), "sampling"),
         **{"bfmi": "sampling", "divergences": "sampling", "residual_autocorrelation": "model", "records": "data"},
     }
     assert all(row["passed"] and not row["remedy"] for row in passed.checks)

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bayes_tyre.batch import pad
+from bayes_tyre.inference.correlated_noise import UnequalNoise
 from bayes_tyre.inference.model.displacement_errors import _of_curves, converter_step_mm, displacement_errors
 from bayes_tyre.inference.model.prepared_records import record_batch
 from bayes_tyre.inference.model.settings import ModelSettings
@@ -110,6 +111,7 @@ def test_displacements_without_errors_leave_the_records_as_they_are():
     batch = record_batch(table)
     corrected, errors = displacement_errors(batch, np.arange(24) // 3, np.zeros(24), "equation_2")
     np.testing.assert_allclose(corrected.force_kN, batch.force_kN, atol=1e-9)
+    assert isinstance(errors.others, UnequalNoise)
     np.testing.assert_allclose(errors.others.weight, 1.0, atol=1e-9)
     np.testing.assert_allclose(errors.shrink, 0.0, atol=1e-9)
 
