@@ -57,13 +57,14 @@ def _words(name: str, label: str | None) -> str:
     if (level := _LEVEL.fullmatch(name)) is not None:
         return _of_level(level["parameter"], level["factor"], bool(level["sd"]), label)
     parameter = re.sub(r"_(case|group|mean)$", "", name)
+    of_parameter = _NAMES.get(parameter, parameter) if parameter in _PARAMETERS else ""
     if label is None:
-        return ""
+        return f"{of_parameter} of cases" if name.endswith("_case") and of_parameter else ""
     if parameter == "outlier_probability":
         return f"outlier probability of {label}"
     if (apart := parameter.removesuffix("_apart_probability")) != parameter:
         return f"probability that {apart} of {label} stands apart from other cases"
-    return f"{_NAMES.get(parameter, parameter)} of {label}" if parameter in _PARAMETERS else ""
+    return f"{of_parameter} of {label}" if of_parameter else ""
 
 
 def _of_level(parameter: str, factor: str, is_sd: bool, label: str | None) -> str:

@@ -13,6 +13,7 @@ from bayes_tyre.report.answer.quantities import in_words
         ("log_k_speed[35]: prior-sensitive", "effect of 35 km/h on stiffness k: prior-sensitive"),
         ("k_case[a [b] c], sigma[r 1] and 4 more", "stiffness k of a [b] c, noise sigma of r 1 and 4 more"),
         ("most at large sd_log_beta_repeat)", "most at large standard deviation of log beta between repeats)"),
+        ("k_case: probably apart from the others", "stiffness k of cases: probably apart from the others"),
         ("sd_log_k_repeat_by_speed[15]", "standard deviation of log k between repeats at 15 km/h"),
         ("R-hat 1.2 of chain 2: raise --warmup; k and beta", "R-hat 1.2 of chain 2: raise --warmup; k and beta"),
     ],
