@@ -94,6 +94,14 @@ def test_records_of_a_rig_share_its_mass(done, raw):
     assert max(changes) > 1.0
 
 
+def test_configurations_on_one_rig_file_have_a_mass_each(raw, tmp_path):
+    command = here("process", raw, "--rig", "single", "--out", tmp_path / "records.csv", "--quiet", "--workers", 1)
+    assert command.exit_code == 0, command.stderr
+    mass = pd.read_csv(tmp_path / "records.csv").groupby("configuration")["mass_kg"].unique()
+    assert [len(each) for each in mass] == [1, 1]
+    assert abs(mass["dual"][0] - mass["single"][0]) > 50.0  # simulated: 345 and 231 kg
+
+
 def test_text_files_wait_for_no_library_that_they_do_not_need(raw, tmp_path):
     script = f"""
 import sys

@@ -69,18 +69,23 @@ def process_files(
 
 
 def _shared_masses(tasks: Sequence[Task], outcomes: Sequence[Path | Fault]) -> list[Change] | None:
-    """Return, for each record, what gives it the mass that all records of its rig share; None where none has a mass.
+    """Return, for each record, what gives it the mass that its configuration has on its rig; None where none has one.
 
-    An axle has one mass. What each record finds by itself is off by several times as much, and its k with it. Where a
-    rig has standing records the mass is theirs: what is left of a runout looks like mass, mostly like less of it.
+    An axle has one mass with the tyres of a configuration. What each record finds by itself is off by several times as
+    much, and its k with it. Where there are standing records the mass is theirs: what is left of a runout looks like
+    mass, mostly like less of it.
     """
     done = [(task.rig, part) for task, part in zip(tasks, outcomes, strict=True) if isinstance(part, Path)]
-    rigs = {rig.model_dump_json(): rig for rig, _ in done if rig is not None}
-    keys = [rig.model_dump_json() for rig, _ in done if rig is not None]
     own = pd.DataFrame([read_part(part).iloc[0] for _, part in done]).reset_index(drop=True)
     if MASS not in own:
         return None
-    shared = {str(key): shared_mass(rigs[str(key)], _masses(rows)) for key, rows in own.groupby(pd.Series(keys))}
+    rigs = [rig for rig, _ in done if rig is not None]
+    keys = [
+        f"{configuration} on {rig.model_dump_json()}"
+        for rig, configuration in zip(rigs, own["configuration"], strict=True)
+    ]
+    rig_of = dict(zip(keys, rigs, strict=True))
+    shared = {str(key): shared_mass(rig_of[str(key)], _masses(rows)) for key, rows in own.groupby(pd.Series(keys))}
     return [partial(_with_mass, mass=shared[key]) for key in keys]
 
 
