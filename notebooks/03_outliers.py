@@ -86,8 +86,8 @@ NotebookFigure(rule_figures.rule_and_posterior(mine, estimates, results.setting(
 # - **The posterior:** its interval gets *wider*, as it must when data are lost, and stays of use, for the other cases
 #   still tell how much repeats scatter.
 #
-# The posterior without the repeat is not fitted again: the draws are weighed anew (`pareto_k` at most 0.7: that may
-# be trusted).
+# The posterior without the repeat is not fitted again: the draws are weighed anew. `pareto_k` at most 0.7: that may be
+# trusted; a little above it, as here, the interval is rough.
 
 # %%
 good = "DynamicS(0)30-40(1)"

@@ -22,6 +22,8 @@ _TURN_FOUND = {"xatol": 0.01}
 _NEARBY = 1.05
 # Of the design: mass, damping, stiffness, friction, the state it begins in, level.
 _COLUMNS = 6
+# Standard deviation of the mass between records, as a share of the rig file's, above which they do not share one.
+_MOST_BETWEEN = 0.05
 # What is known of viscous damping before a record says more: standard deviation about none, as a share of critical.
 _DAMPING_RATIO = 0.06
 
@@ -101,12 +103,12 @@ def find_mass(rig: Rig, motion: Motion, dt_s: float) -> Mass:
     return Mass(*map(float, found))
 
 
-def shared_mass(rig: Rig, records: Float[np.ndarray, "records 2"]) -> tuple[float, float]:
-    """Return the mass (kg) that all records of a rig share, and its standard deviation.
+def shared_mass(rig: Rig, records: Float[np.ndarray, "records 2"]) -> tuple[float, float] | None:
+    """Return the mass (kg) that all records of a rig share, and its standard deviation; None where they share none.
 
     Records differ by more than their standard errors where friction or runout is not as `find_mass` has it: a variance
     between records (DerSimonian & Laird, Controlled Clinical Trials 7, 1986) is added to each. The rig file's mass
-    counts once.
+    counts once. Records that differ by more than 5 % have no mass in common: other ballast, or runout that hides it.
 
     Parameters
     ----------
@@ -120,6 +122,8 @@ def shared_mass(rig: Rig, records: Float[np.ndarray, "records 2"]) -> tuple[floa
     total = weight.sum()
     excess = float(weight @ (kg - weight @ kg / total) ** 2) - (len(kg) - 1)
     between = max(0.0, excess / (total - weight @ weight / total)) if len(kg) > 1 else 0.0
+    if between**0.5 > _MOST_BETWEEN * rig.axle.effective_mass_kg:
+        return None
     known_sd = max(rig.axle.effective_mass_relative_sd, 1e-9) * rig.axle.effective_mass_kg
     precision = np.append(1.0 / (sd_kg**2 + between), known_sd**-2)
     mean = precision @ np.append(kg, rig.axle.effective_mass_kg) / precision.sum()

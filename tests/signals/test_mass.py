@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.signals.mass import Motion, _friction, find_mass, shared_mass
@@ -49,16 +50,26 @@ def test_damping_gives_way_to_the_mass_as_it_says():
     assert slope == pytest.approx(free.damping_per_kg, rel=0.25)
 
 
+def of_records(records: ArrayLike) -> tuple[float, float]:
+    shared = shared_mass(RIG, np.asarray(records))
+    assert shared is not None
+    return shared
+
+
 def test_one_record_shares_its_mass_with_the_rig_file():
     axle = RIG.axle
-    kg, sd_kg = shared_mass(RIG, np.array([[250.0, 5.0]]))
+    kg, sd_kg = of_records([[250.0, 5.0]])
     prior_sd = axle.effective_mass_kg * axle.effective_mass_relative_sd
     precision = 1 / 25.0 + prior_sd**-2
     assert kg == pytest.approx((250.0 / 25.0 + axle.effective_mass_kg / prior_sd**2) / precision)
     assert sd_kg == pytest.approx(precision**-0.5)
 
 
-@pytest.mark.parametrize("between_kg", [0.0, 20.0])
+def test_records_of_two_axles_share_no_mass():
+    assert shared_mass(RIG, np.array([[230.0, 3.0], [232.0, 4.0], [345.0, 4.0], [344.0, 5.0]])) is None
+
+
+@pytest.mark.parametrize("between_kg", [0.0, 5.0])
 def test_what_records_share_is_off_by_what_its_standard_deviation_says(between_kg):
     """400 rigs of 12 records: the mean square of standard normal numbers is outside 0.8 to 1.2 with probability 5e-3.
 
@@ -67,5 +78,5 @@ def test_what_records_share_is_off_by_what_its_standard_deviation_says(between_k
     rng = np.random.default_rng(4)
     sds = rng.uniform(3.0, 12.0, (400, 12))
     kg = 285.0 + rng.normal(0, np.hypot(sds, between_kg))
-    shared = np.array([shared_mass(RIG, np.column_stack(records)) for records in zip(kg, sds, strict=True)])
+    shared = np.array([of_records(np.column_stack(records)) for records in zip(kg, sds, strict=True)])
     assert 0.8 < np.mean(((shared[:, 0] - 285.0) / shared[:, 1]) ** 2) < 1.2 + 0.22 * (between_kg > 0)

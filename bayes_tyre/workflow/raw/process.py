@@ -95,7 +95,10 @@ def _masses(records: pd.DataFrame) -> Float[np.ndarray, "records 2"]:
     return used[["mass_from_record_kg", "mass_from_record_sd_kg"]].to_numpy(dtype=float)
 
 
-def _with_mass(record: pd.DataFrame, mass: tuple[float, float]) -> pd.DataFrame:
+def _with_mass(record: pd.DataFrame, mass: tuple[float, float] | None) -> pd.DataFrame:
+    """Return a record with another mass and its standard deviation (kg); None: with its own."""
+    if mass is None:
+        return record
     kg, sd_kg = mass
     force_kN = record["force_kN"] + (kg - record[MASS]) * record[FORCE_PER_KG]
     return record.assign(**{"force_kN": force_kN, MASS: kg, MASS_SD: sd_kg})
