@@ -27,8 +27,8 @@ MOTION_PARAMETERS = ("k", "settled", "beta", "m", "c")
 #: Repeats that a case needs before one of them can be called discordant.
 JUDGEABLE_REPEATS = 3
 #: Repeats that a case needs, and cases beyond those that the factors fit exactly, before one of these can be said to
-#: stand apart: one repeat may be discordant instead, and of two cases that differ either may be the one.
-APART_REPEATS, APART_SPARE_CASES = 2, 2
+#: stand apart: one repeat may be discordant instead, and of few cases that differ any may be the one.
+APART_REPEATS, APART_SPARE_CASES = 2, 6
 #: Names that end so are sampled where their level is, in coordinates that follow what is below it.
 _PLACED = ("_group", "_typical")
 #: Sites that every record's prior goes through, whatever its factors.

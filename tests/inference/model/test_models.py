@@ -28,7 +28,7 @@ from bayes_tyre.inference.model.models import published_model, records_model
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.record import CASE_FACTORS
-from bayes_tyre.record_table import check_record_table
+from bayes_tyre.record_table import check_record_table, record_factors
 
 # Each compiles a model, with its Jacobian: some 10 s from cold.
 pytestmark = pytest.mark.slow
@@ -37,10 +37,10 @@ SEVERAL = Plan(("a",), (0.0, 25.0), (20.0, 30.0), (-5.0, 5.0), points=12, discor
 CROSSED = Plan(("a", "b"), (0.0, 25.0), (20.0, 30.0), (-5.0, 5.0), points=12, discordant=("a (0)20-25(2)",))
 ONE = Plan(configurations=("a",), speeds=(0.0,), loads=(20.0,), steps=(10.0,), repeats=1, points=12)
 FEW = Plan(("a",), (0.0,), (30.0,), (-10.0, -5.0, 5.0, 10.0), points=12)
-SIX = replace(FEW, steps=(-15.0, -10.0, -5.0, 5.0, 10.0, 15.0))
+SEVEN_STEPS = replace(FEW, steps=tuple(way * step for way in (-1.0, 1.0) for step in np.arange(2.5, 20.0, 2.5)))
 KINDS = {
     "a remainder of k alone": (FEW, ModelSettings()),
-    "a remainder of k alone, of cases that may stand apart": (SIX, ModelSettings()),
+    "a remainder of k alone, of cases that may stand apart": (SEVEN_STEPS, ModelSettings()),
     "mixture": (CROSSED, ModelSettings()),
     "autoregressive": (SEVERAL, ModelSettings(noise="ar1", initial_load="actual")),
     "student": (SEVERAL, ModelSettings(repeats="student")),
@@ -48,6 +48,13 @@ KINDS = {
     "one record": (ONE, ModelSettings(noise="ar1")),
 }
 SEEDS = (1, 2, 3)
+
+
+def test_kinds_whose_cases_may_stand_apart_are_among_them():
+    of = {name: find_factors(record_factors(simulate(plan, 1)[0])) for name, (plan, _) in KINDS.items()}
+    apart = {name for name, factors in of.items() if density_by_hand.can_stand_apart(factors)}
+    assert apart == {"mixture", "a remainder of k alone, of cases that may stand apart"}
+    assert not of["a remainder of k alone, of cases that may stand apart"].spare_cases("beta")
 
 
 class Case(NamedTuple):
