@@ -61,12 +61,12 @@ def read_separate_fits(folder: Path) -> list[FitTable]:
     BadInput
         If one is not what the command writes.
     """
-    return [] if (folder / RUN_JSON).is_file() else read_fit_tables(folder)
+    return [] if (folder / RUN_JSON).is_file() else read_fit_tables(folder, tuple(_SHOWN))
 
 
-def read_fit_tables(folder: Path) -> list[FitTable]:
-    """Return the same, a posterior in the folder or not: what is there of `least_squares.csv`, `loops.csv`, ..."""
-    return [_table(folder / name) for name in _SHOWN if (folder / name).is_file()]
+def read_fit_tables(folder: Path, names: tuple[str, ...]) -> list[FitTable]:
+    """Return the tables of these names that are in a folder, whatever else is there; errors as `read_separate_fits`."""
+    return [_table(folder / name) for name in names if (folder / name).is_file()]
 
 
 def _table(path: Path) -> FitTable:

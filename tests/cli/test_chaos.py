@@ -1,7 +1,7 @@
 """The short form of `make chaos`: two quick commands, each disturbed in every way; and that its check can fail."""
 
 import pytest
-from helpers.chaos import COMMANDS, check, clock_set_back, inputs, killed, left_alone, out_of_disk
+from helpers.chaos import COMMANDS, assert_as_left_alone, clock_set_back, inputs, killed, left_alone, out_of_disk
 
 
 @pytest.mark.slow
@@ -11,13 +11,13 @@ def test_a_disturbed_command_gives_the_bytes_of_a_run_left_alone(name, tmp_path)
     alone, seconds = left_alone(command, folder)
     killed(command, folder, 0.8 * seconds)
     clock_set_back(folder)
-    check(command, folder, alone)
+    assert_as_left_alone(command, folder, alone)
     out_of_disk(command, folder, 500)
-    check(command, folder, alone)
+    assert_as_left_alone(command, folder, alone)
 
 
 def test_half_a_file_is_found(tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "least_squares.csv").write_text("record,k_kN_per_mm\nx,1.")
     with pytest.raises(AssertionError, match=r"least_squares\.csv is neither whole nor absent"):
-        check(COMMANDS["lsq"], tmp_path, {"least_squares.csv": b"record,k_kN_per_mm\nx,1.8\n"})
+        assert_as_left_alone(COMMANDS["lsq"], tmp_path, {"least_squares.csv": b"record,k_kN_per_mm\nx,1.8\n"})

@@ -123,6 +123,16 @@ def test_certified_sets_come_back_to_eight_digits(name, start, tmp_path):
     assert row[["k_kN_per_mm_se", "d_i_mm_se", "F_i_kN_se"]].isna().all()
 
 
+def test_the_answer_is_of_this_run_whatever_else_is_in_the_folder(tmp_path):
+    path, out = written(small(), tmp_path / "records.csv"), tmp_path / "out"
+    assert here("lsq", path, "--out", out).stdout.endswith("6 records, 0 not ok\n")
+    (out / "load_deflection.csv").write_text("of another command, and not even whole")
+    (out / "run.json").write_text("{}")
+    again = here("lsq", path, "--out", out)
+    assert (again.exit_code, again.stderr) == (0, "")
+    assert again.stdout.endswith("6 records, 0 not ok\n")
+
+
 def test_bounds_are_held_and_said(tmp_path):
     path = written(small(), tmp_path / "records.csv")
     done = here("lsq", path, "--out", tmp_path / "free")

@@ -102,7 +102,7 @@ def clock_set_back(folder: Path) -> None:
         os.utime(path, (ahead, ahead))
 
 
-def check(command: Command, folder: Path, alone: dict[str, bytes]) -> None:
+def assert_as_left_alone(command: Command, folder: Path, alone: dict[str, bytes]) -> None:
     """Assert that what is there is whole, that the command then gives the bytes of a run left alone; and clean up."""
     for name, content in written_by(folder).items():
         assert alone.get(name) == content, f"{name} is neither whole nor absent"
@@ -167,7 +167,7 @@ def chaos(
         if rng.random() < 0.3:
             say(f"{name}: the clock is set back")
             clock_set_back(folder)
-        check(command, folder, result)
+        assert_as_left_alone(command, folder, result)
         counts[name] += 1
     return counts
 

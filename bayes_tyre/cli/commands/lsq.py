@@ -99,10 +99,11 @@ def _print_answer(out: Path) -> None:
     """Print the tables of a folder, where they are, and how many records (or branches of loops) are not ok."""
     from bayes_tyre.report.terminal.fits_table import print_tables
     from bayes_tyre.results.separate_fits import read_fit_tables
+    from bayes_tyre.workflow.least_squares import FITS, LOOPS
 
-    fits, *cycles = tables = read_fit_tables(out)
+    fits, *cycles = tables = read_fit_tables(out, (FITS, LOOPS))
     print_tables(tables)
-    say(f"wrote {out / 'least_squares.csv'} (data: {fits.origin})", quiet=False)
+    say(f"wrote {out / FITS} (data: {fits.origin})", quiet=False)
     if cycles:
         closed = len(cycles[0].status)
         say(f"wrote loops.csv, backbone.csv and figures/loops.png beside it: {closed} closed cycles", quiet=False)

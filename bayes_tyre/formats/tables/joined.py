@@ -1,7 +1,6 @@
 """One table out of many parts on disk: a part at a time is in memory, however many there are."""
 
 from collections.abc import Callable, Iterable, Sequence
-from itertools import repeat
 from pathlib import Path
 
 import pandas as pd
@@ -38,15 +37,15 @@ def read_part(path: Path) -> pd.DataFrame:
     return pd.read_parquet(path)
 
 
-def write_joined(parts: Sequence[Path], path: Path, changes: Sequence[Change] | None = None) -> Path:
+def write_joined(parts: Sequence[Path], path: Path, changes: Sequence[Change | None] | None = None) -> Path:
     """Write one or more parts under one another, as `.csv` or `.parquet`, as `write_table` would; return the path.
 
-    Columns are those of all parts; cells that a part has not are missing. `changes`, one a part, are what becomes of
-    its table before it is written.
+    Columns are those of all parts; cells that a part has not are missing. `changes`, one a part, are what is done to
+    its table before it is written; None: nothing.
     """
     schemas = [pq.read_schema(part) for part in parts]
     schema = pa.unify_schemas(schemas, promote_options="permissive").with_metadata(schemas[0].metadata)
-    each = zip(parts, changes or repeat(_unchanged), strict=False)
+    each = zip(parts, changes or [None] * len(parts), strict=True)
     tables = (_read(part, schema, change) for part, change in each)
     with whole_file(path) as beside:
         if path.suffix.lower() == ".parquet":
@@ -75,13 +74,9 @@ def _join_csv(tables: Iterable[pa.Table], path: Path) -> None:
             table.to_csv(file, index=False, header=not i, lineterminator="\n", quoting=quoting_of(table))
 
 
-def _unchanged(table: pd.DataFrame) -> pd.DataFrame:
-    return table
-
-
-def _read(part: Path, schema: pa.Schema, change: Change) -> pa.Table:
+def _read(part: Path, schema: pa.Schema, change: Change | None) -> pa.Table:
     table = pq.read_table(part)
-    if change is not _unchanged:
+    if change is not None:
         table = pa.Table.from_pandas(change(table.to_pandas()), schema=table.schema, preserve_index=False)
     missing = [name for name in schema.names if name not in table.column_names]
     for name in missing:

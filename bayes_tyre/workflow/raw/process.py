@@ -68,7 +68,7 @@ def process_files(
     return len(records), rows
 
 
-def _shared_masses(tasks: Sequence[Task], outcomes: Sequence[Path | Fault]) -> list[Change] | None:
+def _shared_masses(tasks: Sequence[Task], outcomes: Sequence[Path | Fault]) -> list[Change | None] | None:
     """Return, for each record, what gives it the mass that its configuration has on its rig; None where none has one.
 
     An axle has one mass with the tyres of a configuration. What each record finds by itself is off by several times as
@@ -86,7 +86,8 @@ def _shared_masses(tasks: Sequence[Task], outcomes: Sequence[Path | Fault]) -> l
     ]
     rig_of = dict(zip(keys, rigs, strict=True))
     shared = {str(key): shared_mass(rig_of[str(key)], _masses(rows)) for key, rows in own.groupby(pd.Series(keys))}
-    return [partial(_with_mass, mass=shared[key]) for key in keys]
+    masses = [shared[key] for key in keys]
+    return [None if mass is None else partial(_with_mass, mass=mass) for mass in masses]
 
 
 def _masses(records: pd.DataFrame) -> Float[np.ndarray, "records 2"]:
@@ -95,10 +96,8 @@ def _masses(records: pd.DataFrame) -> Float[np.ndarray, "records 2"]:
     return used[["mass_from_record_kg", "mass_from_record_sd_kg"]].to_numpy(dtype=float)
 
 
-def _with_mass(record: pd.DataFrame, mass: tuple[float, float] | None) -> pd.DataFrame:
-    """Return a record with another mass and its standard deviation (kg); None: with its own."""
-    if mass is None:
-        return record
+def _with_mass(record: pd.DataFrame, mass: tuple[float, float]) -> pd.DataFrame:
+    """Return a record with another mass and its standard deviation, kg."""
     kg, sd_kg = mass
     force_kN = record["force_kN"] + (kg - record[MASS]) * record[FORCE_PER_KG]
     return record.assign(**{"force_kN": force_kN, MASS: kg, MASS_SD: sd_kg})
