@@ -56,16 +56,19 @@ class NormalPosterior:
     def __init__(
         self, slope: Float[Array, "n *units"], precision: Float[Array, "n n *units"], scale: Float[Array, "n *units"]
     ) -> None:
-        self._slope, self._precision, self.scale = slope, precision, scale
+        self.scale = scale
+        # Taken apart once: each index would leave an array of zeros around one entry in the gradient.
+        self._slopes, self._scales = jnp.unstack(slope), jnp.unstack(scale)
+        self._precisions = [jnp.unstack(row) for row in jnp.unstack(precision)]
         # Cholesky's factor of the precision in units of `scale`, and its inverse times the slope.
         root: _Rows = []
         half: list[Array] = []
-        for i in range(len(scale)):
+        for i, (of_row, own) in enumerate(zip(self._precisions, self._scales, strict=True)):
             row: list[Array] = []
             for j in range(i):
-                row.append((precision[i, j] * scale[i] * scale[j] - _dot(row, root[j])) / root[j][j])
-            row.append(jnp.sqrt(1.0 + precision[i, i] * scale[i] ** 2 - _dot(row, row)))
-            half.append((slope[i] * scale[i] - _dot(row, half)) / row[i])
+                row.append((of_row[j] * own * self._scales[j] - _dot(row, root[j])) / root[j][j])
+            row.append(jnp.sqrt(1.0 + of_row[i] * own**2 - _dot(row, row)))
+            half.append((self._slopes[i] * own - _dot(row, half)) / row[i])
             root.append(row)
         self._root, self._half = root, half
 
@@ -101,12 +104,12 @@ class NormalPosterior:
         for column in range(count):
             solved: list[Array] = []
             for i in range(count):
-                of_row = self.scale[i] * self._precision[i, column]
+                of_row = self._scales[i] * self._precisions[i][column]
                 solved.append((of_row - _dot(self._root[i], solved)) / self._root[i][i])
             columns.append(solved)
-        slope = jnp.stack([self._slope[i] - _dot(columns[i], self._half) for i in range(count)])
-        taken = jnp.stack([jnp.stack([_dot(columns[i], columns[j]) for j in range(count)]) for i in range(count)])
-        return slope, self._precision - taken
+        slope = jnp.stack([self._slopes[i] - _dot(columns[i], self._half) for i in range(count)])
+        left = [[self._precisions[i][j] - _dot(columns[i], columns[j]) for j in range(count)] for i in range(count)]
+        return slope, jnp.stack([jnp.stack(row) for row in left])
 
     @property
     def _log_root(self) -> Float[Array, "*units"]:

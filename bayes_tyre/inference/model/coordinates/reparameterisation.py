@@ -13,11 +13,11 @@ hierarchical models", Statistical Science 22, taken from one partial centring to
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
-from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, ArrayLike, Float
 
-from bayes_tyre.inference.model.normal_posterior import NormalPosterior
+from bayes_tyre.inference.model.normal_posterior import NormalPosterior, QuadraticApproximation
 
 
 class Gaussian(NamedTuple):
@@ -101,24 +101,43 @@ def reparameterise_by_slope(
 
 def reparameterise_jointly(
     z: Float[Array, "*batch terms"],
-    design: Float[ArrayLike, "*batch units terms"],
-    estimate: Gaussian,
+    estimate: QuadraticApproximation,
     above: Float[ArrayLike, "*batch terms"],
     scale: Float[Array, "*batch terms"],
 ) -> Reparameterised:
-    """Return the terms of a regression at z: `estimate` is of design @ terms, and each term is Normal(above, scale).
+    """Return the many terms of a regression at z: `estimate` is of all of them, and each is Normal(above, scale).
 
     If the data were as Gaussian as `estimate` says, the posterior of z is exactly standard normal, whatever the scales
-    and however the columns of the design overlap. A term without weight in the design stays at its level above.
+    and however the columns of the design overlap. A term that the data say nothing of stays at its level above.
     """
-    design, above = jnp.asarray(design), jnp.asarray(above)
-    weighted = design * scale[..., None, :]
-    off = estimate.value - jnp.einsum("...ut,...t->...u", design, above)
-    slope = jnp.einsum("...ut,...u->...t", weighted, estimate.precision * off)
-    # Precision of the terms in units of their scales: what the data add to 1.
-    gain = jnp.eye(z.shape[-1]) + weighted.mT @ (weighted * estimate.precision[..., None])
-    root = jnp.linalg.cholesky(gain)
-    half = solve_triangular(root, slope[..., None], lower=True)
-    deviation = scale * solve_triangular(root, half + z[..., None], lower=True, trans=1)[..., 0]
-    log_volume = jnp.sum(jnp.log(scale), axis=-1) - jnp.sum(jnp.log(jnp.diagonal(root, axis1=-2, axis2=-1)), axis=-1)
+    above = jnp.asarray(above)
+    # Slope and precision of the terms in units of their scales: what the data add to 1.
+    slope = scale * estimate.slope_at(above)
+    gain = jnp.eye(z.shape[-1]) + scale[..., :, None] * estimate.precision * scale[..., None, :]
+    root = inverse_root(gain)
+    half = jnp.einsum("...ts,...t->...s", root, slope)
+    deviation = scale * jnp.einsum("...ts,...s->...t", root, half + z)
+    log_volume = jnp.sum(jnp.log(scale), axis=-1) + jnp.sum(jnp.log(jnp.diagonal(root, axis1=-2, axis2=-1)), axis=-1)
     return Reparameterised(above + deviation, deviation, log_volume)
+
+
+@jax.custom_jvp
+def inverse_root(matrix: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"]:
+    """Return the upper triangle that, times its transpose, is the inverse of a matrix with no eigenvalue below 1.
+
+    The transpose of Cholesky's factor, inverted. The factor of [[matrix, 1], [1, 2]] holds it below the matrix's own,
+    so that one call of LAPACK gives it, and its derivative is products alone: XLA's triangular solves took nine tenths
+    of a gradient with 52 terms.
+    """
+    one = jnp.broadcast_to(jnp.eye(matrix.shape[-1]), matrix.shape)
+    whole = jnp.block([[matrix, one], [one, 2.0 * one]])
+    return jnp.linalg.cholesky(whole, symmetrize_input=False)[..., matrix.shape[-1] :, : matrix.shape[-1]]
+
+
+@inverse_root.defjvp
+def _inverse_root_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    """Source: Murray (2016), "Differentiation of the Cholesky decomposition", arXiv:1602.07527, equation 8."""
+    root = inverse_root(*primals)
+    within = root.mT @ tangents[0] @ root
+    lower = jnp.tril(within, -1) + 0.5 * jnp.diagonal(within, axis1=-2, axis2=-1)[..., None] * jnp.eye(root.shape[-1])
+    return root, -root @ lower.mT

@@ -25,6 +25,7 @@ from bayes_tyre.inference.model.coordinates.reparameterisation import (
 )
 from bayes_tyre.inference.model.hyperparameters import Hyperparameters
 from bayes_tyre.inference.model.marginal_mixture import RepeatsOfCases, case_given_choice, choice_number
+from bayes_tyre.inference.model.normal_posterior import QuadraticApproximation
 from bayes_tyre.inference.model.repeat_distribution import NormalAbout
 from bayes_tyre.inference.model.terms import Terms
 
@@ -108,29 +109,24 @@ class NormalReparam(Reparam):
 
 
 class TermsReparam(Reparam):
-    """The terms of the linear predictors, which an estimate of each case determines together.
+    """The terms of the linear predictors, which the estimates of all cases determine together.
 
     Parameters
     ----------
     terms:
         The terms.
     estimate:
-        Of each row of `design`.
-    design:
-        What each term adds to each unit that is estimated; None: to each case.
+        Of them, shape (parameters, most).
     """
 
-    def __init__(
-        self, terms: Terms, estimate: Gaussian, design: Float[np.ndarray, "parameters units most"] | None = None
-    ) -> None:
+    def __init__(self, terms: Terms, estimate: QuadraticApproximation) -> None:
         self.terms, self.estimate = terms, estimate
-        self.design = terms.design if design is None else design
 
     @override
     def __call__(self, name: str, fn: Any, obs: Any) -> tuple[None, Array]:
         terms, (mean, sd), z = self.terms, _mean_and_sd(fn), sample_coordinates(f"{name}_z", fn.shape())
         rows = terms.stacked(mean), terms.stacked(sd, fill=1.0)
-        unknown = reparameterise_jointly(terms.stacked(z), self.design, self.estimate, *rows)
+        unknown = reparameterise_jointly(terms.stacked(z), self.estimate, *rows)
         numpyro.factor(f"{name}_density", norm.logpdf(terms.flat(unknown.deviation), 0.0, sd))
         numpyro.factor(f"{name}_volume", unknown.log_volume)
         return None, terms.flat(unknown.value)

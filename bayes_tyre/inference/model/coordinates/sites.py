@@ -4,7 +4,7 @@ Estimates, by least squares and Fisher information, shape the coordinates only, 
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,7 +15,7 @@ from numpyro.infer.reparam import Reparam
 
 from bayes_tyre.inference.model.case_effects import case_remainder, scatter_of_cases, with_remainder
 from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, RecordEstimates
-from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates
+from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates, find_kinds
 from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian, Reparameterised, reparameterise_by_slope
 from bayes_tyre.inference.model.coordinates.reparams import (
     CasesReparam,
@@ -39,8 +39,6 @@ from bayes_tyre.inference.model.terms import find_terms
 _ALMOST_NONE = 1e-6
 #: Scatter of printed means where they fit exactly.
 _LEAST_SCATTER = 0.01
-#: Cases that cost nothing to be taken one by one.
-_FEW_CASES = 100
 
 
 def records_in_coordinates(approximation: LaplaceApproximation, **arguments: Any) -> None:
@@ -110,15 +108,12 @@ def case_coordinates(
     def variance(values: Hyperparameters) -> Float[Array, "parameters cases"]:
         return (scatter_of_cases(factors, values, parameters) ** 2 + estimates.variance) / repeats
 
-    condensed = condense(terms.design, factors) if len(factors.cases) > _FEW_CASES else None
+    kinds = find_kinds(terms.design, factors)
     wider = jnp.where(estimates.apart, priors.apart_widening, 1.0)
 
     def of_terms(values: Hyperparameters) -> Reparam:
         of_cases = variance(values) + (wider * case_remainder(factors, values, parameters)) ** 2
-        if condensed is None:
-            return TermsReparam(terms, Gaussian(estimates.middle, 1.0 / of_cases))
-        rows = jnp.einsum("puc,pc->pu", jnp.asarray(condensed.rotation), estimates.middle)
-        return TermsReparam(terms, Gaussian(rows, 1.0 / (of_cases @ jnp.asarray(condensed.shares))), condensed.design)
+        return TermsReparam(terms, kinds.estimate(estimates.middle, of_cases))
 
     return {
         "log_sd_repeat_by_speed": lambda _: NormalReparam(estimates.log_scatter),
@@ -132,41 +127,6 @@ def case_coordinates(
         "kind_z": lambda _: DrawnReparam(),
         "case_z": lambda _: DrawnReparam(),
     }
-
-
-class Condensed(NamedTuple):
-    """Fewer rows than cases that say the same of the terms.
-
-    Attributes
-    ----------
-    rotation:
-        What each row takes of each case, shape (parameters, rows, cases).
-    design:
-        What each term adds to each row, shape (parameters, rows, terms).
-    shares:
-        Share of each case in the variance of each row, shape (cases, rows).
-    """
-
-    rotation: Float[np.ndarray, "parameters rows cases"]
-    design: Float[np.ndarray, "parameters rows terms"]
-    shares: Float[np.ndarray, "cases rows"]
-
-
-def condense(design: Float[np.ndarray, "parameters cases terms"], factors: Factors) -> Condensed:
-    """Return fewer rows that say what the cases do, where those at one speed with as many repeats are alike.
-
-    Hundreds of them tell no more of a dozen terms than a dozen rows do.
-    """
-    both = np.stack([factors.speed.of_case, factors.repeats])
-    alike = np.unique(both, axis=1, return_inverse=True)[1].ravel()
-    rotation, rows, shares = [], [], []
-    for kind in range(alike.max() + 1):
-        members = alike == kind
-        q, r = np.linalg.qr(design[:, members])
-        rotation.append(q.mT @ np.eye(len(alike))[members])
-        rows.append(r)
-        shares.append(np.repeat(members[:, None] / members.sum(), r.shape[1], axis=1))
-    return Condensed(*(np.concatenate(parts, axis=axis) for parts, axis in ((rotation, 1), (rows, 1), (shares, 1))))
 
 
 def record_coordinates(approximation: LaplaceApproximation, factors: Factors, priors: Priors = PRIORS) -> Coordinates:
@@ -222,10 +182,10 @@ def published_coordinates(
 ) -> Coordinates:
     """Return the coordinates of `bayes_tyre.inference.model.models.published_model`."""
     terms, printed = find_terms(factors, PARAMETERS, priors), log_published(values)
+    kinds = find_kinds(terms.design, factors)
 
     def of_terms(known: Hyperparameters) -> Reparam:
-        precision = scatter_of_cases(factors, known, of="published") ** -2.0
-        return TermsReparam(terms, Gaussian(jnp.asarray(printed), precision))
+        return TermsReparam(terms, kinds.estimate(printed, scatter_of_cases(factors, known, of="published") ** 2))
 
     scatter = _log_scatter_of_residuals(printed, terms.design, factors)
     return {"log_sd_published_by_speed": lambda _: NormalReparam(scatter), "terms": of_terms}

@@ -1,12 +1,17 @@
 """What records' estimates say of their cases: odd ones are seen, and move nothing."""
 
+import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 
-from bayes_tyre.inference.model.coordinates.laplace_cases import case_estimates
+from bayes_tyre.inference.model.coordinates.laplace_cases import case_estimates, find_kinds
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors, find_factors
+from bayes_tyre.inference.model.hyperparameters import PARAMETERS
+from bayes_tyre.inference.model.terms import find_terms
 
 CASES, SCATTER, SD = 40, 0.05, 0.01
+SPEEDS, LOADS, STEPS = (0.0, 25.0, 35.0), (10.0, 15.0, 20.0, 25.0, 30.0, 35.0), (-10.0, -5.0, 5.0, 10.0)
 
 
 def levels_of(repeats: int) -> Factors:
@@ -81,3 +86,37 @@ def test_of_two_that_both_look_odd_neither_is_left_out():
     found = case_estimates(values, np.full(values.shape, SD**2), factors)
     assert found.discordant[6:8].all()
     np.testing.assert_allclose(found.middle[:, 3], [0.0, 0.0], atol=1e-12)
+
+
+def test_kinds_give_the_normal_equations_of_the_cases():
+    random = np.random.default_rng(0)
+    rows = [
+        {"configuration": configuration, "direction": "loading" if step > 0 else "unloading", "speed_km_h": speed}
+        | {"initial_load_kN": load, "step_kN": step}
+        for configuration in ("single", "dual")
+        for speed in SPEEDS
+        for load in LOADS
+        for step in STEPS
+        for _ in range(random.integers(1, 3))
+    ]
+    factors = find_factors(pd.DataFrame(rows))
+    design = find_terms(factors, PARAMETERS, PRIORS).design
+    kinds = find_kinds(design, factors)
+    # Three speeds with one repeat, or with two.
+    assert kinds.member.shape == (len(factors.cases), 6)
+    # Variances alike at one speed with as many repeats, and estimates of the cases that are not.
+    alike = np.unique(np.stack([factors.speed.of_case, factors.repeats]), axis=1, return_inverse=True)[1].ravel()
+    variance = random.uniform(0.5, 2.0, (len(PARAMETERS), alike.max() + 1))[:, alike]
+    values, at = random.standard_normal(variance.shape), random.standard_normal(design.shape[::2])
+    estimate = kinds.estimate(values, jnp.asarray(variance))
+    precision = np.einsum("pct,pc,pcv->ptv", design, 1.0 / variance, design)
+    np.testing.assert_allclose(estimate.precision, precision, atol=1e-9)
+    slope = np.einsum("pct,pc->pt", design, (values - np.einsum("pct,pt->pc", design, at)) / variance)
+    np.testing.assert_allclose(estimate.slope_at(jnp.asarray(at)), slope, atol=1e-9)
+
+
+def test_few_cases_keep_a_variance_each():
+    rows = pd.DataFrame({"configuration": ["single"], "direction": "loading", "speed_km_h": 0.0, "step_kN": 10.0})
+    factors = find_factors(pd.concat([rows.assign(initial_load_kN=load) for load in LOADS], ignore_index=True))
+    kinds = find_kinds(find_terms(factors, PARAMETERS, PRIORS).design, factors)
+    np.testing.assert_array_equal(kinds.member, np.eye(len(LOADS)))

@@ -9,11 +9,13 @@ from hypothesis import strategies as st
 
 from bayes_tyre.inference.model.coordinates.reparameterisation import (
     Gaussian,
+    inverse_root,
     reparameterise,
     reparameterise_by_slope,
     reparameterise_jointly,
     reparameterise_whitened,
 )
+from bayes_tyre.inference.model.normal_posterior import QuadraticApproximation
 
 scales = st.floats(1e-4, 1e3)
 numbers = st.floats(-5.0, 5.0)
@@ -80,6 +82,13 @@ def test_of_a_few_that_nothing_is_said_of_each_is_at_its_level_and_as_wide_as_th
     assert float(placed.log_volume[0]) == pytest.approx(float(jnp.sum(jnp.log(scale))))
 
 
+def of_terms(design, values, precision):
+    """Return what normal estimates of design @ terms say of the terms."""
+    weighted = design * precision[..., None]
+    slope = jnp.einsum("...ut,...u->...t", weighted, values)
+    return QuadraticApproximation(jnp.zeros_like(slope), slope, weighted.mT @ design)
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_terms_placed_jointly_are_standard_normal_in_their_coordinates_with_the_volume_of_their_map(seed):
     rng = np.random.default_rng(seed)
@@ -90,7 +99,7 @@ def test_terms_placed_jointly_are_standard_normal_in_their_coordinates_with_the_
     above, scale = jnp.asarray(rng.normal(size=terms)), jnp.asarray(10.0 ** rng.uniform(-3, 1, size=terms))
 
     def placed(z):
-        return reparameterise_jointly(z, design, estimate, above, scale)
+        return reparameterise_jointly(z, of_terms(design, *estimate), above, scale)
 
     def log_density(z):
         found = placed(z)
@@ -108,7 +117,7 @@ def test_terms_placed_jointly_are_standard_normal_in_their_coordinates_with_the_
 def test_terms_whose_scale_vanishes_stay_where_they_belong():
     design, above = jnp.eye(2), jnp.array([0.5, -0.5])
     estimate = Gaussian(jnp.array([3.0, 3.0]), jnp.array([10.0, 10.0]))
-    placed = reparameterise_jointly(jnp.ones(2), design, estimate, above, jnp.array([1e-200, 1.0]))
+    placed = reparameterise_jointly(jnp.ones(2), of_terms(design, *estimate), above, jnp.array([1e-200, 1.0]))
     assert float(placed.deviation[0]) == pytest.approx(1e-200)
     assert float(placed.value[0]) == 0.5
     assert bool(jnp.isfinite(placed.log_volume))
@@ -116,14 +125,31 @@ def test_terms_whose_scale_vanishes_stay_where_they_belong():
 
 def test_terms_without_weight_in_the_design_are_idle_and_move_no_other():
     rng = np.random.default_rng(3)
-    design, estimate = rng.normal(size=(2, 6, 3)), Gaussian(jnp.zeros((2, 6)), jnp.ones((2, 6)))
-    design[1, :, 2] = 0.0
+    design = jnp.asarray(rng.normal(size=(2, 6, 3))).at[1, :, 2].set(0.0)
+    estimate = of_terms(design, jnp.zeros((2, 6)), jnp.ones((2, 6)))
     z, scale, above = jnp.asarray(rng.normal(size=(2, 3))), jnp.full((2, 3), 0.7).at[1, 2].set(1.0), jnp.zeros((2, 3))
-    placed = reparameterise_jointly(z.at[1, 2].set(0.0), jnp.asarray(design), estimate, above, scale)
+    placed = reparameterise_jointly(z.at[1, 2].set(0.0), estimate, above, scale)
     for of_one, terms in ((0, 3), (1, 2)):
-        own = Gaussian(estimate.value[of_one], estimate.precision[of_one])
-        without = jnp.asarray(design[of_one, :, :terms])
-        alone = reparameterise_jointly(z[of_one, :terms], without, own, above[of_one, :terms], scale[of_one, :terms])
+        own = of_terms(design[of_one, :, :terms], jnp.zeros(6), jnp.ones(6))
+        alone = reparameterise_jointly(z[of_one, :terms], own, above[of_one, :terms], scale[of_one, :terms])
         np.testing.assert_allclose(placed.value[of_one, :terms], alone.value, rtol=1e-12)
         assert float(placed.log_volume[of_one]) == pytest.approx(float(alone.log_volume), abs=1e-12)
     assert float(placed.value[1, 2]) == 0.0
+
+
+@pytest.mark.parametrize("size", [1, 5, 50])
+def test_the_inverse_root_and_its_derivative_are_those_of_choleskys_factor(size):
+    rng = np.random.default_rng(size)
+    tall = rng.normal(size=(2, size + 3, size)) * 10.0 ** rng.uniform(-1, 1, size=size)
+    matrix = jnp.eye(size) + jnp.asarray(tall.mT @ tall)
+    weight, change = jnp.asarray(rng.normal(size=matrix.shape)), jnp.asarray(tall.mT @ tall)
+
+    def inverted(step):
+        return jnp.linalg.inv(jnp.linalg.cholesky(matrix + step * change)).mT
+
+    np.testing.assert_allclose(inverse_root(matrix), inverted(0.0), rtol=1e-7, atol=1e-12)
+    _, forward = jax.jvp(lambda step: inverse_root(matrix + step * change), (0.0,), (1.0,))
+    backward = jax.grad(lambda step: jnp.sum(weight * inverse_root(matrix + step * change)))(0.0)
+    numerical = (inverted(1e-5) - inverted(-1e-5)) / 2e-5
+    np.testing.assert_allclose(forward, numerical, rtol=1e-5, atol=1e-8)
+    assert float(backward) == pytest.approx(float(jnp.sum(weight * forward)), rel=1e-10)
