@@ -36,6 +36,7 @@ from bayes_tyre.published.campaign import Reconstruction
 from bayes_tyre.record_table import check_record_table, suspicious_units
 from bayes_tyre.report.figures.catalogue import Result, chosen_figure
 from bayes_tyre.report.figures.page.notebook_display import NotebookFigure
+from bayes_tyre.report.terminal.progress import Stages
 from bayes_tyre.results import contrasts as ratios
 from bayes_tyre.results import prediction, summary
 from bayes_tyre.results.case_selection import parse_query
@@ -127,6 +128,7 @@ def fit(
     draws: int | None = None,
     seed: int | None = None,
     units_checked: bool = False,
+    progress: bool = True,
 ) -> Posterior:
     """Return the posterior of all records together, by NUTS, with its verdict.
 
@@ -145,6 +147,8 @@ def fit(
         In place of those of `settings`.
     units_checked:
         Whether you vouch for units that look wrong, such as forces in N.
+    progress:
+        Whether to show how far each stage is, in a notebook or on a terminal.
 
     Returns
     -------
@@ -170,11 +174,15 @@ def fit(
         raise BadInput(f"{suspicions[0]}; or say units_checked=True")
     prepare_jax(max(settings.chains, _DEVICES))
     prepared = prepare_records(table, model)
-    return _judged(
-        fit_hierarchical(table, settings, model, prepared),
-        lambda tree, attempt: identify_records(tree, prepared, model, attempt),
-        used_points(table, model.region),
-    )
+    with Stages(progress) as stages:
+        told = replace(settings, on_stage=stages.begin, on_progress=stages.advance) if progress else settings
+        tree = fit_hierarchical(table, told, model, prepared)
+        stages.begin("diagnostics")
+        return _judged(
+            tree,
+            lambda tree, attempt: identify_records(tree, prepared, model, attempt),
+            used_points(table, model.region),
+        )
 
 
 def fit_published(settings: SamplerSettings | None = None, priors: Mapping[str, object] | None = None) -> Posterior:

@@ -12,6 +12,7 @@ import typer
 
 from bayes_tyre.plain_text import one_line
 
+LOGGER = logging.getLogger("bayes_tyre")
 #: Characters of a line on the terminal.
 LONGEST_LINE = 10_000
 #: Warnings about code, not about data: the user of a command cannot act on them.
@@ -20,6 +21,7 @@ _FOR_DEVELOPERS = (DeprecationWarning, PendingDeprecationWarning, FutureWarning)
 
 def say(text: str, quiet: bool) -> None:
     """Print on stdout, unless quiet."""
+    LOGGER.debug("%s", text)
     if not quiet:
         typer.echo(text)
 
@@ -32,7 +34,9 @@ def note(text: object, quiet: bool) -> None:
 
 def fault(text: object) -> None:
     """Print on stderr, one line, what ended a command or why its result is not to be trusted."""
-    typer.echo(f"bayes-tyre: {one_line(text, LONGEST_LINE)}", err=True)
+    line = one_line(text, LONGEST_LINE)
+    LOGGER.debug("%s", line, exc_info=sys.exc_info()[0] is not None)
+    typer.echo(f"bayes-tyre: {line}", err=True)
 
 
 def warn(text: object) -> None:

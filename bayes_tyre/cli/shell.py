@@ -6,14 +6,14 @@ import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperCommand
 
-from bayes_tyre.cli import memory, suffixes
+from bayes_tyre.cli import logs, memory, suffixes
 from bayes_tyre.cli.interrupt import ending_at_interrupt
 from bayes_tyre.cli.messages import fault, one_line_each, say
 from bayes_tyre.cli.messages import note as note  # commands import these two from here
@@ -24,6 +24,8 @@ from bayes_tyre.plain_text import listed, path_text
 
 if TYPE_CHECKING:
     from bayes_tyre.inference.diagnostics.verdict import Diagnostics
+    from bayes_tyre.report.terminal.progress import Stages
+    from bayes_tyre.workflow.execution.resume import Callbacks
     from bayes_tyre.workflow.record_tables import Given
 
 BAD_INPUT, NOT_TRUSTED = 3, 4
@@ -101,16 +103,21 @@ class Command(TyperCommand):
 
 
 def guarded(command: Callable[..., None]) -> Callable[..., None]:
-    """Turn bad input and disk errors into one line on stderr and exit code 3, and print each warning in one line."""
-    for parameter in inspect.signature(command).parameters.values():
+    """Turn bad input and disk errors into one line on stderr and exit code 3, and print each warning in one line.
+
+    The command gets the options --verbose and --log-file.
+    """
+    signature = inspect.signature(command)
+    for parameter in signature.parameters.values():
         for option in getattr(parameter.annotation, "__metadata__", ()):
             option.readable = (
                 False  # a file that may not be read is bad input, not the usage error that Typer makes of it
             )
 
     @functools.wraps(command)
-    def run(*args: Any, **kwargs: Any) -> None:
-        memory.within_limit(lambda: explained(*args, **kwargs), command.__name__)
+    def run(*args: Any, verbose: bool = False, log_file: Path | None = None, **kwargs: Any) -> None:
+        with logs.logging_to(verbose, log_file):
+            memory.within_limit(lambda: explained(*args, **kwargs), command.__name__)
 
     def explained(*args: Any, **kwargs: Any) -> None:
         try:
@@ -132,6 +139,12 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
             fault(f"{where}{error.strerror or error}; check the path and the disk")
             raise typer.Exit(BAD_INPUT) from None
 
+    of_log = (("verbose", logs.Verbose, False), ("log_file", logs.LogFile, None))
+    further = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=option)
+        for name, option, default in of_log
+    ]
+    run.__signature__ = signature.replace(parameters=[*signature.parameters.values(), *further])  # pyright: ignore
     return run
 
 
@@ -143,20 +156,26 @@ def _resume_advice(command: Callable[..., None]) -> tuple[str, ...]:
     return (f"resume with: {shlex.join(call)}",)
 
 
-def on_terminal(quiet: bool) -> bool:
-    """Return whether stderr is a terminal and --quiet was not given."""
-    return sys.stderr.isatty() and not quiet
+def stages(quiet: bool) -> "Stages":
+    """Return the bars of a command's stages, on stderr if that is a terminal."""
+    from bayes_tyre.report.terminal.progress import Stages
+
+    return Stages(not quiet)
 
 
 @contextmanager
 def progress(what: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
-    """Yield a function to call with the number just done; it draws a bar on stderr if that is a terminal."""
-    from rich.console import Console
-    from rich.progress import Progress
+    """Yield a function to call with the number just done of a command's only stage."""
+    with stages(quiet) as only:
+        only.begin(what, total)
+        yield only.advance
 
-    with Progress(console=Console(stderr=True), disable=not on_terminal(quiet), transient=True) as bar:
-        task = bar.add_task(what, total=total)
-        yield lambda done: bar.advance(task, done)
+
+def callbacks(stages: "Stages", quiet: bool, answer: Callable[["Diagnostics"], object] = lambda _: None) -> "Callbacks":
+    """Return what a running fit calls: notes and warnings on stderr, bars, and what prints its answer."""
+    from bayes_tyre.workflow.execution.resume import Callbacks
+
+    return Callbacks(functools.partial(note, quiet=quiet), warn, stages.advance, answer, stages.begin)
 
 
 def read_records(paths: Sequence[Path], columns: Path | None) -> "Given":
@@ -224,16 +243,16 @@ class Answer:
         The folder that holds its tables; what they rest on; the configuration that others are compared with.
     quiet:
         Whether to print nothing: `conclude` then prints the failed checks, alone.
-    bar:
-        What draws the progress; closed before anything is printed.
+    stages:
+        Whose bar goes before anything is printed.
     limited:
         Whether the cases are held against a limit, and sentences on it belong to the answer.
     """
 
     def __init__(
-        self, out: Path, origin: str, reference: str | None, quiet: bool, bar: ExitStack, limited: bool = False
+        self, out: Path, origin: str, reference: str | None, quiet: bool, stages: "Stages", limited: bool = False
     ) -> None:
-        self.out, self.quiet, self.bar, self.limited = out, quiet, bar, limited
+        self.out, self.quiet, self.stages, self.limited = out, quiet, stages, limited
         self.run = {"origin": origin, "options": {"reference": reference}}
         self.began = time.monotonic()
         self.given: Diagnostics | None = None
@@ -242,7 +261,7 @@ class Answer:
         """Print it where it is not printed yet; return the diagnostics that were printed."""
         if self.given is None:
             self.given = diagnostics
-            self.bar.close()
+            self.stages.stop()
             if not self.quiet:
                 # Where nobody reads on, the rest must be written all the same; `conclude` then meets the error again.
                 with suppress(OSError):

@@ -198,6 +198,7 @@ def fit_table(
         raise BadInput(f"{names(plan.records)}: {error}") from None
     prepare_folder(out)
     table = used_points(table, plan.model.region)
+    callbacks.on_stage("diagnostics", None)
     tree, diagnostics = judge(
         tree,
         lambda tree, attempt: identify_records(tree, records, plan.model, attempt),
@@ -208,16 +209,23 @@ def fit_table(
     printed = tables.case_means() if origin_of(table) == "reconstructed" else None
     result = Result(tree, diagnostics.verdict, table, printed, plan.interval, limit=limit, reference=plan.reference)
     diagnostics = write_fit(
-        result, diagnostics, run, out, xlsx=xlsx, answer=callbacks.answer, record_draws=plan.record_draws
+        result, diagnostics, run, out, xlsx=xlsx, callbacks=callbacks, record_draws=plan.record_draws
     )
     checkpoints.clear()
     return diagnostics
 
 
 def fit_published_tables(
-    out: Path, settings: SamplerSettings, interval: float, command: Sequence[str], priors: Priors = PRIORS
+    out: Path,
+    settings: SamplerSettings,
+    interval: float,
+    command: Sequence[str],
+    priors: Priors = PRIORS,
+    callbacks: Callbacks | None = None,
 ) -> Diagnostics:
     """Fit Tables 9 and 11 themselves and write the result's folder; return the verdict."""
+    callbacks = callbacks or Callbacks()
+    settings = callbacks.settings(settings)
     prepare_folder(out)
     inputs = ("published/table_09_stiffness.csv", "published/table_11_characteristic_deflection.csv")
     options = {**sampler_options(settings), "interval": interval, "priors": priors.given()}
@@ -229,7 +237,8 @@ def fit_published_tables(
         lambda tree, attempt: identify_published(tree, printed, priors, attempt),
         Attempts(),
     )
-    return write_fit(Result(tree, diagnostics.verdict, printed=printed, interval=interval), diagnostics, run, out)
+    result = Result(tree, diagnostics.verdict, printed=printed, interval=interval)
+    return write_fit(result, diagnostics, run, out, callbacks=callbacks)
 
 
 def sampler_options(settings: SamplerSettings) -> dict[str, object]:

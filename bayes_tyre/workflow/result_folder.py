@@ -23,6 +23,7 @@ from bayes_tyre.results import summary
 from bayes_tyre.results.figure_data.motion_traces import MOTIONS_CSV
 from bayes_tyre.results.provenance import RUN_JSON, Run, write_json, write_run
 from bayes_tyre.workflow.drawing import Begin, drawing_process
+from bayes_tyre.workflow.execution.resume import Callbacks
 
 #: All tables of a result, a sheet each.
 WORKBOOK = "results.xlsx"
@@ -38,7 +39,7 @@ def write_fit(
     beside: Mapping[str, pd.DataFrame] | None = None,
     *,
     xlsx: bool = False,
-    answer: Callable[[Diagnostics], object] = lambda _: None,
+    callbacks: Callbacks | None = None,
     record_draws: int | None = None,
 ) -> Diagnostics:
     """Write a posterior with its tables, diagnostics and figures into `out`; return the diagnostics that were written.
@@ -54,14 +55,16 @@ def write_fit(
         Further tables, by the names of their files.
     xlsx:
         Write the tables as one workbook too.
-    answer:
-        Called once tables and diagnostics are written, with the verdict that stands unless a figure fails.
+    callbacks:
+        Called as stages begin, and once tables and diagnostics are written, with the verdict that stands unless a
+        figure fails.
     record_draws:
         Draws of each record in `posterior.nc`, as `thin_records` takes them; tables and figures are of all draws.
     """
     prepare_folder(out)
     (out / RUN_JSON).unlink(missing_ok=True)  # of an older run: it marks a folder as finished
-    attempts = Attempts()
+    attempts, callbacks = Attempts(), callbacks or Callbacks()
+    callbacks.on_stage("tables", None)
     with drawing_process(_records(result) >= DRAWN_APART) as begin:
 
         def settled(result: Result, *parts: Callable[[Result], None]) -> tuple[Result, Diagnostics]:
@@ -78,11 +81,12 @@ def write_fit(
             _write_tables(result, out, beside or {}, xlsx, attempts)
 
         def figures(result: Result) -> None:
-            _write_figures(result, out / "figures", attempts, begin)
+            _write_figures(result, out / "figures", attempts, begin, callbacks)
 
         result, judged = settled(result, tables)
         write_json(judged._asdict(), out / "diagnostics.json")
-        answer(judged)
+        callbacks.answer(judged)
+        callbacks.on_stage("posterior", None)
         write_tree(thin_records(result.tree, record_draws), out / "posterior.nc")
         result, judged = settled(result, tables, figures)
     write_json(judged._asdict(), out / "diagnostics.json")
@@ -133,13 +137,16 @@ def _tables(result: Result, beside: Mapping[str, pd.DataFrame]) -> dict[str, Cal
     }
 
 
-def _write_figures(result: Result, folder: Path, attempts: Attempts, begin: Begin) -> None:
+def _write_figures(result: Result, folder: Path, attempts: Attempts, begin: Begin, callbacks: Callbacks) -> None:
     """Write the figures of a result; remove those of an earlier result that this one does not have."""
+    callbacks.on_stage("data of the figures", None)
     drawn = {name: begin(drawing) for name, drawing in catalogue.drawings(result, attempts)}
+    callbacks.on_stage("figures", len(drawn))
     written = set()
     for name, png in drawn.items():
         path = folder / f"{name}.png"
         if attempts(path.name, lambda png=png, path=path: write_bytes(png(), path), None) is not None:
             written.add(name)
+        callbacks.on_progress(1)
     for name in HEADINGS.keys() - written:
         (folder / f"{name}.png").unlink(missing_ok=True)

@@ -1,8 +1,6 @@
 """`fit`: all records together, hierarchically."""
 
 import sys
-from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,7 +15,7 @@ if TYPE_CHECKING:
     from bayes_tyre.workflow.fit import Plan
 
 #: What may stand beside --from: everything else is in the run.json.
-BESIDE_FROM = ("out", "from_run", "resume", "xlsx", "quiet")
+BESIDE_FROM = ("out", "from_run", "resume", "xlsx", "quiet", "verbose", "log_file")
 
 
 def fit(
@@ -99,16 +97,15 @@ def _run(plan: "Plan", out: Path, resume: bool, xlsx: bool, quiet: bool) -> None
     """Fit as planned, print its progress, and end as the verdict says."""
     from bayes_tyre.record_table import origin_of
     from bayes_tyre.runtime import prepare_jax
-    from bayes_tyre.workflow.fit import Callbacks, fit_table  # imports JAX, which starts only when it computes
+    from bayes_tyre.workflow.fit import fit_table  # imports JAX, which starts only when it computes
 
     table, sampler = _checked_table(plan), plan.sampler
     prepare_jax(sampler.chains)
     origin = origin_of(table)
     shell.say(f"fitting {table['record'].nunique()} records (data: {origin}), {sampler.chains} chains", quiet)
-    with ExitStack() as bar:
-        answer = shell.Answer(out, origin, plan.reference, quiet, bar, plan.limit is not None)
-        advance = bar.enter_context(shell.progress("fit", sampler.warmup + sampler.draws, quiet))
-        callbacks = Callbacks(partial(shell.note, quiet=quiet), shell.warn, advance, answer)
+    with shell.stages(quiet) as stages:
+        answer = shell.Answer(out, origin, plan.reference, quiet, stages, plan.limit is not None)
+        callbacks = shell.callbacks(stages, quiet, answer)
         diagnostics = fit_table(table, plan, out, sys.argv[1:], callbacks, resume=resume, xlsx=xlsx)
         answered = answer(diagnostics)
     shell.conclude(diagnostics, answered, out, quiet)

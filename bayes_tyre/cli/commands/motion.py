@@ -1,9 +1,7 @@
 """`motion`: tyre, mass and damping from raw signals by the motion itself, all records together."""
 
 import sys
-from contextlib import ExitStack
 from enum import StrEnum
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -97,7 +95,6 @@ def motion(
 def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path, xlsx: bool, quiet: bool) -> None:
     """Estimate each file, fit the estimates as planned, print its progress, and end as the verdict says."""
     from bayes_tyre.runtime import prepare_jax
-    from bayes_tyre.workflow.execution.resume import Callbacks
     from bayes_tyre.workflow.raw.motion import estimate_files, fit_estimates
     from bayes_tyre.workflow.raw.raw_records import REJECTED, rejection_notes
 
@@ -109,10 +106,9 @@ def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path,
         shell.warn(text)
     counts = f"{len(estimated.table)} records, {len(estimated.rejected)} rejected"
     shell.say(f"{counts} (data: {estimated.origin}), {sampler.chains} chains", quiet)
-    with ExitStack() as bar:
-        answer = shell.Answer(out, estimated.origin, None, quiet, bar)
-        advance = bar.enter_context(shell.progress("hierarchy", sampler.warmup + sampler.draws, quiet))
-        callbacks = Callbacks(partial(shell.note, quiet=quiet), shell.warn, advance, answer)
+    with shell.stages(quiet) as stages:
+        answer = shell.Answer(out, estimated.origin, None, quiet, stages)
+        callbacks = shell.callbacks(stages, quiet, answer)
         diagnostics = fit_estimates(estimated, plan, out, sys.argv[1:], callbacks, resume=machines.resume, xlsx=xlsx)
         answered = answer(diagnostics)
     shell.conclude(diagnostics, answered, out, quiet)

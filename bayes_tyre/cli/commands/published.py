@@ -2,7 +2,6 @@
 
 import sys
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -47,13 +46,12 @@ def published(
         from bayes_tyre.workflow.fit import fit_published_tables, read_priors
 
         priors_given = read_priors(priors)
-        with shell.progress("fit", warmup + draws, quiet) as advance:
-            settings = SamplerSettings(
-                *(chains, warmup, draws, seed, advance),
-                target_accept=target_accept,
-                on_note=partial(shell.note, quiet=quiet),
+        settings = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
+        with shell.stages(quiet) as stages:
+            callbacks = shell.callbacks(stages, quiet)
+            diagnostics = fit_published_tables(
+                out / "posterior", settings, interval, sys.argv[1:], priors_given, callbacks
             )
-            diagnostics = fit_published_tables(out / "posterior", settings, interval, sys.argv[1:], priors_given)
         shell.report_verdict(diagnostics, f"wrote {out / 'posterior'}", quiet)
         if not quiet:
             from bayes_tyre.report.terminal.results_table import print_overview

@@ -37,7 +37,9 @@ def collapsed_in_coordinates(approximation: LaplaceApproximation, **arguments: A
     InCoordinates(collapsed_records_model, coordinates)(**arguments)
 
 
-def pilot(chains: Chains, arguments: Mapping[str, Any], seed: int) -> tuple[RecordSummaries, SummaryError]:
+def pilot(
+    chains: Chains, arguments: Mapping[str, Any], settings: SamplerSettings
+) -> tuple[RecordSummaries, SummaryError]:
     """Return the records' summaries about where a short run of the chains says that they are, and their error in it.
 
     Parameters
@@ -46,15 +48,17 @@ def pilot(chains: Chains, arguments: Mapping[str, Any], seed: int) -> tuple[Reco
         Of `collapsed_in_coordinates`.
     arguments:
         The model's.
-    seed:
-        Of the chains.
+    settings:
+        Seed of the chains, and what is told of their progress.
     """
     cases = [case.label for case in arguments["factors"].cases]
-    state = chains.begin(seed)
+    settings.on_stage("pilot run", _PILOT_CHUNKS * CHUNK)
+    state = chains.begin(settings.seed)
     for _ in range(_PILOT_CHUNKS):
         chunk = chains.advance(state, CHUNK)
         state = chunk.state
-    sites = chains.constrain(chunk.unconstrained, (seed,))
+        settings.on_progress(CHUNK)
+    sites = chains.constrain(chunk.unconstrained, (settings.seed,))
     of_records = {name: jnp.asarray(flat(sites[name])) for name in ("k", "beta", "sigma", "rho") if name in sites}
     log_values = jnp.log(jnp.stack([of_records["k"], of_records["beta"]], axis=-1))
     noise = [jnp.log(of_records["sigma"]), *([jnp.arctanh(of_records["rho"])] if "rho" in sites else [])]
@@ -80,7 +84,7 @@ def sample_collapsed(
         approximation, summaries = summarising.result()
     known, starts = {"approximation": approximation, **arguments}, record_starts(arguments, approximation.records)
     rough = {**known, "summaries": summaries}
-    refined, error = pilot(chains.given(rough, starts), rough, settings.seed)
+    refined, error = pilot(chains.given(rough, starts), rough, settings)
     runs: tuple[SamplerRun, ...] = ()
     if error.at_least <= PILOT_ERROR_MOST:
         chains = chains.given({**known, "summaries": refined}, starts)
@@ -95,7 +99,6 @@ def sample_collapsed(
         error = errors[-1]
         if error.at_least <= SUMMARY_ERROR_MOST:
             return draws, runs, error
-        settings.on_progress(-settings.warmup - settings.draws)  # from the beginning
     settings.on_note(
         f"summaries of the records move the log density of what they share by {error.total:.2g} (at most "
         f"{SUMMARY_ERROR_MOST:g}), most in {error.case}: records are sampled as well"

@@ -34,7 +34,7 @@ class SamplerSettings:
     seed:
         The same seed, data and settings give the same draws.
     on_progress:
-        Called with the number of iterations of a chain just done, warmup included.
+        Called with the number of iterations of a chain just done in a stage.
     checkpoints:
         Where the run is saved as it goes on, and continued from where it was saved; None: nowhere.
     target_accept:
@@ -42,6 +42,8 @@ class SamplerSettings:
         with divergences is repeated once at `REPEAT_ACCEPTANCE`.
     on_note:
         Called with a line on what the run does by itself.
+    on_stage:
+        Called as a stage of the run begins, with its name and its iterations of a chain; None: there are none to count.
 
     Raises
     ------
@@ -57,6 +59,7 @@ class SamplerSettings:
     checkpoints: Checkpoints | None = field(default=None, compare=False, repr=False)
     target_accept: float | None = None
     on_note: Callable[[str], None] = field(default=lambda _: None, compare=False, repr=False)
+    on_stage: Callable[[str, int | None], None] = field(default=lambda *_: None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         for name, least in (("chains", 1), ("warmup", 1), ("draws", 4)):
@@ -147,6 +150,7 @@ def make_chains(
 ) -> Chains:
     """Return the chains of a model for these settings; arguments as `sample` has them."""
     asked = acceptance if settings.target_accept is None else settings.target_accept
+    settings.on_stage("compiling", None)
     return Chains(model, arguments, settings.chains, settings.warmup, starts, asked)
 
 
@@ -168,7 +172,6 @@ def run_until_sound(
         f"{first.divergences} divergent transitions at target acceptance {chains.acceptance:g}: sampled once more at "
         f"{REPEAT_ACCEPTANCE:g}"
     )
-    settings.on_progress(-settings.warmup - settings.draws)  # from the beginning
     second = run(chains.at_acceptance(REPEAT_ACCEPTANCE), after_run(settings))
     better = second.divergences <= first.divergences
     runs = (
@@ -196,9 +199,13 @@ def run(chains: Chains, settings: SamplerSettings) -> Draws:
     warmup, draws = _lengths(settings.warmup), _lengths(settings.draws)
     lengths, saved = warmup + draws, settings.checkpoints
     done = saved.load(chains.shapes, lengths) if saved else []
-    settings.on_progress(sum(lengths[: len(done)]))
+    resumed = len(done)
     state = done[-1].state if done else chains.begin(settings.seed)
-    for number, length in enumerate(lengths[len(done) :], len(done)):
+    for number, length in enumerate(lengths[resumed:], resumed):
+        if number in (resumed, len(warmup)):
+            name, first, of_stage = ("draws", len(warmup), draws) if number >= len(warmup) else ("warm-up", 0, warmup)
+            settings.on_stage(name, sum(of_stage))
+            settings.on_progress(sum(lengths[first:number]))
         if number == len(warmup):
             state = leave_resonance(state)
         chunk = chains.advance(state, length)
@@ -209,6 +216,7 @@ def run(chains: Chains, settings: SamplerSettings) -> Draws:
         if saved:
             saved.save(number, chunk)
         settings.on_progress(length)
+    settings.on_stage("quantities of each draw", None)
     kept = done[len(warmup) :]
     sites = _joined([chains.constrain(chunk.unconstrained, (settings.seed, i)) for i, chunk in enumerate(kept)])
     return Draws(sites, _joined([chunk.statistics for chunk in kept]))

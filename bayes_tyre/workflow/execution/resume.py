@@ -29,16 +29,21 @@ class Callbacks:
         Called with the number of iterations just done.
     answer:
         Called with the verdict once all tables are written; the posterior and the figures follow.
+    on_stage:
+        Called as a stage begins, with its name and its number of iterations, or of files; None: nothing to count.
     """
 
     note: Callable[[str], None] = lambda _: None
     warn: Callable[[str], None] = lambda _: None
     on_progress: Callable[[int], None] = lambda _: None
     answer: Callable[[Diagnostics], object] = lambda _: None
+    on_stage: Callable[[str, int | None], None] = lambda *_: None
 
-    def settings(self, sampler: SamplerSettings, checkpoints: Checkpoints) -> SamplerSettings:
-        """Return settings of a sampler that calls these and saves checkpoints."""
-        return replace(sampler, checkpoints=checkpoints, on_progress=self.on_progress, on_note=self.note)
+    def settings(self, sampler: SamplerSettings, checkpoints: Checkpoints | None = None) -> SamplerSettings:
+        """Return settings of a sampler that calls these and saves checkpoints, if there are any."""
+        return replace(
+            sampler, checkpoints=checkpoints, on_progress=self.on_progress, on_note=self.note, on_stage=self.on_stage
+        )
 
 
 def open_checkpoints(

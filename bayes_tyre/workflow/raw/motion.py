@@ -197,6 +197,7 @@ def fit_estimates(
         lambda: with_losses(tree, motions.factor_table, estimated.middles, plan.amplitude_mm),
         tree,
     )
+    callbacks.on_stage("diagnostics", None)
     tree, diagnostics = judge(
         with_motions(tree, motions),
         lambda tree, attempt: identify_motions(tree, motions, plan.priors, attempt),
@@ -205,7 +206,7 @@ def fit_estimates(
     diagnostics = with_estimates(diagnostics, estimated)
     beside = {ESTIMATES: estimated.table, REJECTED: estimated.rejected}
     result = Result(tree, diagnostics.verdict, interval=plan.interval, motions=estimated.shown)
-    diagnostics = write_fit(result, diagnostics, run, out, beside, xlsx=xlsx, answer=callbacks.answer)
+    diagnostics = write_fit(result, diagnostics, run, out, beside, xlsx=xlsx, callbacks=callbacks)
     checkpoints.clear()
     return diagnostics
 

@@ -81,7 +81,7 @@ def test_chains_of_another_acceptance_are_compiled_once_for_all_data():
 def test_progress_counts_every_iteration_of_a_chain():
     done: list[int] = []
     sample(model, DATA, SamplerSettings(chains=2, warmup=130, draws=110, seed=3, on_progress=done.append), STARTS)
-    assert done == [0, 100, 30, 100, 10]
+    assert done == [0, 100, 30, 0, 100, 10]
 
 
 @pytest.mark.parametrize(("name", "least"), [("chains", 1), ("warmup", 1), ("draws", 4)])

@@ -78,14 +78,24 @@ def test_a_run_without_divergences_is_not_repeated():
 @pytest.mark.parametrize(("first", "second", "kept"), [(3, 0, 1), (3, 3, 1), (3, 1, 1), (3, 5, 0)])
 def test_a_run_with_divergences_is_repeated_once_and_the_better_one_kept(first, second, kept):
     said: list[str] = []
-    done: list[int] = []
-    settings = replace(SETTINGS, on_note=said.append, on_progress=done.append)
+    stages: list[list[object]] = []
+    settings = replace(
+        SETTINGS,
+        on_note=said.append,
+        on_stage=lambda name, total: stages.append([name, total, 0]),
+        on_progress=lambda done: stages[-1].__setitem__(2, stages[-1][2] + done),
+    )
     draws, runs = run_until_sound(made(first, second), settings)
     assert [(one.target_accept, one.divergences) for one in runs] == [(0.65, first), (REPEAT_ACCEPTANCE, second)]
     assert [one.kept for one in runs] == [kept == 0, kept == 1]
     assert (draws.sites["x"] == runs[kept].target_accept).all()
     assert said == ["3 divergent transitions at target acceptance 0.65: sampled once more at 0.99"]
-    assert sum(done) == SETTINGS.warmup + SETTINGS.draws
+    one_run = [
+        ["warm-up", *2 * [SETTINGS.warmup]],
+        ["draws", *2 * [SETTINGS.draws]],
+        ["quantities of each draw", None, 0],
+    ]
+    assert stages == 2 * one_run
 
 
 def test_an_acceptance_that_the_user_chose_is_left_alone():
