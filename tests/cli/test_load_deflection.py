@@ -39,7 +39,12 @@ def test_it_writes_a_row_a_test_a_row_a_case_a_figure_and_says_so(folder):
     assert names == {"load_deflection.csv", "load_deflection_cases.csv", shared, figure}
     said = (folder / "said").read_text().splitlines()
     assert said[-2:] == ["2 stiffnesses shared with step records, 1 in tension", "12 tests, 12 not ok"]
-    assert all("(data: simulated)" in line for line in said[:4])
+    wrote = [line for line in said if line.startswith("wrote ")]
+    assert len(wrote) == len(names)
+    assert all("(data: simulated)" in line for line in wrote)
+    captions = [line for line in said if line.endswith(" not ok") and " rows, " in line]
+    assert len(captions) == 3
+    assert captions[0] == "slow tests (data: simulated): 12 rows, 12 not ok"
     tests, cases = (read(folder / "out" / name) for name in ("load_deflection.csv", "load_deflection_cases.csv"))
     assert list(tests.columns[:4]) == ["test", "configuration", "speed_km_h", "repeat"]
     assert list(tests.columns[-3:]) == ["status", "pressure_bar", "origin"]

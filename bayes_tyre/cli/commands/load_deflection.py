@@ -70,12 +70,22 @@ def load_deflection(
     written = fit_load_deflection(readings, out, rig=rig, beta_mm=beta, steps=steps)
     for text in written.notes:
         warn(f"{names(table)}: {text}")
+    if not quiet:
+        _print_answer(out, written.paths)
     for path in written.paths:
         say(f"wrote {path} (data: {origin_of(readings)})", quiet)
     if written.shared is not None:
         _print_pooled(len(written.shared), int((written.shared["status"] != "ok").sum()), quiet)
     failed = int((written.tests["status"] != "ok").sum())
     say(f"{len(written.tests)} tests, {failed} not ok", quiet)
+
+
+def _print_answer(out: Path, written: list[Path]) -> None:
+    """Print the tables that were written."""
+    from bayes_tyre.report.terminal.fits_table import print_tables
+    from bayes_tyre.results.separate_fits import read_fit_tables
+
+    print_tables(read_fit_tables(out, tuple(path.name for path in written if path.suffix == ".csv")))
 
 
 def _print_pooled(cases: int, in_tension: int, quiet: bool) -> None:
