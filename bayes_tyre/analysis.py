@@ -40,6 +40,7 @@ from bayes_tyre.report.terminal.progress import Stages
 from bayes_tyre.results import contrasts as ratios
 from bayes_tyre.results import prediction, summary
 from bayes_tyre.results.case_selection import parse_query
+from bayes_tyre.results.derived import with_derived
 from bayes_tyre.results.posterior import Posterior
 from bayes_tyre.results.prediction import Prediction
 from bayes_tyre.runtime import prepare_jax
@@ -154,7 +155,8 @@ def fit(
     -------
     Posterior
         A `xarray.DataTree` that shows itself as its table and verdict: ArviZ's groups `posterior` and `sample_stats`,
-        dims and units named; `identifiability`: what decides each quantity; `attrs["verdict"]` is ``pass`` or ``fail``,
+        dims and units named; `derived`: means over cases and average ratios, as they are printed; `identifiability`:
+        what decides each quantity; `attrs["verdict"]` is ``pass`` or ``fail``,
         and `diagnose` says why.
 
     Raises
@@ -233,7 +235,7 @@ def _judged(
     judged, found = judge(tree, identify, attempts, table)
     judged = with_checks(judged, FAILED, attempts.failed)
     judged.attrs["verdict"] = found.verdict
-    return Posterior.of(judged)
+    return Posterior.of(with_derived(judged))
 
 
 def _verdict(posterior: xr.DataTree) -> str:

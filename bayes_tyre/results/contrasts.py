@@ -142,9 +142,7 @@ def contrasts(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.Dat
     cases = tree_cases(posterior)
     tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
     rows = []
-    # Pooled contrasts compare unlike cases: they belong beside the source's own, where its tables are fitted.
-    pooled = _as_published(cases) if tree.attrs["origin"] == PUBLISHED else ()
-    for contrast in (*_configurations(cases), *_directions(cases), *pooled):
+    for contrast in _contrasts(tree, cases):
         for parameter in case_parameters(posterior):
             draws = posterior[f"{parameter}_case"].to_numpy().reshape(-1, len(cases))
             ratio = contrast.ratio(draws)
@@ -164,6 +162,31 @@ def contrasts(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.Dat
     return pd.DataFrame(rows, columns=list(COLUMNS)).drop_duplicates(
         ["contrast", "matching", *CASE_FACTORS, "parameter"], ignore_index=True
     )
+
+
+def _contrasts(tree: xr.DataTree, cases: list[Case]) -> Iterator[_Contrast]:
+    yield from _configurations(cases)
+    yield from _directions(cases)
+    # Pooled contrasts compare unlike cases: they belong beside the source's own, where its tables are fitted.
+    if tree.attrs["origin"] == PUBLISHED:
+        yield from _as_published(cases)
+
+
+def average_ratios(tree: xr.DataTree, parameter: str) -> xr.DataArray:
+    """Return draws of the ratios of a parameter that are averaged over all matched cells; dims chain, draw, contrast.
+
+    Labels are those of `contrasts.csv`: ``dual / single, same case``.
+    """
+    posterior = tree["posterior"].to_dataset()
+    cases, of_case = tree_cases(posterior), posterior[f"{parameter}_case"].to_numpy()
+    averages = {
+        f"{one.contrast}, {one.matching}": one.ratio(of_case.reshape(-1, len(cases))).reshape(of_case.shape[:2])
+        for one in _contrasts(tree, cases)
+        if not one.factors
+    }
+    values = np.stack([*averages.values()], axis=-1) if averages else np.zeros((*of_case.shape[:2], 0))
+    coordinates = {"chain": posterior["chain"], "draw": posterior["draw"], "contrast": [*averages]}
+    return xr.DataArray(values, coordinates, ("chain", "draw", "contrast"))
 
 
 def check_reference(reference: str, configurations: Iterable[str]) -> None:

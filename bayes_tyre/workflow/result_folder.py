@@ -20,6 +20,7 @@ from bayes_tyre.report.figures import catalogue
 from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.report.html.figures import HEADINGS
 from bayes_tyre.results import summary
+from bayes_tyre.results.derived import with_derived
 from bayes_tyre.results.figure_data.motion_traces import MOTIONS_CSV
 from bayes_tyre.results.provenance import RUN_JSON, Run, write_json, write_run
 from bayes_tyre.workflow.drawing import Begin, drawing_process
@@ -87,7 +88,8 @@ def write_fit(
         write_json(judged._asdict(), out / "diagnostics.json")
         callbacks.answer(judged)
         callbacks.on_stage("posterior", None)
-        write_tree(thin_records(result.tree, record_draws), out / "posterior.nc")
+        tree = attempts("derived quantities", lambda: with_derived(result.tree), result.tree)
+        write_tree(thin_records(tree, record_draws), out / "posterior.nc")
         result, judged = settled(result, tables, figures)
     write_json(judged._asdict(), out / "diagnostics.json")
     write_run(run, out, sampler_runs(result.tree))
