@@ -183,12 +183,12 @@ def assignments(options: list[str], flag: str) -> dict[str, float]:
     return values
 
 
-def checked_limit(text: str | None, of_records: bool = False) -> str | None:
-    """Return a limit as `run.json` has it; anything else, or of records on more than k and beta, is a usage error."""
-    from bayes_tyre.results.limits import LIMITED, OF_RECORDS, parse_limit
+def checked_limit(text: str | None, among: Sequence[str] | None = None) -> str | None:
+    """Return a limit as `run.json` has it; anything else, or on none of the parameters `among`, is a usage error."""
+    from bayes_tyre.results.limits import LIMITED, parse_limit
 
     try:
-        return None if text is None else parse_limit(text, OF_RECORDS if of_records else LIMITED).text
+        return None if text is None else parse_limit(text, among or LIMITED).text
     except BadInput as error:
         raise typer.BadParameter(str(error), param_hint="--limit") from None
 

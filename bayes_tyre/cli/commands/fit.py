@@ -80,6 +80,7 @@ def fit(
         return
     from bayes_tyre.inference.model.settings import ModelSettings
     from bayes_tyre.inference.sampling.run import SamplerSettings
+    from bayes_tyre.results.limits import OF_RECORDS
     from bayes_tyre.workflow.fit import Plan, read_priors
 
     model = ModelSettings(
@@ -90,7 +91,7 @@ def fit(
         displacement_sd,
     )
     settings = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
-    limit = shell.checked_limit(limit, of_records=True)
+    limit = shell.checked_limit(limit, OF_RECORDS)
     plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns, limit, reference, record_draws)
     _run(plan, out, resume, xlsx, quiet)
 
