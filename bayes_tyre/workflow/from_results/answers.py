@@ -78,7 +78,7 @@ def _coverage(table: pd.DataFrame, folder: Path) -> list[str]:
 
 
 def _modes(table: pd.DataFrame, folder: Path) -> list[str]:
-    from bayes_tyre.workflow.modes import parameter_lines
+    from bayes_tyre.results.flexible_ring import parameter_lines
 
     del folder
     about = f"flexible ring (data: {table['origin'].iloc[0]}): verdict {table['verdict'].iloc[0]}"
