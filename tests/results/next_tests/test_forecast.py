@@ -113,7 +113,11 @@ def width_by_quadrature(prior: Callable[[np.ndarray], np.ndarray], noise: float)
     return float(np.average((upper - lower) / middle, weights=mass))
 
 
-SHAPES: dict[str, Any] = {"normal": stats.norm(scale=0.05), "skewed": stats.expon(scale=0.05), "heavy": stats.t(3, scale=0.03)}
+SHAPES: dict[str, Any] = {
+    "normal": stats.norm(scale=0.05),
+    "skewed": stats.expon(scale=0.05),
+    "heavy": stats.t(3, scale=0.03),
+}
 
 
 @pytest.mark.parametrize("kind", SHAPES)
