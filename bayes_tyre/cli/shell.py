@@ -5,7 +5,7 @@ import inspect
 import shlex
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -220,8 +220,8 @@ class Answer:
 
     Parameters
     ----------
-    out, origin, reference:
-        The folder that holds its tables; what they rest on; the configuration that others are compared with.
+    out, origin, options:
+        The folder that holds its tables; what they rest on; the options that its sentences depend on.
     quiet:
         Whether to print nothing: `conclude` then prints the failed checks, alone.
     bar:
@@ -231,10 +231,16 @@ class Answer:
     """
 
     def __init__(
-        self, out: Path, origin: str, reference: str | None, quiet: bool, bar: ExitStack, limited: bool = False
+        self,
+        out: Path,
+        origin: str,
+        options: Mapping[str, object],
+        quiet: bool,
+        bar: ExitStack,
+        limited: bool = False,
     ) -> None:
         self.out, self.quiet, self.bar, self.limited = out, quiet, bar, limited
-        self.run = {"origin": origin, "options": {"reference": reference}}
+        self.run = {"origin": origin, "options": dict(options)}
         self.began = time.monotonic()
         self.given: Diagnostics | None = None
 

@@ -61,7 +61,7 @@ def test_motion_has_limits_on_what_its_law_and_the_axle_have(monkeypatch, tmp_pa
     refused = here("motion", tmp_path / "raw", "--out", tmp_path / "out", "--limit", "belt_frequency >= 50")
     assert refused.exit_code == 2
     assert "give a limit on k, x, beta, m, c," in " ".join(refused.stderr.replace("\u2502", " ").split())
-    asked = ("--workers", 1, "--limit", "m<=285")
+    asked = ("--workers", 1, "--limit", "m<=285", "--amplitude", 2)
     done = here("motion", tmp_path / "raw", "--out", tmp_path / "out", *asked)
     assert done.exit_code == 4, done.stderr  # undiagnosed
     cases = pd.read_csv(tmp_path / "out" / "cases.csv")
@@ -70,6 +70,7 @@ def test_motion_has_limits_on_what_its_law_and_the_axle_have(monkeypatch, tmp_pa
     assert cases.loc[mine, "p_limit"].tolist() == pytest.approx([0.5], abs=0.08)
     assert cases.loc[~mine, "p_limit"].isna().all()
     assert "is at most 285 kg with probability" in done.stdout
+    assert "a cycle of 2 mm amplitude at the wheel centre loses " in done.stdout
     assert json.loads((tmp_path / "out" / "run.json").read_text())["options"]["limit"] == "m <= 285.0"
 
 

@@ -107,7 +107,7 @@ def _run(plan: "Plan", out: Path, resume: bool, xlsx: bool, quiet: bool) -> None
     origin = origin_of(table)
     shell.say(f"fitting {table['record'].nunique()} records (data: {origin}), {sampler.chains} chains", quiet)
     with ExitStack() as bar:
-        answer = shell.Answer(out, origin, plan.reference, quiet, bar, plan.limit is not None)
+        answer = shell.Answer(out, origin, {"reference": plan.reference}, quiet, bar, plan.limit is not None)
         advance = bar.enter_context(shell.progress("fit", sampler.warmup + sampler.draws, quiet))
         callbacks = Callbacks(partial(shell.note, quiet=quiet), shell.warn, advance, answer)
         diagnostics = fit_table(table, plan, out, sys.argv[1:], callbacks, resume=resume, xlsx=xlsx)

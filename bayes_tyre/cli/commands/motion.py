@@ -115,7 +115,8 @@ def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path,
     counts = f"{len(estimated.table)} records, {len(estimated.rejected)} rejected"
     shell.say(f"{counts} (data: {estimated.origin}), {sampler.chains} chains", quiet)
     with ExitStack() as bar:
-        answer = shell.Answer(out, estimated.origin, None, quiet, bar, plan.limit is not None)
+        options = {"reference": None, "amplitude_mm": plan.amplitude_mm}
+        answer = shell.Answer(out, estimated.origin, options, quiet, bar, plan.limit is not None)
         advance = bar.enter_context(shell.progress("hierarchy", sampler.warmup + sampler.draws, quiet))
         callbacks = Callbacks(partial(shell.note, quiet=quiet), shell.warn, advance, answer)
         diagnostics = fit_estimates(estimated, plan, out, sys.argv[1:], callbacks, resume=machines.resume, xlsx=xlsx)
