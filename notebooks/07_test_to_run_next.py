@@ -149,6 +149,6 @@ print(f"simulated: {len(estimated.table)} recordings, verdict {found.verdict}")
 # %%
 for goal, precision in (("k", 0.02), ("energy_per_cycle", 0.10), ("energy_per_cycle", 0.05)):
     done = write_next(Path("motion"), f"{goal} dual / single", precision, Path("next"), tests=300, repeats=1)
-    now, after = done.forecast.width(), done.plan["width_expected"].iloc[-1]
+    now, after = done.forecast.expected(()).value, done.plan["width_expected"].iloc[-1]
     print(f"simulated: {goal} dual / single, {now:.1%} wide; {len(done.plan)} further tests: {after:.1%}")
 done.ranked[["configuration", "direction", "kind", "width_now", "width_expected"]].round(4)

@@ -107,7 +107,7 @@ class Forecast:
         return [self._expected([case] * repeats, variance) for case, variance in enumerate(variances)]
 
     def _expected(self, tests: Sequence[int], variance: float) -> Expected:
-        if self.doubtful and self.log_values is not None:
+        if tests and self.doubtful and self.log_values is not None:
             found = reweighted_width(self.log_values, self.noise, self.log_goal, tests)
             if found.effective >= EFFECTIVE_LEAST:
                 return Expected(found.width, REWEIGHTED)

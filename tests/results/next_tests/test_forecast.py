@@ -134,6 +134,7 @@ def test_what_is_expected_is_right_whatever_the_shape_of_the_posterior(kind):
     if kind == "skewed":
         assert abs(known.width(known.variance_after([0])) / actual - 1.0) > 0.15  # what the normal update would say
     assert known.expected_after_each(1) == [known.expected([0])]
+    assert known.expected(()).value == known.width()
 
 
 def test_tests_that_leave_few_draws_with_weight_are_forecast_by_the_normal_update():
