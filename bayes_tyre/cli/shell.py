@@ -5,7 +5,7 @@ import inspect
 import shlex
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -202,12 +202,12 @@ def assignments(options: list[str], flag: str) -> dict[str, float]:
     return values
 
 
-def checked_limit(text: str | None, of_records: bool = False) -> str | None:
-    """Return a limit as `run.json` has it; anything else, or of records on more than k and beta, is a usage error."""
-    from bayes_tyre.results.limits import LIMITED, OF_RECORDS, parse_limit
+def checked_limit(text: str | None, among: Sequence[str] | None = None) -> str | None:
+    """Return a limit as `run.json` has it; anything else, or on none of the parameters `among`, is a usage error."""
+    from bayes_tyre.results.limits import LIMITED, parse_limit
 
     try:
-        return None if text is None else parse_limit(text, OF_RECORDS if of_records else LIMITED).text
+        return None if text is None else parse_limit(text, among or LIMITED).text
     except BadInput as error:
         raise typer.BadParameter(str(error), param_hint="--limit") from None
 
@@ -239,8 +239,8 @@ class Answer:
 
     Parameters
     ----------
-    out, origin, reference:
-        The folder that holds its tables; what they rest on; the configuration that others are compared with.
+    out, origin, options:
+        The folder that holds its tables; what they rest on; the options that its sentences depend on.
     quiet:
         Whether to print nothing: `conclude` then prints the failed checks, alone.
     stages:
@@ -250,10 +250,16 @@ class Answer:
     """
 
     def __init__(
-        self, out: Path, origin: str, reference: str | None, quiet: bool, stages: "Stages", limited: bool = False
+        self,
+        out: Path,
+        origin: str,
+        options: Mapping[str, object],
+        quiet: bool,
+        stages: "Stages",
+        limited: bool = False,
     ) -> None:
         self.out, self.quiet, self.stages, self.limited = out, quiet, stages, limited
-        self.run = {"origin": origin, "options": {"reference": reference}}
+        self.run = {"origin": origin, "options": dict(options)}
         self.began = time.monotonic()
         self.given: Diagnostics | None = None
 

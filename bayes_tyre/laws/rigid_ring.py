@@ -67,6 +67,14 @@ class RigidRing(StatefulLaw):
         """What of the belt's mass moves along with a slow motion of the axle, kg: what ``followed^2`` leaves of it."""
         return self.belt_kg * self._followed**2
 
+    @property
+    def first_mode(self) -> Array:
+        """Natural frequency of the belt on the sidewall alone, Hz: of mode 1 of a `FlexibleRing`, which no road holds.
+
+        The sidewall's stiffness over the belt's mass is pi R (k_w + k_v) / (2 pi R rho A) there.
+        """
+        return jnp.multiply(self.belt_frequency, jnp.sqrt(self._followed))
+
     def dynamic_stiffness(self, omega: ScalarLike) -> Array:
         """Return force over displacement at an angular frequency, 1/s: complex, kN/mm; its imaginary part loses energy.
 

@@ -50,6 +50,16 @@ def ring_frequencies(modes: MeasuredModes, fit: RingFit, interval: float = 0.95)
     return pd.DataFrame({**bounds, "residual_Hz": modes.frequency_Hz - fitted})
 
 
+def parameter_lines(parameters: pd.DataFrame) -> list[str]:
+    """Return a line a row of `modes.csv`: median, interval, unit, and what is not identified."""
+    lines = []
+    for row in parameters.fillna({"unit": ""}).itertuples():
+        text = f"{row.parameter} {row.median:.4g} [{row.lower:.4g}, {row.upper:.4g}] {row.unit}"
+        status = str(row.status).partition(";")[0]
+        lines.append(text if status == "ok" else f"{text}: {status}")
+    return lines
+
+
 def _sums(modes: MeasuredModes, fit: RingFit) -> str:
     """Return which sums of the stiffnesses are all that the modes give; empty where they give each by itself."""
     if fit.rank == len(PARAMETERS):

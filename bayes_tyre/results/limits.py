@@ -18,7 +18,7 @@ from bayes_tyre.results.contrasts import probability_of
 _FORM = re.compile(r"\s*(?P<parameter>[A-Za-z_]+)\s*(?P<sign>>=|<=)\s*(?P<value>\S+)\s*")
 #: What a limit can be on: the parameters that cases of a fit have, and all, with those of motions.
 OF_RECORDS = ("k", "beta")
-LIMITED = tuple(name for name in (*LAW_PARAMETERS, *AXLE_PARAMETERS, ENERGY) if name != "settled")
+LIMITED = (*LAW_PARAMETERS, *AXLE_PARAMETERS, ENERGY)
 
 
 class Limit(NamedTuple):

@@ -28,6 +28,8 @@ from bayes_tyre.workflow.execution.resume import Callbacks
 
 #: All tables of a result, a sheet each.
 WORKBOOK = "results.xlsx"
+#: What other commands wrote about the result that a new one replaces.
+_ABOUT_OLDER = ("report.html", "report.pdf", "prediction.csv", "prediction.toml")
 #: Fewest records of a result whose figures are drawn by a process of their own: it takes seconds to start.
 DRAWN_APART = 48
 
@@ -63,7 +65,8 @@ def write_fit(
         Draws of each record in `posterior.nc`, as `thin_records` takes them; tables and figures are of all draws.
     """
     prepare_folder(out)
-    (out / RUN_JSON).unlink(missing_ok=True)  # of an older run: it marks a folder as finished
+    for name in (RUN_JSON, *_ABOUT_OLDER):  # run.json first: it marks a folder as finished
+        (out / name).unlink(missing_ok=True)
     attempts, callbacks = Attempts(), callbacks or Callbacks()
     callbacks.on_stage("tables", None)
     with drawing_process(_records(result) >= DRAWN_APART) as begin:

@@ -1,4 +1,4 @@
-"""`--limit` of `fit` and `show` as a user meets it: tables, terminal, report, run.json, refusals."""
+"""`--limit` of `fit`, `motion` and `show` as a user meets it: tables, terminal, report, run.json, refusals."""
 
 import json
 from dataclasses import replace
@@ -7,10 +7,15 @@ import pandas as pd
 import pytest
 from helpers.command_line import assert_refused, here, small, written
 from helpers.quick_fits import put_draws_for_the_sampler
+from helpers.quick_motions import put_draws_for_the_motions
 
 from bayes_tyre.inference.diagnostics.judge import undiagnosed
 from bayes_tyre.report.figures import catalogue
+from bayes_tyre.rig.axle import load_rig
+from bayes_tyre.simulate.plan import PLANS
 from bayes_tyre.workflow import fit as workflow
+from bayes_tyre.workflow.raw import motion
+from bayes_tyre.workflow.raw.simulate import write_simulated
 
 
 @pytest.fixture
@@ -45,6 +50,28 @@ def test_fit_writes_says_and_reports_it_and_show_asks_another(quick, tmp_path):
     again = workflow.planned_in(out / "run.json", lambda _: None)  # of --from
     assert again.limit == "k >= 1.5"
     assert "limit" not in replace(again, limit=None).options  # run.json is as it was without one
+
+
+def test_motion_has_limits_on_what_its_law_and_the_axle_have(monkeypatch, tmp_path):
+    put_draws_for_the_motions(monkeypatch)
+    monkeypatch.setattr(motion, "judge", lambda tree, *_: (tree, undiagnosed(tree)))
+    monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
+    write_simulated(PLANS["quick"](2000.0)[:1], {"single": load_rig("single")}, 0, tmp_path / "raw", lambda _: None)
+    (tmp_path / "raw" / "truth.csv").unlink()
+    refused = here("motion", tmp_path / "raw", "--out", tmp_path / "out", "--limit", "belt_frequency >= 50")
+    assert refused.exit_code == 2
+    assert "give a limit on k, x, beta, m, c," in " ".join(refused.stderr.replace("\u2502", " ").split())
+    asked = ("--workers", 1, "--limit", "m<=285", "--amplitude", 2)
+    done = here("motion", tmp_path / "raw", "--out", tmp_path / "out", *asked)
+    assert done.exit_code == 4, done.stderr  # undiagnosed
+    cases = pd.read_csv(tmp_path / "out" / "cases.csv")
+    mine = cases["parameter"] == "m"
+    # Draws of m are log-normal about 285 kg: half of the 1000 keep it, within five standard errors of a share, 0.08.
+    assert cases.loc[mine, "p_limit"].tolist() == pytest.approx([0.5], abs=0.08)
+    assert cases.loc[~mine, "p_limit"].isna().all()
+    assert "is at most 285 kg with probability" in done.stdout
+    assert "a cycle of 2 mm amplitude at the wheel centre loses " in done.stdout
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["options"]["limit"] == "m <= 285.0"
 
 
 @pytest.mark.parametrize(("limit", "said"), [("k > 1.8", "is no limit"), ("x >= 1", "give a limit on k, beta")])

@@ -2,12 +2,15 @@
 
 import json
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from helpers.command_line import assert_refused, here, tree_of, written
+from helpers.hand_made_posteriors import grid, posterior
 
+from bayes_tyre.formats.netcdf import write_tree
 from bayes_tyre.laws.flexible_ring import FlexibleRing
 
 RADIUS_MM, KG_PER_M = 500.0, 10.0
@@ -112,3 +115,88 @@ def test_columns_that_are_missing_and_a_mass_without_a_radius_are_told(tmp_path)
     done = here("modes", path, "--out", tmp_path / "out")
     assert_refused(done.exit_code, done.stderr, "missing column frequency_Hz", "found mode, Hz")
     assert here("modes", path, "--out", tmp_path / "out", "--mass-per-length", 10).exit_code == 2
+
+
+def motions(folder: Path, configurations: tuple[str, ...] = ("single",), known: float = 0.01, **about: str) -> Path:
+    """Write what `modes` reads of motions: belts with the ring's mode 1, their frequencies known to a share.
+
+    Of several configurations each has a frequency a tenth higher than the one before.
+    """
+    factor_table, rng, ratio = grid(configurations), np.random.default_rng(5), 4.0
+    groups = len(configurations) * 2
+    of_configuration = 1.1 ** np.repeat(np.arange(len(configurations)), 2)
+    middle = np.asarray(RING.frequencies(np.array([1.0])))[0] * np.sqrt((1 + ratio) / ratio) * of_configuration
+    draws = {"belt_frequency_group": middle * np.exp(known * rng.standard_normal((2, 500, groups)))}
+    draws |= {"sidewall_ratio_group": np.full((2, 500, groups), ratio), "k_case": np.ones((2, 500, 2 * groups))}
+    tree = posterior(
+        draws if about.get("law") != "fancher" else {"k_group": draws["belt_frequency_group"]}, factor_table
+    )
+    write_tree(tree, folder / "posterior.nc")
+    (folder / "diagnostics.json").write_text(json.dumps({"verdict": about.get("verdict", "pass")}))
+    (folder / "run.json").write_text("{}")
+    return folder
+
+
+def test_the_first_mode_of_motions_is_fitted_with_the_others(tmp_path):
+    rows = table([2, 3, 4, 5]).assign(pressure_bar=7.0).drop(columns="origin")
+    path, found = written(rows, tmp_path / "modes.csv"), motions(tmp_path / "motion")
+    apart, joint = tmp_path / "apart", tmp_path / "joint"
+    assert here("modes", path, "--out", apart, "--quiet").exit_code == 0
+    done = here("modes", path, "--out", joint, "--motion", found)
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert done.stdout.splitlines()[-1] == f"wrote {joint}: verdict pass (data: origin not stated + simulated)"
+    frequencies = pd.read_csv(joint / "frequencies.csv")
+    assert frequencies["source"].tolist() == ["table"] * 4 + ["motion"]
+    last = frequencies.iloc[-1]
+    mode_1 = float(RING.frequencies(np.array([1.0]))[0])
+    # Two directions, known to 1 % each: their mean to 0.7 %, itself from 1000 draws.
+    assert last["frequency_Hz"] == pytest.approx(mode_1, rel=0.002)
+    assert last["standard_deviation_Hz"] == pytest.approx(mode_1 * 0.01 / np.sqrt(2), rel=0.15)
+    assert np.isnan(last["pressure_bar"])
+    widths = [
+        np.log(fitted["upper"] / fitted["lower"])["k_v/(rho A)"]
+        for fitted in (pd.read_csv(folder / "modes.csv", index_col="parameter") for folder in (apart, joint))
+    ]
+    assert widths[1] < widths[0] / 2  # k_v counts in low modes
+    fitted = pd.read_csv(joint / "modes.csv", index_col="parameter").loc["k_v/(rho A)"].to_dict()
+    assert fitted["lower"] < 7e4 < fitted["upper"]
+    assert list(json.loads((joint / "run.json").read_text())["inputs"]) == [str(path), str(found / "posterior.nc")]
+
+
+def test_of_several_configurations_one_is_named(tmp_path):
+    path, found = written(table(), tmp_path / "modes.csv"), motions(tmp_path / "motion", ("dual", "single"))
+    asked = ("modes", path, "--out", tmp_path / "out", "--motion", found)
+    for options, said in (((), "several configurations"), (("--configuration", "x"), "has no 'x'")):
+        refused = here(*asked, *options)
+        assert_refused(refused.exit_code, refused.stderr, "posterior.nc", said, "one of dual, single")
+    assert here(*asked, "--configuration", "dual", "--quiet").exit_code == 0
+    # The belt of `single` is a tenth higher than that of the table: 6 Hz, and known to 0.4 Hz.
+    other = here(*asked, "--configuration", "single", "--quiet")
+    assert other.exit_code == 4
+    assert "mode 1 is off most" in other.stderr
+    assert here("modes", path, "--out", tmp_path / "out", "--configuration", "dual").exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [({"law": "fancher"}, "no posterior of a rigid ring"), ({"known": 0.3}, "do not determine the first mode")],
+)
+def test_motions_that_did_not_find_the_mode_are_refused(made, said, tmp_path):
+    path, found = written(table(), tmp_path / "modes.csv"), motions(tmp_path / "motion", **made)
+    done = here("modes", path, "--out", tmp_path / "out", "--motion", found)
+    assert_refused(done.exit_code, done.stderr, str(found / "posterior.nc"), said)
+    bare = written(table().drop(columns="standard_deviation_Hz"), tmp_path / "bare.csv")
+    done = here("modes", bare, "--out", tmp_path / "out", "--motion", found)
+    assert_refused(done.exit_code, done.stderr, str(bare), "no column standard_deviation_Hz")
+    assert not (tmp_path / "out").exists()
+
+
+def test_motions_that_are_not_to_be_trusted_pass_that_on(tmp_path):
+    path, found = written(table(), tmp_path / "modes.csv"), motions(tmp_path / "motion", verdict="fail")
+    done = here("modes", path, "--out", tmp_path / "out", "--motion", found, "--quiet")
+    assert (done.exit_code, done.stdout) == (4, "")
+    assert (
+        done.stderr
+        == f"bayes-tyre: the verdict on {found} is fail, and the first mode comes from it; leave --motion out\n"
+    )
+    assert set(pd.read_csv(tmp_path / "out" / "modes.csv")["verdict"]) == {"fail"}

@@ -47,9 +47,9 @@ def test_the_files_are_those_of_the_contract(fit, tmp_path):
     assert tree_of(tmp_path / "out").keys() == FILES
     ranked, plan = (pd.read_csv(tmp_path / "out" / name) for name in ("next.csv", "plan.csv"))
     ends = ["origin", "verdict"]
-    columns = ["rank", "kind", *FACTORS, "tests", "minutes", "width_now", "width_expected", *ends]
+    columns = ["rank", "kind", *FACTORS, "tests", "minutes", "width_now", "width_expected", "method", *ends]
     assert ranked.columns.tolist() == columns
-    assert plan.columns.tolist() == ["test", "kind", *FACTORS, "minutes", "width_expected", *ends]
+    assert plan.columns.tolist() == ["test", "kind", *FACTORS, "minutes", "width_expected", "method", *ends]
     assert set(ranked["kind"]) == {"repeat"}
     assert set(ranked["tests"]) == {3}
     assert ranked["minutes"].isna().all()
@@ -74,6 +74,9 @@ def test_the_answer_is_printed_and_then_where_the_files_are(fit, tmp_path):
     assert plan.startswith("plan not expected to reach 1 %: 2 tests, ")
     assert plan.endswith(f"{100 * planned['width_expected'][1]:.3g} %, 20 min")
     assert last == f"wrote {tmp_path / 'out' / 'figures' / 'width_against_tests.png'} (data: simulated, verdict fail)"
+    shown = here("show", tmp_path / "out").stdout.splitlines()
+    assert best.replace("  ", " ") in shown
+    assert f"plan: 2 tests{plan.partition('2 tests')[2]}" in shown
     quiet = asked(fit, "k single (0)20-30", tmp_path / "quiet", "--cost", costs, "--tests", 2, "--quiet")
     assert quiet.stdout == ""
     assert tree_of(tmp_path / "quiet") == tree_of(tmp_path / "out")
@@ -108,6 +111,23 @@ def test_energy_is_a_goal_of_motions_alone(fit, motions, tmp_path):
     refused = asked(fit, "energy_per_cycle dual / single", tmp_path / "refused")
     assert_refused(refused.exit_code, refused.stderr, "energy_per_cycle", "run bayes-tyre motion")
     assert not (tmp_path / "refused").exists()
+
+
+def test_a_ranking_is_a_goal_by_its_ratio_in_doubt_or_by_how_probably_it_is_wrong(motions, tmp_path):
+    ratio = asked(motions, "ranking k", tmp_path / "ratio", "--tests", 2)
+    assert ratio.exit_code == 0, ratio.stderr
+    goal = ratio.stdout.splitlines()[0]
+    above, _, below = goal.partition("; ")[2].removesuffix(")").partition(" above ")
+    assert goal.startswith(f"k {above} / {below}: median 1.0")
+    wrong = asked(motions, "wrong ranking k", tmp_path / "wrong", "--tests", 2)
+    assert wrong.exit_code == 0, wrong.stderr
+    ranked, plan = (pd.read_csv(tmp_path / "wrong" / name) for name in ("next.csv", "plan.csv"))
+    assert ranked.columns.tolist()[-6:-3] == ["minutes", "p_wrong_now", "p_wrong_expected"]
+    assert (ranked["p_wrong_expected"] < ranked["p_wrong_now"]).all()
+    assert plan["p_wrong_expected"].is_monotonic_decreasing
+    now = f"{100 * ranked['p_wrong_now'][0]:.3g} %"
+    assert wrong.stdout.startswith(f"wrong ranking k: {above} above {below}, wrong with probability {now}\n")
+    assert f": wrong ranking {now} to " in here("show", tmp_path / "wrong").stdout
 
 
 def test_a_posterior_of_printed_tables_has_no_repeats_to_go_by(tmp_path):

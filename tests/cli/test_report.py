@@ -3,10 +3,12 @@
 import json
 import re
 import shutil
+from base64 import b64encode
+from html import escape
 from pathlib import Path
 
 import pytest
-from helpers.command_line import assert_refused, here, tree_of
+from helpers.command_line import assert_refused, here, small, tree_of, written
 from helpers.reported_motions import write_motions
 from helpers.reported_results import IMAGE, SCRIPT, printed_factors, write_fitted, write_made
 
@@ -98,6 +100,62 @@ def test_figures_of_records_are_those_of_the_fit_where_its_input_is_gone(fitted,
     assert "its input was not found" in page
 
 
+def test_what_stands_above_the_page_is_text_and_the_logo_is_in_it(tmp_path, quick):
+    logo = tmp_path / "logo"
+    logo.write_bytes(b"\x89PNG\r\n\x1a\n of a lab")
+    lsq = tmp_path / "lsq"
+    assert here("lsq", written(small(), tmp_path / "records.csv"), "--out", lsq).exit_code == 0
+    above = ("--title", SCRIPT, "--order", "A-7 & 8", "--operator", IMAGE, "--logo", logo)
+    for folder in (write_made(tmp_path / "made", {"x": 1.0}), lsq):
+        assert here("report", folder).exit_code == 0
+        policy = re.search(r"Content-Security-Policy.*", (folder / "report.html").read_text("utf-8"))
+        assert here("report", folder, *above).exit_code == 0
+        page = (folder / "report.html").read_text(encoding="utf-8")
+        shown, operator = (escape(text).replace("&quot;", "&#34;") for text in (SCRIPT, IMAGE))
+        assert f"<title>{shown}</title>" in page
+        assert f"<h1>{shown}</h1>" in page
+        assert f"Order: A-7 &amp; 8 &middot; Operator: {operator}" in page
+        assert SCRIPT not in page
+        assert IMAGE not in page
+        assert f'src="data:image/png;base64,{b64encode(logo.read_bytes()).decode()}"' in page
+        assert policy is not None
+        assert policy[0] in page
+
+
+def test_without_a_browser_nothing_is_printed_and_nothing_written(tmp_path, monkeypatch):
+    made = write_made(tmp_path / "made", {"x": 1.0})
+    before = tree_of(tmp_path)
+    monkeypatch.setenv("PATH", "")
+    done = here("report", made, "--pdf")
+    assert_refused(done.exit_code, done.stderr, "--pdf", "no browser is on PATH", "chromium", "install Chromium")
+    assert tree_of(tmp_path) == before
+
+
+def test_a_browser_that_prints_nothing_is_named_with_what_it_said(tmp_path, monkeypatch, quick):
+    made = write_made(tmp_path / "made", {"x": 1.0}, factor_table=printed_factors("x"))
+    browser = tmp_path / "bin" / "google-chrome"
+    browser.parent.mkdir()
+    browser.write_text("#!/bin/sh\necho no display today >&2\nexit 1\n")
+    browser.chmod(0o755)
+    before = tree_of(tmp_path)
+    monkeypatch.setenv("PATH", str(browser.parent))
+    done = here("report", made, "--pdf")
+    assert_refused(done.exit_code, done.stderr, str(browser), "no display today", "print report.html")
+    assert tree_of(tmp_path) == before
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="not installed: chromium; apt-get install chromium")
+def test_the_page_is_printed_beside_it(tmp_path, quick):
+    made = write_made(tmp_path / "made", {"x": 1.0}, factor_table=printed_factors("x"))
+    done = here("report", made, "--pdf", "--out", tmp_path / "page.html")
+    assert (done.exit_code, done.stderr) == (0, "")
+    assert done.stdout == f"wrote {tmp_path / 'page.html'}\nwrote {tmp_path / 'page.pdf'}\n"
+    printed = (tmp_path / "page.pdf").read_bytes()
+    assert printed.startswith(b"%PDF-")
+    assert len(re.findall(rb"/Type\s*/Page\b", printed)) > 1
+    assert b"Tyre stiffness" in printed or "Tyre stiffness".encode("utf-16-be").hex().upper().encode() in printed
+
+
 def test_the_page_goes_into_the_first_folder_or_where_out_says(tmp_path, quick):
     factors = printed_factors("x")
     one, two = (
@@ -133,7 +191,9 @@ def test_what_is_no_result_is_refused_and_nothing_is_written(tmp_path, quick):
     for given, said in (
         ([made, tmp_path / "lsq"], ["lsq", "run.json"]),
         ([made, tmp_path / "made/../made"], ["named twice"]),
-        ([made, "--out", tmp_path / "page.pdf"], ["page.pdf", "HTML"]),
+        ([made, "--out", tmp_path / "page.pdf"], ["page.pdf", "HTML", "--pdf"]),
+        ([made, "--logo", tmp_path / "lsq" / "least_squares.csv"], ["--logo", "is no image", "give PNG"]),
+        ([made, "--logo", tmp_path / "none.png"], ["--logo", "none.png", "cannot be read"]),
     ):
         done = here("report", *given)
         assert_refused(done.exit_code, done.stderr, *said)

@@ -8,6 +8,7 @@ from helpers.law_in_time import force_in_time
 from helpers.moving_axle import motion
 from scipy.integrate import solve_ivp
 
+from bayes_tyre.laws.flexible_ring import FlexibleRing
 from bayes_tyre.laws.loop_energy import loop_energy
 from bayes_tyre.laws.rigid_ring import RigidRing
 
@@ -121,3 +122,15 @@ def test_derivatives_along_a_path_in_time_are_those_of_finite_differences():
         differences = np.asarray(forces(values + off) - forces(values - off)) / (2 * h)
         # Rounding of forces of 30 kN over 2 h, and h^2.
         np.testing.assert_allclose(exact[:, i], differences, rtol=1e-6, atol=2e-14 / h + 1e-8)
+
+
+def test_its_first_mode_is_mode_1_of_the_flexible_ring_on_the_same_sidewall():
+    radius, springs = 500.0, np.array([2.2e-3, 0.7e-3])  # mm; kN/mm^2, radial and tangential
+    per_length = BELT / (2 * np.pi * radius)
+    # Of a belt that moves by 1 mm the sidewall is stretched by cos radially and by sin tangentially.
+    sidewall = np.pi * radius * springs.sum()
+    frequency = float(np.sqrt((sidewall + RESIDUAL) / BELT)) / (2 * np.pi)
+    law = RigidRing(K, C, frequency, DAMPING, float(sidewall / RESIDUAL))
+    radial, tangential = (float(spring / per_length) for spring in springs)
+    ring = FlexibleRing(0.0, 0.0, radial, tangential)
+    assert float(law.first_mode) == pytest.approx(float(ring.frequencies(np.array([1.0]))[0]), rel=1e-12)

@@ -78,6 +78,7 @@ def fit(
         return
     from bayes_tyre.inference.model.settings import ModelSettings
     from bayes_tyre.inference.sampling.run import SamplerSettings
+    from bayes_tyre.results.limits import OF_RECORDS
     from bayes_tyre.workflow.fit import Plan, read_priors
 
     model = ModelSettings(
@@ -88,7 +89,7 @@ def fit(
         displacement_sd,
     )
     settings = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
-    limit = shell.checked_limit(limit, of_records=True)
+    limit = shell.checked_limit(limit, OF_RECORDS)
     plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns, limit, reference, record_draws)
     _run(plan, out, resume, xlsx, quiet)
 
@@ -104,7 +105,7 @@ def _run(plan: "Plan", out: Path, resume: bool, xlsx: bool, quiet: bool) -> None
     origin = origin_of(table)
     shell.say(f"fitting {table['record'].nunique()} records (data: {origin}), {sampler.chains} chains", quiet)
     with shell.stages(quiet) as stages:
-        answer = shell.Answer(out, origin, plan.reference, quiet, stages, plan.limit is not None)
+        answer = shell.Answer(out, origin, {"reference": plan.reference}, quiet, stages, plan.limit is not None)
         callbacks = shell.callbacks(stages, quiet, answer)
         diagnostics = fit_table(table, plan, out, sys.argv[1:], callbacks, resume=resume, xlsx=xlsx)
         answered = answer(diagnostics)

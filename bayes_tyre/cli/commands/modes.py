@@ -26,6 +26,16 @@ def modes(
     radius: Annotated[
         float | None, typer.Option(min=1.0, help="Radius of the belt, mm; a rolling tyre needs it.")
     ] = None,
+    motion: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder that motion --law rigid_ring wrote of the same tyre: its first mode is fitted too.",
+        ),
+    ] = None,
+    configuration: Annotated[
+        str | None, typer.Option(metavar="LABEL", help="Configuration of --motion; needed where it has several.")
+    ] = None,
     interval: Interval = 0.95,
     seed: Seed = 0,
     quiet: Quiet = False,
@@ -35,7 +45,8 @@ def modes(
     Frequencies determine bending stiffness EI, belt tension T and the sidewalls' radial and tangential stiffness k_w
     and k_v per mass of the belt alone (1/s^2); with --mass-per-length and --radius they are in kN mm^2, kN and kN/mm^2
     (per length of the belt). With pressure_bar T is proportional to pressure. speed_km_h turns the ring: each mode from
-    2 on has a forward and a backward wave, their frequencies as seen from the ground.
+    2 on has a forward and a backward wave, their frequencies as seen from the ground. --motion adds mode 1 from the
+    motion of the axle: that of the belt on the sidewall alone, whose road is taken away.
 
     Writes modes.csv, a row a parameter (status says what is not identified), frequencies.csv, run.json and figures/.
     Ends with code 4 where the frequencies contradict the ring, given their standard deviations.
@@ -44,13 +55,17 @@ def modes(
     """
     if mass_per_length is not None and radius is None:
         raise typer.BadParameter("needs the radius of the belt beside it; give --radius in mm", param_hint="--radius")
+    if configuration is not None and motion is None:
+        raise typer.BadParameter("is of --motion; give its folder, or leave it out", param_hint="--configuration")
     from bayes_tyre.runtime import prepare_jax
 
     prepare_jax()
-    from bayes_tyre.workflow.modes import Belt, fit_modes, parameter_lines
+    from bayes_tyre.results.flexible_ring import parameter_lines
+    from bayes_tyre.workflow.modes import Belt, Motion, fit_modes
 
     belt = Belt(radius, mass_per_length)
-    parameters, fit = fit_modes(table, out, belt, sys.argv[1:], interval=interval, seed=seed)
+    joint = None if motion is None else Motion(motion, configuration)
+    parameters, fit = fit_modes(table, out, belt, sys.argv[1:], motion=joint, interval=interval, seed=seed)
     for line in parameter_lines(parameters):
         say(line, quiet)
     say(f"wrote {out}: verdict {fit.verdict} (data: {parameters['origin'].iloc[0]})", quiet)

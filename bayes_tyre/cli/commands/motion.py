@@ -49,6 +49,7 @@ def motion(
     target_accept: shell.TargetAccept = None,
     seed: shell.Seed = 0,
     interval: shell.Interval = 0.95,
+    limit: shell.LimitOption = None,
     workers: Workers = None,
     cluster: Cluster = None,
     resume: Annotated[
@@ -80,7 +81,9 @@ def motion(
     from bayes_tyre.formats.recordings.raw import raw_files
 
     files, passed_over = raw_files(raw)  # before what takes seconds to import
+    from bayes_tyre.inference.motion.laws import motion_law
     from bayes_tyre.inference.sampling.run import SamplerSettings
+    from bayes_tyre.record import ENERGY
     from bayes_tyre.workflow.execution.batch import Machines
     from bayes_tyre.workflow.fit import read_priors
     from bayes_tyre.workflow.raw.motion import MotionPlan
@@ -88,7 +91,9 @@ def motion(
     for warning in passed_over:
         shell.warn(warning)
     sampler = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
-    plan = MotionPlan(sampler, rig, cases, figures, law.value, amplitude, repeats, interval, read_priors(priors))
+    limit = shell.checked_limit(limit, (*motion_law(law.value).reported_parameters, ENERGY))
+    how = law.value, amplitude, repeats, interval, read_priors(priors), limit
+    plan = MotionPlan(sampler, rig, cases, figures, *how)
     _run(files, plan, Machines(workers, cluster, resume), out, xlsx, quiet)
 
 
@@ -107,7 +112,8 @@ def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path,
     counts = f"{len(estimated.table)} records, {len(estimated.rejected)} rejected"
     shell.say(f"{counts} (data: {estimated.origin}), {sampler.chains} chains", quiet)
     with shell.stages(quiet) as stages:
-        answer = shell.Answer(out, estimated.origin, None, quiet, stages)
+        options = {"reference": None, "amplitude_mm": plan.amplitude_mm}
+        answer = shell.Answer(out, estimated.origin, options, quiet, stages, plan.limit is not None)
         callbacks = shell.callbacks(stages, quiet, answer)
         diagnostics = fit_estimates(estimated, plan, out, sys.argv[1:], callbacks, resume=machines.resume, xlsx=xlsx)
         answered = answer(diagnostics)

@@ -1,4 +1,4 @@
-"""What further tests are expected to bring: the width of a goal's interval against their number."""
+"""What further tests are expected to bring: a goal's width, or how probably it is wrong, against their number."""
 
 import matplotlib.style
 import numpy as np
@@ -11,13 +11,24 @@ from bayes_tyre.report.figures.page.colours import INK, PALE, Setting
 from bayes_tyre.report.figures.page.labels import plain
 from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 
+#: What the columns of `plan.csv` expect, on the axis and in the note.
+_MEASURES = {
+    "width": ("width of the 95 % interval\n(% of the median)", "width"),
+    "p_wrong": ("probability of a\nwrong ranking (%)", "probability"),
+}
+
 
 @matplotlib.style.context(STYLE)
-def width_against_tests(plan: pd.DataFrame, width_now: float, precision: float, goal: str, setting: Setting) -> Figure:
-    """Return the expected width of a goal's 95 % interval after each test of `plan.csv`, and the one to be reached."""
+def width_against_tests(plan: pd.DataFrame, now: float, precision: float, goal: str, setting: Setting) -> Figure:
+    """Return the expected width of a goal's 95 % interval after each test of `plan.csv`, and the one to be reached.
+
+    Of a ranking: the probability that it is wrong, in place of the width.
+    """
+    measure = "p_wrong" if "p_wrong_expected" in plan else "width"
+    on_axis, name = _MEASURES[measure]
     figure = layout.page(WIDTH, 3.4)
     ax = figure.subplots()
-    widths = 100.0 * np.array([width_now, *plan["width_expected"]])
+    widths = 100.0 * np.array([now, *plan[f"{measure}_expected"]])
     new = np.array([False, *(plan["kind"] == "case")])
     at = np.arange(len(widths))
     ax.plot(at, widths, color=INK, linewidth=1.2)
@@ -28,7 +39,7 @@ def width_against_tests(plan: pd.DataFrame, width_now: float, precision: float, 
     ax.set_xlim(-0.5, max(len(plan), 1) + 0.5)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_xlabel("further tests")
-    ax.set_ylabel("width of the 95 % interval\n(% of the median)")
+    ax.set_ylabel(on_axis)
     layout.legend(figure, list(zip(*ax.get_legend_handles_labels(), strict=True)))
-    note = f"{plain(goal)}: expected width, before any of the tests is run. At 0: the width now."
+    note = f"{plain(goal)}: expected {name}, before any of the tests is run. At 0: the {name} now."
     return layout.finish(figure, setting, note)

@@ -120,14 +120,14 @@ def stored_figures(folder: Path, but: set[str]) -> Iterator[EmbeddedFigure]:
     for path in sorted(by_name, key=lambda path: order.index(path.stem) if path.stem in order else len(order)):
         if path.stem not in but:
             heading, reading = _heading_and_reading(path.stem)
-            yield EmbeddedFigure(path.stem, heading, reading, heading, _uri("image/png", path.read_bytes()))
+            yield EmbeddedFigure(path.stem, heading, reading, heading, data_uri("image/png", path.read_bytes()))
 
 
 def embedded_figure(name: str, figure: Figure) -> EmbeddedFigure:
     """Return a figure as the page holds it; its text alternative is its heading and the notes at its foot."""
     heading, reading = _heading_and_reading(name)
     return EmbeddedFigure(
-        name, heading, reading, f"{heading}. {notes(figure)}", _uri("image/svg+xml", svg(figure, name))
+        name, heading, reading, f"{heading}. {notes(figure)}", data_uri("image/svg+xml", svg(figure, name))
     )
 
 
@@ -135,5 +135,6 @@ def _heading_and_reading(name: str) -> tuple[str, str]:
     return {**HEADINGS, **_OF_SEPARATE_FITS}.get(name, (label(name.replace("_", " ").capitalize()), ""))
 
 
-def _uri(kind: str, content: bytes) -> str:
+def data_uri(kind: str, content: bytes) -> str:
+    """Return an image of a media type, such as ``image/png``, as a page holds it."""
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from bayes_tyre.report.answer.caveats import origin_sentence
 from bayes_tyre.report.answer.formatting import label, rounded
 from bayes_tyre.report.html.figures import EmbeddedFigure
+from bayes_tyre.report.html.letterhead import NONE, Letterhead
 from bayes_tyre.report.html.page import rendered
 from bayes_tyre.report.html.tables import Cell, Column, Table, number
 from bayes_tyre.results import separate_fits
@@ -13,12 +14,13 @@ from bayes_tyre.results.separate_fits import FitTable
 _LONGEST_STATUS = 2000
 
 
-def fits_document(tables: Sequence[FitTable], figures: Sequence[EmbeddedFigure]) -> str:
-    """Return the page of one folder's tables and figures."""
+def fits_document(tables: Sequence[FitTable], figures: Sequence[EmbeddedFigure], head: Letterhead = NONE) -> str:
+    """Return the page of one folder's tables and figures, with what stands above it."""
     origins = dict.fromkeys(part for table in tables for part in table.origin.split(" + "))
     captions = ", ".join(table.caption for table in tables)
     return rendered(
         "fits.html.j2",
+        head,
         title=f"{captions[0].upper()}{captions[1:]}",
         origins=[(each, origin_sentence(each)) for each in origins],
         tables=[_shown(f"table{i}", table) for i, table in enumerate(tables)],

@@ -22,6 +22,7 @@ from bayes_tyre.report.html import tables
 from bayes_tyre.report.html.between_results import Comparison
 from bayes_tyre.report.html.figures import EmbeddedFigure
 from bayes_tyre.report.html.glossary import glossary
+from bayes_tyre.report.html.letterhead import NONE, Letterhead
 from bayes_tyre.report.html.tables import Cell, Column, Table
 from bayes_tyre.report.limits import MOST_SENTENCES, limit_sentences
 from bayes_tyre.report.wording import probability_text, text_name
@@ -53,7 +54,7 @@ class Part(NamedTuple):
     note: str = ""
 
 
-def document(parts: Sequence[Part], comparisons: Sequence[Comparison] = ()) -> str:
+def document(parts: Sequence[Part], comparisons: Sequence[Comparison] = (), head: Letterhead = NONE) -> str:
     """Return the page.
 
     Parameters
@@ -62,6 +63,8 @@ def document(parts: Sequence[Part], comparisons: Sequence[Comparison] = ()) -> s
         The results, one or more; they stand side by side.
     comparisons:
         The ratios of the first to each of the others.
+    head:
+        What stands above it.
     """
     results = [part.result for part in parts]
     made = [tables.means_table, tables.contrasts_table, tables.cases_table, tables.repeats_table]
@@ -70,6 +73,7 @@ def document(parts: Sequence[Part], comparisons: Sequence[Comparison] = ()) -> s
     means, *long_tables = [make(results) for make in made]
     return rendered(
         "report.html.j2",
+        head,
         title=_title(results),
         parts=[_shown(part) for part in parts],
         comparisons=_comparisons_shown(comparisons),
@@ -83,7 +87,7 @@ def document(parts: Sequence[Part], comparisons: Sequence[Comparison] = ()) -> s
     )
 
 
-def rendered(template: str, **values: Any) -> str:
+def rendered(template: str, head: Letterhead, *, title: str, **values: Any) -> str:
     """Return a page of a template: its values, style, script and version; values are text, never markup."""
     loader = FileSystemLoader(TEMPLATES)
     templates = Environment(
@@ -96,9 +100,8 @@ def rendered(template: str, **values: Any) -> str:
     )
     style, script = (Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("report.css", "sort.js"))
     page = templates.get_template(template)
-    return page.render(
-        style=style, script=script, policy=_policy(style, script), version=version("bayes-tyre"), **values
-    )
+    fixed = {"style": style, "script": script, "policy": _policy(style, script), "version": version("bayes-tyre")}
+    return page.render(head=head, title=head.titled(title), **fixed, **values)
 
 
 def _seen(value: Any) -> Any:

@@ -1,8 +1,9 @@
-"""The posterior of a goal after tests that have not been run, as far as a Gaussian posterior has it."""
+"""The posterior of a goal after tests that have not been run: by the update of a normal one, or by reweighted draws."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -11,10 +12,20 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.record import Case
 from bayes_tyre.results.next_tests.candidates import Candidates
 from bayes_tyre.results.next_tests.goals import Goal
+from bayes_tyre.results.next_tests.reweighting import EFFECTIVE_LEAST, reweighted_width
 
 _TAILS = (0.025, 0.975)
 #: Largest skewness and excess kurtosis of a goal's draws that are taken for nearly normal.
 _SKEWNESS, _EXCESS = 0.5, 1.0
+#: How an expectation was found.
+NORMAL, REWEIGHTED = "normal", "reweighted"
+
+
+class Expected(NamedTuple):
+    """What is expected of a goal after tests, and by which method: `NORMAL` or `REWEIGHTED`."""
+
+    value: float
+    method: str
 
 
 @dataclass(frozen=True)
@@ -31,6 +42,8 @@ class Forecast:
         Covariance of the error of one test of each case, which measures the first values of the case.
     log_goal:
         Draws of the logarithm of the goal.
+    log_values:
+        Draws of the logarithms of what a test of each case measures; None: they cannot be weighted.
     """
 
     cases: tuple[Case, ...]
@@ -39,6 +52,9 @@ class Forecast:
     weights: Float[np.ndarray, " values"]
     noise: Float[np.ndarray, "cases measured measured"]
     log_goal: Float[np.ndarray, " draws"]
+    log_values: Float[np.ndarray, "draws cases measured"] | None = None
+    #: What is expected, in names of columns; what a plan lowers is the variance.
+    measure: ClassVar[str] = "width"
 
     def covariance_after(self, tests: Sequence[int]) -> Float[np.ndarray, "values values"]:
         """Return the covariance of all values after tests, given as indices of cases."""
@@ -76,7 +92,28 @@ class Forecast:
         """Median of the goal, in its own unit."""
         return float(np.exp(np.median(self.log_goal)))
 
-    @property
+    loss_after, loss_after_each = variance_after, variance_after_each
+
+    def expected(self, tests: Sequence[int]) -> Expected:
+        """Return the width after tests, given as indices of cases; where the goal is not near normal by reweighting.
+
+        Where tests tell so much that few draws keep weight, the normal update stands in for it.
+        """
+        return self._expected(tests, self.variance_after(tests))
+
+    def expected_after_each(self, repeats: int) -> list[Expected]:
+        """Return the width after `repeats` tests of each case in turn."""
+        variances = self.variance_after_each(repeats=repeats)
+        return [self._expected([case] * repeats, variance) for case, variance in enumerate(variances)]
+
+    def _expected(self, tests: Sequence[int], variance: float) -> Expected:
+        if tests and self.doubtful and self.log_values is not None:
+            found = reweighted_width(self.log_values, self.noise, self.log_goal, tests)
+            if found.effective >= EFFECTIVE_LEAST:
+                return Expected(found.width, REWEIGHTED)
+        return Expected(self.width(variance), NORMAL)
+
+    @cached_property
     def doubtful(self) -> bool:
         """Whether the draws of the goal are so far from normal that a forecast from their covariance is doubtful."""
         z = (self.log_goal - np.mean(self.log_goal)) / np.std(self.log_goal)
@@ -101,4 +138,5 @@ def forecast(candidates: Candidates, goal: Goal) -> Forecast:
     weights[:, p] = goal.weights
     covariance = np.atleast_2d(np.cov(values, rowvar=False))
     log_goal, cases = values @ weights.ravel(), candidates.cases
-    return Forecast(cases, candidates.with_records, covariance, weights.ravel(), candidates.noise, log_goal)
+    measured = candidates.log_values[:, :, : candidates.noise.shape[1]]
+    return Forecast(cases, candidates.with_records, covariance, weights.ravel(), candidates.noise, log_goal, measured)

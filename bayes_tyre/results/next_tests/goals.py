@@ -50,10 +50,7 @@ def parse_goal(text: str, cases: Sequence[Case], with_records: int, parameters: 
         Those that a case of the posterior has; another is refused as `BadInput`, like what is no ratio and no case.
     """
     parameter, _, asked = " ".join(text.split()).partition(" ")
-    if parameter not in parameters:
-        where = "; energy is estimated from raw files: run bayes-tyre motion" if parameter == ENERGY else ""
-        known = ", ".join(parameters)
-        raise BadInput(f"--goal {quoted(text)}: no case has {quoted(parameter)} here; the posterior has {known}{where}")
+    check_parameter(text, parameter, parameters)
     labels = [case.label for case in cases]
     if asked in labels:
         return Goal(text, parameter, np.eye(len(cases))[labels.index(asked)], "one case")
@@ -65,11 +62,25 @@ def parse_goal(text: str, cases: Sequence[Case], with_records: int, parameters: 
             f"--goal {quoted(text)}: is no case, and no ratio of configurations ({case_list(configurations)}) or of "
             f"directions with cases that match; cases are {case_list(labels)}"
         )
-    weights = np.zeros(len(cases))
-    share = (-1.0 if first == DIRECTIONS[1] else 1.0) / len(pairs)  # pairs of directions are loading over unloading
+    goal = ratio_goal(text, parameter, pairs, len(cases), of)
+    # Pairs of directions are loading over unloading.
+    return goal._replace(weights=-goal.weights) if first == DIRECTIONS[1] else goal
+
+
+def check_parameter(text: str, parameter: str, parameters: Sequence[str]) -> None:
+    """Refuse, as `BadInput`, a goal on what no case of the posterior has."""
+    if parameter not in parameters:
+        where = "; energy is estimated from raw files: run bayes-tyre motion" if parameter == ENERGY else ""
+        known = ", ".join(parameters)
+        raise BadInput(f"--goal {quoted(text)}: no case has {quoted(parameter)} here; the posterior has {known}{where}")
+
+
+def ratio_goal(text: str, parameter: str, pairs: Sequence[Pair], cases: int, of: str) -> Goal:
+    """Return the geometric mean over pairs of the first case's value over the second's; `cases` in all."""
+    weights = np.zeros(cases)
     for pair in pairs:
-        weights[pair.first] += share
-        weights[pair.second] -= share
+        weights[pair.first] += 1.0 / len(pairs)
+        weights[pair.second] -= 1.0 / len(pairs)
     return Goal(text, parameter, weights, of)
 
 

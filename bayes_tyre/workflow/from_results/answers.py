@@ -78,7 +78,7 @@ def _coverage(table: pd.DataFrame, folder: Path) -> list[str]:
 
 
 def _modes(table: pd.DataFrame, folder: Path) -> list[str]:
-    from bayes_tyre.workflow.modes import parameter_lines
+    from bayes_tyre.results.flexible_ring import parameter_lines
 
     del folder
     about = f"flexible ring (data: {table['origin'].iloc[0]}): verdict {table['verdict'].iloc[0]}"
@@ -86,12 +86,14 @@ def _modes(table: pd.DataFrame, folder: Path) -> list[str]:
 
 
 def _next(table: pd.DataFrame, folder: Path) -> list[str]:
-    from bayes_tyre.results.next_tests.sentences import candidate_lines, plan_line
+    from bayes_tyre.results.next_tests.sentences import candidate_lines, measure_of, plan_line
 
     about = f"tests to run next (data: {table['origin'].iloc[0]}, verdict {table['verdict'].iloc[0]})"
     given = {name: numbers(table, name) for name in (*CASE_FACTORS[2:], "minutes")}  # a blank cell makes a column text
     plan = read_table(folder / "plan.csv")
-    return [about, *candidate_lines(table.assign(**given)), plan_line(plan.assign(minutes=numbers(plan, "minutes")))]
+    now = float(table[f"{measure_of(table)}_now"].iloc[0])
+    timed = plan.assign(minutes=numbers(plan, "minutes"))
+    return [about, *candidate_lines(table.assign(**given)), plan_line(timed, now)]
 
 
 #: By the table that only this command writes.

@@ -16,10 +16,12 @@ from bayes_tyre.plain_text import reason
 from bayes_tyre.report.figures.page.colours import Setting
 from bayes_tyre.report.figures.page.layout import save
 from bayes_tyre.report.figures.tests_to_run import width_against_tests
-from bayes_tyre.results.next_tests.candidates import candidates, new_cases
+from bayes_tyre.results.next_tests.candidates import Candidates, candidates, new_cases
 from bayes_tyre.results.next_tests.forecast import Forecast, forecast
 from bayes_tyre.results.next_tests.goals import Goal, parse_goal
 from bayes_tyre.results.next_tests.plan import Costs, choose_tests, planned, ranking
+from bayes_tyre.results.next_tests.rankings import WrongRanking, parse_ranking
+from bayes_tyre.results.next_tests.rankings import ranking as ranking_of_configurations
 from bayes_tyre.rig.faults import first_fault
 from bayes_tyre.workflow.from_results.predict import errors_name, read_posterior
 
@@ -30,7 +32,7 @@ class Next(NamedTuple):
     """What was written: the goal and its forecast, the two tables, the files, and where the data come from."""
 
     goal: Goal
-    forecast: Forecast
+    forecast: Forecast | WrongRanking
     ranked: pd.DataFrame
     plan: pd.DataFrame
     paths: tuple[Path, ...]
@@ -54,7 +56,8 @@ def write_next(
     Parameters
     ----------
     goal, precision:
-        As `results.next_tests.goals.parse_goal` takes it, and the width of its interval over its median to be reached.
+        As `results.next_tests.goals.parse_goal` and `rankings.parse_ranking` take it, and what is to be reached: the
+        width of its interval over its median, or the probability of a wrong ranking.
     cost:
         TOML with minutes and the rig's levels.
     tests, repeats:
@@ -75,16 +78,15 @@ def write_next(
             known = tree_cases(posterior)
             slope = "log_k_load" in posterior and posterior.sizes["load"] == 1  # new cases start at no known force
             possible = candidates(tree, [] if slope else new_cases(known, dict(costs.rig)), seed)
-            parsed = parse_goal(goal, possible.cases, len(known), possible.parameters)
+            parsed, expected = _forecast(goal, possible)
     except KeyError as error:
         raise BadInput(f"{path}: lacks {error}, so it is no posterior of fit or motion; run fit again") from None
-    expected = forecast(possible, parsed)
     repeats = repeats or max(1, round(posterior.sizes["record"] / len(known)))
     about = {"origin": tree.attrs["origin"], "verdict": verdict}
     ranked = ranking(expected, repeats, costs)
     plan = planned(expected, choose_tests(expected, precision, tests, costs), costs)
     ranked, plan = ((one if cost else one.assign(minutes=math.nan)).assign(**about) for one in (ranked, plan))
-    figure = width_against_tests(plan, expected.width(), precision, parsed.text, Setting(**about))
+    figure = width_against_tests(plan, expected.expected(()).value, precision, parsed.text, Setting(**about))
     prepare_folder(out)
     paths = out / "next.csv", out / "plan.csv", out / "figures" / "width_against_tests.png"
     with whole_file(paths[0]) as first, whole_file(paths[1]) as second:
@@ -92,6 +94,14 @@ def write_next(
         write_table(plan, second)
         save(figure, paths[2])
     return Next(parsed, expected, ranked, plan, paths, **about)
+
+
+def _forecast(text: str, possible: Candidates) -> tuple[Goal, Forecast | WrongRanking]:
+    """Return a goal and its forecast."""
+    if (asked := parse_ranking(text)) is not None:
+        return ranking_of_configurations(possible, asked)
+    goal = parse_goal(text, possible.cases, possible.with_records, possible.parameters)
+    return goal, forecast(possible, goal)
 
 
 def read_costs(path: Path | None) -> Costs:

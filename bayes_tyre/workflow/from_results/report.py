@@ -1,4 +1,4 @@
-"""The HTML report of result folders: `report.html`."""
+"""The HTML report of result folders: `report.html`, and printed: `report.pdf`."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -7,7 +7,8 @@ import pandas as pd
 import xarray as xr
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.files import check_folder, write_text
+from bayes_tyre.formats.files import check_folder, write_bytes, write_text
+from bayes_tyre.formats.images import read_image
 from bayes_tyre.formats.netcdf import read_tree
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.inference.diagnostics.attempts import Attempts
@@ -17,13 +18,15 @@ from bayes_tyre.published import tables
 from bayes_tyre.report.answer.load import Reported, read_reported
 from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.report.html.between_results import ComparedResult, compare_results, has_cases
-from bayes_tyre.report.html.figures import embedded_figures, stored_figures
+from bayes_tyre.report.html.figures import data_uri, embedded_figures, stored_figures
 from bayes_tyre.report.html.fits_page import fits_document
+from bayes_tyre.report.html.letterhead import NONE, Letterhead
 from bayes_tyre.report.html.page import Part, document
 from bayes_tyre.results.figure_data.motion_traces import MOTIONS_CSV, check_readings
 from bayes_tyre.results.provenance import RUN_JSON
 from bayes_tyre.results.separate_fits import read_separate_fits
 from bayes_tyre.workflow.fit import planned_in
+from bayes_tyre.workflow.from_results.pdf import find_browser, printed_page
 from bayes_tyre.workflow.record_tables import read_given
 from bayes_tyre.workflow.result_names import names
 
@@ -45,11 +48,17 @@ def target(folder: Path, out: Path | None) -> Path:
     out = out or folder
     path = out if out.suffix.lower() in SUFFIXES and not out.is_dir() else out / NAME
     if path.parent == out and out.suffix and not out.exists():
-        raise BadInput(f"--out {out}: a report is written as HTML; name an .html file or a folder")
+        raise BadInput(f"--out {out}: a report is written as HTML; name an .html file or a folder; --pdf prints it too")
     check_folder(path.parent)
     if path.is_dir():
         raise BadInput(f"--out {path}: a folder is in the place of a file; name another")
     return path
+
+
+def letterhead(title: str, order: str, operator: str, logo: Path | None) -> Letterhead:
+    """Return what stands above a report; a logo that is no image, or too large, is refused as `BadInput`."""
+    image = None if logo is None else read_image(logo, "--logo")
+    return Letterhead(title, order, operator, "" if image is None else data_uri(*image))
 
 
 def write_report(
@@ -60,8 +69,10 @@ def write_report(
     *,
     kept_figures: bool = False,
     reference: str | None = None,
-) -> tuple[Path, list[str]]:
-    """Write the report of one result, or of several with a comparison; return its path, and what not to trust.
+    head: Letterhead = NONE,
+    pdf: bool = False,
+) -> tuple[list[Path], list[str]]:
+    """Write the report of one result, or of several with a comparison; return its files, and what not to trust.
 
     The latter a line each: a result whose verdict is ``fail``, and a figure that could not be drawn.
 
@@ -77,16 +88,21 @@ def write_report(
         Show the figures as they lie in the folders instead of drawing them again.
     reference:
         The configuration below in each ratio; None: as the fit was told.
+    head:
+        What stands above the page.
+    pdf:
+        Print the page by a browser too, beside it.
 
     Raises
     ------
     BadInput
         If a result has no such configuration, a folder holds no finished result, is named twice, or the page cannot be
-        written.
+        written; if it is to be printed and there is no browser. Nothing is written then.
     """
+    browser = find_browser() if pdf else None
     if len(folders) == 1 and (fits := read_separate_fits(folders[0])):
         figures = stored_figures(folders[0] / "figures", set())
-        return write_text(fits_document(fits, list(figures)), target(folders[0], out)), []
+        return _written(fits_document(fits, list(figures), head), target(folders[0], out), browser), []
     read = [read_reported(folder, name) for folder, name in zip(folders, names(folders), strict=True)]
     results = [result.referred_to(reference) for result in read]
     path = target(folders[0], out)
@@ -105,9 +121,17 @@ def write_report(
         )
         on_progress(1)
     comparisons = [compare_results(compared_results[0], other, results[0].interval) for other in compared_results[1:]]
-    write_text(document(parts, comparisons), path)
+    written = _written(document(parts, comparisons, head), path, browser)
     untrusted = [f"{each.name}: {UNTRUSTED}" for each in results if each.verdict == "fail"]
-    return path, [*untrusted, *warnings]
+    return written, [*untrusted, *warnings]
+
+
+def _written(page: str, path: Path, browser: str | None) -> list[Path]:
+    """Write a page, and with a browser its print beside it; return the files."""
+    if browser is None:
+        return [write_text(page, path)]
+    printed = printed_page(page, browser)
+    return [write_text(page, path), write_bytes(printed, path.with_suffix(".pdf"))]
 
 
 def _drawn(

@@ -25,6 +25,7 @@ from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.plain_text import listed
 from bayes_tyre.record_table import origin_of
 from bayes_tyre.report.figures.catalogue import Result
+from bayes_tyre.results.limits import parse_limit
 from bayes_tyre.results.provenance import RUN_JSON, begin_run, read_run
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.workflow.execution.batch import Machines, run_batch
@@ -61,6 +62,8 @@ class MotionPlan:
         Probability of every interval, equal-tailed.
     priors:
         Of the hierarchy.
+    limit:
+        What `cases.csv` says the probability of, such as ``k >= 1.8``; None: nothing.
     """
 
     sampler: SamplerSettings
@@ -72,16 +75,18 @@ class MotionPlan:
     repeats: str = "mixture"
     interval: float = 0.95
     priors: Priors = PRIORS
+    limit: str | None = None
 
     @property
     def options(self) -> dict[str, object]:
-        """What `run.json` says of it, beside the seed and the inputs."""
+        """What `run.json` says of it, beside the seed and the inputs; a limit only where it was given."""
         sources = {"rig": self.rig, "cases": None if self.cases is None else str(self.cases), "law": self.law}
         return {
             **sampler_options(self.sampler),
             **sources,
             "priors": self.priors.given(),
             **{"amplitude_mm": self.amplitude_mm, "repeats": self.repeats, "interval": self.interval},
+            **({} if self.limit is None else {"limit": self.limit}),
         }
 
 
@@ -205,7 +210,8 @@ def fit_estimates(
     )
     diagnostics = with_estimates(diagnostics, estimated)
     beside = {ESTIMATES: estimated.table, REJECTED: estimated.rejected}
-    result = Result(tree, diagnostics.verdict, interval=plan.interval, motions=estimated.shown)
+    limit = None if plan.limit is None else parse_limit(plan.limit)
+    result = Result(tree, diagnostics.verdict, interval=plan.interval, motions=estimated.shown, limit=limit)
     diagnostics = write_fit(result, diagnostics, run, out, beside, xlsx=xlsx, callbacks=callbacks)
     checkpoints.clear()
     return diagnostics

@@ -75,7 +75,7 @@ def test_a_plan_ends_where_the_precision_is_reached_or_the_tests_or_minutes_are_
 def test_the_ranking_holds_every_candidate_the_narrowest_first():
     known = made(2, with_records=3)
     table = ranking(known, 2, Costs.model_validate({"minutes_per_test": 5, "setup_minutes": {"speed_km_h": 7}}))
-    columns = ["rank", "kind", *FACTORS, "tests", "minutes", "width_now", "width_expected"]
+    columns = ["rank", "kind", *FACTORS, "tests", "minutes", "width_now", "width_expected", "method"]
     assert table.columns.tolist() == columns
     assert table["rank"].tolist() == [1, 2, 3, 4]
     assert table["width_expected"].is_monotonic_increasing
@@ -89,7 +89,7 @@ def test_the_ranking_holds_every_candidate_the_narrowest_first():
 def test_the_plan_has_a_row_a_test_with_all_minutes_so_far():
     known = made(3)
     table = planned(known, [2, 2, 0], Costs.model_validate({"minutes_per_test": 5, "setup_minutes": {"speed_km_h": 7}}))
-    assert table.columns.tolist() == ["test", "kind", *FACTORS, "minutes", "width_expected"]
+    assert table.columns.tolist() == ["test", "kind", *FACTORS, "minutes", "width_expected", "method"]
     assert table["minutes"].tolist() == [12, 17, 22]
     assert table["configuration"].tolist() == ["dual", "dual", "single"]
     assert table["width_expected"].iloc[-1] == known.width(known.variance_after([2, 2, 0]))

@@ -14,7 +14,7 @@ NEXT = (
     "1,repeat,single,loading,0,20,10,3,25,0.2,0.151,simulated,pass\n"
     "2,case,dual,,,20,10,1,,0.2,0.18,simulated,pass\n"
 )
-PLAN = "width_now,width_expected,minutes\n0.2,0.18,5\n0.2,0.151,10\n"
+PLAN = "width_expected,minutes\n0.18,5\n0.151,10\n"
 MODES = (
     "parameter,median,lower,upper,unit,status,origin,verdict\n"
     "k_w,12.344,11,13,1/s^2,ok,measured,pass\nsigma,0.1,0,1,,not identified; more modes,measured,pass\n"

@@ -17,10 +17,17 @@ def next(
         str,
         typer.Option(
             help="What is to be known: 'k dual / single' or 'beta loading / unloading', a ratio over the cases that "
-            "match as in contrasts.csv; 'k single (0)30-20', a case; of motion also 'energy_per_cycle dual / single'."
+            "match as in contrasts.csv; 'k single (0)30-20', a case; 'ranking k', the ratio of the two configurations "
+            "whose order is least certain; 'wrong ranking k', the probability that the order is wrong; of motion also "
+            "'energy_per_cycle dual / single'."
         ),
     ],
-    precision: Annotated[str, typer.Option(help="Width of its 95 % interval over its median to reach: 2% or 0.02.")],
+    precision: Annotated[
+        str,
+        typer.Option(
+            help="Width of its 95 % interval over its median to reach: 2% or 0.02; of a wrong ranking its probability."
+        ),
+    ],
     out: Out,
     cost: Annotated[
         Path | None,
@@ -41,7 +48,8 @@ def next(
 
     Candidates are repeats of the cases of DIR, and new cases that combine its levels (or those of [rig]). Writes
     next.csv (a row a candidate, the best first: minutes, width now and expected), plan.csv (tests in order) and
-    figures/width_against_tests.png. Widths are shares of the median.
+    figures/width_against_tests.png. Widths are shares of the median. Where the goal is far from normal its draws are
+    weighted by simulated outcomes of the tests (method: reweighted).
 
     Example: bayes-tyre next results/fit --goal 'k dual / single' --precision 2% --out results/next
     """
@@ -53,8 +61,8 @@ def next(
         say(line, quiet)
     for path in done.paths:
         say(f"wrote {path} (data: {done.origin}, verdict {done.verdict})", quiet)
-    if done.forecast.doubtful:
-        warn(f"{goal}: its posterior is far from normal: the expected widths are doubtful; fit again after a few tests")
+    if done.forecast.doubtful and not _reweighted(done):
+        warn(f"{goal}: its posterior is far from normal: what is expected is doubtful; fit again after a few tests")
     if done.verdict != "pass":
         warn(f"the posterior is not to be trusted, nor is the forecast; {folder / 'diagnostics.json'} gives the reason")
         raise typer.Exit(NOT_TRUSTED)
@@ -70,15 +78,26 @@ def _share(text: str) -> float:
     return share
 
 
-def _lines(done: "Next", precision: float) -> list[str]:
-    """Return the best candidates, and what the plan reaches."""
-    from bayes_tyre.results.next_tests.sentences import after, candidate_lines, percent
+def _reweighted(done: "Next") -> bool:
+    """Return whether what is expected of the best candidate and of the plan was found by reweighting."""
+    return all((table["method"] == "reweighted").all() for table in (done.ranked.head(1), done.plan.tail(1)))
 
-    now, enough = percent(done.forecast.width()), percent(precision)
-    goal = f"{done.goal.text}: median {done.forecast.median:.4g}, 95 % interval {now} of it wide ({done.goal.of})"
+
+def _lines(done: "Next", precision: float) -> list[str]:
+    """Return what the goal is now, the best candidates, and what the plan reaches."""
+    from bayes_tyre.results.next_tests.rankings import WrongRanking
+    from bayes_tyre.results.next_tests.sentences import after, candidate_lines, percent, shown
+
+    known = done.forecast
+    now, enough = shown(known.expected(()).value, known.measure), percent(precision)
+    if isinstance(known, WrongRanking):
+        goal = f"{done.goal.text}: {done.goal.of}, wrong with probability {now}"
+    else:
+        goal = f"{done.goal.text}: median {known.median:.4g}, 95 % interval {now} of it wide ({done.goal.of})"
     lines = [goal, *candidate_lines(done.ranked)]
     if done.plan.empty:
         return [*lines, f"plan: no test, as {now} is within {enough} or no test is within the budget"]
     last = done.plan.iloc[-1]
-    reached = "" if last["width_expected"] <= precision else "not "
-    return [*lines, f"plan {reached}expected to reach {enough}: {len(done.plan)} tests, {now} to {after(last)}"]
+    reached = "" if last[f"{known.measure}_expected"] <= precision else "not "
+    by = after(last, known.measure)
+    return [*lines, f"plan {reached}expected to reach {enough}: {len(done.plan)} tests, {now} to {by}"]
