@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from helpers.short_fits import SHORT
 from helpers.simulated_records import Plan, simulate
 from scipy.stats import binom
 
@@ -25,8 +26,6 @@ from bayes_tyre.results.contrasts import contrasts
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
 
-#: A thousand draws tell where 2.5 % lie. A stated acceptance keeps a run with a divergence from being repeated.
-SHORT = SamplerSettings(chains=2, warmup=350, draws=500, seed=1, target_accept=0.65)
 #: 48 records in 16 cases.
 PLAN, MODEL = Plan(), ModelSettings()
 
