@@ -6,7 +6,6 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
-import xarray as xr
 from helpers.means_agree import assert_means_agree
 from helpers.repeats_by_hand import PARAMETERS, Numbers, by_hand, some_numbers
 from helpers.simulated_records import Plan, simulate
@@ -31,7 +30,7 @@ from bayes_tyre.inference.model.marginal_mixture import (
     find_members,
     outlier_probability,
 )
-from bayes_tyre.inference.model.prepared_records import prepare_records
+from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling import hierarchical_fit as fit
 from bayes_tyre.inference.sampling.nuts import Chains, draw_keys
@@ -39,6 +38,7 @@ from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record_table import check_record_table
 
 EIGHT_CASES = Plan(("x",), (0.0, 25.0), (20.0, 30.0), (-5.0, 5.0), discordant=("x (0)20-25(2)",))
+MODEL, SAMPLING = ModelSettings(), SamplerSettings(warmup=500, draws=1000, seed=1, target_accept=0.65)
 
 
 def levels_of(*repeats: int) -> Factors:
@@ -214,16 +214,25 @@ def test_only_mixtures_of_few_repeats_are_summed_out(apart):
     assert find_members(levels_of(marginal_mixture.MOST_REPEATS, 3), "mixture", apart) is not None
 
 
+@pytest.fixture(scope="module")
+def records() -> PreparedRecords:
+    return prepare_records(check_record_table(simulate(EIGHT_CASES, 2)[0]), MODEL)
+
+
+@pytest.fixture(scope="module")
+def joint(records, fully_compiled) -> Chains:
+    """Return the chains of the records, whose cases are summed out."""
+    return fit.joint_chains(records, SAMPLING, MODEL)
+
+
 @pytest.mark.slow  # compiles the whole model
-def test_quantities_of_many_draws_together_are_those_of_each_by_itself():
+def test_quantities_of_many_draws_together_are_those_of_each_by_itself(records, joint):
     # XLA has compiled a product of matrices here to something else, for a hundred draws together and not for one.
-    table = check_record_table(simulate(EIGHT_CASES, 1)[0])
-    records = prepare_records(table, ModelSettings())
-    arguments = records.arguments(ModelSettings())
+    arguments = records.arguments(MODEL)
     arguments |= {"approximation": laplace_approximation(records.batch, records.factors)}
-    chains = Chains(records_in_coordinates, arguments, 1, 20, record_starts(arguments))
+    chains = joint.given(arguments, record_starts(arguments))
     draws = chains.advance(chains.begin(0), 40).unconstrained
-    together, keys = chains.constrain(draws, (3,)), draw_keys((3,), 1)
+    together, keys = chains.constrain(draws, (3,)), draw_keys((3,), chains.chains)
 
     @jax.jit
     def one(key, z):
@@ -238,17 +247,10 @@ def test_quantities_of_many_draws_together_are_those_of_each_by_itself():
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("fully_compiled")
-def test_the_posterior_is_that_of_cases_that_are_sampled(monkeypatch):
-    table = check_record_table(simulate(EIGHT_CASES, 2)[0])
-
-    def posterior() -> xr.Dataset:
-        sampling = SamplerSettings(warmup=500, draws=1000, seed=1, target_accept=0.65)
-        return fit.fit_hierarchical(table, sampling)["posterior"].to_dataset()
-
-    summed = posterior()
+def test_the_posterior_is_that_of_cases_that_are_sampled(records, joint, monkeypatch):
+    summed = fit.fit_prepared(records, SAMPLING, MODEL, joint)["posterior"].to_dataset()
     monkeypatch.setattr(marginal_mixture, "MOST_REPEATS", 0)
-    sampled = posterior()
+    sampled = fit.fit_prepared(records, SAMPLING, MODEL)["posterior"].to_dataset()
     assert_means_agree(summed, sampled, least=200)
     # What it is for: an odd repeat no longer makes two modes of its case. Of 4000 draws, 3060 to 4050 for six seeds.
     assert float(az.ess(summed["beta_case"]).min()) > 1500

@@ -3,19 +3,17 @@
 import numpy as np
 import pandas as pd
 import pytest
+from helpers.short_fits import SHORT
 from helpers.simulated_records import Plan, simulate
 from scipy.stats import binom
 
 from bayes_tyre.inference.diagnostics.residual_checks import residual_checks
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
-from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record_table import check_record_table
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
 
-#: A stated acceptance keeps a run with a divergence from being repeated.
-SHORT = SamplerSettings(chains=2, warmup=350, draws=500, seed=1, target_accept=0.65)
 POINTS, NOISE_KN, RHO, WINDOW = 150, 0.03, 0.8, 20
 
 

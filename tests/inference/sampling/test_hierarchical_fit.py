@@ -1,36 +1,45 @@
-"""The hierarchical fit finds what was put in: coverage, discordant repeats, any number of levels and repeats."""
-
-from dataclasses import replace
+"""The hierarchical fit finds what was put in: coverage, discordant repeats, the campaign, the published tables."""
 
 import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from helpers.short_fits import SHORT
 from helpers.simulated_records import Plan, simulate
 from scipy.stats import binom
 
-from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.verdict import diagnose
-from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical, fit_published
+from bayes_tyre.inference.model.prepared_records import prepare_records
+from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.hierarchical_fit import (
+    fit_hierarchical,
+    fit_prepared,
+    fit_published,
+    joint_chains,
+)
+from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.published import campaign, tables
 from bayes_tyre.record import CASE_FACTORS
 from bayes_tyre.record_table import check_record_table
 from bayes_tyre.results.contrasts import contrasts
 
-pytestmark = pytest.mark.usefixtures("fully_compiled")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
 
-#: A thousand draws tell where 2.5 % lie.
-#: A stated acceptance keeps a run with a divergence from being repeated.
-SHORT = SamplerSettings(chains=2, warmup=350, draws=500, seed=1, target_accept=0.65)
-#: For what is only looked at, not believed.
-GLANCE = SamplerSettings(chains=1, warmup=50, draws=50, seed=1, target_accept=0.65)
-FOUR_CASES = Plan(("x", "y"), (0.0,), (20.0,), (-5.0, 5.0), repeats=3)
+#: 48 records in 16 cases.
+PLAN, MODEL = Plan(), ModelSettings()
 
 
-def fit(plan: Plan, seed: int, settings: SamplerSettings = SHORT) -> tuple[xr.Dataset, pd.DataFrame]:
-    table, truth = simulate(plan, seed)
-    return fit_hierarchical(check_record_table(table), settings)["posterior"].to_dataset(), truth
+@pytest.fixture(scope="module")
+def chains() -> Chains:
+    """Return the chains of any table of the plan: compiled once, and records that they did not know are their input."""
+    return joint_chains(prepare_records(check_record_table(simulate(PLAN, 1)[0]), MODEL), SHORT, MODEL)
+
+
+def fit(table: pd.DataFrame, chains: Chains) -> xr.DataTree:
+    tree = fit_prepared(prepare_records(check_record_table(table), MODEL), SHORT, MODEL, chains)
+    tree.attrs["origin"] = "simulated"
+    return tree
 
 
 def inside(posterior: xr.Dataset, truth: pd.DataFrame, name: str) -> np.ndarray:
@@ -40,19 +49,12 @@ def inside(posterior: xr.Dataset, truth: pd.DataFrame, name: str) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def glance() -> xr.Dataset:
-    """Return a few draws for two configurations, two directions and three repeats."""
-    return fit(FOUR_CASES, 2, GLANCE)[0]
-
-
-@pytest.fixture(scope="module")
-def four_fits() -> list[tuple[xr.DataTree, pd.DataFrame]]:
+def four_fits(chains) -> list[tuple[xr.DataTree, pd.DataFrame]]:
     """Return the posteriors of four campaigns of 16 cases, three repeats each, and their truths."""
-    made = [simulate(Plan(), seed) for seed in (11, 12, 13, 14)]
-    return [(fit_hierarchical(check_record_table(table), SHORT), truth) for table, truth in made]
+    made = [simulate(PLAN, seed) for seed in (11, 12, 13, 14)]
+    return [(fit(table, chains), truth) for table, truth in made]
 
 
-@pytest.mark.slow
 def test_95_per_cent_intervals_of_record_k_and_beta_cover_90_to_99_per_cent(four_fits):
     covered: dict[str, list[bool]] = {"k": [], "beta": []}
     for tree, truth in four_fits:
@@ -68,7 +70,6 @@ def test_95_per_cent_intervals_of_record_k_and_beta_cover_90_to_99_per_cent(four
         assert 0.90 <= np.mean(hits) <= 0.99, f"{name}: {np.mean(hits):.3f} of {n}"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("parameter", ["k", "beta"])
 def test_95_per_cent_intervals_of_cases_and_contrasts_hold_the_truth(parameter, four_fits):
     hits: dict[str, list[bool]] = {"case": [], "dual / single, case by case": [], "dual / single, average": []}
@@ -97,7 +98,6 @@ def test_95_per_cent_intervals_of_cases_and_contrasts_hold_the_truth(parameter, 
         assert sum(inside_of) >= least, f"{name}: {sum(inside_of)} of {len(inside_of)}"
 
 
-@pytest.mark.slow
 def test_the_campaign_passes_and_its_six_discordant_repeats_stand_out():
     made = campaign.reconstruct()
     tree = fit_hierarchical(check_record_table(made.records), SamplerSettings(seed=0))
@@ -110,15 +110,14 @@ def test_the_campaign_passes_and_its_six_discordant_repeats_stand_out():
     assert odd[~discordant].max() < 0.5
 
 
-@pytest.mark.slow
-def test_a_discordant_repeat_is_found_and_moves_its_case_little():
+def test_a_discordant_repeat_is_found_and_moves_its_case_little(chains):
     name = "single (0)20-30(2)"
-    table, truth = simulate(Plan(speeds=(0.0,)), seed=5)
+    table, truth = simulate(PLAN, seed=5)
     # A repeat 40 % stiffer: far outside the usual 4 %.
     rows = table["record"] == name
     start = table.loc[rows, "force_kN"].iloc[0]
     table.loc[rows, "force_kN"] = start + 1.4 * (table.loc[rows, "force_kN"] - start)
-    posterior = fit_hierarchical(check_record_table(table), SHORT)["posterior"].to_dataset()
+    posterior = fit(table, chains)["posterior"].to_dataset()
     odd = posterior["outlier_probability"].mean(("chain", "draw")).to_series()
     assert odd.idxmax() == name
     assert odd[name] > 0.9
@@ -129,68 +128,6 @@ def test_a_discordant_repeat_is_found_and_moves_its_case_little():
     assert k_case == pytest.approx(kept, rel=0.06)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("plan", "mixture"),
-    [
-        (Plan(("x",), (0.0,), (20.0,), (5.0,), repeats=1), False),
-        (Plan(("x",), (0.0,), (20.0,), (5.0,), repeats=3), True),
-        (Plan(("x", "y"), (0.0,), (20.0,), (-5.0, 5.0), repeats=2), False),
-        (Plan(("a", "b", "c"), (0.0, 10.0), (20.0,), (5.0,), repeats=1), False),
-    ],
-    ids=["one record", "one case", "two repeats", "three configurations"],
-)
-def test_any_number_of_levels_and_repeats_can_be_fitted(plan, mixture):
-    posterior, truth = fit(plan, seed=2, settings=GLANCE)
-    assert posterior.sizes["record"] == len(truth)
-    assert ("outlier_probability" in posterior) == mixture
-    assert np.isfinite(posterior["k_case"].to_numpy()).all()
-    assert posterior["k"].median(("chain", "draw")).to_numpy() == pytest.approx(truth["k"].to_numpy(), rel=0.2)
-
-
-@pytest.mark.slow
-def test_a_table_without_words_is_fitted_as_repeats_of_one_case():
-    table, _ = simulate(Plan(("x",), (0.0,), (20.0,), (5.0,), repeats=3), seed=2)
-    posterior = fit_hierarchical(check_record_table(table[["record", "displacement_mm", "force_kN"]]), GLANCE)
-    assert posterior["posterior"].sizes["case"] == 1
-    assert posterior["posterior"].sizes["record"] == 3
-
-
-@pytest.mark.slow
-def test_every_quantity_has_its_unit_and_named_dimension(glance):
-    assert glance["k"].attrs["units"] == "kN/mm"
-    assert glance["beta_case"].attrs["units"] == "mm"
-    assert glance["C"].dims == ("chain", "draw", "record")
-    assert glance["case_configuration"].to_numpy().tolist() == ["x", "x", "y", "y"]
-    for name, draws in glance.data_vars.items():
-        assert "units" in draws.attrs, name
-        assert not any(str(dim).endswith("_dim_0") for dim in draws.dims), name
-
-
-@pytest.mark.parametrize("what", ["points", "travel", "force"])
-def test_a_hopeless_record_is_refused_by_name(what):
-    table, _ = simulate(Plan(("x",), (0.0,), (20.0,), (5.0,), repeats=2), seed=2)
-    name = table["record"].iloc[-1]
-    rows = table.index[table["record"] == name]
-    if what == "points":
-        table = table.drop(rows[5:])
-    else:
-        column = "displacement_mm" if what == "travel" else "force_kN"
-        table.loc[rows, column] = 1.0
-    with pytest.raises(BadInput, match="remove the record") as error:
-        fit_hierarchical(check_record_table(table), GLANCE)
-    assert repr(name) in str(error.value)
-
-
-@pytest.mark.slow
-def test_the_same_seed_gives_the_same_draws_and_another_seed_others(glance):
-    again, _ = fit(FOUR_CASES, 2, GLANCE)
-    other, _ = fit(FOUR_CASES, 2, replace(GLANCE, seed=2))
-    np.testing.assert_array_equal(glance["k_case"], again["k_case"])
-    assert not np.array_equal(glance["k_case"], other["k_case"])
-
-
-@pytest.mark.slow
 def test_the_published_tables_alone_say_that_dual_is_stiffer():
     tree = fit_published(tables.case_means(), SamplerSettings(warmup=1000, draws=2000, seed=0))
     diagnostics = diagnose(tree)

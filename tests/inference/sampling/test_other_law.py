@@ -3,18 +3,17 @@
 import numpy as np
 import pandas as pd
 import pytest
+from helpers.short_fits import SHORT
 from helpers.simulated_records import Plan, simulate
 from scipy.stats import binom
 
 from bayes_tyre.inference.diagnostics.residual_checks import residual_checks
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
-from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record_table import check_record_table
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
 
-SHORT = SamplerSettings(chains=2, warmup=300, draws=300, seed=1, target_accept=0.65)
 #: With that of a good rig, 0.03 kN, records of this J and k beta hardly tell one law from the other.
 NOISE_KN = 0.001
 
