@@ -78,8 +78,8 @@ ok[["record", "k_kN_per_mm", "k_kN_per_mm_se", "beta_mm", "beta_mm_se"]].round(3
 # %% [markdown]
 # ## And a damper whose force follows speed?
 #
-# *Measured.* The force is greatest in the middle, where the damper moves fastest, and falls towards both ends. The law's
-# branches are straight there. They miss the readings in the same way every time, by more than these scatter.
+# *Measured.* The force is greatest in the middle, where the damper moves fastest, and falls towards both ends. The
+# law's branches are straight there. They miss the readings in the same way every time, by more than these scatter.
 
 # %%
 oil = branches_of("magnetorheological_damper")
