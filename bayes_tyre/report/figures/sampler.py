@@ -19,7 +19,7 @@ from bayes_tyre.report.figures.page.labels import decimals, plain, unit_name
 from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 from bayes_tyre.results.figure_data.density import density
 from bayes_tyre.results.figure_data.hyperparameters import Hyperparameter
-from bayes_tyre.results.figure_data.ranks import BAND, Ranks
+from bayes_tyre.results.figure_data.ranks import BAND, Ranks, in_words
 
 #: Panels side by side, the height of a row of them (inches), the most panels.
 ACROSS, ROW, MOST_RANKED = 4, 1.1, 60
@@ -66,15 +66,15 @@ def rank_plot(ranks: list[Ranks], setting: Setting) -> Figure:
         ax.set_title(plain(one.name, 30), fontsize=7)
         ax.tick_params(labelsize=6.5, length=2, pad=1.5)
     layout.rank_axes(axes, first_column, ACROSS)
-    entries = [(Line2D([], [], color=colour), f"chain {i + 1}") for i, colour in enumerate(colours)]
+    entries = [(Line2D([], [], color=colour), f"chain {i}") for i, colour in enumerate(colours)]
     band = Patch(**_BAND), f"{100 * BAND:g} % band"
     layout.legend(figure, [*(entries if chains <= 8 else []), band])
     note = (
         "Excess: share of a chain's draws up to a rank among all, less the share expected; draws thinned to the "
-        "effective size. Where chains agree, all stay inside the band; above it are too many low values, below too few."
+        "effective size. Above the band are too many low values, below too few."
     )
     left_out = "" if len(ranks) == len(shown) else f" The first {len(shown)} of {len(ranks)} parameters."
-    return layout.finish(figure, setting, note + left_out)
+    return layout.finish(figure, setting, " ".join([note, in_words(ranks)]).rstrip() + left_out)
 
 
 @matplotlib.style.context(STYLE)

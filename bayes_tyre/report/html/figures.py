@@ -33,7 +33,7 @@ HEADINGS = {
     ),
     "rank_plot": (
         "Do the chains agree?",
-        "Lines inside the grey band: the sampler's chains say the same.",
+        "Lines inside the grey band: the sampler's chains say the same. By chance a few leave it; the note says how many.",
     ),
     "pair_plot": (
         "Which quantities trade against each other",

@@ -1,17 +1,20 @@
 """Ranks by chain: whether each chain goes through the same values as the others, and the band if it does."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.stats import rankdata
+from scipy.stats import binom, rankdata
 
 from bayes_tyre.inference.diagnostics.effective_sizes import statistics
 from bayes_tyre.results.figure_data.hyperparameters import Hyperparameter
 
 #: Probability that all chains of a parameter stay within the band where they agree.
 BAND = 0.95
+#: Probability that no more parameters leave their band than are called chance, were they independent.
+ALLOWED = 0.99
 #: Points of a curve; draws a chain that thinning leaves at least; sets of uniform ranks that a band is found from.
 POINTS, LEAST, SETS = 50, 50, 1000
 #: The band hardly depends on the number of draws beyond this many of all chains.
@@ -37,6 +40,23 @@ class Ranks(NamedTuple):
     at: Float[np.ndarray, " points"]
     excess: Float[np.ndarray, "chains points"]
     band: Float[np.ndarray, " points"]
+
+    @property
+    def leaves(self) -> bool:
+        """Whether any chain leaves the band."""
+        return bool(np.any(np.abs(self.excess) > self.band + 1e-12))
+
+
+def in_words(all_ranks: Sequence[Ranks]) -> str:
+    """Return how many parameters leave their band, and whether that is more than chance does where chains agree."""
+    if not all_ranks:
+        return ""
+    count, of = sum(one.leaves for one in all_ranks), len(all_ranks)
+    by_chance = int(binom.ppf(ALLOWED, of, 1.0 - BAND))
+    said = f"{count} of {of} parameters leave{'s' * (count == 1)} the band"
+    if count > by_chance:
+        return f"Warning: {said}, more than the {by_chance} that may by chance: the chains do not agree."
+    return f"{said}; up to {by_chance} may by chance."
 
 
 def ranks(hyperparameter: Hyperparameter) -> Ranks:

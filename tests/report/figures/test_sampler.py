@@ -12,6 +12,7 @@ from bayes_tyre.report.figures import sampler as sampler_figures
 from bayes_tyre.report.figures.page.colours import INK
 from bayes_tyre.report.figures.sampler import CLOUD, pair_plot, rank_plot
 from bayes_tyre.results.figure_data.hyperparameters import Hyperparameter
+from bayes_tyre.results.figure_data.ranks import in_words
 
 QUIET = np.zeros((4, 200), dtype=bool)
 
@@ -21,7 +22,8 @@ def test_each_parameter_has_a_panel_with_a_line_for_each_chain_and_the_band():
     figure = rank_plot(shown, MEASURED)
     axes = [ax for ax in figure.get_axes() if ax.get_visible()]
     assert [ax.get_title() for ax in axes] == [one.name for one in shown]
-    assert [text for text in said(figure) if text.startswith("chain ")] == ["chain 1", "chain 2", "chain 3"]
+    assert [text for text in said(figure) if text.startswith("chain ")] == ["chain 0", "chain 1", "chain 2"]
+    assert any(in_words(shown) in text for text in said(figure))
     for ax, one in zip(axes, shown, strict=True):
         for line, excess in zip(ax.lines, one.excess, strict=True):
             np.testing.assert_array_equal(line.get_xydata(), np.stack([one.at, excess], 1))
@@ -39,7 +41,7 @@ def test_any_number_of_parameters_gives_a_rank_plot_of_those_that_fit(count, mon
     monkeypatch.setattr(sampler_figures, "MOST_RANKED", 6)
     figure = rank_plot(ranks(count), MEASURED)
     assert sum(ax.get_visible() for ax in figure.get_axes()) == min(count, 6)
-    assert any("first 6 of 7 parameters" in text for text in said(figure)) == (count == 7)
+    assert any("The first 6 of 7" in text for text in said(figure)) == (count == 7)
 
 
 def test_many_chains_are_drawn_without_a_name_for_each():
