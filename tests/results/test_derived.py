@@ -18,7 +18,11 @@ def tree() -> xr.DataTree:
 
 
 def by_arviz(tree: xr.DataTree, name: str) -> pd.DataFrame:
-    return az.summary(tree, var_names=[name], group=DERIVED, kind="stats", ci_kind="eti", ci_prob=0.95, round_to="none")
+    found = az.summary(
+        tree, var_names=[name], group=DERIVED, kind="stats", ci_kind="eti", ci_prob=0.95, round_to="none"
+    )
+    assert isinstance(found, pd.DataFrame)
+    return found
 
 
 @pytest.mark.parametrize("parameter", ["k", "beta"])

@@ -23,6 +23,7 @@ from bayes_tyre.report.figures.catalogue import ALWAYS, CONTRASTS, OF_RECORDS, O
 from bayes_tyre.report.figures.page import colours
 from bayes_tyre.workflow import result_folder as folder
 from bayes_tyre.workflow.drawing import drawing_process
+from bayes_tyre.workflow.execution.resume import Callbacks
 
 PLANS = {
     "one case": Plan(configurations=("single",), speeds=(0.0,), loads=(20.0,), steps=(10.0,), points=40),
@@ -104,7 +105,7 @@ def test_odd_repeats_are_drawn_where_the_model_judges_any_and_nowhere_else(tmp_p
     monkeypatch.setattr(catalogue, "drawings", lambda of, _: iter([(OUTLIERS, Figure)] if of.judges else []))
     for each, there in ((made, True), (normal, False)):  # what the first has left the second takes away
         with drawing_process(apart=False) as begin:
-            folder._write_figures(each, tmp_path, Attempts(), begin)
+            folder._write_figures(each, tmp_path, Attempts(), begin, Callbacks())
         assert (tmp_path / f"{OUTLIERS}.png").exists() == there
 
 
