@@ -33,7 +33,7 @@ HEADINGS = {
     ),
     "rank_plot": (
         "Do the chains agree?",
-        "Lines inside the grey band: the sampler's chains say the same. A few may leave it by chance, as the note says.",
+        "Lines inside the grey band: the sampler's chains agree. A few may leave it by chance, as the note says.",
     ),
     "pair_plot": (
         "Which quantities trade against each other",
