@@ -235,7 +235,7 @@ def test_progress_is_drawn_where_stderr_is_a_terminal_and_nowhere_else(tmp_path)
         drawn["quiet" if quiet else "bar"] = read_all(ours)
         assert process.wait(timeout=400) == 0
     assert "least squares" in drawn["bar"]
-    assert "100%" in drawn["bar"]
+    assert "6/6" in drawn["bar"]
     assert drawn["quiet"] == ""
 
 

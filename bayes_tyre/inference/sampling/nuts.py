@@ -48,7 +48,8 @@ _RESONANT = (0.985, 1.035)
 _FEWEST_POINTS = 8
 #: Fields of NumPyro's state by ArviZ's name.
 STATISTICS = {"diverging": "diverging", "energy": "energy", "n_steps": "num_steps", "acceptance_rate": "accept_prob"}
-#: Draws of a chunk constrained at once. All at once took a third longer, and gigabytes where records are in thousands.
+#: Draws of a chunk constrained at once, a divisor of `CHUNK`. All at once took a third longer, and gigabytes where
+#: records are in thousands.
 _DRAWS_AT_ONCE = 10
 #: How what runs once is compiled: in two thirds of the time.
 _RUN_ONCE = {"xla_backend_optimization_level": 0}
@@ -268,12 +269,16 @@ class Chains:
         return jax.lax.fori_loop(0, iterations, step, (state, room))
 
     def _constrained(self, unconstrained_and_keys: tuple[dict[str, jax.Array], jax.Array], data: Any) -> Any:
-        def one(draw: tuple[dict[str, jax.Array], jax.Array]) -> dict[str, jax.Array]:
-            z, key = draw
+        def one(z: dict[str, jax.Array], key: jax.Array) -> dict[str, jax.Array]:
             model, at = handlers.seed(self._model, key), self._blocks.unpack(z)
             return constrain_fn(model, (), self._arguments(data), at, return_deterministic=True)
 
-        return jax.lax.map(one, unconstrained_and_keys, batch_size=_DRAWS_AT_ONCE)
+        # Not by `batch_size` of `jax.lax.map`, which cannot take a site without elements.
+        parts = jax.tree.map(
+            lambda a: a.reshape(CHUNK // _DRAWS_AT_ONCE, _DRAWS_AT_ONCE, *a.shape[1:]), unconstrained_and_keys
+        )
+        sites = jax.lax.map(lambda part: jax.vmap(one)(*part), parts)
+        return jax.tree.map(lambda a: a.reshape(CHUNK, *a.shape[2:]), sites)
 
     def _arguments(self, data: Any) -> Any:
         return eqx.combine(data, self._fixed)
