@@ -87,7 +87,7 @@ NotebookFigure(rule_figures.rule_and_posterior(mine, estimates, results.setting(
 #   still tell how much repeats scatter.
 #
 # The posterior without the repeat is not fitted again: the draws are weighed anew. `pareto_k` at most 0.7: that may be
-# trusted; a little above it, as here, the interval is rough.
+# trusted; close to it, as here, or above, the interval is rough.
 
 # %%
 good = "DynamicS(0)30-40(1)"

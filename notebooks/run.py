@@ -67,8 +67,8 @@ def execute(notebook: NotebookNode, limit: float = LIMIT) -> list[str]:
     with tempfile.TemporaryDirectory(prefix="notebook-") as folder:
         # Neither the user's start-up files nor their drawing backend have a say.
         clean = {"IPYTHONDIR": f"{folder}/.ipython", "MPLBACKEND": "agg", "COLUMNS": "120"}
-        # Progress bars ask for widgets, which a notebook without a browser has not.
-        clean["PYTHONWARNINGS"] = "ignore:IProgress not found"
+        # Progress bars ask for widgets, which a notebook without a browser has not, and nobody watches ours.
+        clean |= {"PYTHONWARNINGS": "ignore:IProgress not found", "TQDM_DISABLE": "1"}
         client = NotebookClient(
             notebook,
             kernel_manager_class=ThisPython,
