@@ -16,7 +16,7 @@ def limited(megabytes, *arguments, cwd):
     return finish(start_as([*command, str(COMMAND), *map(str, arguments)], cwd, environment()))
 
 
-@pytest.mark.parametrize("megabytes", [300, 700, 1200])
+@pytest.mark.parametrize("megabytes", [300, 700, 1000])
 def test_a_command_without_the_memory_ends_in_one_line_that_says_how_much(megabytes, tmp_path):
     rows = "".join(f"a,{i},{i}\n" for i in range(9))
     (tmp_path / "records.csv").write_text(f"record,displacement_mm,force_kN\n{rows}")
