@@ -156,8 +156,7 @@ def fit(
     Posterior
         A `xarray.DataTree` that shows itself as its table and verdict: ArviZ's groups `posterior` and `sample_stats`,
         dims and units named; `derived`: means over cases and average ratios, as they are printed; `identifiability`:
-        what decides each quantity; `attrs["verdict"]` is ``pass`` or ``fail``,
-        and `diagnose` says why.
+        what decides each quantity. `attrs["verdict"]` is ``pass`` or ``fail``, and `diagnose` says why.
 
     Raises
     ------
@@ -177,8 +176,7 @@ def fit(
     prepare_jax(max(settings.chains, _DEVICES))
     prepared = prepare_records(table, model)
     with Stages(progress) as stages:
-        told = replace(settings, on_stage=stages.begin, on_progress=stages.advance) if progress else settings
-        tree = fit_hierarchical(table, told, model, prepared)
+        tree = fit_hierarchical(table, _with_bars(settings, stages), model, prepared)
         stages.begin("diagnostics")
         return _judged(
             tree,
@@ -225,6 +223,20 @@ def diagnose(posterior: xr.DataTree) -> Diagnostics:
     return with_failures(diagnostics.diagnose(posterior), checks_in(posterior, FAILED))
 
 
+def _with_bars(settings: SamplerSettings, stages: Stages) -> SamplerSettings:
+    """Return settings that move the bars too, beside what they call already."""
+
+    def begin(name: str, total: int | None = None) -> None:
+        settings.on_stage(name, total)
+        stages.begin(name, total)
+
+    def advance(done: int) -> None:
+        settings.on_progress(done)
+        stages.advance(done)
+
+    return replace(settings, on_stage=begin, on_progress=advance)
+
+
 def _judged(
     tree: xr.DataTree,
     identify: Callable[[xr.DataTree, Attempt], xr.DataTree],
@@ -233,9 +245,10 @@ def _judged(
     """Return the posterior carrying its verdict, the figures behind it, and what of it came from the records."""
     attempts = Attempts()
     judged, found = judge(tree, identify, attempts, table)
+    judged = attempts("derived quantities", lambda: with_derived(judged), judged)
     judged = with_checks(judged, FAILED, attempts.failed)
-    judged.attrs["verdict"] = found.verdict
-    return Posterior.of(with_derived(judged))
+    judged.attrs["verdict"] = with_failures(found, attempts.failed).verdict
+    return Posterior.of(judged)
 
 
 def _verdict(posterior: xr.DataTree) -> str:

@@ -139,6 +139,20 @@ def test_units_that_look_wrong_are_refused_or_warned_of_as_by_the_commands():
         bt.fit_least_squares(newtons)
 
 
+def test_progress_that_the_settings_ask_for_is_called_beside_the_bars(monkeypatch):
+    def sampled(_table, settings, *_):
+        settings.on_stage("warm-up", 10)
+        settings.on_progress(3)
+        raise InterruptedError
+
+    calls = []
+    settings = bt.SamplerSettings(on_progress=calls.append, on_stage=lambda *stage: calls.append(stage))
+    monkeypatch.setattr(analysis, "fit_hierarchical", sampled)
+    with pytest.raises(InterruptedError):
+        bt.fit(small(), settings)
+    assert calls == [("warm-up", 10), 3]
+
+
 def test_cases_are_asked_for_by_one_text_or_several():
     factors = grid()
     tree = posterior(scattered(factors, seed=42), factors)

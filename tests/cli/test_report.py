@@ -156,6 +156,17 @@ def test_the_page_is_printed_beside_it(tmp_path, quick):
     assert b"Tyre stiffness" in printed or "Tyre stiffness".encode("utf-16-be").hex().upper().encode() in printed
 
 
+def test_an_older_print_goes_as_the_page_is_written_anew(tmp_path, quick):
+    made = write_made(tmp_path / "made", {"x": 1.0}, factor_table=printed_factors("x"))
+    (made / "report.pdf").write_bytes(b"%PDF- of an older page")
+    (tmp_path / "page.pdf").write_bytes(b"%PDF- of another's")
+    assert here("report", made, "--out", tmp_path / "page.html").exit_code == 0
+    assert (made / "report.pdf").exists()
+    assert (tmp_path / "page.pdf").exists()
+    assert here("report", made).exit_code == 0
+    assert not (made / "report.pdf").exists()
+
+
 def test_the_page_goes_into_the_first_folder_or_where_out_says(tmp_path, quick):
     factors = printed_factors("x")
     one, two = (

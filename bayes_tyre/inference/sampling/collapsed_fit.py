@@ -49,7 +49,7 @@ def pilot(
     arguments:
         The model's.
     settings:
-        Seed of the chains, and what is told of their progress.
+        Seed of the chains, and what to call as they proceed.
     """
     cases = [case.label for case in arguments["factors"].cases]
     settings.on_stage("pilot run", _PILOT_CHUNKS * CHUNK)

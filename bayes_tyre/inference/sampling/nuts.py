@@ -48,8 +48,8 @@ _RESONANT = (0.985, 1.035)
 _FEWEST_POINTS = 8
 #: Fields of NumPyro's state by ArviZ's name.
 STATISTICS = {"diverging": "diverging", "energy": "energy", "n_steps": "num_steps", "acceptance_rate": "accept_prob"}
-#: Draws of a chunk constrained at once, a divisor of `CHUNK`. All at once took a third longer, and gigabytes where
-#: records are in thousands.
+#: Draws of a chunk constrained at once, a divisor of `CHUNK`. All at once takes longer, and gigabytes where records are
+#: in thousands.
 _DRAWS_AT_ONCE = 10
 #: How what runs once is compiled: in two thirds of the time.
 _RUN_ONCE = {"xla_backend_optimization_level": 0}

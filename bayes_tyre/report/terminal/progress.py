@@ -23,7 +23,8 @@ class Stages:
         """Begin a stage: its bar takes the place of the last one's."""
         self.stop()
         logging.getLogger("bayes_tyre").info("%s", name)
-        self._bar = self._new and self._new(name, total)
+        if self._new is not None:
+            self._bar = self._new(name, total)
 
     def advance(self, done: int) -> None:
         """Say how much more of the stage is done."""

@@ -127,8 +127,13 @@ def write_report(
 
 
 def _written(page: str, path: Path, browser: str | None) -> list[Path]:
-    """Write a page, and with a browser its print beside it; return the files."""
+    """Write a page, and with a browser its print beside it; return the files.
+
+    An older `report.pdf` is no print of a new `report.html`, and goes.
+    """
     if browser is None:
+        if path.name == NAME:
+            path.with_suffix(".pdf").unlink(missing_ok=True)
         return [write_text(page, path)]
     printed = printed_page(page, browser)
     return [write_text(page, path), write_bytes(printed, path.with_suffix(".pdf"))]

@@ -80,7 +80,9 @@ def _share(text: str) -> float:
 
 def _reweighted(done: "Next") -> bool:
     """Return whether what is expected of the best candidate and of the plan was found by reweighting."""
-    return all((table["method"] == "reweighted").all() for table in (done.ranked.head(1), done.plan.tail(1)))
+    from bayes_tyre.results.next_tests.forecast import REWEIGHTED
+
+    return all((table["method"] == REWEIGHTED).all() for table in (done.ranked.head(1), done.plan.tail(1)))
 
 
 def _lines(done: "Next", precision: float) -> list[str]:

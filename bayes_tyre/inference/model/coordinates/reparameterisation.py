@@ -126,17 +126,17 @@ def inverse_root(matrix: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n
     """Return the upper triangle that, times its transpose, is the inverse of a matrix with no eigenvalue below 1.
 
     The transpose of Cholesky's factor, inverted. The factor of [[matrix, 1], [1, 2]] holds it below the matrix's own,
-    so that one call of LAPACK gives it, and its derivative is products alone: XLA's triangular solves took nine tenths
-    of a gradient with 52 terms.
+    so that one call of LAPACK gives it, and its derivative is products alone: triangular solves on a CPU are slow, the
+    more so where the processor has other work.
     """
-    one = jnp.broadcast_to(jnp.eye(matrix.shape[-1]), matrix.shape)
-    whole = jnp.block([[matrix, one], [one, 2.0 * one]])
+    identity = jnp.broadcast_to(jnp.eye(matrix.shape[-1]), matrix.shape)
+    whole = jnp.block([[matrix, identity], [identity, 2.0 * identity]])
     return jnp.linalg.cholesky(whole, symmetrize_input=False)[..., matrix.shape[-1] :, : matrix.shape[-1]]
 
 
 @inverse_root.defjvp
 def _inverse_root_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
-    """Source: Murray (2016), "Differentiation of the Cholesky decomposition", arXiv:1602.07527, equation 8."""
+    """Source: Murray (2016), "Differentiation of the Cholesky decomposition", arXiv:1602.07527."""
     root = inverse_root(*primals)
     within = root.mT @ tangents[0] @ root
     lower = jnp.tril(within, -1) + 0.5 * jnp.diagonal(within, axis1=-2, axis2=-1)[..., None] * jnp.eye(root.shape[-1])
