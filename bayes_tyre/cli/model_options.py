@@ -56,8 +56,11 @@ RepeatsOption = Annotated[
     typer.Option(help="How repeats scatter: usual and discordant ones, Student-t, or normal."),
 ]
 NoiseOption = Annotated[
-    Literal["iid", "ar1"],
-    typer.Option(help="Independent from point to point; or ar1: each point's follows the one before."),
+    Literal["auto", "iid", "ar1"],
+    typer.Option(
+        help="auto: each point's noise follows the one before by as much as the records say, and may be larger or "
+        "smaller near the start; ar1: the former alone; iid: independent from point to point."
+    ),
 ]
 NoiseWindowOption = Annotated[
     int, typer.Option(min=1, help="Samples of the moving average that went over the noise alone; 1: none.")

@@ -96,6 +96,8 @@ class SharedError(Whitening):
     ----------
     others:
         The map for the noise without the error, a record a row.
+    error:
+        Shape (records, points): what one standard deviation of it does to the points, in those of the noise.
     direction:
         Shape (records, points): unit vector along which the error moves what `others` returns; 0 where there is none.
     shrink:
@@ -103,6 +105,7 @@ class SharedError(Whitening):
     """
 
     others: Whitening
+    error: Float[Array, "*records points"]
     direction: Float[Array, "*records points"]
     shrink: Float[Array, "*records"]
     axis: ClassVar[int | None] = 0
@@ -139,7 +142,28 @@ def shared_error(
     moved = whiten_records(others, error, present)
     square = jnp.sum(moved**2, axis=1)
     direction = moved / jnp.sqrt(jnp.where(square > 0, square, 1.0))[:, None]
-    return SharedError(others, direction, 1.0 - 1.0 / jnp.sqrt(1.0 + square))
+    return SharedError(others, error, direction, 1.0 - 1.0 / jnp.sqrt(1.0 + square))
+
+
+def reweighted(
+    whitening: Whitening, weight: Float[Array, "records points"], present: Bool[Array, "records points"]
+) -> Whitening:
+    """Return the whitening of noise that is unlike from point to point by a further factor; errors shared are not.
+
+    Parameters
+    ----------
+    whitening:
+        `UnequalNoise`, or `SharedError` beside it.
+    weight:
+        Over what the noise of each point is divided by, as `UnequalNoise.weight`.
+    present:
+        False on padding.
+    """
+    if isinstance(whitening, SharedError):
+        return shared_error(reweighted(whitening.others, weight, present), whitening.error, present)
+    if isinstance(whitening, UnequalNoise):
+        return UnequalNoise(whitening.weight * weight)
+    raise TypeError(f"{type(whitening).__name__} says all of the noise")
 
 
 def smoothed_noise(points: int, window: int) -> SmoothedNoise:

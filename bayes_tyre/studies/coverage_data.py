@@ -83,7 +83,7 @@ KINDS = {
     "displacement_noise": Kind(beta_mm=0.03, displacement_noise_mm=0.01),
     "displacement_noise_as_known": Kind(beta_mm=0.03, displacement_noise_mm=0.01, options={"displacement_sd": 0.01}),
     "correlated_noise": Kind(rho=0.35),
-    "correlated_noise_as_ar1": Kind(rho=0.35, options={"noise": "ar1"}),
+    "correlated_noise_as_iid": Kind(rho=0.35, options={"noise": "iid"}),
     "small_step_limit": Kind(small_step_limit=True),
     "small_step_limit_as_itself": Kind(small_step_limit=True, options={"law": "small_step_limit"}),
     "uneven_noise": Kind(noise_near_start=3.0),

@@ -86,7 +86,7 @@ class DesignFit:
         self, design: Design, sampling: Thinned | None = None, priors: Priors = PRIORS, nominal_start: bool = True
     ) -> None:
         self.design, self.sampling, self.nominal_start = design, sampling or Thinned(), nominal_start
-        self.model = ModelSettings(priors=priors)
+        self.model = ModelSettings(priors=priors, noise="iid")
         blank = self._arguments(np.zeros(design.u.shape))
         approximation = empty_approximation(len(design.factor_table), design.factors)
         settings = self.sampling.settings

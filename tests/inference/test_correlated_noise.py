@@ -13,6 +13,7 @@ from bayes_tyre.inference.correlated_noise import (
     UnequalNoise,
     innovations,
     lag_1,
+    reweighted,
     shared_error,
     smoothed_noise,
     whiten,
@@ -74,6 +75,19 @@ def test_errors_that_points_share_have_the_density_of_their_covariance():
         ours = stats.norm.logpdf(white[i, :kept]).sum() + volumes[i]
         assert ours == pytest.approx(normal_density(residual[i, :kept], covariance), rel=1e-10)
         assert not white[i, kept:].any()
+
+
+def test_noise_weighed_anew_leaves_the_errors_that_points_share():
+    rng, present = np.random.default_rng(4), np.ones((1, POINTS), bool)
+    residual, error, weight, further = (np.abs(rng.standard_normal((4, 1, POINTS))) + 0.2)[:, :, :]
+    whitening = shared_error(UnequalNoise(jnp.asarray(weight)), jnp.asarray(error), jnp.asarray(present))
+    anew = reweighted(whitening, jnp.asarray(further), jnp.asarray(present))
+    ours = stats.norm.logpdf(whiten(residual, present, whitening=anew)).sum()
+    ours += float(anew.log_volume(jnp.asarray([POINTS]))[0])
+    covariance = np.diag((weight * further)[0] ** -2.0) + np.outer(error[0], error[0])
+    assert ours == pytest.approx(normal_density(residual[0], covariance), rel=1e-10)
+    with pytest.raises(TypeError, match="SmoothedNoise says all of the noise"):
+        reweighted(smoothed_noise(POINTS, 5), jnp.asarray(further), jnp.asarray(present))
 
 
 def test_lag_1_leaves_padding_out():

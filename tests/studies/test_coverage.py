@@ -111,7 +111,7 @@ def test_the_overview_has_a_row_a_kind(estimates):
 
 @pytest.mark.slow
 def test_a_fit_that_takes_correlated_noise_for_independent_is_seen_in_coverage_and_verdict(monkeypatch):
-    quick = Kind(speeds_km_h=(0.0,))
+    quick = Kind(speeds_km_h=(0.0,), options={"noise": "iid"})
     monkeypatch.setitem(KINDS, "sound", quick)
     monkeypatch.setitem(KINDS, "planted", replace(quick, rho=0.6))
     compiled = []

@@ -30,7 +30,7 @@ def fit(
     displacement_sd: model_options.DisplacementSdOption = None,
     likelihood: model_options.LikelihoodOption = "compressed",
     repeats: model_options.RepeatsOption = "mixture",
-    noise: model_options.NoiseOption = "iid",
+    noise: model_options.NoiseOption = "auto",
     noise_window: model_options.NoiseWindowOption = 1,
     priors: model_options.PriorsOption = None,
     chains: shell.Chains = 4,

@@ -10,10 +10,11 @@ import xarray as xr
 from jaxtyping import Float, Int
 from scipy import stats
 
-from bayes_tyre.inference.diagnostics.residuals import Residuals, directions
+from bayes_tyre.inference.diagnostics.residuals import Residuals
 from bayes_tyre.inference.diagnostics.sampling_checks import Check
 from bayes_tyre.inference.lack_of_fit import CURVE_PARAMETERS, WAVES, waves
 from bayes_tyre.inference.model.factors import find_factors
+from bayes_tyre.inference.noise_along_path import directions
 from bayes_tyre.record import CASE_FACTORS
 
 #: Probability with which a check may fail where the model holds: of nine, less than one in a hundred data sets does.

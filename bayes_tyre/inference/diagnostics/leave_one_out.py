@@ -202,9 +202,9 @@ def with_noise_of_records(posterior: xr.Dataset, priors: Priors, seed: int) -> x
 
 def _densities(posterior: xr.Dataset, records: PreparedRecords, model: ModelSettings) -> RecordDensity:
     """Return the density of records under a posterior's hyperparameters."""
-    estimates = estimate_records(records.batch, model.noise, records.whitening, law=model.law)
+    estimates = estimate_records(records.batch, model.correlation, records.whitening, law=model.law)
     draws = hyperparameters(posterior, records.factors, records.factors.of_record)
-    z = standard_points(unknowns(model.noise), seed=0)
+    z = standard_points(unknowns(model.correlation), seed=0)
     return record_density(records.likelihood, records.data, estimates, draws, z, model.priors.discordant_widening)
 
 

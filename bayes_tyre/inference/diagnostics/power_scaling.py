@@ -153,7 +153,7 @@ def identify_records(
     drawn = draw_prior(records_model, records.arguments(model) | without_data, PRIOR_SITES, draws, seed=0)
     prior = prior_tree(drawn | usual_repeats(drawn, factors, seed=0), factors, records.factor_table)
     some = thinned(tree["posterior"].to_dataset())
-    of_prior = log_prior(some, prior_sites(factors, model.repeats, model.noise), data, model.priors)
+    of_prior = log_prior(some, prior_sites(factors, model.repeats, model.correlation), data, model.priors)
     return with_identifiability(
         tree, prior, of_prior, log_likelihood_of_records(some, records.likelihood), model.priors, attempt
     )

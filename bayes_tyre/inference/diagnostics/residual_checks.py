@@ -12,15 +12,16 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import xarray as xr
-from jaxtyping import Bool, Float
 from scipy import stats
 
 from bayes_tyre.inference.correlated_noise import SMOOTHED
 from bayes_tyre.inference.diagnostics.course_checks import CHANCE, WRONG_LAW, course_checks
-from bayes_tyre.inference.diagnostics.residuals import Residuals, directions, near_start, residuals
+from bayes_tyre.inference.diagnostics.residuals import Residuals, residuals
 from bayes_tyre.inference.diagnostics.sampling_checks import Check
 from bayes_tyre.inference.lack_of_fit import CURVE_PARAMETERS, MISFIT_MOST, WAVE_POINTS, misfit
+from bayes_tyre.inference.noise_along_path import NEAR_BETAS, directions, freedom, near_start, variance_ratio
 from bayes_tyre.inference.record_data import LAWS
+from bayes_tyre.inference.sampling.datatree import model_of
 
 #: Standard errors that CHANCE, one-sided, comes to.
 _ERRORS = float(stats.norm.isf(CHANCE))
@@ -29,12 +30,8 @@ _ERRORS = float(stats.norm.isf(CHANCE))
 AUTOCORRELATION_MOST = 0.1
 #: Ratio of variances along a record up to which intervals of beta are off by a fifth of their width at most.
 UNEVEN_MOST = 1.5
-#: Points within so many beta of the start are where beta shows.
-_START_BETAS = 3.0
 #: Part of the points of a record that are its first, whatever beta.
 _FIRST = 0.2
-#: Fewest points that a variance is compared of.
-_LEAST_POINTS = 8.0
 #: A k estimated without the hierarchy is negative from so many standard errors on, in one record of many.
 _NEGATIVE = 4.0
 #: Standard deviations of the noise that a record's residuals have in the mean square where the posterior is not of it.
@@ -45,11 +42,12 @@ _EXACT = 1e-6
 _SD_LOG_BETA = 0.3
 #: Fewest records whose scatter says how certain their sum is.
 _LEAST_RECORDS = 12
-_AR1 = "fit with --noise ar1, or with unsmoothed signals"
+_AR1 = "fit with --noise auto or ar1, or with unsmoothed signals"
+_UNSMOOTHED = "the noise is no AR(1): use unsmoothed signals, or fewer points of each record"
 _RAW = "the signals look smoothed, and beta then reflects the filter: no noise model helps, use the raw ones"
 _UNEVEN = (
-    "beta's intervals are off by about its root: give the displacement's error as --displacement-sd (mm), or use "
-    "readings of finer steps of displacement, or unfiltered ones"
+    "beta's intervals are off by about its root: fit with --noise auto, or give the displacement's error as "
+    "--displacement-sd (mm), or use readings of finer steps of displacement, or unfiltered ones"
 )
 
 
@@ -72,12 +70,19 @@ def residual_checks(tree: xr.DataTree, table: pd.DataFrame) -> list[Check]:
         _other_law(of_records),
         _uneven_noise(of_records),
         _negative_stiffness(of_records),
-        *_displacement_errors(of_records, posterior),
+        *_displacement_errors(of_records, posterior, given=model_of(tree).displacement_sd is not None),
     ]
 
 
 def _autocorrelation(of_records: Residuals) -> Check:
-    """Return whether residuals follow each other, more than chance and enough to narrow intervals."""
+    """Return whether residuals follow each other, more than chance and enough to narrow intervals.
+
+    Noise that the model lets follow itself may do so, but not as signals do that were smoothed.
+    """
+    typical = 0.0 if of_records.rho is None else float(np.median(of_records.rho))
+    if typical > SMOOTHED:
+        finding = f"sigma: the noise has lag-1 autocorrelation {typical:.3f}"
+        return Check("residual_autocorrelation", "model", False, typical, SMOOTHED, "sigma", finding, _RAW)
     basis = directions(of_records.whitened(of_records.tangents()))
     left = of_records.white_kN - np.einsum("rpc,rc->rp", basis, np.einsum("rpc,rp->rc", basis, of_records.white_kN))
     spare = of_records.batch.points - CURVE_PARAMETERS
@@ -87,7 +92,7 @@ def _autocorrelation(of_records: Residuals) -> Check:
     value = float((each * spare - by_chance).sum() / spare.sum())
     most = AUTOCORRELATION_MOST + _ERRORS / np.sqrt(spare.sum())
     finding = f"sigma: residuals have lag-1 autocorrelation {value:.2f}: intervals are too narrow"
-    remedy = _RAW if value > SMOOTHED else _AR1
+    remedy = _RAW if value > SMOOTHED else _AR1 if of_records.rho is None else _UNSMOOTHED
     return Check("residual_autocorrelation", "model", bool(value <= most), value, float(most), "sigma", finding, remedy)
 
 
@@ -139,31 +144,25 @@ def _other_law(of_records: Residuals) -> Check:
 def _uneven_noise(of_records: Residuals) -> Check:
     """Return whether the noise is as large near the start, where beta shows, as on the rest of the way."""
     present, points = of_records.batch.present, of_records.batch.points
-    taken = np.sum(directions(of_records.whitened(of_records.tangents())) ** 2, axis=2)
     square = (of_records.white_kN / of_records.sigma_kN[:, None]) ** 2
+    left = freedom(of_records.whitened(of_records.tangents()), present)
+    near = near_start(of_records.u, NEAR_BETAS * of_records.means["beta"], present)
     first = present & (np.arange(present.shape[1]) < _FIRST * points[:, None])
-    ratios = [_ratio(square, 1.0 - taken, near, present) for near in (near_start(of_records, _START_BETAS), first)]
-    log_ratio, error = max(ratios, key=lambda each: abs(each[0]) - _ERRORS * each[1])
+    ratios = [variance_ratio(square, left, part) for part in (near, first)]
+    log_ratio, error, _ = max(ratios, key=lambda each: abs(each.value) - _ERRORS * each.error)
     most = np.log(UNEVEN_MOST) + _ERRORS * error
     passed = bool(abs(log_ratio) <= most)
     value, limit, times = float(np.exp(abs(log_ratio))), float(np.exp(most)), f"{np.exp(log_ratio):.2g}"
     finding = f"sigma: variance of the noise near the start is {times} times that on the rest of the way"
-    return Check("noise_along_path", "model", passed, value, limit, "sigma", finding, _UNEVEN)
+    return Check("noise_along_path", "model", passed, value, limit, "sigma", finding, _UNEVEN, _uneven_note(of_records))
 
 
-def _ratio(
-    square: Float[np.ndarray, "records points"],
-    freedom: Float[np.ndarray, "records points"],
-    near: Bool[np.ndarray, "records points"],
-    present: Bool[np.ndarray, "records points"],
-) -> tuple[float, float]:
-    """Return the log ratio of the variance near the start to that elsewhere, with its standard error."""
-    inside, outside = near, present & ~near
-    counts = [float(freedom[which].sum()) for which in (inside, outside)]
-    if min(counts) < _LEAST_POINTS:
-        return 0.0, np.inf
-    variance = [square[which].sum() / count for which, count in zip((inside, outside), counts, strict=True)]
-    return float(np.log(variance[0] / variance[1])), float(np.sqrt(2.0 / counts[0] + 2.0 / counts[1]))
+def _uneven_note(of_records: Residuals) -> str:
+    """Return what the model takes the noise near the start to be, where it is far from that elsewhere."""
+    times = of_records.noise_near_start
+    if max(times, 1.0 / times) ** 2 < UNEVEN_MOST:
+        return ""
+    return f"sigma: near the start of each record the noise is taken as {times:.2g} times as large as elsewhere"
 
 
 def _negative_stiffness(of_records: Residuals) -> Check:
@@ -184,10 +183,11 @@ def _negative_stiffness(of_records: Residuals) -> Check:
     return Check("sign_of_k", "model", passed, value, -_NEGATIVE, "" if passed else where, finding, remedy)
 
 
-def _displacement_errors(of_records: Residuals, posterior: xr.Dataset) -> Iterator[Check]:
+def _displacement_errors(of_records: Residuals, posterior: xr.Dataset, given: bool) -> Iterator[Check]:
     """Yield whether beta is large enough to show beside errors of the displacement; nothing where there are none.
 
-    Where it is not, its interval is an upper bound: that is said, and fails nothing.
+    Where it is not, its interval is an upper bound: that is said, and fails nothing. So is their size, where it was
+    not `given`.
     """
     if not of_records.displacement_sd_mm.any():
         return
@@ -199,5 +199,8 @@ def _displacement_errors(of_records: Residuals, posterior: xr.Dataset) -> Iterat
         f"beta of {open_below.sum()} cases, first {where}, is an upper bound, {upper[lower.argmin()]:.2g} mm: "
         f"displacements are known to {sd_mm:.2g} mm"
     )
-    note = note if open_below.any() else ""
+    notes = [note] * bool(open_below.any())
+    if not given:
+        notes.append(f"displacement: its errors have a standard deviation of {sd_mm:.2g} mm, as the records show")
+    note = "; ".join(notes)
     yield Check("displacement_errors", "model", True, value, 1.0, "", "", "", note)

@@ -8,16 +8,16 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import xarray as xr
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.correlated_noise import Whitening, whiten
 from bayes_tyre.inference.lack_of_fit import curve_tangents
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.model.factors import find_factors
-from bayes_tyre.inference.model.prepared_records import displacement_sd_mm, record_batch, with_noise
+from bayes_tyre.inference.model.prepared_records import record_batch, with_noise
 from bayes_tyre.inference.record_data import EQUATION_2, force_curves
-from bayes_tyre.inference.sampling.datatree import as_measured, law_of
+from bayes_tyre.inference.sampling.datatree import as_measured, model_of
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record_table import record_factors
 
@@ -44,6 +44,8 @@ class Residuals(NamedTuple):
         Shape (records,): standard deviation of the error of a displacement; 0 where the model has none.
     law:
         What the curves follow, of `bayes_tyre.inference.record_data.LAWS`.
+    noise_near_start:
+        How many times as large as elsewhere the model takes the noise near the start.
     """
 
     batch: Batch
@@ -54,6 +56,7 @@ class Residuals(NamedTuple):
     whitening: Whitening | None
     displacement_sd_mm: Float[np.ndarray, " records"]
     law: str = EQUATION_2
+    noise_near_start: float = 1.0
 
     @property
     def sigma_kN(self) -> Float[np.ndarray, " records"]:
@@ -120,17 +123,14 @@ def residuals(tree: xr.DataTree, table: pd.DataFrame) -> Residuals:
     mean = posterior[names].sel(record=list(batch.records)).mean(("chain", "draw"))
     means = {name: mean[name].to_numpy() for name in (*OF_CURVE, "sigma")}
     theta = [means["F_i"], means["J"], np.log(means["k"]), np.log(means["beta"])]
-    law, rho = law_of(tree), mean["rho"].to_numpy() if "rho" in mean else None
-    window, displacement_sd = int(tree.attrs.get("noise_window", 1)), tree.attrs.get("displacement_sd", "None")
-    displacement_sd = None if displacement_sd == "None" else float(displacement_sd)
+    model, rho = model_of(tree), mean["rho"].to_numpy() if "rho" in mean else None
     of_record = find_factors(record_factors(table)).of_record
-    sd_mm = displacement_sd_mm(batch, displacement_sd, window)
-    batch, whitening = with_noise(batch, of_record, window, displacement_sd, law)
+    batch, whitening, sd_mm, factor = with_noise(batch, of_record, model)
     u = batch.displacement_mm - batch.displacement_mm[:, :1]
-    curve = force_curves(jnp.asarray(u), jnp.asarray(np.stack(theta, axis=1)), law)
+    curve = force_curves(jnp.asarray(u), jnp.asarray(np.stack(theta, axis=1)), model.law)
     residual = np.where(batch.present, batch.force_kN - np.asarray(curve), 0.0)
     white = whiten(residual, batch.present, rho, whitening)
-    return Residuals(batch, means, residual, white, rho, whitening, sd_mm, law)
+    return Residuals(batch, means, residual, white, rho, whitening, sd_mm, model.law, factor)
 
 
 def autocorrelations(of_records: Residuals) -> Float[np.ndarray, " records"]:
@@ -138,16 +138,3 @@ def autocorrelations(of_records: Residuals) -> Float[np.ndarray, " records"]:
     batch, residual = of_records.batch, of_records.white_kN
     centred = residual - np.where(batch.present, (residual.sum(axis=1) / batch.points)[:, None], 0.0)
     return np.sum(centred[:, 1:] * centred[:, :-1], axis=1) / np.sum(centred**2, axis=1)
-
-
-def directions(columns: Float[np.ndarray, "records points columns"]) -> Float[np.ndarray, "records points columns"]:
-    """Return an orthonormal column for each column of each record, in order; each points the way its own one does."""
-    size = np.linalg.norm(columns, axis=1, keepdims=True)
-    factor, upper = np.linalg.qr(columns / np.where(size > 0, size, 1.0))
-    return factor * np.where(np.diagonal(upper, axis1=1, axis2=2) < 0, -1.0, 1.0)[:, None, :]
-
-
-def near_start(of_records: Residuals, betas: float) -> Bool[np.ndarray, "records points"]:
-    """Return which points lie within so many beta of the start of their record."""
-    reach = betas * of_records.means["beta"][:, None]
-    return of_records.batch.present & (np.abs(of_records.u) < reach)

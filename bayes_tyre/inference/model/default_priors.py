@@ -82,9 +82,9 @@ PRIORS = Priors(
         ),
         "sd_log_sigma": Prior(dist.HalfNormal, (0.7,), "", "noise differs by a factor of a few among records"),
         "atanh_rho_typical": Prior(
-            dist.Normal, (0.5, 1.0), "", "lag-1 autocorrelation of the noise of -0.9 to 0.986: white to slowly drifting"
+            dist.Normal, (0.0, 0.7), "", "lag-1 autocorrelation of the noise of -0.88 to 0.88, about none"
         ),
-        "sd_atanh_rho": Prior(dist.HalfNormal, (0.5,), "", "one chain of instruments: records differ little"),
+        "sd_atanh_rho": Prior(dist.HalfNormal, (0.3,), "", "one chain of instruments: records differ little"),
         "sd_log_k_published": Prior(
             dist.LogNormal, (np.log(0.1), 0.8), "", "2 to 48 %: repeats, processing and case together"
         ),

@@ -35,7 +35,7 @@ from bayes_tyre.inference.model.priors import Prior, Priors
 from bayes_tyre.inference.model.record_effects import sample_records
 from bayes_tyre.inference.record_data import EQUATION_2, RecordData
 
-#: What the noise of a record is like.
+#: How the noise of a record is correlated.
 NOISE = ("iid", "ar1")
 
 

@@ -24,10 +24,12 @@ from bayes_tyre.inference.model.coordinates.laplace import (
     laplace_approximation,
 )
 from bayes_tyre.inference.model.displacement_errors import converter_step_mm, displacement_errors
+from bayes_tyre.inference.model.displacement_noise import displacement_noise_mm
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.likelihood.compressed import compress
 from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood, Likelihood
 from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.model.uneven_noise import uneven_noise
 from bayes_tyre.inference.record_data import RecordData, record_data
 from bayes_tyre.record import FORCE_PER_KG, MASS_SD
 from bayes_tyre.record_table import record_factors
@@ -37,6 +39,27 @@ LEAST_POINTS = 6
 _ERROR = "force_error_kN"
 #: Standard deviation of rounding to steps of 1.
 UNIFORM_SD = 12.0**-0.5
+
+
+class RecordNoise(NamedTuple):
+    """Records whose noise has mean zero, and what that noise is like.
+
+    Attributes
+    ----------
+    batch:
+        The records.
+    whitening:
+        What makes their noise independent or autoregressive; None: it is.
+    displacement_sd_mm:
+        Shape (records,): standard deviation of the error of a displacement that is in it.
+    near_start:
+        How many times as large as elsewhere it is near the start of each record.
+    """
+
+    batch: Batch
+    whitening: Whitening | None
+    displacement_sd_mm: Float[np.ndarray, " records"]
+    near_start: float = 1.0
 
 
 class PreparedRecords(NamedTuple):
@@ -67,12 +90,13 @@ class PreparedRecords(NamedTuple):
     def arguments(self, model: ModelSettings) -> dict[str, Any]:
         """Return the arguments of `bayes_tyre.inference.model.models.records_model`."""
         records = {"data": self.data, "factors": self.factors, "likelihood": self.likelihood}
-        options = {name: getattr(model, name) for name in ("repeats", "noise", "law", "priors")}
-        return {**records, **options}
+        options = {name: getattr(model, name) for name in ("repeats", "law", "priors")}
+        return {**records, **options, "noise": model.correlation}
 
     def approximation(self, model: ModelSettings) -> LaplaceApproximation:
         """Return the Laplace approximation of the records and their cases."""
-        return laplace_approximation(self.batch, self.factors, model.noise, self.whitening, model.priors, model.law)
+        options = model.correlation, self.whitening, model.priors, model.law
+        return laplace_approximation(self.batch, self.factors, *options)
 
     def only(self, mask: Bool[np.ndarray, " records"], model: ModelSettings) -> "PreparedRecords":
         """Return some of the records; their factors keep all cases."""
@@ -97,36 +121,38 @@ def prepare_records(table: pd.DataFrame, model: ModelSettings) -> PreparedRecord
 
 def prepare_batch(batch: Batch, factor_table: pd.DataFrame, factors: Factors, model: ModelSettings) -> PreparedRecords:
     """Return a batch of records as a model takes them; `factors` may hold cases without a record."""
-    options = model.noise_window, model.displacement_sd, model.law
-    measured, (batch, whitening) = batch, with_noise(batch, factors.of_record, *options)
+    measured, noise = batch, with_noise(batch, factors.of_record, model)
+    batch, whitening = noise.batch, noise.whitening
     data = record_data(batch)
     if model.likelihood == "direct":
         likelihood = DirectLikelihood(data, whitening, model.law)
     else:
-        likelihood = compress(data, neighbours=model.noise == "ar1", whitening=whitening, law=model.law)
+        likelihood = compress(data, neighbours=model.correlation == "ar1", whitening=whitening, law=model.law)
     return PreparedRecords(measured, batch, data, factor_table, factors, whitening, likelihood)
 
 
-def with_noise(
-    batch: Batch, of_record: Int[np.ndarray, " records"], window: int, displacement_sd: float | None, law: str
-) -> tuple[Batch, Whitening | None]:
-    """Return records whose noise has mean zero, and what makes it independent or autoregressive; None where it is.
+def with_noise(batch: Batch, of_record: Int[np.ndarray, " records"], model: ModelSettings) -> RecordNoise:
+    """Return records without the mean effect of errors of their displacements, and their noise.
 
     Parameters
     ----------
     batch, of_record:
         The records as they were measured, and the number of the case of each.
-    window, displacement_sd, law:
-        `noise_window`, `displacement_sd` (mm) and `law` of `ModelSettings`.
+    model:
+        What of it concerns the noise, and the law.
     """
-    if window > 1:
-        return batch, smoothed_noise(batch.displacement_mm.shape[1], window)
-    sd_mm, whitening = displacement_sd_mm(batch, displacement_sd, window), None
+    law = model.law
+    if model.noise_window > 1:
+        smoothed = smoothed_noise(batch.displacement_mm.shape[1], model.noise_window)
+        return RecordNoise(batch, smoothed, np.zeros(len(batch.records)))
+    sd_mm, whitening, factor = _displacement_sd_mm(batch, of_record, model), None, 1.0
     if sd_mm.any():
         batch, whitening = displacement_errors(batch, of_record, sd_mm, law)
     if batch.force_error_kN is not None and batch.force_error_kN.any():
         whitening = _with_force_error(batch, batch.force_error_kN, whitening, law)
-    return batch, whitening
+    if model.uneven:
+        whitening, factor = uneven_noise(batch, of_record, whitening, law)
+    return RecordNoise(batch, whitening, sd_mm, factor)
 
 
 def _with_force_error(
@@ -138,14 +164,16 @@ def _with_force_error(
     return shared_error(noise, jnp.asarray(error_kN) / sigma[:, None], jnp.asarray(batch.present))
 
 
-def displacement_sd_mm(batch: Batch, displacement_sd: float | None, window: int) -> Float[np.ndarray, " records"]:
+def _displacement_sd_mm(
+    batch: Batch, of_record: Int[np.ndarray, " records"], model: ModelSettings
+) -> Float[np.ndarray, " records"]:
     """Return the standard deviation of the error of a displacement (mm) in each record, as `ModelSettings` has it."""
-    # Noise that was smoothed is all the noise there is.
-    if window > 1:
-        return np.zeros(len(batch.records))
-    if displacement_sd is None:
-        return converter_step_mm(batch) * UNIFORM_SD
-    return np.full(len(batch.records), displacement_sd)
+    if model.displacement_sd is not None:
+        return np.full(len(batch.records), model.displacement_sd)
+    rounding = converter_step_mm(batch) * UNIFORM_SD
+    if rounding.any() or not model.uneven:
+        return rounding
+    return np.full(len(batch.records), displacement_noise_mm(batch, of_record, model.law))
 
 
 def used_points(table: pd.DataFrame, region: str) -> pd.DataFrame:

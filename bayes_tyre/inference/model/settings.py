@@ -7,13 +7,13 @@ import numpy as np
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.least_squares.table import REGIONS
 from bayes_tyre.inference.model.default_priors import PRIORS
-from bayes_tyre.inference.model.models import NOISE
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.repeat_distribution import REPEATS
 from bayes_tyre.inference.record_data import EQUATION_2, LAWS
 
 INITIAL_LOADS = ("nominal", "actual")
 LIKELIHOODS = ("compressed", "direct")
+NOISE = ("auto", "iid", "ar1")
 SAMPLERS = ("collapsed", "joint")
 
 
@@ -32,15 +32,16 @@ class ModelSettings:
         Relative standard deviation of a common factor on displacement, carried into k and beta; 0: none.
     displacement_sd:
         Standard deviation of the error of a displacement, mm; None: of rounding to the converter's steps, in records
-        whose displacements are multiples of one.
+        whose displacements are multiples of one, or with noise ``auto`` what the records show of it.
     likelihood:
         ``compressed``: independent of the number of points; or ``direct``, point by point: the reference.
     repeats:
         How repeats scatter about their case: a ``mixture`` of usual and discordant ones, ``student`` or ``normal``.
     noise:
-        ``iid``: independent from point to point; or ``ar1``: each point's follows the one before.
+        ``auto``: as ``ar1``, and as large near the start, and of the displacement, as the records show; ``ar1``: each
+        point's follows the one before, by as much as the records say; or ``iid``: independent from point to point.
     noise_window:
-        Samples of the moving average that went over the noise, such as 801; 1: none. Not with ``ar1``.
+        Samples of the moving average that went over the noise, such as 801; 1: none. It says all of the noise.
     priors:
         Of the hyperparameters, and the constants of the mixtures of repeats and of cases.
     law:
@@ -60,7 +61,7 @@ class ModelSettings:
     displacement_scale_sd: float = 0.0
     likelihood: str = "compressed"
     repeats: str = "mixture"
-    noise: str = "iid"
+    noise: str = "auto"
     noise_window: int = 1
     priors: Priors = PRIORS
     sampler: str = "collapsed"
@@ -84,7 +85,19 @@ class ModelSettings:
             raise BadInput(f"noise_window {self.noise_window} says all of the noise; give it without displacement_sd")
         if self.noise_window < 1:
             raise BadInput(f"noise_window is {self.noise_window}; give the samples averaged, or 1 for none")
-        if self.noise_window > 1 and self.noise != "iid":
+        if self.noise_window > 1 and self.noise == "ar1":
             raise BadInput(
                 f"noise_window {self.noise_window} says all of the noise; give it without noise {self.noise}"
             )
+
+    @property
+    def correlation(self) -> str:
+        """How the noise is correlated, one of `bayes_tyre.inference.model.models.NOISE`."""
+        if self.noise == "auto":
+            return "iid" if self.noise_window > 1 else "ar1"
+        return self.noise
+
+    @property
+    def uneven(self) -> bool:
+        """Whether the noise may differ near the start of a record."""
+        return self.noise == "auto" and self.noise_window == 1

@@ -78,7 +78,7 @@ def sample_collapsed(
     count, cases = len(records.batch.records), [case.label for case in factors.cases]
     with ThreadPoolExecutor(1) as beside:
         summarising = beside.submit(_summarise, records, model)
-        blank = {"summaries": empty_summaries(count, model.noise), **arguments}
+        blank = {"summaries": empty_summaries(count, model.correlation), **arguments}
         blank["approximation"] = empty_approximation(count, factors)
         chains = make_chains(collapsed_in_coordinates, blank, settings, record_starts(arguments), CAREFUL_ACCEPTANCE)
         approximation, summaries = summarising.result()
@@ -108,7 +108,6 @@ def sample_collapsed(
 
 def _summarise(records: PreparedRecords, model: ModelSettings) -> tuple[LaplaceApproximation, RecordSummaries]:
     approximation = records.approximation(model)
-    summaries = summarise_records(
-        records.data, records.likelihood, approximation, records.factors, model.noise, model.priors.discordant_widening
-    )
+    options = model.correlation, model.priors.discordant_widening
+    summaries = summarise_records(records.data, records.likelihood, approximation, records.factors, *options)
     return approximation, summaries

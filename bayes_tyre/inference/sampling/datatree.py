@@ -12,6 +12,7 @@ import xarray as xr
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import INTERACTIONS, Factors
 from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.record_data import EQUATION_2
 from bayes_tyre.record import (
     AXLE_PARAMETERS,
@@ -185,6 +186,19 @@ def tree_cases(posterior: xr.Dataset) -> list[Case]:
 def law_of(tree: xr.DataTree) -> str:
     """Return the law that a posterior of records was fitted with; Equation 2 where it does not say."""
     return str(tree.attrs.get("law", EQUATION_2))
+
+
+def model_of(tree: xr.DataTree) -> ModelSettings:
+    """Return the model of a posterior of records, as far as it says; noise that it does not speak of is independent."""
+    displacement_sd = str(tree.attrs.get("displacement_sd", None))
+    return ModelSettings(
+        repeats=str(tree.attrs.get("repeats", "mixture")),
+        noise=str(tree.attrs.get("noise", "iid")),
+        noise_window=int(tree.attrs.get("noise_window", 1)),
+        displacement_sd=None if displacement_sd == "None" else float(displacement_sd),
+        law=law_of(tree),
+        priors=priors_of(tree),
+    )
 
 
 def priors_of(tree: xr.DataTree) -> Priors:

@@ -11,7 +11,7 @@ from bayes_tyre.inference.model.models import records_model
 from bayes_tyre.inference.model.prepared_records import record_batch
 from bayes_tyre.inference.model.prior_predictive import PriorDraws, draw_prior, prior_forces, without_points
 from bayes_tyre.inference.record_data import record_data
-from bayes_tyre.inference.sampling.datatree import law_of, priors_of
+from bayes_tyre.inference.sampling.datatree import law_of, model_of
 from bayes_tyre.record_table import record_factors
 
 #: The most panels; records of the data, and of the prior, in each; points of a prior record.
@@ -79,12 +79,9 @@ def _levels(tree: xr.DataTree, table: pd.DataFrame, factor_table: pd.DataFrame) 
 
 def _draw(tree: xr.DataTree, table: pd.DataFrame, factors: Factors, seed: int) -> PriorDraws:
     """Return draws of the prior of every record's parameters, with the model that the posterior was fitted with."""
-    attributes = {
-        name: str(tree.attrs.get(name, default)) for name, default in (("repeats", "mixture"), ("noise", "iid"))
-    }
-    attributes["law"] = law_of(tree)
-    data = without_points(record_data(record_batch(table)))
-    arguments = {"data": data, "factors": factors, "priors": priors_of(tree), "observed": False, **attributes}
+    data, model = without_points(record_data(record_batch(table))), model_of(tree)
+    options = {"repeats": model.repeats, "noise": model.correlation, "law": model.law, "priors": model.priors}
+    arguments = {"data": data, "factors": factors, "observed": False, **options}
     return draw_prior(records_model, arguments, _DRAWN_SITES, _BAND_DRAWS, seed)
 
 

@@ -17,6 +17,7 @@ from bayes_tyre.inference.diagnostics.sampling_checks import Check
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.prepared_records import record_batch, with_noise
+from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.record_table import check_record_table, record_factors
 
 # Compilation: over 10 s for the file from cold.
@@ -68,7 +69,8 @@ def sure_of(
 ) -> xr.DataTree:
     """Return a posterior whose draws are all the records' own least squares."""
     of_record = find_factors(record_factors(table)).of_record
-    batch, whitening = with_noise(record_batch(table), of_record, 1, displacement_sd, law)
+    model = ModelSettings(noise="iid", displacement_sd=displacement_sd, law=law)
+    batch, whitening, *_ = with_noise(record_batch(table), of_record, model)
     estimates = estimate_records(batch, "iid" if rho is None else "ar1", whitening, law=law)
     F_i, J, log_k, log_beta = np.asarray(estimates.centre).T
     draws = {"F_i": F_i, "J": J, "k": np.exp(log_k), "beta": np.exp(log_beta), "sigma": np.full(len(F_i), NOISE_KN)}
@@ -117,7 +119,7 @@ def test_p_values_of_a_shared_course_are_not_too_small():
 @pytest.mark.parametrize(
     ("fault", "name", "remedy"),
     [
-        ({"rho": 0.35, "points": 40}, "residual_autocorrelation", "--noise ar1"),
+        ({"rho": 0.35, "points": 40}, "residual_autocorrelation", "--noise auto"),
         ({"bend": 0.3}, "record_curves", "another --law"),
         ({"bend": 0.02}, "residual_course", "another --law"),
         ({"uneven": 3.0}, "noise_along_path", "beta's intervals"),
@@ -142,6 +144,16 @@ def test_a_remedy_works():
         off = checked(records(seed, displacement_sd=0.01), displacement_sd=0.01)
         assert not failed(off)
         assert off["displacement_errors"].note == ""
+
+
+def test_noise_that_follows_itself_as_smoothed_signals_do_fails_though_the_model_has_it():
+    table = records(1, rho=0.9)
+    made = sure_of(table, rho=0.99)
+    check = next(check for check in residual_checks(made, table) if check.name == "residual_autocorrelation")
+    assert not check.passed
+    assert (check.value, check.limit) == (pytest.approx(0.99), 0.95)
+    assert "beta then reflects the filter" in check.remedy
+    assert "residual_autocorrelation" not in failed(checked(table, rho=0.9))
 
 
 def test_a_beta_below_the_error_of_displacement_is_an_upper_bound():

@@ -47,6 +47,20 @@ def test_settings_that_cannot_be_are_refused(wrong):
         ModelSettings(**wrong)
 
 
+@pytest.mark.parametrize(
+    ("given", "correlation", "uneven"),
+    [
+        ({}, "ar1", True),
+        ({"noise_window": 801}, "iid", False),
+        ({"noise": "ar1"}, "ar1", False),
+        ({"noise": "iid"}, "iid", False),
+    ],
+)
+def test_noise_is_taken_as_the_records_show_it_unless_it_is_stated(given, correlation, uneven):
+    model = ModelSettings(**given)
+    assert (model.correlation, model.uneven) == (correlation, uneven)
+
+
 def test_the_thesis_region_is_the_first_70_per_cent_of_each_record():
     lengths = list(FIRST_70_PER_CENT)
     names = np.repeat([f"r{n}" for n in lengths], lengths)

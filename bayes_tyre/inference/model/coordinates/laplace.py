@@ -115,12 +115,13 @@ def estimate_records(
     problem = ls.Problem(*map(jnp.asarray, (batch.displacement_mm, data.F, data.present, fixed, nan[:, None])))
     free = (ls.K, ls.C, ls.BETA, ls.F_I) if beta_mm is None else (ls.K, ls.C, ls.F_I)
     estimate = ls.estimate_batch(problem, free)
-    return _estimate_records(data, estimate, noise == "ar1", whitening, law)
+    # A number, not a choice of code: both kinds of noise are one compilation.
+    return _estimate_records(data, estimate, jnp.asarray(float(noise == "ar1")), whitening, law)
 
 
 @eqx.filter_jit
 def _estimate_records(
-    data: RecordData, estimate: ls.Estimate, autoregressive: bool, whitening: Whitening | None, law: str
+    data: RecordData, estimate: ls.Estimate, autoregressive: Float[Array, ""], whitening: Whitening | None, law: str
 ) -> RecordEstimates:
     def approximate(record: RecordData, of_record: ls.Estimate, whitening: Whitening | None) -> RecordEstimates:
         return _approximate(record, of_record, autoregressive, whitening, law)
@@ -130,8 +131,9 @@ def _estimate_records(
 
 
 def _approximate(
-    data: RecordData, estimate: ls.Estimate, autoregressive: bool, whitening: Whitening | None, law: str
+    data: RecordData, estimate: ls.Estimate, autoregressive: Float[Array, ""], whitening: Whitening | None, law: str
 ) -> RecordEstimates:
+    """Return the Laplace approximation of a record; `autoregressive`: 1 where its noise is, else 0."""
     centre = _centre(data, estimate)
     points = jnp.sum(data.present)
 
@@ -145,7 +147,7 @@ def _approximate(
     rho = jnp.clip(jnp.nan_to_num(rho), -_LARGEST_RHO, _LARGEST_RHO)
 
     def white(values: Float[Array, " points"]) -> Float[Array, " points"]:
-        return innovations(uncoloured(values), data.present, rho) if autoregressive else uncoloured(values)
+        return innovations(uncoloured(values), data.present, autoregressive * rho)
 
     def noise(rss: Float[Array, ""]) -> Float[Array, ""]:
         # Noise-free records would make the coordinates infinitely narrow.
@@ -159,9 +161,8 @@ def _approximate(
         return jacobian, jacobian @ jacobian.T + floor
 
     sigma = noise(estimate.rss)
-    if autoregressive or whitening is not None or law != EQUATION_2:
-        centre = _polish(centre, lambda theta: white(residual(theta)) / sigma, partial(information, sigma=sigma))
-        sigma = noise(jnp.sum(white(residual(centre)) ** 2))
+    centre = _polish(centre, lambda theta: white(residual(theta)) / sigma, partial(information, sigma=sigma))
+    sigma = noise(jnp.sum(white(residual(centre)) ** 2))
     return RecordEstimates(centre, information(centre, sigma)[1], jnp.log(sigma), rho, points.astype(rho.dtype))
 
 

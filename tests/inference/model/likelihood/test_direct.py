@@ -50,7 +50,8 @@ def displaced(present: Array) -> SharedError:
     shared /= np.linalg.norm(shared, axis=1, keepdims=True)
     weight = np.where(present, random.uniform(0.2, 1.0, shape), 1.0)
     shrink = random.uniform(0.0, 0.9, shape[0])
-    return SharedError(UnequalNoise(jnp.asarray(weight)), jnp.asarray(shared), jnp.asarray(shrink))
+    others, (shared, shrink) = UnequalNoise(jnp.asarray(weight)), map(jnp.asarray, (shared, shrink))
+    return SharedError(others, shared, shared, shrink)
 
 
 def off_from(approximation: RecordEstimates, sds: Array) -> tuple[Array, Array]:
