@@ -23,13 +23,13 @@ from bayes_tyre.inference.model.coordinates.laplace import (
     estimate_records,
     laplace_approximation,
 )
-from bayes_tyre.inference.model.displacement_errors import converter_step_mm, displacement_errors
-from bayes_tyre.inference.model.displacement_noise import displacement_noise_mm
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.likelihood.compressed import compress
 from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood, Likelihood
+from bayes_tyre.inference.model.noise.displacement_errors import converter_step_mm, displacement_errors
+from bayes_tyre.inference.model.noise.displacement_noise import displacement_noise_mm
+from bayes_tyre.inference.model.noise.uneven_noise import uneven_noise
 from bayes_tyre.inference.model.settings import ModelSettings
-from bayes_tyre.inference.model.uneven_noise import uneven_noise
 from bayes_tyre.inference.record_data import RecordData, record_data
 from bayes_tyre.record import FORCE_PER_KG, MASS_SD
 from bayes_tyre.record_table import record_factors

@@ -15,8 +15,8 @@ from jaxtyping import Float, Int
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.correlated_noise import UnequalNoise
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
-from bayes_tyre.inference.model.displacement_errors import displacement_errors
-from bayes_tyre.inference.model.uneven_noise import residuals_and_tangents, uneven_noise
+from bayes_tyre.inference.model.noise.displacement_errors import displacement_errors
+from bayes_tyre.inference.model.noise.uneven_noise import residuals_and_tangents, uneven_noise
 from bayes_tyre.inference.noise_along_path import freedom, log_likelihood
 from bayes_tyre.inference.record_data import force_curve, record_data
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from bayes_tyre.inference.correlated_noise import SharedError, UnequalNoise
-from bayes_tyre.inference.model.displacement_noise import displacement_noise_mm
 from bayes_tyre.inference.model.factors import find_factors
+from bayes_tyre.inference.model.noise.displacement_noise import displacement_noise_mm
+from bayes_tyre.inference.model.noise.uneven_noise import uneven_noise
 from bayes_tyre.inference.model.prepared_records import prepare_records, record_batch
 from bayes_tyre.inference.model.settings import ModelSettings
-from bayes_tyre.inference.model.uneven_noise import uneven_noise
 from bayes_tyre.record_table import record_factors
 from bayes_tyre.studies.coverage_data import KINDS, NEAR_START_MM, simulate
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from bayes_tyre.batch import pad
 from bayes_tyre.inference.correlated_noise import UnequalNoise
-from bayes_tyre.inference.model.displacement_errors import _of_curves, converter_step_mm, displacement_errors
+from bayes_tyre.inference.model.noise.displacement_errors import _of_curves, converter_step_mm, displacement_errors
 from bayes_tyre.inference.model.prepared_records import record_batch
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
