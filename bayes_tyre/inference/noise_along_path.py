@@ -17,7 +17,8 @@ class LogRatio(NamedTuple):
     Attributes
     ----------
     value, error:
-        The logarithm, and its standard error for independent noise; 0 and infinity where a part has too few points.
+        The logarithm, and its standard error for independent noise; 0 and infinity where a part has too few points or
+        no noise.
     gain:
         By how much the log likelihood of two variances is above that of one.
     """
@@ -57,6 +58,8 @@ def variance_ratio(
     if counts.min() < _LEAST_FREEDOM:
         return LogRatio(0.0, np.inf, 0.0)
     sums = np.array([square[part].sum() for part in parts])
+    if not sums.all():
+        return LogRatio(0.0, np.inf, 0.0)
     log_variances, log_variance = np.log(sums / counts), np.log(sums.sum() / counts.sum())
     gain = 0.5 * float(counts @ (log_variance - log_variances))
     return LogRatio(float(log_variances[0] - log_variances[1]), float(np.sqrt(np.sum(2.0 / counts))), gain)
@@ -78,16 +81,16 @@ def freedom(
 
 
 def log_likelihood(
-    residual: Float[np.ndarray, "records points"],
+    square: Float[np.ndarray, "records points"],
     variance: Float[np.ndarray, "records points"],
     freedom: Float[np.ndarray, "records points"],
 ) -> float:
-    """Return the log likelihood of residuals whose variances are these but for a factor of each record, estimated.
+    """Return the log likelihood of squared residuals of these variances but for a factor of each record, the likeliest.
 
     But for a constant; a point counts by the degrees of freedom that are left of it (restricted maximum likelihood).
     """
     count = freedom.sum(axis=1)
-    squares = np.sum(np.where(freedom > 0, residual**2 / variance, 0.0), axis=1)
+    squares = np.sum(np.where(freedom > 0, square / variance, 0.0), axis=1)
     return float(-0.5 * np.sum(count * np.log(squares / count) + np.sum(freedom * np.log(variance), axis=1)))
 
 

@@ -53,6 +53,8 @@ def test_a_part_of_few_points_says_nothing():
     near = near_start(u, np.zeros(RECORDS), present)
     found = variance_ratio(np.ones(u.shape), present.astype(float), near)
     assert (found.value, found.error, found.gain) == (0.0, np.inf, 0.0)
+    without_noise = variance_ratio(np.zeros(u.shape), present.astype(float), near_start(u, np.ones(RECORDS), present))
+    assert (without_noise.value, without_noise.error) == (0.0, np.inf)
 
 
 def test_a_fit_leaves_as_many_degrees_of_freedom_as_points_less_parameters():
@@ -67,7 +69,7 @@ def test_the_likelihood_is_that_of_normal_residuals_at_the_likeliest_size():
     present, u = padded()
     random = np.random.default_rng(1)
     variance, residual = np.exp(random.normal(size=u.shape)), random.normal(size=u.shape) * present
-    ours = [log_likelihood(residual, each, present.astype(float)) for each in (variance, np.ones_like(variance))]
+    ours = [log_likelihood(residual**2, each, present.astype(float)) for each in (variance, np.ones_like(variance))]
     theirs = []
     for each in (variance, np.ones_like(variance)):
         total = 0.0

@@ -24,6 +24,8 @@ from bayes_tyre.inference.record_data import force_curve, record_data
 _TRIED = np.geomspace(0.01, 3.0, 40)
 #: Gain of the log likelihood over even noise below which records show nothing of the kind: 400 times as likely.
 _LEAST_GAIN = 6.0
+#: Residuals below this part of the change of force are rounding.
+_EXACT = 1e-6
 #: Estimates, each on the curves of the one before.
 _ROUNDS = 3
 
@@ -33,15 +35,16 @@ class _Fit(NamedTuple):
 
     Attributes
     ----------
-    residual_kN, freedom:
-        Shape (records, points): measured less curve, and the degrees of freedom that the fit leaves of each point.
+    square, freedom:
+        Shape (records, points): measured less curve squared, kN^2, at least what is rounding; and the degrees of
+        freedom that the fit leaves of each point.
     steep:
         Shape (records, points), (kN/mm)^2: by how much the square of the curve's slope exceeds that of its line.
     beta_mm, log_likelihood:
         Median of the estimates; and that of all residuals, but for a constant.
     """
 
-    residual_kN: Float[np.ndarray, "records points"]
+    square: Float[np.ndarray, "records points"]
     freedom: Float[np.ndarray, "records points"]
     steep: Float[np.ndarray, "records points"]
     beta_mm: float
@@ -86,19 +89,21 @@ def _fitted(batch: Batch, weights: UnequalNoise, law: str) -> _Fit:
     steep = np.maximum(steep - np.exp(2.0 * np.asarray(estimates.log_k))[:, None], 0.0)
     steep[:, 0] = 0.0  # where a record starts by definition
     beta_mm = float(np.exp(np.median(np.asarray(estimates.log_beta))))
-    return _Fit(residual, left, steep, beta_mm, log_likelihood(residual, weight**-2.0, left))
+    square = residual**2 + (_EXACT * np.asarray(record_data(batch).span)[:, None]) ** 2
+    return _Fit(square, left, steep, beta_mm, log_likelihood(square, weight**-2.0, left))
 
 
 def _most_likely(fit: _Fit) -> tuple[float, float]:
     """Return the standard deviation (mm) that the residuals make most likely, and their log likelihood then."""
     # Away from the start such noise is part of sigma.
-    square = np.median(np.sum(fit.residual_kN**2, axis=1) / np.sum(fit.freedom, axis=1))
+    counts = np.sum(fit.freedom, axis=1)
+    whole = np.median(np.sum(np.where(fit.freedom > 0, fit.square, 0.0), axis=1) / counts)
     tried = fit.beta_mm * _TRIED
-    found = [log_likelihood(fit.residual_kN, square + sd**2 * fit.steep, fit.freedom) for sd in tried]
+    found = [log_likelihood(fit.square, 1.0 + sd**2 * fit.steep / whole, fit.freedom) for sd in tried]
     best = int(np.argmax(found))
-    # The square was that of all points: what is left of it without that noise is the unit of the variance.
-    variance = 1.0 + tried[best] ** 2 * fit.steep / square
-    left = np.sum(fit.residual_kN**2 / variance, axis=1) / np.sum(fit.freedom, axis=1) / square
+    # The variance was that of all points: what is left of it without that noise is its unit.
+    variance = whole + tried[best] ** 2 * fit.steep
+    left = np.sum(np.where(fit.freedom > 0, fit.square / variance, 0.0), axis=1) / counts
     return float(tried[best] * np.sqrt(np.median(left))), found[best]
 
 

@@ -1,5 +1,7 @@
 """Noise near the start of a step, and noise of the displacement: found where it is, and not where it is not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -81,3 +83,10 @@ def test_a_displacement_that_is_given_is_not_sought():
     table, _ = simulate(KINDS["displacement_noise"], 0, 0)
     assert isinstance(prepare_records(table, ModelSettings()).whitening, SharedError)
     assert isinstance(prepare_records(table, ModelSettings(displacement_sd=0.0)).whitening, UnequalNoise)
+
+
+def test_records_without_noise_have_none_of_it():
+    table, _ = simulate(replace(KINDS["clean"], sigma_kN=0.0), 0, 0)
+    batch, of_record = record_batch(table), find_factors(record_factors(table)).of_record
+    assert displacement_noise_mm(batch, of_record, "equation_2") == 0.0
+    assert np.isfinite(uneven_noise(batch, of_record, None, "equation_2")[1])
