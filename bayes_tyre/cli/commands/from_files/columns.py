@@ -36,4 +36,6 @@ def columns(
         say(proposal.toml.rstrip("\n"), quiet)
         return
     write_text(proposal.toml, out)
-    say(f"wrote {out}\nnext: bayes-tyre {proposal.command} {table} --columns {out} --out results", quiet)
+    command = f"bayes-tyre {proposal.command} {table} --columns {out} --out results"
+    first = f"name your columns for {', '.join(proposal.missing)} in {out}, then " if proposal.missing else ""
+    say(f"wrote {out}\nnext: {first}{command}", quiet)
