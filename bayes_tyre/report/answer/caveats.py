@@ -47,7 +47,11 @@ _WEIGHT = {
     "simulated": Caveat(
         "These numbers as a tyre's", "the records were computed, and the model behind them is its own truth."
     ),
-    ORIGIN_UNKNOWN: Caveat("That these are measurements", "the records do not say where they come from."),
+    ORIGIN_UNKNOWN: Caveat(
+        "That these are measurements",
+        "the records do not state their origin. Where they are, give them a column origin that holds measured, or put "
+        'origin = "measured" under [constants] in the column map.',
+    ),
 }
 #: Above this a record is more likely discordant than not; the most that are named.
 _DISCORDANT, _NAMED = 0.5, 5
@@ -116,7 +120,7 @@ def _of_directions(result: Reported) -> Iterator[Caveat]:
 def _of_priors(result: Reported) -> Iterator[Caveat]:
     for parameter in result.cases["parameter"].unique():
         if clause := prior_clause(result, str(parameter)):
-            yield Caveat("That the data settle everything", f"{clause}.")
+            yield Caveat("That the data alone decide every mean", f"{clause}.")
 
 
 def _of_repeats(result: Reported) -> Iterator[Caveat]:

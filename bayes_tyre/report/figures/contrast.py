@@ -20,7 +20,7 @@ from bayes_tyre.results.columns import numbers, texts
 #: Height of a line, inches; the room of the shortest list, lines.
 _LINE, _LEAST = 0.17, 8
 # Ratios that reach so many times as far stand on a logarithmic axis; share of the axis kept free for probabilities.
-_LOG_FROM, _ROOM = 3.0, 0.33
+_LOG_FROM, _ROOM = 3.0, 0.5
 
 
 @matplotlib.style.context(STYLE)
@@ -55,7 +55,7 @@ def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting, about: str = ""
     rows = rows.merge(listed[["contrast", "matching", *CASE_FACTORS, "y"]])
     room = max(_LEAST, len(lines))
     parameters = panels(rows["parameter"])
-    figure, axes, inches = case_axis.parameter_panels(len(parameters), 1.1, _LINE, room)
+    figure, axes, inches = case_axis.parameter_panels(len(parameters), 1.1, _LINE, room, case_axis.case_axis_name(rows))
     for ax, parameter in zip(axes, parameters, strict=True):
         _panel(ax, rows[rows["parameter"] == parameter], parameter)
         case_axis.name_lines(ax, lines, inches, room)

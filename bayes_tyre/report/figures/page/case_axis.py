@@ -18,7 +18,14 @@ from bayes_tyre.results.columns import numbers, texts
 LABEL = 0.12
 #: The most panels side by side, and what a further row of them needs beside its lines, inches.
 _ACROSS, _BETWEEN_ROWS = 3, 0.6
-CASE_AXIS = "case: (speed, km/h)\nfirst load-last load, kN"
+
+
+def case_axis_name(factors: pd.DataFrame) -> str:
+    """Return the name of an axis of cases: what `case_label` writes of them, with units."""
+    speed = "(speed, km/h)\n" if numbers(factors, "speed_km_h").notna().any() else ""
+    load, step = (numbers(factors, name).notna().any() for name in ("initial_load_kN", "step_kN"))
+    loads = ("first load-last load, kN" if step else "initial load, kN") if load else "step, kN" if step else ""
+    return f"case: {speed}{loads}".strip() if speed or loads else "case"
 
 
 def direction_rank(direction: str) -> tuple[int, str]:
@@ -96,11 +103,11 @@ def grouped_lines(rows: pd.DataFrame) -> list[Line]:
     return list_lines(headings, labels)
 
 
-def parameter_panels(count: int, spare: float, line: float, room: int) -> tuple[Figure, list[Axes], float]:
+def parameter_panels(count: int, spare: float, line: float, room: int, axis: str) -> tuple[Figure, list[Axes], float]:
     """Return a page with a list of `room` lines for each parameter, its panels row by row, and the height of a line.
 
     At most `_ACROSS` panels stand side by side; `spare` is the height that a page with one row of them needs beside the
-    lines, and `line` that of a line where the page does not get too tall, inches.
+    lines, and `line` that of a line where the page does not get too tall, inches. `axis` names the axis of lines.
     """
     across = min(_ACROSS, count)
     down = math.ceil(count / across)
@@ -110,7 +117,7 @@ def parameter_panels(count: int, spare: float, line: float, room: int) -> tuple[
     for ax in axes[count:]:
         ax.remove()
     for ax in axes[:count:across]:
-        ax.set_ylabel(CASE_AXIS)
+        ax.set_ylabel(axis)
     return figure, axes[:count], min(line, (TALLEST - spare) / (room * down))
 
 
