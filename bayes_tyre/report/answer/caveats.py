@@ -118,9 +118,9 @@ def _of_directions(result: Reported) -> Iterator[Caveat]:
 
 
 def _of_priors(result: Reported) -> Iterator[Caveat]:
-    for parameter in result.cases["parameter"].unique():
-        if clause := prior_clause(result, str(parameter)):
-            yield Caveat("That the data alone decide every mean", f"{clause}.")
+    clauses = [prior_clause(result, str(parameter)) for parameter in result.cases["parameter"].unique()]
+    if any(clauses):
+        yield Caveat("That the data alone decide every mean", f"{'; '.join(filter(None, clauses))}.")
 
 
 def _of_repeats(result: Reported) -> Iterator[Caveat]:

@@ -138,7 +138,7 @@ def _shown(part: Part) -> dict[str, Any]:
         "origins": [(each, origin_sentence(each)) for each in result.origins],
         "headline": [*headline(result), *limit_sentences(result.cases, MOST_SENTENCES)],
         "caveats": caveats(result),
-        "unchecked": unchecked(result),
+        "unchecked": tuple(unchecked(result)),
         "note": part.note,
     }
 

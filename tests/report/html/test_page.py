@@ -151,6 +151,13 @@ def test_what_the_prior_decides_is_said_in_the_answer(two):
     first, _ = headline(dataclasses.replace(two, summary=summary))
     assert "; but k of dual in loading is decided by the prior, not by the data" in first
     assert first.endswith("2 more likewise.")
+    every = two.summary.assign(decided_by=two.summary["decided_by"].where(two.summary["decided_by"].isna(), "both"))
+    alone = [
+        said for said in caveats(dataclasses.replace(two, summary=every)) if said.startswith("That the data alone")
+    ]
+    assert len(alone) == 1
+    assert "k of dual in loading depends on the prior too" in alone[0]
+    assert "beta of dual in loading depends on the prior too" in alone[0]
 
 
 def test_parameters_of_another_command_are_columns_of_their_own(two):
@@ -333,6 +340,7 @@ def test_what_no_record_shows_is_said_once_with_what_it_would_do_to_k(two, away)
     page = plain(page_of(two))
     assert page.count("<h3>Not checked</h3>") == 1
     assert page.count("A force that is 1 % too large makes k, C and J 1 % too large.") == 1
+    assert plain(page_of(two, dataclasses.replace(two, name="again"))).count("<h3>Not checked</h3>") == 1
     run = {**two.run, "options": {"displacement_scale_sd": 0.05}}
     stated = plain(page_of(dataclasses.replace(two, run=run)))
     assert "An error with a standard deviation of 5 % is in the intervals" in stated

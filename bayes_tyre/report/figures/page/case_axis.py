@@ -17,7 +17,7 @@ from bayes_tyre.results.columns import numbers, texts
 #: The least height of a line that can carry a label, inches.
 LABEL = 0.12
 #: The most panels side by side, and what a further row of them needs beside its lines, inches.
-_ACROSS, _BETWEEN_ROWS = 3, 0.6
+ACROSS, _BETWEEN_ROWS = 3, 0.6
 
 
 def case_axis_name(factors: pd.DataFrame) -> str:
@@ -106,10 +106,10 @@ def grouped_lines(rows: pd.DataFrame) -> list[Line]:
 def parameter_panels(count: int, spare: float, line: float, room: int, axis: str) -> tuple[Figure, list[Axes], float]:
     """Return a page with a list of `room` lines for each parameter, its panels row by row, and the height of a line.
 
-    At most `_ACROSS` panels stand side by side; `spare` is the height that a page with one row of them needs beside the
+    At most `ACROSS` panels stand side by side; `spare` is the height that a page with one row of them needs beside the
     lines, and `line` that of a line where the page does not get too tall, inches. `axis` names the axis of lines.
     """
-    across = min(_ACROSS, count)
+    across = min(ACROSS, count)
     down = math.ceil(count / across)
     spare += _BETWEEN_ROWS * (down - 1)
     figure = layout.page(layout.wide(across), min(TALLEST, spare + line * room * down))
