@@ -38,7 +38,7 @@ from bayes_tyre.report.figures.catalogue import Result, chosen_figure
 from bayes_tyre.report.figures.page.notebook_display import NotebookFigure
 from bayes_tyre.report.terminal.progress import Stages
 from bayes_tyre.results import contrasts as ratios
-from bayes_tyre.results import prediction, summary
+from bayes_tyre.results import log_likelihood, prediction, summary
 from bayes_tyre.results.case_selection import parse_query
 from bayes_tyre.results.derived import with_derived
 from bayes_tyre.results.posterior import Posterior
@@ -223,6 +223,32 @@ def read_posterior(folder: str | Path) -> Posterior:
 def diagnose(posterior: xr.DataTree) -> Diagnostics:
     """Return whether a posterior may be trusted: the verdict, its reasons and the figures behind them."""
     return with_failures(diagnostics.diagnose(posterior), checks_in(posterior, FAILED))
+
+
+def with_log_likelihood(
+    posterior: xr.DataTree,
+    records: pd.DataFrame,
+    model: ModelSettings | None = None,
+    priors: Mapping[str, object] | None = None,
+) -> Posterior:
+    """Return the posterior with ArviZ's group `log_likelihood`, a record an observation: `az.loo` then works on it.
+
+    Parameters
+    ----------
+    posterior:
+        Of records.
+    records, model, priors:
+        As they were given to `fit`.
+
+    Raises
+    ------
+    BadInput
+        For records that are not those of the posterior.
+    """
+    prepare_jax(_DEVICES)
+    model = model or ModelSettings()
+    model = replace(model, priors=model.priors.changed(priors or {}))
+    return Posterior.of(log_likelihood.with_log_likelihood(posterior, check_record_table(records), model))
 
 
 def _judged(

@@ -59,7 +59,7 @@ def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting, about: str = ""
     figure, axes, inches = case_axis.parameter_panels(len(parameters), 1.1, _LINE, room, case_axis.case_axis_name(rows))
     for ax, parameter in zip(axes, parameters, strict=True):
         _panel(ax, rows[rows["parameter"] == parameter], parameter, _ROOM * min(case_axis.ACROSS, len(parameters)))
-        case_axis.name_lines(ax, lines, inches, room)
+        case_axis.name_lines(ax, lines, inches, max(case_axis.FEWEST, len(lines)))
     contents = " or ".join(interval_name(one) for one in sorted(set(rows["interval"].dropna()))) or "interval"
     if rows.empty:
         return layout.finish(figure, setting, "No two configurations or directions have cases that match.")

@@ -114,7 +114,8 @@ def outlier_probabilities(repeats: pd.DataFrame, setting: Setting) -> Figure:
     for i, (ax, (name, look), (lines, cases)) in enumerate(zip(axes, appearance.items(), panels, strict=False)):
         ax.set(title=configuration_label(name), ylabel="" if i % columns else case_axis.case_axis_name(records))
         _outlier_panel(ax, cases, look)
-        case_axis.name_lines(ax, lines, inches, tall[i // columns])
+        in_row = panels[i - i % columns : i - i % columns + columns]
+        case_axis.name_lines(ax, lines, inches, max(case_axis.FEWEST, *(len(each) for each, _ in in_row)))
     for ax in axes[len(panels) :]:
         ax.set_visible(False)
     return layout.finish(figure, setting, _outlier_note(records))

@@ -14,6 +14,8 @@ from bayes_tyre.report.figures.page.labels import plain
 from bayes_tyre.report.figures.page.layout import TALLEST
 from bayes_tyre.results.columns import numbers, texts
 
+#: The fewest lines that a panel is drawn for: fewer would stand far apart.
+FEWEST = 4
 #: The least height of a line that can carry a label, inches.
 LABEL = 0.12
 #: The most panels side by side, and what a further row of them needs beside its lines, inches.
