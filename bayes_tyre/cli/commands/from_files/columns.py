@@ -38,4 +38,7 @@ def columns(
     write_text(proposal.toml, out)
     command = f"bayes-tyre {proposal.command} {table} --columns {out} --out results"
     first = f"name your columns for {', '.join(proposal.missing)} in {out}, then " if proposal.missing else ""
-    say(f"wrote {out}\nnext: {first}{command}", quiet)
+    say(f"wrote {out}", quiet)
+    if not proposal.states_origin:
+        say('no column states the origin: of measurements, put origin = "measured" under [constants] in the map', quiet)
+    say(f"next: {first}{command}", quiet)
