@@ -20,6 +20,7 @@ from bayes_tyre.report.answer.formatting import percent_apart, probability, roun
 from bayes_tyre.report.answer.headline import headline
 from bayes_tyre.report.answer.load import Reported, read_reported
 from bayes_tyre.report.answer.quantities import in_words
+from bayes_tyre.report.answer.ratios import UNLIKE_CASES
 from bayes_tyre.report.figures.page.svg import DENSE_MARKERS, svg
 from bayes_tyre.report.html import tables
 from bayes_tyre.report.html.between_results import ComparedResult, compare_results
@@ -65,6 +66,14 @@ def test_the_stiffer_configuration_is_named_with_how_much_and_how_sure(two):
     ratio, low, high = numbers_in(first)
     row = two.contrasts.query("contrast == 'dual / single' and parameter == 'k'").iloc[0]
     assert (ratio, low, high) == tuple(round(row[name], 2) for name in ("median", "lower", "upper"))
+
+
+def test_means_over_unlike_cases_are_named_as_such(two):
+    assert UNLIKE_CASES not in page_of(two)
+    cases = two.cases
+    first = cases[cases["configuration"] == "dual"].iloc[0]
+    fewer = cases[~((cases["configuration"] == "dual") & (cases["step_kN"] == first["step_kN"]))]
+    assert UNLIKE_CASES in page_of(dataclasses.replace(two, cases=fewer))
 
 
 def test_the_sentence_has_the_direction_of_the_table_and_a_reference_turns_both(away):
