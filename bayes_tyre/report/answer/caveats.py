@@ -44,9 +44,7 @@ _WEIGHT = {
         "the records were made from printed means with assumed repeats and noise, and show what such records would "
         "support.",
     ),
-    "simulated": Caveat(
-        "These numbers as a tyre's", "the records were computed, and the model behind them is its own truth."
-    ),
+    "simulated": Caveat("These numbers as a tyre's", "the records were computed from a model, and show that model."),
     ORIGIN_UNKNOWN: Caveat(
         "That these are measurements",
         "the records do not state their origin. Where they are, give them a column origin that holds measured, or put "
