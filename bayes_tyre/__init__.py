@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         read_records,
         reconstruct_campaign,
         repeats,
+        with_log_likelihood,
     )
 
 __all__ = [
@@ -47,6 +48,7 @@ __all__ = [
     "read_records",
     "reconstruct_campaign",
     "repeats",
+    "with_log_likelihood",
 ]
 
 

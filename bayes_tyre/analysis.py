@@ -38,7 +38,7 @@ from bayes_tyre.report.figures.catalogue import Result, chosen_figure
 from bayes_tyre.report.figures.page.notebook_display import NotebookFigure
 from bayes_tyre.report.terminal.progress import Stages
 from bayes_tyre.results import contrasts as ratios
-from bayes_tyre.results import prediction, summary
+from bayes_tyre.results import log_likelihood, prediction, summary
 from bayes_tyre.results.case_selection import parse_query
 from bayes_tyre.results.derived import with_derived
 from bayes_tyre.results.posterior import Posterior
@@ -235,6 +235,32 @@ def _with_bars(settings: SamplerSettings, stages: Stages) -> SamplerSettings:
         stages.advance(done)
 
     return replace(settings, on_stage=begin, on_progress=advance)
+
+
+def with_log_likelihood(
+    posterior: xr.DataTree,
+    records: pd.DataFrame,
+    model: ModelSettings | None = None,
+    priors: Mapping[str, object] | None = None,
+) -> Posterior:
+    """Return the posterior with ArviZ's group `log_likelihood`, a record an observation: `az.loo` then works on it.
+
+    Parameters
+    ----------
+    posterior:
+        Of records.
+    records, model, priors:
+        As they were given to `fit`.
+
+    Raises
+    ------
+    BadInput
+        For records that are not those of the posterior.
+    """
+    prepare_jax(_DEVICES)
+    model = model or ModelSettings()
+    model = replace(model, priors=model.priors.changed(priors or {}))
+    return Posterior.of(log_likelihood.with_log_likelihood(posterior, check_record_table(records), model))
 
 
 def _judged(

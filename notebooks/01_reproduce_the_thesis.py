@@ -103,7 +103,7 @@ NotebookFigure(reproduction_figures.returned_numbers(returned, "reconstructed"))
 # ## What do the fits of one case look like?
 #
 # *Reconstructed records, not measured.* Three repeats of one case, each with the standard error that least squares
-# gives. The second repeat is odd. Whether to leave it out is the subject of notebook 3.
+# gives. The second repeat is discordant. Whether to leave it out is the subject of notebook 3.
 
 # %%
 one = fits[fits["record"].str.startswith("DynamicS(0)20-25")]

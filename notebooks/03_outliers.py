@@ -9,7 +9,7 @@
 # ---
 
 # %% [markdown]
-# # 3. Odd repeats: the source's rule and the posterior
+# # 3. Discordant repeats: the source's rule and the posterior
 #
 # Three repeats of a test, and one differs. The source left out of a case's mean a repeat that was "significantly
 # different from the other two", and gives no number. The posterior leaves nothing out: it gives each repeat a
@@ -37,14 +37,14 @@ print(f"{len(fits)} records, reconstructed, not measured; {discordant.sum()} mad
 #
 # *Reconstructed, not measured.* As code, the rule needs a number: a repeat goes if its k differs from the mean of the
 # other two by more than so many times the usual scatter (4 % standing, 10 % rolling: assumed). `good` counts good
-# repeats that are thrown away, `kept_discordant` odd ones that stay in. Between the two lies a narrow band, and who
+# repeats that are thrown away, `kept_discordant` those that stay in. Between the two lies a narrow band, and who
 # applies the rule does not know where: it was found here because the truth is known.
 
 # %%
 rule.by_multiple(fits, discordant, (1.5, 2, 3, 4, 6, 8, 10, 12)).set_index("multiple")
 
 # %% [markdown]
-# ## Which repeats does the posterior doubt?
+# ## Which repeats are discordant by the posterior?
 #
 # *Reconstructed, not measured.* The standing tests from 30 kN: eight cases, 24 records, two of them made discordant.
 
@@ -68,7 +68,7 @@ bt.figure(posterior, "outlier_probabilities", chosen)
 # *Reconstructed, not measured.* In each case: the repeats, the mean of all, the mean of those that the rule keeps
 # (multiple 6), and the posterior. Student's interval knows only the two or three repeats of its own case: it is wide
 # where they happen to differ, and narrow where they happen to agree. The posterior has learnt from all cases how much
-# repeats differ. An odd repeat among three makes the plain mean useless.
+# repeats differ. A discordant repeat among three makes the plain mean useless.
 
 # %%
 mine = fits[fits["record"].isin(names)]
@@ -111,7 +111,7 @@ shown[["median", "lower", "upper", "width"]].rename(columns={"median": "k (kN/mm
 #
 # ## What not to believe
 #
-# - That these six are found says little of yours: they were made to stand out. An odd repeat within the usual scatter
+# - That these six are found proves little: they were made to stand out. A discordant one within the usual scatter
 #   is found by nobody.
 # - A probability of 0.5 is no verdict, and no repeat has to be dropped by it: the posterior has counted it so
 #   already.

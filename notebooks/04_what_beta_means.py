@@ -112,7 +112,7 @@ NotebookFigure(audit_figures.k_bias(bias, names, grid.TYPICAL_LEVELS))
 #
 # *Simulated, not measured.* Bias in % over the records (median, least, largest), and how many 95 % intervals hold the
 # truth: about 95 % should. Only `motion` returns friction x, and with it the energy lost in a cycle; for the others
-# `energy_with_true_x` says how far off the energy would be if somebody told them x.
+# `energy_with_true_x` is the error that the energy would have if x were known.
 
 # %%
 told = overview.overview(found.table).set_index(["parameter", "method"]).sort_index()

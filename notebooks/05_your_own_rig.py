@@ -66,7 +66,7 @@ _ = (here / "rig.toml").write_text(rig, encoding="utf-8")
 # ## Where do these recordings come from?
 #
 # *Simulated, not measured.* An axle that moves on tyres of known k and beta, with noise and converter steps, written
-# as the source's LabVIEW files. Yours may be `.lvm`, `.tdms`, `.xlsx`, `.csv` or `.parquet`. The words of a test come
+# as the source's LabVIEW files. Yours may be `.lvm`, `.tdms`, `.xlsx`, `.csv` or `.parquet`. The factors of a test come
 # from names such as `DynamicS(0)30-20(1).lvm` (single, 0 km/h, 30 to 20 kN, first repeat), or from a table given as
 # `--cases`.
 
@@ -96,7 +96,7 @@ pd.read_csv(here / "rejected.csv")
 # %% [markdown]
 # ## What do all recordings say together?
 #
-# *Simulated, not measured.* To be quick: two chains, and repeats are taken as normal, without the look for odd ones of
+# *Simulated, not measured.* To be quick: two chains, and repeats are taken as normal, without the discordant ones of
 # notebook 3 (`--repeats normal`: fewer unknowns). Leave these options out for your own. Exit code 4 and the verdict
 # `fail` would mean: written, but not to be trusted; the reasons then say what to do. The figures are those that `fit`
 # writes.
@@ -119,7 +119,7 @@ StoredFigure(here / "fit", "contrasts")
 # %% [markdown]
 # ## Do the fitted curves follow the records?
 #
-# *Simulated, not measured.* Look at this before you believe a number: points off the band, or residuals with a
+# *Simulated, not measured.* Look at this before you use a number: points off the band, or residuals with a
 # pattern, mean that the law, the mass or the signs do not fit.
 
 # %%

@@ -11,7 +11,7 @@
 # %% [markdown]
 # # 7. Which test should be run next?
 #
-# A campaign costs days on a rig. Which of its tests told single from dual, and how few would have been enough?
+# A campaign costs days on a rig. Which of its tests distinguished single from dual, and how few would have been enough?
 # `bayes-tyre next` forecasts from a fit how wide the 95 % interval of a number will be after tests that have not been
 # run; here the same functions are called from Python.
 #
@@ -73,7 +73,7 @@ for name, known in (("two repeats", two), ("all", whole)):
     print(f"verdict {verdict}; far from normal: {doubt}")
 
 # %% [markdown]
-# ## Which of the third repeats told most?
+# ## Which of the third repeats narrowed the interval most?
 #
 # *Reconstructed, not measured.* By the fit of two repeats: the width that is expected after one more repeat of a case,
 # averaged over the cases of a direction and speed. No single test tells single from dual: the ratio averages 24 pairs

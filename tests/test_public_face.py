@@ -127,6 +127,11 @@ def test_a_posterior_shows_itself_as_table_and_verdict_and_is_a_tree(tmp_path):
     html = read._repr_html_()
     assert "<b>" not in html
     assert "&lt;b&gt;&amp;" in html
+    assert "verdict is fail" not in str(read) + html
+    failed = read.copy()
+    failed.attrs["verdict"] = "fail"
+    assert "bt.diagnose says why the verdict is fail" in str(failed)
+    assert "bt.diagnose says why the verdict is fail" in failed._repr_html_()
     assert isinstance(read, xr.DataTree)
     xr.testing.assert_equal(read["posterior"].to_dataset(), tree["posterior"].to_dataset())
 

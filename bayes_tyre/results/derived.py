@@ -19,9 +19,7 @@ def with_derived(tree: xr.DataTree) -> xr.DataTree:
     `contrasts.csv` that are averaged over all matched cells, labelled by contrast and matching.
     """
     means = named_group_means(tree)
-    groups = means[["configuration", "direction"]].to_dataframe()[["configuration", "direction"]].fillna("")
-    labels = groups["configuration"].str.cat(groups["direction"], sep=" ").str.strip().to_list()
-    derived = means.drop_vars(("configuration", "direction")).assign_coords(mean_of=labels)
+    derived = means.drop_vars(("configuration", "direction"))
     for parameter in case_parameters(tree["posterior"].to_dataset()):
         derived[f"{parameter}_mean"].attrs["units"] = RECORD_UNITS[parameter]
         ratios = average_ratios(tree, parameter)

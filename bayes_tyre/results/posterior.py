@@ -10,6 +10,7 @@ from bayes_tyre.inference.sampling.group_means import group_means
 from bayes_tyre.record import RECORD_UNITS
 
 INTERVAL = 0.95
+_WHY = "bt.diagnose says why the verdict is fail, and what to do; do not use the numbers before\n"
 _USE = "bt.cases, bt.contrasts, bt.repeats, bt.diagnose and bt.figure take it"
 
 
@@ -29,7 +30,7 @@ class Posterior(xr.DataTree):
     def __repr__(self) -> str:
         """Return the table and the verdict."""
         table = means_table(self).to_string(index_names=False).splitlines()
-        return "\n".join([self._about(), "", *map(str.rstrip, table), "", _USE])
+        return "\n".join([self._about(), "", *map(str.rstrip, table), "", self._use()])
 
     def __str__(self) -> str:
         """Return the table and the verdict."""
@@ -37,7 +38,12 @@ class Posterior(xr.DataTree):
 
     def _repr_html_(self) -> str:
         """Return the table and the verdict as HTML; labels are text, never markup."""
-        return f"<p>{escape(self._about())}</p>{means_table(self).to_html(index_names=False)}<p>{escape(_USE)}</p>"
+        return (
+            f"<p>{escape(self._about())}</p>{means_table(self).to_html(index_names=False)}<p>{escape(self._use())}</p>"
+        )
+
+    def _use(self) -> str:
+        return f"{_WHY if self.attrs.get('verdict') == 'fail' else ''}{_USE}"
 
     def _about(self) -> str:
         posterior = self["posterior"]

@@ -96,7 +96,7 @@ def cases(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.DataFra
 
 
 def apart_probability(tree: xr.DataTree, parameter: str) -> pd.Series:
-    """Return the posterior probability that each case stands apart in a parameter; missing where none can be told."""
+    """Return the posterior probability that each case stands apart in a parameter; missing where the model has none."""
     posterior = tree["posterior"].to_dataset()
     name = f"{parameter}_apart_probability"
     if name not in posterior:

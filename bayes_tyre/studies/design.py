@@ -52,7 +52,7 @@ class Design:
     def nominal(self, data: RecordData) -> RecordData:
         """Return the records with the prior of F_i about the nominal start instead of the first, noisy force.
 
-        A prior that is told the data is no law that truths could be drawn from: it would count the first point twice.
+        No truths could be drawn from a prior that depends on the data: it would count the first point twice.
         """
         return data._replace(F_0=jnp.asarray(self.start_kN), span=jnp.asarray(self.span_kN))
 

@@ -16,6 +16,7 @@ from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 _LINE, _BELOW = 0.5, {PLAIN: -0.12, RULE: 0.1, POSTERIOR: 0.32}
 _REPEAT = {"marker": "|", "markersize": 9, "color": INK, "linestyle": "none"}
 _LEFT_OUT = {"marker": "x", "markersize": 6, "color": "#CC0000", "linestyle": "none"}
+_AXIS = "case: (speed, km/h)\nfirst load-last load, kN"
 _GREYS = {PLAIN: PALE, RULE: "#555555"}
 
 
@@ -51,7 +52,7 @@ def rule_and_posterior(fits: pd.DataFrame, estimates: pd.DataFrame, setting: Set
         ax.plot(mine["k_kN_per_mm"], y, marker, color=colour)
     seen = np.concatenate([repeats["k_kN_per_mm"], estimates.loc[estimates["method"] == POSTERIOR, "upper"]])
     room = 0.15 * np.ptp(seen)
-    ax.set(xlim=(seen.min() - room, seen.max() + room), xlabel="stiffness k (kN/mm)", ylabel=case_axis.CASE_AXIS)
+    ax.set(xlim=(seen.min() - room, seen.max() + room), xlabel="stiffness k (kN/mm)", ylabel=_AXIS)
     case_axis.name_lines(ax, lines, _LINE, len(lines))
     entries = [(Line2D([], [], **_REPEAT), "a repeat"), (Line2D([], [], **_LEFT_OUT), "left out by the rule")]
     entries += [(Line2D([], [], color=grey, marker="s"), method) for method, grey in _GREYS.items()]

@@ -164,3 +164,13 @@ def test_fit_records_the_map_and_its_run_is_repeated_with_it(monkeypatch, tmp_pa
     Path("map.toml").write_text(MAP + "# changed\n", encoding="utf-8")
     done = here("fit", "--from", "one/run.json", "--out", "three", "--quiet")
     assert_refused(done.exit_code, done.stderr, "map.toml: is not the input of one/run.json", "SHA-256 was")
+
+
+def test_a_proposal_that_lacks_a_required_column_asks_for_it_first(tmp_path):
+    theirs = small().drop(columns="origin").rename(columns={"force_kN": "Messwert"})
+    path = written(theirs, tmp_path / "lab.csv")
+    done = here("columns", path, "--out", tmp_path / "map.toml")
+    assert f"next: name your columns for force_kN in {tmp_path / 'map.toml'}, then bayes-tyre lsq" in done.stdout
+    assert 'put origin = "measured" under [constants]' in done.stdout
+    stated = written(small(), tmp_path / "stated.csv")
+    assert "origin" not in here("columns", stated, "--out", tmp_path / "map.toml").stdout

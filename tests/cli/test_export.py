@@ -234,3 +234,19 @@ def test_options_that_make_no_sense_are_usage_errors(options, results, tmp_path)
     done = here("export", results["fit"], "--out", tmp_path / "out", *options)
     assert done.exit_code == 2
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("result", "options", "lacks"), [("fit", [], True), ("motion", ["--unloaded-radius-mm", 500], False)]
+)
+def test_the_command_ends_with_the_range_of_k_and_with_what_the_files_lack(result, options, lacks, results, tmp_path):
+    done = here("export", results[result], "--to", "tir", "--out", tmp_path, *options)
+    stiffness = [
+        float(line.split(" = ")[1])
+        for path in tmp_path.glob("*.tir")
+        for line in path.read_text().splitlines()
+        if line.startswith("VERTICAL_STIFFNESS")
+    ]
+    assert f"k of {len(stiffness)} cases: {min(stiffness):.4g} to {max(stiffness):.4g} N/m" in done.stdout
+    for key in ("UNLOADED_RADIUS", "VERTICAL_DAMPING"):
+        assert (f"not in the files: {key}: " in done.stdout) is lacks

@@ -48,7 +48,10 @@ def fitted(written_once, tmp_path) -> Path:
 def test_the_installed_command_writes_curves_and_parameters_into_the_fits_folder(fitted, tmp_path):
     done = installed("predict", "fit", "--case", "dual (0)20-30", "--displacement", "0:4:5", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
+    last = pd.read_csv(tmp_path / "fit/prediction.csv").iloc[-1]
     assert done.stdout == (
+        f"dual (0)20-30 loading, 4 mm from the start of the step: {last['median']:.4g} kN "
+        f"[{last['lower']:.4g}, {last['upper']:.4g}]\n"
         "no opposite direction of dual (0)20-30\n"
         f"wrote {Path('fit/prediction.csv')} (data: simulated, verdict pass)\n"
         f"wrote {Path('fit/prediction.toml')} (data: simulated, verdict pass)\n"
@@ -93,7 +96,7 @@ def test_hostile_labels_are_text_in_both_files_and_no_path(label, tmp_path):
     before = set(tree_of(tmp_path))
     done = here("predict", folder, "--case", f"configuration={label},speed_km_h=0", "--displacement", "0,1")
     assert (done.exit_code, done.stderr) == (0, "")
-    assert len(done.stdout.splitlines()) == 3
+    assert len(done.stdout.splitlines()) == 5  # two ends, what has no opposite, two files
     assert set(tree_of(tmp_path)) - before == {"fit/prediction.csv", "fit/prediction.toml"}
     made = tomllib.loads((folder / "prediction.toml").read_text(encoding="utf-8"))
     assert {case["configuration"] for case in made["case"]} == {label}

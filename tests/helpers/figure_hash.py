@@ -1,5 +1,8 @@
 """A figure's perceptual hash: how much ink lies in each cell of a grid, which fonts' edges hardly move.
 
+Not the comparison of `matplotlib.testing`: the root mean square difference of these figures with other edges of letters
+is 10 to 15 of 255, that of a figure without one of its curves 6, without an interval 14. No limit lies between them.
+
 `PYTHONPATH=tests:notebooks python -m helpers.figure_hash` draws the figures and writes `figure_hashes.json`: run it
 after an intended change, when you have looked at the figures.
 """

@@ -45,11 +45,16 @@ _SLOW = ("test", "load_kN", "displacement_mm")
 
 
 class Proposal(NamedTuple):
-    """The text of a column map; a sentence on each thing that could not be placed; and the command it is for."""
+    """A column map as text, a sentence on each thing not placed, our required columns among them, and its command.
+
+    `states_origin` is whether a column states the origin of the data.
+    """
 
     toml: str
     unplaced: list[str]
+    missing: list[str]
     command: str
+    states_origin: bool
 
 
 def layout_by_vocabulary() -> Layout:
@@ -103,7 +108,7 @@ def _proposal(table: pd.DataFrame, could_be: Mapping[str, str | None], required:
     command = "lsq" if required is REQUIRED else "load-deflection"
     content = {"columns": columns, **({"values": {"direction": directions}} if directions else {})}
     comments = "".join(f"# not placed: {text}\n" for text in unplaced)
-    return Proposal(comments + tomli_w.dumps(content), unplaced, command)
+    return Proposal(comments + tomli_w.dumps(content), unplaced, missing, command, "origin" in could_be.values())
 
 
 def _why_not(ours: str, unit: str, all_ours: Sequence[str | None]) -> str:

@@ -57,6 +57,31 @@ def read_by_decimals(parse: Callable[[str], pd.DataFrame], path: Path, separator
     return table
 
 
+def numbers_of_texts(table: pd.DataFrame, path: Path) -> pd.DataFrame:
+    """Return a table from a sheet, its numbers that stand there as text with a decimal comma read as numbers.
+
+    Raises
+    ------
+    BadInput
+        For points and commas in such texts of one sheet, and for thousands separators.
+    """
+    names = [name for name in (*NUMBER_COLUMNS, "load_kN") if name in table and table[name].dtype.kind not in "biuf"]
+    texts = table.assign(
+        **{name: table[name].map(lambda cell: cell if isinstance(cell, str) else "") for name in names}
+    )
+    texts = texts.astype(dict.fromkeys(names, "str"))
+    for cell in _first_cells(texts, names, _GROUPS, _EITHER):
+        raise BadInput(f"{path}: {_where(table, cell)}: a thousands separator; write the number without it")
+    commas, points = (list(_first_cells(texts, names, sign)) for sign in (_COMMA, _POINT))
+    if commas and points:
+        raise _mixed(table, path, min(points), min(commas))
+    for name in {cell.column for cell in commas}:
+        table[name] = pd.to_numeric(texts[name].str.replace(",", "."), errors="coerce").where(
+            texts[name].str.fullmatch(_COMMA), table[name]
+        )
+    return table.infer_objects()
+
+
 def _by_either_sign(parse: Callable[[str], pd.DataFrame], path: Path) -> pd.DataFrame:
     by_comma = parse(",")
     points = _first_decimals(by_comma, _POINT)
@@ -72,9 +97,14 @@ def _by_either_sign(parse: Callable[[str], pd.DataFrame], path: Path) -> pd.Data
         return _with_points(by_comma)
     if our_points and not our_commas:
         return by_point
-    earlier, later = sorted([min(our_points or points), min(our_commas or commas)])
+    raise _mixed(by_comma, path, min(our_points or points), min(our_commas or commas))
+
+
+def _mixed(table: pd.DataFrame, path: Path, *cells: _Cell) -> BadInput:
+    """Return the error of a table with numbers by either sign, a cell of each given."""
+    earlier, later = sorted(cells)
     other = f"row {earlier.row + 1}, column {earlier.column} {earlier.text[:40].strip()!r}"
-    raise BadInput(f"{path}: {_where(by_comma, later)}, but {other}: points and commas; write all decimals in one way")
+    return BadInput(f"{path}: {_where(table, later)}, but {other}: points and commas; write all decimals in one way")
 
 
 def _first_decimals(table: pd.DataFrame, decimal: str) -> list[_Cell]:

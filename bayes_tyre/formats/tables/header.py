@@ -46,6 +46,11 @@ class Layout(NamedTuple):
         counts = counts if any(counts) else [*map(len, texts)]
         return counts.index(max(counts)) if counts else 0
 
+    def names_in(self, rows: Iterable[tuple[int, Sequence[object]]]) -> int:
+        """Return the most known names in one of the numbered rows of a sheet."""
+        texts = ({cell.strip() for cell in row if isinstance(cell, str)} for _, row in rows)
+        return max((sum(map(self.known, cells)) for cells in texts), default=0)
+
     def renamed(self, names: Sequence[str], path: Path) -> list[str]:
         """Return the columns as we call them.
 

@@ -10,7 +10,7 @@ import pandas as pd
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import whole_file
-from bayes_tyre.formats.tables.decimals import read_by_decimals
+from bayes_tyre.formats.tables.decimals import numbers_of_texts, read_by_decimals
 from bayes_tyre.formats.tables.dialect import Dialect, find_dialect, first_long_row, lines_below
 from bayes_tyre.formats.tables.formulas import as_meant, harmless, map_texts, texts_of
 from bayes_tyre.formats.tables.header import FIRST_LINE, NOTES, SEARCHED, UNITS_ROW, Layout, units_in
@@ -84,7 +84,8 @@ def _renamed(table: pd.DataFrame, path: Path, layout: Layout | None) -> pd.DataF
 
 
 def _read_xlsx(path: Path, layout: Layout | None) -> pd.DataFrame:
-    sheet, first = read_rows(*split_sheet(path)), 0 if layout is None else layout.skip_rows or 0
+    sheet = read_rows(*split_sheet(path), names_in=None if layout is None else layout.names_in)
+    first = 0 if layout is None else layout.skip_rows or 0
     rows = [(number, row) for number, row in sheet.rows if number > first and any(cell is not None for cell in row)]
     if layout is not None and layout.skip_rows is None:
         head = [[cell for cell in row if isinstance(cell, str)] for _, row in rows[:SEARCHED]]
@@ -100,7 +101,7 @@ def _read_xlsx(path: Path, layout: Layout | None) -> pd.DataFrame:
     table = cells[kept].set_axis([ours[i] or f"column {i + 1}" for i in kept], axis=1).infer_objects()
     table.attrs |= {NOTES: sheet.notes, UNITS_ROW: dict(zip(ours, units, strict=False))}
     table.attrs[FIRST_LINE] = rows[0][0] if rows else 2
-    return map_texts(table, _text)
+    return numbers_of_texts(map_texts(table, _text), path)
 
 
 def _text(text: str) -> str:

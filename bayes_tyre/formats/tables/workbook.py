@@ -3,11 +3,13 @@
 import warnings
 import zipfile
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.tables.header import SEARCHED
 from bayes_tyre.plain_text import listed, quoted, reason
 
 type Row = Sequence[object]
@@ -23,16 +25,17 @@ _NO_ARCHIVE = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError
 
 
 class Sheet(NamedTuple):
-    """The rows of a sheet, counted from 1, the first with anything in it first; and how many sheets are beside it."""
+    """The rows of a sheet, counted from 1, the first with anything in it first; and the titles of the other sheets."""
 
     title: str
     rows: NumberedRows
-    others: int
+    others: Sequence[str]
 
     @property
     def notes(self) -> list[str]:
         """What to say of the other sheets."""
-        return [f"sheet {quoted(self.title)} read, {self.others} others left out"] if self.others else []
+        others = listed(self.others, 3, quoted)
+        return [f"sheet {quoted(self.title)} read; left out: {others}"] if self.others else []
 
 
 def split_sheet(path: Path) -> tuple[Path, str | None]:
@@ -43,8 +46,16 @@ def split_sheet(path: Path) -> tuple[Path, str | None]:
     return path, None
 
 
-def read_rows(path: Path, title: str | None = None) -> Sheet:
+def read_rows(path: Path, title: str | None = None, names_in: Callable[[NumberedRows], int] | None = None) -> Sheet:
     """Return the rows of the sheet of that title; None: of the first that holds anything.
+
+    Parameters
+    ----------
+    path, title:
+        The workbook, and a sheet of it.
+    names_in:
+        Number of the names looked for in the top rows of a sheet: without a title, the first sheet with most of them
+        is read. A workbook often begins with a cover sheet.
 
     Returns
     -------
@@ -66,7 +77,7 @@ def read_rows(path: Path, title: str | None = None) -> Sheet:
             warnings.simplefilter("ignore")  # on styles and extensions, which are not read
             book = openpyxl.load_workbook(file, read_only=True, data_only=True, keep_links=False)
             try:
-                return _sheet(book, path, title)
+                return _sheet(book, path, title, names_in)
             finally:
                 book.close()
     except BadInput:
@@ -94,18 +105,30 @@ def _check_archive(path: Path) -> None:
         raise BadInput(f"{path}: is no workbook ({reason(error)}); save it as .xlsx") from None
 
 
-def _sheet(book: Any, path: Path, title: str | None) -> Sheet:
+def _sheet(book: Any, path: Path, title: str | None, names_in: Callable[[NumberedRows], int] | None) -> Sheet:
+    titles = [sheet.title for sheet in book.worksheets]
     chosen = [sheet for sheet in book.worksheets if title in (None, sheet.title)]
     for sheet in chosen:
         sheet.reset_dimensions()  # the declared size may be wrong
+    if names_in is not None and len(chosen) > 1:
+        chosen.sort(key=lambda sheet: -names_in(_top(sheet, path)))  # a stable order: the first of equals is first
+    for sheet in chosen:
         rows = _checked(sheet.iter_rows(values_only=True), path)
         first = next((item for item in rows if any(cell is not None for cell in item[1])), None)
         if first is not None:
-            return Sheet(sheet.title, [first, *rows], len(chosen) - 1)
+            return Sheet(sheet.title, [first, *rows], _others(titles, sheet.title) if title is None else [])
     if title is not None and not chosen:
-        titles = listed([sheet.title for sheet in book.worksheets], show=quoted)
-        raise BadInput(f"{path}: no sheet {quoted(title)}; name one of {titles}")
+        raise BadInput(f"{path}: no sheet {quoted(title)}; name one of {listed(titles, show=quoted)}")
     raise BadInput(f"{path}: holds nothing; give a column a channel")
+
+
+def _others(titles: Sequence[str], read: str) -> list[str]:
+    return [title for title in titles if title != read]
+
+
+def _top(sheet: Any, path: Path) -> NumberedRows:
+    """Return the rows of a sheet among which its header is."""
+    return [*islice(_checked(sheet.iter_rows(values_only=True), path), SEARCHED)]
 
 
 def _checked(rows: Iterator[Row], path: Path) -> Iterator[tuple[int, Row]]:

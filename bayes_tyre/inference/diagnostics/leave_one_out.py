@@ -107,7 +107,7 @@ def leave_one_record_out(
     names = records.batch.records
     if len(names) < 2:
         raise BadInput("one record cannot be predicted from others; models are compared on two or more")
-    densities = _densities(as_measured(thinned(tree)), records, model)
+    densities = densities_of_records(as_measured(thinned(tree)), records, model)
     chains = tree["posterior"].sizes["chain"]
     by_chain = np.asarray(densities.log_density).reshape(chains, -1, len(names))
     effective = np.median(np.asarray(densities.effective_points), axis=0)
@@ -200,8 +200,8 @@ def with_noise_of_records(posterior: xr.Dataset, priors: Priors, seed: int) -> x
     return posterior.assign(added)
 
 
-def _densities(posterior: xr.Dataset, records: PreparedRecords, model: ModelSettings) -> RecordDensity:
-    """Return the density of records under a posterior's hyperparameters."""
+def densities_of_records(posterior: xr.Dataset, records: PreparedRecords, model: ModelSettings) -> RecordDensity:
+    """Return the density of records under a posterior's hyperparameters; shape (draws, records)."""
     estimates = estimate_records(records.batch, model.correlation, records.whitening, law=model.law)
     draws = hyperparameters(posterior, records.factors, records.factors.of_record)
     z = standard_points(unknowns(model.correlation), seed=0)
@@ -213,6 +213,6 @@ def _refit_without(record: int, records: PreparedRecords, settings: SamplerSetti
     others = np.arange(len(records.batch.records)) != record
     posterior = thinned(fit_prepared(records.only(others, model), settings, model))
     posterior = with_noise_of_records(posterior, model.priors, settings.seed)
-    densities = _densities(posterior, records.only(~others, model), model)
+    densities = densities_of_records(posterior, records.only(~others, model), model)
     log_density = np.asarray(densities.log_density)[:, 0]
     return float(np.logaddexp.reduce(log_density) - np.log(len(log_density)))

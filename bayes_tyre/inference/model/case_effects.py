@@ -109,7 +109,7 @@ class CaseDistribution(NamedTuple):
     """The distribution of the logarithms of the cases' values, and of repeats about them.
 
     Cases are normal about their linear predictor, but for a few that stand apart from the others, in each parameter by
-    itself: so a case whose repeats agree is believed, however unlike the others it is.
+    itself: so a case whose repeats agree keeps its value, however unlike the others it is.
 
     Attributes
     ----------

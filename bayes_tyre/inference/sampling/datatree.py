@@ -67,7 +67,7 @@ def case_parameters(posterior: xr.Dataset) -> tuple[str, ...]:
 
 
 def shown_parameters(posterior: xr.Dataset, among: Sequence[str], ending: str = "") -> tuple[str, ...]:
-    """Return those parameters that a posterior has; where x is told, `settled` is only what it was sampled by."""
+    """Return those parameters that a posterior has; where it has x, `settled` is only what x was sampled by."""
     has = [name for name in among if f"{name}{ending}" in posterior]
     return tuple(name for name in has if name != "settled" or "x" not in has)
 

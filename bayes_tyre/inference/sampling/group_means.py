@@ -25,6 +25,12 @@ def group_means(tree: xr.DataTree) -> xr.Dataset:
 
 
 def named_group_means(tree: xr.DataTree) -> xr.Dataset:
-    """Return `group_means` as `summary.csv` names them: `k_mean`, `beta_mean`, dims chain, draw, mean_of."""
+    """Return `group_means` as `summary.csv` names them: `k_mean`, `beta_mean`, dims chain, draw, mean_of.
+
+    Along `mean_of` they are labelled by configuration and direction, beside these two by themselves.
+    """
     found = group_means(tree)
+    groups = found[["configuration", "direction"]].to_dataframe()[["configuration", "direction"]].fillna("")
+    labels = groups["configuration"].str.cat(groups["direction"], sep=" ").str.strip().to_list()
+    found = found.assign_coords(group=labels)
     return found.rename({name: f"{name}_mean" for name in found.data_vars} | {"group": "mean_of"})

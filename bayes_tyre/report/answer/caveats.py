@@ -44,10 +44,12 @@ _WEIGHT = {
         "the records were made from printed means with assumed repeats and noise, and show what such records would "
         "support.",
     ),
-    "simulated": Caveat(
-        "These numbers as a tyre's", "the records were computed, and the model behind them is its own truth."
+    "simulated": Caveat("These numbers as a tyre's", "the records were computed from a model, and show that model."),
+    ORIGIN_UNKNOWN: Caveat(
+        "That these are measurements",
+        "the records do not state their origin. Where they are, give them a column origin that holds measured, or put "
+        'origin = "measured" under [constants] in the column map.',
     ),
-    ORIGIN_UNKNOWN: Caveat("That these are measurements", "the records do not say where they come from."),
 }
 #: Above this a record is more likely discordant than not; the most that are named.
 _DISCORDANT, _NAMED = 0.5, 5
@@ -114,9 +116,9 @@ def _of_directions(result: Reported) -> Iterator[Caveat]:
 
 
 def _of_priors(result: Reported) -> Iterator[Caveat]:
-    for parameter in result.cases["parameter"].unique():
-        if clause := prior_clause(result, str(parameter)):
-            yield Caveat("That the data settle everything", f"{clause}.")
+    clauses = [prior_clause(result, str(parameter)) for parameter in result.cases["parameter"].unique()]
+    if any(clauses):
+        yield Caveat("That the data alone decide every mean", f"{'; '.join(filter(None, clauses))}.")
 
 
 def _of_repeats(result: Reported) -> Iterator[Caveat]:

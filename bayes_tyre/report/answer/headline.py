@@ -20,7 +20,7 @@ STIFFNESS = "k"
 DECIDED = {
     "prior": "is decided by the prior, not by the data",
     "unclear": "is hardly decided by the data",
-    "both": "is moved by the prior too",
+    "both": "depends on the prior too",
 }
 _MATCHED = {SAME_SPAN: "over the same span of load", SAME_LOAD: "from the same initial load"}
 _FAILED = "Not to be relied on, for the fit failed its checks: "

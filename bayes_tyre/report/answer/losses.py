@@ -76,7 +76,7 @@ def losses_caveats(result: Reported) -> list[tuple[str, str]]:
         ),
         (
             "The estimates if the tyre does not follow the law that was fitted to its motion",
-            "the verdict cannot tell. Look at what the fit leaves over: of a few records below, of each with motion "
+            "the verdict cannot tell. Look at the residuals: those of a few records below, of each with motion "
             "--figures DIR.",
         ),
     ]

@@ -64,6 +64,20 @@ def ratio_of(above: str, below: str, row: pd.Series) -> Ratio:
     )
 
 
+#: What a reader should know of means over cases that differ.
+UNLIKE_CASES = "The configurations were not tested in the same cases: compare them by their ratio, not by these means."
+
+
+def unlike_cases(result: Reported) -> bool:
+    """Return whether the means over cases of the configurations are over different cases."""
+    factor_names = [factor for factor in CASE_FACTORS if factor != "configuration"]
+    tested = [
+        {*cases[factor_names].fillna("").itertuples(index=False, name=None)}
+        for _, cases in result.cases.groupby("configuration")
+    ]
+    return any(cases != tested[0] for cases in tested)
+
+
 def matched_cases(result: Reported, one: str, other: str) -> int:
     """Return how many cases two configurations have in common."""
     factor_names = [factor for factor in CASE_FACTORS if factor != "configuration"]

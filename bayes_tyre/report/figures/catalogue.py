@@ -41,7 +41,7 @@ OUTLIERS, LOOPS = "outlier_probabilities", "loops_by_direction"
 #: Before the place of a record's figure among those shown.
 MOTION = "motion_"
 #: What the intervals of cases and contrasts are of, where a reader could take them for something else, by model.
-ABOUT_CASES = {"published": "They are of the value to expect; single printed values scatter about it."}
+ABOUT_CASES = {"published": "They are of the expected value; individual printed values scatter about it."}
 ABOUT_CONTRASTS = {"published": "One value a case was printed: the model has one ratio for all cases of a direction."}
 
 

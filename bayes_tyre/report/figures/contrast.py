@@ -19,8 +19,9 @@ from bayes_tyre.results.columns import numbers, texts
 
 #: Height of a line, inches; the room of the shortest list, lines.
 _LINE, _LEAST = 0.17, 8
-# Ratios that reach so many times as far stand on a logarithmic axis; share of the axis kept free for probabilities.
-_LOG_FROM, _ROOM = 3.0, 0.33
+# Ratios that reach so many times as far stand on a logarithmic axis; what is kept free at the right of the data for
+# probabilities, as a share of the data's range, for each panel that shares the width of the page.
+_LOG_FROM, _ROOM = 3.0, 0.25
 
 
 @matplotlib.style.context(STYLE)
@@ -55,10 +56,10 @@ def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting, about: str = ""
     rows = rows.merge(listed[["contrast", "matching", *CASE_FACTORS, "y"]])
     room = max(_LEAST, len(lines))
     parameters = panels(rows["parameter"])
-    figure, axes, inches = case_axis.parameter_panels(len(parameters), 1.1, _LINE, room)
+    figure, axes, inches = case_axis.parameter_panels(len(parameters), 1.1, _LINE, room, case_axis.case_axis_name(rows))
     for ax, parameter in zip(axes, parameters, strict=True):
-        _panel(ax, rows[rows["parameter"] == parameter], parameter)
-        case_axis.name_lines(ax, lines, inches, room)
+        _panel(ax, rows[rows["parameter"] == parameter], parameter, _ROOM * min(case_axis.ACROSS, len(parameters)))
+        case_axis.name_lines(ax, lines, inches, max(case_axis.FEWEST, len(lines)))
     contents = " or ".join(interval_name(one) for one in sorted(set(rows["interval"].dropna()))) or "interval"
     if rows.empty:
         return layout.finish(figure, setting, "No two configurations or directions have cases that match.")
@@ -78,7 +79,7 @@ def _label(row: Mapping[Hashable, Any]) -> str:
     return ", ".join(["average", *fixed])
 
 
-def _panel(ax: Axes, rows: pd.DataFrame, parameter: str) -> None:
+def _panel(ax: Axes, rows: pd.DataFrame, parameter: str, room: float) -> None:
     ax.axvline(1.0, color=INK, linestyle="--", linewidth=0.8)
     for of_case, width, size in ((True, 1.2, 3.0), (False, 2.4, 5.0)):
         mine = rows[rows["of_case"] == of_case]
@@ -92,7 +93,7 @@ def _panel(ax: Axes, rows: pd.DataFrame, parameter: str) -> None:
     low, high = values.min(), values.max()
     log = bool(low > 0 and high > _LOG_FROM * low)
     if log:
-        layout.log_axis(ax, low / 1.05, high * (high / low) ** _ROOM)
+        layout.log_axis(ax, low / 1.05, high * (high / low) ** room)
     else:
-        ax.set_xlim(low - 0.05 * (high - low or 1.0), high + _ROOM * (high - low or 1.0))
+        ax.set_xlim(low - 0.05 * (high - low or 1.0), high + room * (high - low or 1.0))
     ax.set_xlabel(f"ratio of {text_name(parameter)} (no unit{', log scale' if log else ''})")

@@ -56,7 +56,7 @@ def forest_of_cases(cases: pd.DataFrame, printed: pd.DataFrame | None, setting: 
         entries.append((Line2D([], [], **_PRINTED), "printed value"))
     room = max(LEAST, len(lines))
     parameters = panels(shown["parameter"])
-    figure, axes, inches = case_axis.parameter_panels(len(parameters), 1.3, LINE, room)
+    figure, axes, inches = case_axis.parameter_panels(len(parameters), 1.3, LINE, room, case_axis.case_axis_name(rows))
     for ax, parameter in zip(axes, parameters, strict=True):
         _forest_panel(ax, shown[shown["parameter"] == parameter], rows, appearance, parameter)
         if len(parameters) > 2:  # narrow panels: a long name goes on below
@@ -112,9 +112,10 @@ def outlier_probabilities(repeats: pd.DataFrame, setting: Setting) -> Figure:
     axes = figure.subplots(len(tall), columns, squeeze=False, height_ratios=tall).ravel()
     inches = min(LINE, max(1.0, TALLEST - spare) / sum(tall))
     for i, (ax, (name, look), (lines, cases)) in enumerate(zip(axes, appearance.items(), panels, strict=False)):
-        ax.set(title=configuration_label(name), ylabel="" if i % columns else case_axis.CASE_AXIS)
+        ax.set(title=configuration_label(name), ylabel="" if i % columns else case_axis.case_axis_name(records))
         _outlier_panel(ax, cases, look)
-        case_axis.name_lines(ax, lines, inches, tall[i // columns])
+        in_row = panels[i - i % columns : i - i % columns + columns]
+        case_axis.name_lines(ax, lines, inches, max(case_axis.FEWEST, *(len(each) for each, _ in in_row)))
     for ax in axes[len(panels) :]:
         ax.set_visible(False)
     return layout.finish(figure, setting, _outlier_note(records))

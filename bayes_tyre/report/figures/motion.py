@@ -44,7 +44,7 @@ def motion_figure(readings: pd.DataFrame, setting: Setting) -> Figure:
         row[1].axhspan(-_MOST_LIE, _MOST_LIE, **_EXPECTED)
         row[1].axhline(0.0, color=INK, linewidth=0.6)
         row[1].plot(time_s, left, ".", color=INK, markersize=1.5)
-        row[1].set_ylabel("left over\n(standard deviations)")
+        row[1].set_ylabel("residual\n(standard deviations)")
     for ax in axes[-1]:
         ax.set_xlabel("time from the window's start (s)")
     entries = [
@@ -55,7 +55,7 @@ def motion_figure(readings: pd.DataFrame, setting: Setting) -> Figure:
     layout.legend(figure, entries)
     block_ms = 1e3 * float(np.diff(time_s[:2])[0]) if len(time_s) > 1 else 0.0
     note = (
-        f"Record {record}. Readings: means over {block_ms:.2g} ms. Left over: reading less fitted motion, in standard "
+        f"Record {record}. Readings: means over {block_ms:.2g} ms. Residual: reading less fitted motion, in standard "
         f"deviations. Check of the estimate: {status}."
     )
     return layout.finish(figure, setting, plain(note, 600))

@@ -1,4 +1,4 @@
-"""Records as measured: against the posterior predictive, against the priors alone, and what is left over."""
+"""Records as measured: against the posterior predictive, against the priors alone, and the residuals."""
 
 import math
 from typing import Any

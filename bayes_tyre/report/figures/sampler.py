@@ -23,6 +23,8 @@ from bayes_tyre.results.figure_data.ranks import BAND, Ranks, in_words
 
 #: Panels side by side, the height of a row of them (inches), the most panels.
 ACROSS, ROW, MOST_RANKED = 4, 1.1, 60
+#: Letters of a title above a panel.
+_LONGEST = 30
 #: Draws that a cloud of a pair plot shows; divergent ones are all shown.
 CLOUD = 500
 #: Correlation above which two parameters are hard to tell apart: printed bold.
@@ -63,7 +65,7 @@ def rank_plot(ranks: list[Ranks], setting: Setting) -> Figure:
         ax.fill_between(one.at, -one.band, one.band, **_BAND)
         for excess, colour in zip(one.excess, colours, strict=False):
             ax.plot(one.at, excess, color=colour, linewidth=0.9)
-        ax.set_title(plain(one.name, 30), fontsize=7)
+        ax.set_title(_title(one.name), fontsize=7)
         ax.tick_params(labelsize=6.5, length=2, pad=1.5)
     layout.rank_axes(axes, first_column, ACROSS)
     entries = [(Line2D([], [], color=colour), f"chain {i}") for i, colour in enumerate(colours)]
@@ -107,6 +109,14 @@ def pair_plot(shown: list[Hyperparameter], divergent: Bool[np.ndarray, "chains d
             _name_edges(ax, i, j, size, right, down)
     figure.align_labels()
     return layout.finish(figure, setting, _pair_note(divergent, apart))
+
+
+def _title(name: str) -> str:
+    """Return a parameter's name above a panel; a long one in two lines, so that its label keeps what tells it apart."""
+    parameter, bracket, label = name.partition("[")
+    if len(name) <= _LONGEST or not bracket:
+        return plain(name, _LONGEST)
+    return f"{plain(parameter, _LONGEST)}\n{plain(label.removesuffix(']'), _LONGEST)}"
 
 
 def _cloud(ax: Axes, right: np.ndarray, down: np.ndarray, divergent: np.ndarray, apart: int) -> None:

@@ -21,7 +21,7 @@ from bayes_tyre.results.contrasts import contrasts
 #: Why two results may have no ratio.
 SAME_RECORDS = (
     "{first} and {other} are fits of the same records: they are not independent, and no ratio of the two is given; "
-    "`bayes-tyre compare` says which of them predicts better."
+    "bayes-tyre compare says which of them predicts better."
 )
 SAME_TABLES = (
     "{first} and {other} rest on the same printed tables, one of them by way of records made from those: they are not "

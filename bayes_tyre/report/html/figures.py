@@ -16,53 +16,53 @@ from bayes_tyre.report.figures.page.svg import Figure, notes, svg
 HEADINGS = {
     "posteriors_by_direction": (
         "How well the parameters are known",
-        "The higher the curve, the more believable the value below it; two curves that hardly overlap are two values "
-        "that differ.",
+        "The higher the curve, the more probable the values below it. Where two curves hardly overlap, the values "
+        "differ.",
     ),
     "forest_of_cases": (
         "Parameters of each test case",
-        "A marker is the middle of what is believable, its line the interval.",
+        "A marker is the median, its line the interval.",
     ),
     "contrasts": (
         "Ratios between configurations, and between loading and unloading",
-        "Where a line crosses the dashed 1, no difference is shown.",
+        "Where a line crosses the dashed 1, the data do not show a difference.",
     ),
     "prior_and_posterior_of_scales": (
-        "What was assumed before the data, and what is believed after them",
-        "Where both curves are alike, the data do not determine it.",
+        "Priors and posteriors of the hyperparameters",
+        "Where both curves are alike, the data do not determine the quantity.",
     ),
     "rank_plot": (
         "Do the chains agree?",
-        "Lines inside the grey band: the sampler's chains agree. A few may leave it by chance, as the note says.",
+        "Lines inside the grey band: the sampler's chains agree. Some may leave it by chance: the note counts them.",
     ),
     "pair_plot": (
-        "Which quantities trade against each other",
-        "A slanted cloud: one can grow if the other shrinks, and the data hardly tell.",
+        "Which quantities are correlated",
+        "A slanted cloud: the data determine a combination of the two better than each of them.",
     ),
     "prior_predictive_curves": (
-        "What the assumptions alone would foresee",
-        "The data should lie among the curves, which should be no narrower than what a tyre can do.",
+        "Records that the priors allow",
+        "The data should lie among the curves, and the curves should cover what a tyre can do.",
     ),
     "records_with_bands": (
         "A few records against the fit",
         "Points should lie in the band, and about as often above its middle as below.",
     ),
     "residuals_against_displacement": (
-        "What the fit leaves over",
-        "A wave instead of even noise says that the law misses something.",
+        "Residuals",
+        "A wave instead of even noise: the force law does not describe the record.",
     ),
     "energy_per_cycle": (
         "How much energy a cycle loses",
-        "The higher the curve, the more believable the energy below it, at the stated amplitude at the wheel centre.",
+        "The higher the curve, the more probable the energies below it, at the stated amplitude at the wheel centre.",
     ),
     "loops_by_direction": (
-        "The loop that loses it",
-        "The wider the loop, the more a cycle loses; the band is what is believable.",
+        "The loop of a cycle",
+        "The wider the loop, the more energy a cycle loses; the band is the interval.",
     ),
     "motion_worst": (
         "The motion of the record that the fit follows worst",
-        "Left: the line should go through the points. Right: what is left over should be even noise, most of it in the "
-        "grey band; a wave says that the law misses something.",
+        "Left: the line should go through the points. Right: the residuals should be even noise, most of it in the "
+        "grey band; a wave means that the force law does not describe the record.",
     ),
     "motion_second_worst": ("The motion of the record that the fit follows next worst", "Read as the figure above."),
     "motion_typical": ("The motion of a typical record", "Read as the figures of motions above it."),

@@ -1,5 +1,6 @@
 """`report.html` of fits without a posterior (`lsq`, `load-deflection`): their tables, and the figures beside them."""
 
+import math
 from collections.abc import Sequence
 
 from bayes_tyre.report.answer.caveats import origin_sentence
@@ -41,4 +42,6 @@ def _cells(column: separate_fits.Column) -> list[Cell]:
         return [Cell(label(each), each) for each in column.values]
     errors = (rounded(each) for each in column.errors)
     reaches = (f"\N{PLUS-MINUS SIGN} {error}" if error else "" for error in errors)
-    return [number(value)._replace(reach=reach) for value, reach in zip(column.values, reaches, strict=True)]
+    counts = not column.unit and all(float(each).is_integer() for each in column.values if math.isfinite(each))
+    show = "{:.0f}".format if counts else rounded
+    return [number(value, show)._replace(reach=reach) for value, reach in zip(column.values, reaches, strict=True)]

@@ -50,10 +50,10 @@ ALWAYS = {
     "Outlier probability": "How probable it is that a repeat does not agree with the others of its case. Such a record "
     "counts for less; none is dropped. Empty where fewer than three repeats leave nothing to judge by; no column where "
     "the model does not ask (--repeats student or normal).",
-    "Prior": "What was taken to be possible before the data. Where the data say little, it speaks for them.",
+    "Prior": "Distribution of a quantity before any data. Where the data determine little, the posterior is near it.",
     "Verdict": "pass: R-hat at most 1.01 (chains agree), enough effective draws (ESS), a Monte Carlo error of at most "
-    "0.02 in outlier probabilities, no divergence, and no sign that the records cannot carry the model. fail: at least "
-    "one of these is missing, and the reasons say which.",
+    "0.02 in outlier probabilities, no divergence, and nothing in the records that contradicts the model. fail: at "
+    "least one of these is not so, and the reasons say which.",
 }
 
 

@@ -17,6 +17,7 @@ from bayes_tyre.report.answer.formatting import interval_name, label, rounded
 from bayes_tyre.report.answer.headline import STIFFNESS, comparison_of, headline
 from bayes_tyre.report.answer.load import Reported
 from bayes_tyre.report.answer.quantities import in_words
+from bayes_tyre.report.answer.ratios import UNLIKE_CASES, unlike_cases
 from bayes_tyre.report.answer.unchecked import unchecked
 from bayes_tyre.report.html import tables
 from bayes_tyre.report.html.between_results import Comparison
@@ -78,6 +79,7 @@ def document(parts: Sequence[Part], comparisons: Sequence[Comparison] = (), head
         parts=[_shown(part) for part in parts],
         comparisons=_comparisons_shown(comparisons),
         means=means,
+        unlike=UNLIKE_CASES if any(unlike_cases(result) for result in results) else "",
         tables=[table for table in long_tables if table.rows],
         without=[table.caption for table in long_tables if not table.rows],
         interval=" or ".join(dict.fromkeys(interval_name(result.interval) for result in results)),
@@ -138,7 +140,7 @@ def _shown(part: Part) -> dict[str, Any]:
         "origins": [(each, origin_sentence(each)) for each in result.origins],
         "headline": [*headline(result), *limit_sentences(result.cases, MOST_SENTENCES)],
         "caveats": caveats(result),
-        "unchecked": unchecked(result),
+        "unchecked": tuple(unchecked(result)),
         "note": part.note,
     }
 

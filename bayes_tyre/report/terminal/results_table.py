@@ -22,6 +22,7 @@ from bayes_tyre.report.answer.caveats import caveats_of
 from bayes_tyre.report.answer.headline import headline, small
 from bayes_tyre.report.answer.load import Reported, read_reported
 from bayes_tyre.report.answer.quantities import in_words
+from bayes_tyre.report.answer.ratios import UNLIKE_CASES, unlike_cases
 from bayes_tyre.report.terminal.fits_table import print_fits
 from bayes_tyre.results.separate_fits import FitTable, read_separate_fits
 
@@ -103,6 +104,8 @@ def _print_answer(folder: Path, rows: pd.DataFrame, result: Reported | None, con
     for sentence in headline(result) if result else ():
         console.print(Text(_wrapped(_plain(sentence), console.width)), soft_wrap=True)
     console.print(Text(f"mean over the cases, median and {100 * level:g} % interval"))
+    if result and unlike_cases(result):
+        console.print(Text(_wrapped(UNLIKE_CASES, console.width)), soft_wrap=True)
     beside = _beside(rows)
     if Measurement.get(console, console.options.update(width=10**6), beside).maximum <= console.width:
         console.print(beside)

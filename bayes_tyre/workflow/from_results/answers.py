@@ -28,6 +28,12 @@ def answer(folder: Path) -> list[str]:
         raise BadInput(f"{folder / found}: is not what its command writes; run it again") from error
 
 
+def posterior_in(folder: Path) -> Path:
+    """Return the folder of the posterior that `published --posterior` wrote below its check; any other as it is."""
+    below = folder / "posterior"
+    return below if (below / "run.json").is_file() and not (folder / "run.json").exists() else folder
+
+
 def _audit(table: pd.DataFrame, folder: Path) -> list[str]:
     from bayes_tyre.studies.audit.overview import overview
     from bayes_tyre.studies.audit.sentences import lines

@@ -36,7 +36,7 @@ _PLACE = (
     "configuration as tested: of dual tyres, of both together"
 )
 _NOT_KNOWN = {
-    "UNLOADED_RADIUS": "no result holds it; --unloaded-radius-mm puts it here",
+    "UNLOADED_RADIUS": "no result holds it; --unloaded-radius-mm states it",
     "VERTICAL_DAMPING": "only a result of motion holds it",
     "DEFLECTION_LOAD_CURVE": "only load-deflection tests have deflection since first touch",
     "FNOMIN, BREFF, DREFF, FREFF, all coefficients of a tyre model": "no result holds them",
@@ -146,9 +146,19 @@ def _tir(model: TyreModel, name: str, about: list[str], radius_mm: float | None)
         curves = {"DEFLECTION_LOAD_CURVE": ("pen fz", _rows(model.curves.spline))}
         about = [*about, model.curves.about, model.curves.lost]
     lost = ["hysteresis is lost: a tyre property file has no field for it"]
-    unknown = [f"left out: {key}: {why}" for key, why in _NOT_KNOWN.items() if key not in radius | vertical | curves]
+    unknown = [f"left out: {key}: {why}" for key, why in not_in_tir(model, radius_mm).items()]
     sections = {"UNITS": _UNITS, "MODEL": {}, "DIMENSION": radius, "VERTICAL": vertical}
     return {f"{name}.tir": simulator.property_file(sections, [*about, *lost, *unknown], curves)}
+
+
+def not_in_tir(model: TyreModel, radius_mm: float | None) -> dict[str, str]:
+    """Return what a tyre property file could hold and the result does not, each with the reason."""
+    known = {
+        "UNLOADED_RADIUS": radius_mm is not None,
+        "VERTICAL_DAMPING": "c" in model.parameters,
+        "DEFLECTION_LOAD_CURVE": model.curves is not None and model.curves.about == OF_TEST,
+    }
+    return {key: why for key, why in _NOT_KNOWN.items() if not known.get(key)}
 
 
 def _tydex(model: TyreModel, name: str, about: list[str], _radius: float | None) -> dict[str, str]:

@@ -16,6 +16,7 @@ from bayes_tyre.formats.netcdf import read_tree
 from bayes_tyre.formats.structured_text import read_json
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.sampling.datatree import law_of
+from bayes_tyre.plain_text import one_line
 from bayes_tyre.record import Case
 from bayes_tyre.results.case_selection import CaseQuery
 from bayes_tyre.results.prediction import Prediction, predict, predictable_cases
@@ -101,6 +102,19 @@ def target(folder: Path, out: Path | None) -> Path:
     if path.is_dir() or path.with_suffix(".toml").is_dir():
         raise BadInput(f"--out {path}: a folder is in the place of a file; name another")
     return path
+
+
+def answers(prediction: Prediction, most: int = 4) -> list[str]:
+    """Return the force (kN) at the last displacement (mm) of each predicted curve, a line each."""
+    factors = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN"]
+    ends = prediction.curves.groupby(factors, sort=False, dropna=False).tail(1)
+    lines = [
+        f"{one_line(row['direction'])}, {row['displacement_mm']:.4g} mm from the start of the step: "
+        f"{row['median']:.4g} kN [{row['lower']:.4g}, {row['upper']:.4g}]"
+        for row in ends.to_dict("records")
+    ]
+    labels = (one_line(each["label"]) for each in prediction.parameters)
+    return [f"{label} {line}" for label, line in zip(labels, lines, strict=True)][:most]
 
 
 def write_prediction(

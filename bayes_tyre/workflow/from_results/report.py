@@ -87,7 +87,7 @@ def write_report(
     kept_figures:
         Show the figures as they lie in the folders instead of drawing them again.
     reference:
-        The configuration below in each ratio; None: as the fit was told.
+        The configuration below in each ratio; None: as in the fit.
     head:
         What stands above the page.
     pdf:

@@ -131,7 +131,7 @@ def test_errors_are_missing_and_text_is_refused(path):
 def test_no_names_no_rows_and_other_sheets(path):
     raw = read_excel(written(path, [], [[0.0, 5.0], [0.5, 6.0]], [["notes"]]))
     assert [(one.name, one.values.tolist()) for one in raw.segments[0]] == [("column 2", [5.0, 6.0])]
-    assert raw.warnings == ("sheet 'Sheet1' read, 2 others left out",)
+    assert raw.warnings == ("sheet 'Sheet1' read; left out: 'Sheet', 'Sheet2'",)
     with pytest.raises(BadInput, match="holds nothing"):
         read_excel(written(path, []))
     with pytest.raises(BadInput, match="no row of numbers"):

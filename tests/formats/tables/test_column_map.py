@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables.column_map import ColumnMap, read_column_map
 from bayes_tyre.formats.tables.table_files import read_table
+from bayes_tyre.record_table import check_record_table
 
 MAP = """
 [columns]
@@ -79,10 +80,41 @@ def test_the_same_table_from_a_sheet_that_is_named(tmp_path):
     assert table.to_dict("list") == TABLE
     assert table.attrs["notes"] == CONVERTED
     assert table.attrs["first_line"] == 5
+    without_title = read(tmp_path / "a.xlsx", mapped(tmp_path, MAP))  # the sheet before it has no such names
+    pd.testing.assert_frame_equal(without_title, table)
+    assert without_title.attrs["notes"] == ["sheet 'Messung 1' read; left out: 'Sheet'", *CONVERTED]
     with pytest.raises(BadInput, match="no sheet 'Messung 2'; name one of 'Sheet', 'Messung 1'"):
         read(tmp_path / "a.xlsx#Messung 2", mapped(tmp_path, MAP))
     with pytest.raises(BadInput, match=r"no column 'Versuch', 'Weg', 'Kraft' and 1 more, .*; found notes; mend"):
-        read(tmp_path / "a.xlsx", mapped(tmp_path, MAP))
+        read(tmp_path / "a.xlsx#Sheet", mapped(tmp_path, MAP))
+
+
+def sheet_of(path: Path, *cells: object) -> Path:
+    """Write a sheet with a force of 1 kN in each row, and these displacements as they are given: numbers or texts."""
+    book = openpyxl.Workbook()
+    for row in (["record", "displacement_mm", "force_kN"], *(["a", cell, 1] for cell in cells)):
+        book.worksheets[0].append(row)
+    book.save(path)
+    return path
+
+
+@pytest.mark.parametrize("cells", [["0,5", "1", "-1,5e1"], [0.5, "1", "-15,0"], ["0.5", 1, "-15."]])
+def test_numbers_stored_as_text_in_a_sheet_are_numbers(cells, tmp_path):
+    table = check_record_table(read(sheet_of(tmp_path / "a.xlsx", *cells), ColumnMap()))
+    assert table["displacement_mm"].tolist() == [0.5, 1, -15]
+
+
+@pytest.mark.parametrize(
+    ("cells", "said"),
+    [
+        (["0,5", "1.5"], "holds '1.5', but row 1, column displacement_mm '0,5': points and commas"),
+        (["0,5", "1.000,5"], "row 2 .*holds '1.000,5': a thousands separator"),
+        (["0,5", "n/a"], "row 2 .*holds 'n/a': not a finite number"),
+    ],
+)
+def test_texts_in_a_sheet_that_are_no_clear_numbers_are_refused(cells, said, tmp_path):
+    with pytest.raises(BadInput, match=said):
+        check_record_table(read(sheet_of(tmp_path / "a.xlsx", *cells), ColumnMap()))
 
 
 def test_skip_rows_names_the_header_where_the_preamble_has_it_too(tmp_path):

@@ -47,7 +47,7 @@ def test_german_names_units_and_directions_are_placed_and_the_map_reads_the_file
 
 def test_a_table_with_our_names_needs_no_map(tmp_path):
     proposal, column_map = proposed(tmp_path / "a.csv", "record,displacement_mm,force_kN,direction\na,1,2,loading\n")
-    assert proposal == ("[columns]\n", [], "lsq")
+    assert proposal == ("[columns]\n", [], [], "lsq", False)
     assert column_map == ColumnMap()
 
 

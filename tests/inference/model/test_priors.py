@@ -40,9 +40,9 @@ def test_the_share_of_cases_that_stand_apart_is_the_mean_of_that_of_discordant_r
     assert PRIORS.apart_widening > 1.0
 
 
-def test_starts_are_positive_and_near_the_middle_of_each_prior():
+def test_starts_are_near_the_middle_of_each_prior_and_positive_where_it_is():
     for name, start in PRIORS.medians().items():
         below = np.asarray(PRIORS[name].distribution().sample(jax.random.key(1), (4000,)) < start).mean()
         # Of 4000 draws a share of 0.5 has a standard deviation of 0.008; 0.05 is over six of them.
         assert abs(below - 0.5) < 0.05, name
-        assert start > 0.0
+        assert start > 0.0 or name == "atanh_rho_typical", name

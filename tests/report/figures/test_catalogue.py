@@ -115,7 +115,7 @@ def test_printed_cases_have_the_figures_that_need_no_record():
     of_cases = {n: d for n, d in scattered(factor_table, seed=2).items() if n.endswith(("_case", "_group", "_scale"))}
     drawn = dict(catalogue.draw(result(None, posterior(of_cases, cases, origin="published"))))
     assert but_ratios(drawn) == but_ratios(ALWAYS)
-    assert any("value to expect" in text for text in said(drawn["forest_of_cases"]))
+    assert any("of the expected value" in text for text in said(drawn["forest_of_cases"]))
 
 
 def test_bands_under_a_factor_on_displacement_are_those_of_the_measured_one():

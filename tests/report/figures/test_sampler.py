@@ -109,3 +109,11 @@ def test_the_names_of_ten_parameters_keep_apart_and_within_the_page():
 def test_few_parameters_give_a_figure(count):
     figure = pair_plot(hyperparameters(())[:1] * count, QUIET, MEASURED)
     assert len(figure.get_axes()) == count * (count + 1) // 2
+
+
+def test_long_names_above_panels_keep_what_tells_them_apart():
+    names = [f"k_group[315/80 R22.5 {maker} unloading]" for maker in ("Alpha", "Beta")]
+    figure = rank_plot([one._replace(name=name) for one, name in zip(ranks(2), names, strict=True)], MEASURED)
+    titles = [ax.get_title() for ax in figure.axes]
+    assert titles == [f"k_group\n315/80 R22.5 {maker} unloading" for maker in ("Alpha", "Beta")]
+    assert not sticking_out(figure)

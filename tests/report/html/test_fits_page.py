@@ -28,7 +28,14 @@ def test_numbers_have_their_unit_error_and_all_digits_to_sort_by():
     assert f'{cell}" class="number"></td>' in page
     assert "Slow tests: 2, 1 not ok" in page
     assert "Simulated: records computed from a model." in page
-    assert "This result has none." in page
+    assert "Figures" not in page
+
+
+def test_counts_are_whole_numbers():
+    points = Column("points", "", pd.Series([60.0, 1500.0]), pd.Series([float("nan")] * 2), is_text=False)
+    page = fits_document([table()._replace(columns=[*table().columns, points])], [])
+    assert 'class="number">60</td>' in page
+    assert 'class="number">1500</td>' in page
 
 
 def test_labels_and_statuses_are_text_and_the_page_asks_for_nothing_outside():

@@ -20,6 +20,7 @@ from bayes_tyre.report.answer.formatting import percent_apart, probability, roun
 from bayes_tyre.report.answer.headline import headline
 from bayes_tyre.report.answer.load import Reported, read_reported
 from bayes_tyre.report.answer.quantities import in_words
+from bayes_tyre.report.answer.ratios import UNLIKE_CASES
 from bayes_tyre.report.figures.page.svg import DENSE_MARKERS, svg
 from bayes_tyre.report.html import tables
 from bayes_tyre.report.html.between_results import ComparedResult, compare_results
@@ -65,6 +66,14 @@ def test_the_stiffer_configuration_is_named_with_how_much_and_how_sure(two):
     ratio, low, high = numbers_in(first)
     row = two.contrasts.query("contrast == 'dual / single' and parameter == 'k'").iloc[0]
     assert (ratio, low, high) == tuple(round(row[name], 2) for name in ("median", "lower", "upper"))
+
+
+def test_means_over_unlike_cases_are_named_as_such(two):
+    assert UNLIKE_CASES not in page_of(two)
+    cases = two.cases
+    first = cases[cases["configuration"] == "dual"].iloc[0]
+    fewer = cases[~((cases["configuration"] == "dual") & (cases["step_kN"] == first["step_kN"]))]
+    assert UNLIKE_CASES in page_of(dataclasses.replace(two, cases=fewer))
 
 
 def test_the_sentence_has_the_direction_of_the_table_and_a_reference_turns_both(away):
@@ -151,6 +160,13 @@ def test_what_the_prior_decides_is_said_in_the_answer(two):
     first, _ = headline(dataclasses.replace(two, summary=summary))
     assert "; but k of dual in loading is decided by the prior, not by the data" in first
     assert first.endswith("2 more likewise.")
+    every = two.summary.assign(decided_by=two.summary["decided_by"].where(two.summary["decided_by"].isna(), "both"))
+    alone = [
+        said for said in caveats(dataclasses.replace(two, summary=every)) if said.startswith("That the data alone")
+    ]
+    assert len(alone) == 1
+    assert "k of dual in loading depends on the prior too" in alone[0]
+    assert "beta of dual in loading depends on the prior too" in alone[0]
 
 
 def test_parameters_of_another_command_are_columns_of_their_own(two):
@@ -333,6 +349,7 @@ def test_what_no_record_shows_is_said_once_with_what_it_would_do_to_k(two, away)
     page = plain(page_of(two))
     assert page.count("<h3>Not checked</h3>") == 1
     assert page.count("A force that is 1 % too large makes k, C and J 1 % too large.") == 1
+    assert plain(page_of(two, dataclasses.replace(two, name="again"))).count("<h3>Not checked</h3>") == 1
     run = {**two.run, "options": {"displacement_scale_sd": 0.05}}
     stated = plain(page_of(dataclasses.replace(two, run=run)))
     assert "An error with a standard deviation of 5 % is in the intervals" in stated

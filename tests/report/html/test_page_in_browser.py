@@ -28,6 +28,8 @@ pytestmark = [
     pytest.mark.skipif(bool(MISSING), reason=f"not installed: {', '.join(MISSING)}; apt-get install chromium-driver"),
 ]
 WIDTHS = {"desk": 1280, "phone": 390}
+#: Width of a page of A4 between the margins of the style sheet, 210 mm less 28 mm, in pixels of 1/96 inch.
+A4_WITHIN_MARGINS = 688
 
 
 def shown(result: catalogue.Result) -> tuple[str, ...]:
@@ -183,3 +185,16 @@ def test_dark_and_print_change_the_paper_and_keep_figures_light(browser, page):
     opened(browser, page, media="print", features=[{"name": "prefers-color-scheme", "value": "dark"}])
     assert back("body") == "rgb(255, 255, 255)"
     assert browser.execute_script("return getComputedStyle(document.querySelector('.scroll')).overflow") == "visible"
+
+
+def test_on_paper_no_table_of_one_result_is_wider_than_the_page(browser, tmp_path):
+    fitted = write_made(tmp_path / "made", {"315/80 R22.5 Alpha": 1.5, "315/80 R22.5 Beta": 2.0})
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(catalogue, "draw", lambda *_: iter(()))
+        assert here("report", fitted).exit_code == 0
+    opened(browser, fitted / "report.html", width=A4_WITHIN_MARGINS, media="print")
+    assert browser.execute_script("return document.documentElement.scrollWidth") <= A4_WITHIN_MARGINS
+    hint, text = (
+        f"return parseFloat(getComputedStyle(document.querySelector('{one}')).fontSize)" for one in (".hint", "body")
+    )
+    assert browser.execute_script(hint) < browser.execute_script(text)

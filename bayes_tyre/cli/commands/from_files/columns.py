@@ -36,4 +36,9 @@ def columns(
         say(proposal.toml.rstrip("\n"), quiet)
         return
     write_text(proposal.toml, out)
-    say(f"wrote {out}\nnext: bayes-tyre {proposal.command} {table} --columns {out} --out results", quiet)
+    command = f"bayes-tyre {proposal.command} {table} --columns {out} --out results"
+    first = f"name your columns for {', '.join(proposal.missing)} in {out}, then " if proposal.missing else ""
+    say(f"wrote {out}", quiet)
+    if not proposal.states_origin:
+        say('no column states the origin: of measurements, put origin = "measured" under [constants] in the map', quiet)
+    say(f"next: {first}{command}", quiet)

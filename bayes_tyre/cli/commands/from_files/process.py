@@ -38,7 +38,7 @@ def process(
     clear the step is) and rejected.csv: file, reason. With no usable file only the latter, and exit 3. Finished files
     are cached in a folder beside the table (.records.csv.parts), from which --resume continues.
 
-    Example: bayes-tyre process data/raw --method inertia --out results/records.csv --figures results/pictures
+    Example: bayes-tyre process data/raw --method inertia --out results/records.csv --figures results/figures
     """
     del seed
     from bayes_tyre.formats.recordings.raw import raw_files

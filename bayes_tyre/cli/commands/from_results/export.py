@@ -44,12 +44,18 @@ def export(
     from bayes_tyre.runtime import prepare_jax
 
     prepare_jax()
-    from bayes_tyre.workflow.from_results.export import write_export
+    from bayes_tyre.workflow.from_results.export import not_in_tir, write_export
 
     exported, paths = write_export(folder, to, out, quantiles=levels, radius_mm=unloaded_radius_mm)
     verdict = f", verdict {exported.verdict}" if exported.verdict else ""
     names = listed([path.name for path in paths], 3)
     say(f"wrote {len(paths)} files to {out} (data: {exported.origin}{verdict}): {names}", quiet)
+    k = [model.parameters["k"] for model in exported.models]
+    low, high = (end(one.value for one in k) for end in (min, max))
+    say(f"k of {len(k)} cases: {low:.4g} to {high:.4g} {k[0].unit}; each file states its 95 % interval", quiet)
+    if to == "tir":
+        for key, why in not_in_tir(exported.models[0], unloaded_radius_mm).items():
+            say(f"not in the files: {key}: {why}", quiet)
     if exported.verdict == "fail":
         warn(f"the posterior is not to be trusted; {folder / 'diagnostics.json'} gives the reason")
         raise typer.Exit(NOT_TRUSTED)

@@ -52,13 +52,13 @@ def predict(
     Example: bayes-tyre predict results/fit --case 'single (0)30-20' --displacement 0:4:81
     """
     grid = _grid(displacement) if displacement is not None else None
-    from bayes_tyre.workflow.from_results.predict import read_result, target, write_prediction
+    from bayes_tyre.workflow.from_results.predict import answers, read_result, target, write_prediction
 
     result = read_result(folder)
     query = _query(case or [], result.cases)
     path = target(folder, out)
     prediction, paths = write_prediction(result, query, path, displacement_mm=grid, of=of, interval=interval, seed=seed)
-    for text in prediction.warnings:
+    for text in (*answers(prediction), *prediction.warnings):
         say(text, quiet)
     for written in paths:
         say(f"wrote {written} (data: {result.tree.attrs['origin']}, verdict {result.verdict})", quiet)

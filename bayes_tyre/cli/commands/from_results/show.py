@@ -49,8 +49,9 @@ def show(
             print_recovery(results, truth)
             return
         from bayes_tyre.report.terminal.results_table import print_overview
-        from bayes_tyre.workflow.from_results.answers import answer
+        from bayes_tyre.workflow.from_results.answers import answer, posterior_in
 
+        results = [posterior_in(folder) for folder in results]
         answers = [answer(folder) for folder in results]
         print_overview([each for each, lines in zip(results, answers, strict=True) if not lines], reference=reference)
         for folder, lines in zip(results, answers, strict=True):

@@ -133,7 +133,7 @@ def _log_scatter(
 ) -> tuple[Float[np.ndarray, " speeds"], Float[np.ndarray, " speeds"]]:
     """Return estimates and precisions of the scatter of repeats by speed.
 
-    They are from the median over cases of their variance: robust to odd repeats.
+    They are from the median over cases of their variance: robust to discordant repeats.
     """
     spare = factors.repeats - 1
     estimates, precisions = [], []

@@ -14,11 +14,20 @@ from bayes_tyre.report.figures.page.labels import plain
 from bayes_tyre.report.figures.page.layout import TALLEST
 from bayes_tyre.results.columns import numbers, texts
 
+#: The fewest lines that a panel is drawn for: fewer would stand far apart.
+FEWEST = 4
 #: The least height of a line that can carry a label, inches.
 LABEL = 0.12
 #: The most panels side by side, and what a further row of them needs beside its lines, inches.
-_ACROSS, _BETWEEN_ROWS = 3, 0.6
-CASE_AXIS = "case: (speed, km/h)\nfirst load-last load, kN"
+ACROSS, _BETWEEN_ROWS = 3, 0.6
+
+
+def case_axis_name(factors: pd.DataFrame) -> str:
+    """Return the name of an axis of cases: what `case_label` writes of them, with units."""
+    speed = "(speed, km/h)\n" if numbers(factors, "speed_km_h").notna().any() else ""
+    load, step = (numbers(factors, name).notna().any() for name in ("initial_load_kN", "step_kN"))
+    loads = ("first load-last load, kN" if step else "initial load, kN") if load else "step, kN" if step else ""
+    return f"case: {speed}{loads}".strip() if speed or loads else "case"
 
 
 def direction_rank(direction: str) -> tuple[int, str]:
@@ -96,13 +105,13 @@ def grouped_lines(rows: pd.DataFrame) -> list[Line]:
     return list_lines(headings, labels)
 
 
-def parameter_panels(count: int, spare: float, line: float, room: int) -> tuple[Figure, list[Axes], float]:
+def parameter_panels(count: int, spare: float, line: float, room: int, axis: str) -> tuple[Figure, list[Axes], float]:
     """Return a page with a list of `room` lines for each parameter, its panels row by row, and the height of a line.
 
-    At most `_ACROSS` panels stand side by side; `spare` is the height that a page with one row of them needs beside the
-    lines, and `line` that of a line where the page does not get too tall, inches.
+    At most `ACROSS` panels stand side by side; `spare` is the height that a page with one row of them needs beside the
+    lines, and `line` that of a line where the page does not get too tall, inches. `axis` names the axis of lines.
     """
-    across = min(_ACROSS, count)
+    across = min(ACROSS, count)
     down = math.ceil(count / across)
     spare += _BETWEEN_ROWS * (down - 1)
     figure = layout.page(layout.wide(across), min(TALLEST, spare + line * room * down))
@@ -110,7 +119,7 @@ def parameter_panels(count: int, spare: float, line: float, room: int) -> tuple[
     for ax in axes[count:]:
         ax.remove()
     for ax in axes[:count:across]:
-        ax.set_ylabel(CASE_AXIS)
+        ax.set_ylabel(axis)
     return figure, axes[:count], min(line, (TALLEST - spare) / (room * down))
 
 

@@ -14,7 +14,7 @@ DOTS, COLOURS = 100, 256
 
 
 class NotebookFigure:
-    """A figure that notebooks show by themselves, whatever they are told about drawing.
+    """A figure that notebooks show by themselves, whatever matplotlib backend they use.
 
     Attributes
     ----------
