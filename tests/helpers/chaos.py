@@ -174,7 +174,7 @@ def chaos(
 
 def main() -> None:
     """Disturb all commands for as many seconds as the command line says, and print how often."""
-    seconds, seed = (int(text) for text in (*sys.argv[1:], "600", "0")[:2])
+    seconds, seed = (*map(int, sys.argv[1:]), *(600, 0)[len(sys.argv) - 1 :])
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as place:
         folder = inputs(Path(place))
