@@ -95,8 +95,8 @@ fuzz: install  ## Mutated files (COUNT=... of each kind), results (DAMAGED=...),
 	@PYTHONPATH=tests $(BIN)/python -m helpers.fuzz_readers $${COUNT:-20000}
 	@PYTHONPATH=tests $(BIN)/python -m helpers.fuzz_lvm $${COUNT:-100000}
 
-chaos: install  ## Kill commands, fill their disk, set the clock back (FOR=600 seconds): the bytes of a run left alone
-	@PYTHONPATH=tests $(BIN)/python -m helpers.chaos $${FOR:-600} $${SEED:-0}
+chaos: install  ## Kill commands, fill their disk, change their input (FOR=600 seconds): the bytes of a run left alone
+	@PYTHONPATH=tests $(BIN)/python -m helpers.chaos $${FOR:-600} $${SEED:-0} $${RUNS:-10}
 
 soak: install  ## 50 fits and 500 least-squares tables in one process: memory flat after the fifth (ten minutes)
 	@PYTHONPATH=tests $(BIN)/python -m helpers.soak $${FITS:-50} $${TABLES:-500}
