@@ -79,7 +79,7 @@ def changed_tree(draw: st.DrawFn, path: Path) -> None:
     if way == 0:
         del tree[name]
     elif way == 1:
-        attribute = draw(st.sampled_from(sorted(tree.attrs) or ["law"]))
+        attribute = draw(st.sampled_from(sorted(map(str, tree.attrs)) or ["law"]))
         tree.attrs[attribute] = draw(st.sampled_from(["", "x", 3, -1.0, "records", "fancher", "[]"]))
     elif way == 2:
         tree.attrs = {}
