@@ -15,10 +15,11 @@ from helpers.command_line import here, small, written
 from helpers.fuzz_commands import outcome
 from helpers.fuzz_lvm import mutated
 from helpers.fuzz_readers import TOKENS
+from helpers.fuzz_settings import examples
 from helpers.mutated_files import MEANING
 from helpers.quick_fits import write_result
 from helpers.reported_motions import write_motions
-from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import given, seed
 from hypothesis import strategies as st
 
 #: A result of each kind; `again` is what `fit` is, so that they can be compared.
@@ -83,19 +84,13 @@ def _damage(draw: st.DrawFn, path: Path, whole: Path) -> None:
             path.write_text(str(error))
 
 
-def fuzz(examples: int, folder: Path, start: int = 0) -> Counter[int]:
+def fuzz(count: int, folder: Path, start: int = 0) -> Counter[int]:
     """Try so many damaged results in a folder; return how often each code came out."""
     counts: Counter[int] = Counter()
     before, whole, place = Path.cwd(), results(folder / "whole"), folder / "damaged"
 
     @seed(start)
-    @settings(
-        max_examples=examples,
-        deadline=None,
-        database=None,
-        phases=[Phase.generate, Phase.shrink],
-        suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much],
-    )
+    @examples(count)
     @given(st.data())
     def check(data: st.DataObject) -> None:
         shutil.rmtree(place, ignore_errors=True)
@@ -112,10 +107,10 @@ def fuzz(examples: int, folder: Path, start: int = 0) -> Counter[int]:
 
 def main() -> None:
     """Fuzz as often as the command line says, and print what came out."""
-    examples, start = (*map(int, sys.argv[1:]), *(1000, 0)[len(sys.argv) - 1 :])
+    count, start = (*map(int, sys.argv[1:]), *(1000, 0)[len(sys.argv) - 1 :])
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
-        counts = fuzz(examples, Path(folder), start)
+        counts = fuzz(count, Path(folder), start)
     seconds = time.monotonic() - began
     print(f"{counts.total()} damaged results in {seconds:.0f} s, by exit code: {dict(sorted(counts.items()))}")
 
