@@ -16,7 +16,7 @@ import bayes_tyre as bt
 
 #: From here on memory is flat: no more than so many times what it was after the fifth fit. Of each fit JAX keeps about
 #: 1 MB of what it traced.
-SETTLED, ALLOWED = 5, 1.15
+SETTLED, ALLOWED = 5, 1.10
 
 
 def resident_mb() -> float:
