@@ -15,7 +15,7 @@ FIND_PYTHON = for candidate in "$${PYTHON:-}" python3.13 python3.12 python3.14 p
 	    && { echo "$$candidate"; exit 0; }; \
 	done; echo "No Python >= 3.12 on PATH or in pyenv: install one, or call make PYTHON=/path/to/python" >&2; exit 1
 
-.PHONY: help fit figure demo notebooks docs tutorial test check lint clean install lock campaign wheel fuzz chaos calibrate bench
+.PHONY: help fit figure demo notebooks docs tutorial test check lint clean install lock campaign wheel fuzz chaos soak calibrate bench
 
 help:  ## Print this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | awk -F'\t' '{printf "  make %-10s %s\n", $$1, $$2}'
@@ -89,13 +89,17 @@ check: install  ## Run the fast part: ruff, pyright, import-linter, the tests no
 	@$(MAKE) --no-print-directory lint
 	@$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not slow"
 
-fuzz: install  ## Mutated files (COUNT=... of each kind) and 1,000 command lines: a result or one line
+fuzz: install  ## Mutated files (COUNT=... of each kind), results (DAMAGED=...), 1,000 command lines (LINES=...)
 	@PYTHONPATH=tests $(BIN)/python -m helpers.fuzz_commands $${LINES:-1000}
+	@PYTHONPATH=tests $(BIN)/python -m helpers.fuzz_folders $${DAMAGED:-1000}
 	@PYTHONPATH=tests $(BIN)/python -m helpers.fuzz_readers $${COUNT:-20000}
 	@PYTHONPATH=tests $(BIN)/python -m helpers.fuzz_lvm $${COUNT:-100000}
 
-chaos: install  ## Kill commands, fill their disk, set the clock back (FOR=600 seconds): the bytes of a run left alone
-	@PYTHONPATH=tests $(BIN)/python -m helpers.chaos $${FOR:-600} $${SEED:-0}
+chaos: install  ## Kill commands, fill their disk, change their input (FOR=600 seconds): the bytes of a run left alone
+	@PYTHONPATH=tests $(BIN)/python -m helpers.chaos $${FOR:-600} $${SEED:-0} $${RUNS:-10}
+
+soak: install  ## 50 fits and 500 least-squares tables in one process: memory flat after the fifth (ten minutes)
+	@PYTHONPATH=tests $(BIN)/python -m helpers.soak $${FITS:-50} $${TABLES:-500}
 
 lint: install
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/pyright && $(BIN)/lint-imports

@@ -1,5 +1,9 @@
-"""JAX's settings, made once by a command before it computes: float64, a host device a chain, a compilation cache."""
+"""JAX's settings, made once by a command before it computes: float64, a host device a chain, a compilation cache.
 
+And the memory that compiling leaves behind.
+"""
+
+import ctypes
 import os
 import time
 import zlib
@@ -30,6 +34,15 @@ def prepare_jax(devices: int = 1) -> None:
     except RuntimeError as error:
         if "backends" not in str(error):
             raise
+
+
+def return_freed_memory() -> None:
+    """Give memory that was freed back to the system where the C library keeps it, as glibc does.
+
+    Compilers in several threads leave it in pieces: without this a process of 0.8 GB holds 2 GB after a few fits.
+    """
+    with suppress(AttributeError, OSError, TypeError):  # other C libraries have no such function, or need none
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _set_compilation_cache() -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from hypothesis import settings
 from jaxtyping import install_import_hook
 
 os.environ["JAX_ENABLE_X64"] = "1"
@@ -21,6 +22,9 @@ os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = "1"
 #: A worker above this drops what it has compiled.
 MOST_BYTES = 3_000_000_000
+# The same examples in every run, however long one takes beside the compiler.
+settings.register_profile("same examples", deadline=None, derandomize=True)
+settings.load_profile("same examples")
 install_import_hook("bayes_tyre", "beartype.beartype")
 # A shell that starts the tests in the background has them ignore Ctrl-C, and so would every command that they start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

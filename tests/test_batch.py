@@ -38,7 +38,7 @@ def expect_each_record_once(table: pd.DataFrame, cells: int) -> None:
         np.testing.assert_array_equal(found[str(record)], points)
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     lengths=st.lists(st.integers(1, 140), min_size=1, max_size=12),
     cells=st.sampled_from([1, 64, 256, 131_072]),

@@ -4,6 +4,7 @@ Everything that commands print, and every stage that begins, goes through the lo
 """
 
 import logging
+import os
 import shlex
 import sys
 import time
@@ -49,7 +50,7 @@ def logging_to(verbose: bool, log_file: Path | None) -> Iterator[None]:
     handlers: list[logging.Handler] = [_Stages()] if verbose else []
     if log_file is not None:
         handlers.append(_in_file(log_file))
-    before, began = LOGGER.level, time.monotonic()
+    before, began, process = LOGGER.level, time.monotonic(), os.getpid()
     LOGGER.setLevel(logging.DEBUG)
     for handler in handlers:
         LOGGER.addHandler(handler)
@@ -65,7 +66,8 @@ def logging_to(verbose: bool, log_file: Path | None) -> Iterator[None]:
         code = type(error).__name__
         raise
     finally:
-        LOGGER.info("ended with code %s after %.1f s", code, time.monotonic() - began)
+        if os.getpid() == process:  # a command with little memory runs in a child: its end is told once
+            LOGGER.info("ended with code %s after %.1f s", code, time.monotonic() - began)
         for handler in handlers:
             LOGGER.removeHandler(handler)
             handler.close()

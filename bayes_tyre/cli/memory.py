@@ -18,7 +18,7 @@ _ENDED = (0, 2, 3, 4, 130)
 
 def needed_mb(command: str) -> int:
     """Return how much address space (MB) a command needs on data of usual size."""
-    return NEEDED_BY_SAMPLING if command in _SAMPLES else NEEDED
+    return NEEDED_BY_SAMPLING if command.split()[0] in _SAMPLES else NEEDED
 
 
 def too_little(command: str) -> str:

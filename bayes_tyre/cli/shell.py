@@ -102,12 +102,12 @@ class Command(TyperCommand):
     context_class = typer.Context
 
 
-def guarded(command: Callable[..., None]) -> Callable[..., None]:
+def guarded(command: Callable[..., None], group: str = "") -> Callable[..., None]:
     """Turn bad input and disk errors into one line on stderr and exit code 3, and print each warning in one line.
 
-    The command gets the options --verbose and --log-file.
+    The command, of a group such as `study`, gets the options --verbose and --log-file.
     """
-    signature = inspect.signature(command)
+    signature, name = inspect.signature(command), f"{group} {command.__name__}".strip()
     for parameter in signature.parameters.values():
         for option in getattr(parameter.annotation, "__metadata__", ()):
             option.readable = (
@@ -117,7 +117,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(command)
     def run(*args: Any, verbose: bool = False, log_file: Path | None = None, **kwargs: Any) -> None:
         with logs.logging_to(verbose, log_file):
-            memory.within_limit(lambda: explained(*args, **kwargs), command.__name__)
+            memory.within_limit(lambda: explained(*args, **kwargs), name)
 
     def explained(*args: Any, **kwargs: Any) -> None:
         try:
@@ -130,7 +130,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
             fault(error)
             raise typer.Exit(BAD_INPUT) from None
         except MemoryError:
-            fault(memory.too_little(command.__name__))
+            fault(memory.too_little(name))
             raise typer.Exit(BAD_INPUT) from None
         except BrokenPipeError:  # the reader of the output has closed it; Typer ends silently
             raise

@@ -45,4 +45,6 @@ def read_tree(path: Path) -> xr.DataTree:
     except (BadInput, MemoryError):
         raise
     except Exception as error:  # HDF5 raises several kinds of error
-        raise BadInput(f"{path}: cannot be read as netCDF: {reason(error)}; run fit again") from error
+        # A damaged file that asks for too much, or a whole one where there is little.
+        memory = "give it more memory, or " if "memory allocation failed" in str(error) else ""
+        raise BadInput(f"{path}: cannot be read as netCDF: {reason(error)}; {memory}run fit again") from error

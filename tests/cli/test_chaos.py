@@ -1,7 +1,17 @@
 """The short form of `make chaos`: two quick commands, each disturbed in every way; and that its check can fail."""
 
 import pytest
-from helpers.chaos import COMMANDS, assert_as_left_alone, clock_set_back, inputs, killed, left_alone, out_of_disk
+from helpers.chaos import alike
+from helpers.disturbed import (
+    COMMANDS,
+    assert_as_left_alone,
+    clock_set_back,
+    input_changed,
+    inputs,
+    killed,
+    left_alone,
+    out_of_disk,
+)
 
 
 @pytest.mark.slow
@@ -14,6 +24,20 @@ def test_a_disturbed_command_gives_the_bytes_of_a_run_left_alone(name, tmp_path)
     assert_as_left_alone(command, folder, alone)
     out_of_disk(command, folder, 500)
     assert_as_left_alone(command, folder, alone)
+
+
+@pytest.mark.slow
+def test_a_killed_command_that_finds_another_input_takes_nothing_of_the_first(tmp_path):
+    command, folder = COMMANDS["process"], inputs(tmp_path, ["process"])
+    alone, seconds = left_alone(command, folder)
+    killed(command, folder, 0.8 * seconds)
+    input_changed(command, folder)
+    assert_as_left_alone(command, folder, alone)
+
+
+@pytest.mark.slow
+def test_runs_at_once_on_one_compilation_cache_give_the_same_bytes(tmp_path):
+    alike(inputs(tmp_path, ["lsq"]), "lsq", 3)
 
 
 def test_half_a_file_is_found(tmp_path):

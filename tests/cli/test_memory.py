@@ -27,6 +27,32 @@ def test_a_command_without_the_memory_ends_in_one_line_that_says_how_much(megaby
     assert left <= {"records.csv", "out", ".out.lock"}  # as a killed run leaves it
 
 
+#: Of commands that no file stands for, and those that read one, each with what it cannot do without.
+NOT_ENOUGH = {
+    **dict.fromkeys(("published", "campaign", "simulate", "audit", "study coverage", "study motion"), ()),
+    **dict.fromkeys(("fit", "load-deflection", "motion", "process", "inspect", "columns"), ("records.csv",)),
+    **dict.fromkeys(("calibrate", "show", "report", "compare", "modes"), ("records.csv",)),
+    **{"predict": ("records.csv", "--case", "x"), "export": ("records.csv", "--to", "tir")},
+    "next": ("records.csv", "--goal", "k a / b", "--precision", "2%"),
+}
+
+
+@pytest.mark.parametrize("command", NOT_ENOUGH)
+def test_every_command_says_how_much_it_needs(command, tmp_path):
+    out = () if command == "show" else ("--out", "out")
+    (tmp_path / "records.csv").write_text("record,displacement_mm,force_kN\na,1,1\n")
+    done = limited(250, *command.split(), *NOT_ENOUGH[command], *out, cwd=tmp_path)
+    needs = f"{memory.needed_mb(command):,} MB of address space"
+    assert_refused(done.returncode, done.stderr, f"not enough memory: {command} needs about {needs}")
+
+
+def test_a_log_file_has_the_end_of_a_limited_command_once(tmp_path):
+    for megabytes, code in ((memory.NEEDED, 3), (250, 3)):
+        done = limited(megabytes, "columns", "none.csv", "--log-file", f"{megabytes}.txt", cwd=tmp_path)
+        assert done.returncode == code, done.stderr
+        assert (tmp_path / f"{megabytes}.txt").read_text().count("ended with code 3") == 1
+
+
 def test_what_is_said_to_be_enough_is_enough(tmp_path):
     rows = "".join(f"a,{i / 10},{1.5 * i / (i + 9)}\n" for i in range(40))
     (tmp_path / "records.csv").write_text(f"record,displacement_mm,force_kN\n{rows}")

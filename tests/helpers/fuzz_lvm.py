@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from helpers.fuzz_settings import examples
 from helpers.lvm_dialects import BAD, FILES
-from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import given, seed
 from hypothesis import strategies as st
 
 from bayes_tyre.embedded import data_path
@@ -101,18 +102,12 @@ def outcome(data: bytes, path: Path) -> str:
     return "read"
 
 
-def fuzz(examples: int, path: Path, start: int = 0) -> Counter[str]:
+def fuzz(count: int, path: Path, start: int = 0) -> Counter[str]:
     """Try so many mutated files; return how many were read and how many refused."""
     counts: Counter[str] = Counter()
 
     @seed(start)
-    @settings(
-        max_examples=examples,
-        deadline=None,
-        database=None,
-        phases=[Phase.generate, Phase.shrink],
-        suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
-    )
+    @examples(count)
     @given(mutated())
     def check(data: bytes) -> None:
         counts[outcome(data, path)] += 1
@@ -123,10 +118,10 @@ def fuzz(examples: int, path: Path, start: int = 0) -> Counter[str]:
 
 def main() -> None:
     """Fuzz as often as the command line says, and print what came out."""
-    examples = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
-        counts = fuzz(examples, Path(folder) / "mutated.lvm")
+        counts = fuzz(count, Path(folder) / "mutated.lvm")
     seconds = time.monotonic() - began
     print(f"{counts.total()} mutated files in {seconds:.0f} s: {counts['read']} read, {counts['refused']} refused")
 

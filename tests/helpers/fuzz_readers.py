@@ -21,7 +21,8 @@ import scipy.io
 import xarray as xr
 from helpers.fuzz_lvm import TOKENS as LVM_TOKENS
 from helpers.fuzz_lvm import mutated
-from hypothesis import HealthCheck, Phase, given, seed, settings
+from helpers.fuzz_settings import examples
+from hypothesis import given, seed
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
@@ -184,19 +185,13 @@ def outcome(reader: Reader, data: bytes, folder: Path) -> str:
     return "read"
 
 
-def fuzz(reader: Reader, examples: int, folder: Path, start: int = 0) -> Counter[str]:
+def fuzz(reader: Reader, count: int, folder: Path, start: int = 0) -> Counter[str]:
     """Try so many mutated files of a kind; return how many were read and how many refused."""
     counts: Counter[str] = Counter()
     seeds = reader.seeds(folder)
 
     @seed(start)
-    @settings(
-        max_examples=examples,
-        deadline=None,
-        database=None,
-        phases=[Phase.generate, Phase.shrink],
-        suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much],
-    )
+    @examples(count)
     @given(mutated(seeds, TOKENS))
     def check(data: bytes) -> None:
         counts[outcome(reader, data, folder)] += 1
@@ -207,12 +202,12 @@ def fuzz(reader: Reader, examples: int, folder: Path, start: int = 0) -> Counter
 
 def main() -> None:
     """Fuzz every reader as often as the command line says, and print what came out."""
-    examples = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
     for name in sys.argv[2:] or READERS:
         reader = READERS[name]
         began = time.monotonic()
         with tempfile.TemporaryDirectory() as folder:
-            counts = fuzz(reader, examples, Path(folder))
+            counts = fuzz(reader, count, Path(folder))
         seconds = time.monotonic() - began
         tried = f"{counts.total()} mutated files in {seconds:.0f} s"
         print(f"{name}: {tried}: {counts['read']} read, {counts['refused']} refused", flush=True)

@@ -97,7 +97,7 @@ def test_limit_solves_its_differential_equation():
 compiled_force = jax.jit(lambda path: LAW.force(path, 9.5))
 
 
-@settings(derandomize=True, deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.lists(st.floats(0.0, 1.0), min_size=12, max_size=12))
 def test_limit_does_not_depend_on_sampling(fractions):
     turns = [0.0, 0.4, 0.1, 0.9]

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from bayes_tyre.laws.fancher import Fancher, equation_2, equation_2_offset, small_step_limit
 
-many = settings(derandomize=True, deadline=None, max_examples=300)
-some = settings(derandomize=True, deadline=None, max_examples=100)
+many = settings(max_examples=300)
+some = settings(max_examples=100)
 
 betas = st.floats(-6.0, 3.0).map(lambda power: 10.0**power)
 slopes, forces = st.floats(0.1, 5.0), st.floats(-20.0, 40.0)

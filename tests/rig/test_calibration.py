@@ -23,7 +23,7 @@ def test_one_voltage_is_no_line():
         fit_line(np.array([1.0, 1.0]), np.array([2.0, 3.0]))
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.integers(0, 10_000), st.floats(0.0001, 0.01))
 def test_the_step_comes_back_through_rounding(seed, step):
     levels = np.random.default_rng(seed).choice(60, size=200)
@@ -36,7 +36,7 @@ def test_a_constant_has_no_step():
         quantisation_step(np.full(5, 1.0))
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.integers(0, 10_000), st.integers(0, 12))
 def test_lost_signs_come_back(seed, negatives):
     rng = np.random.default_rng(seed)

@@ -51,7 +51,7 @@ def test_gradients_pass_through():
     assert float(slope) == pytest.approx((above - below) / 2e-4, rel=1e-8)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.sampled_from(sorted(RIGS)), st.floats(0.0, 45.0), st.floats(1.0, 3.0))
 def test_the_start_point_is_consistent(name, cylinder, k):
     rig = RIGS[name]

@@ -68,7 +68,7 @@ def test_without_a_lever_actuator_and_sensors_act_at_the_wheel_centre(rigs):
     assert geometry.curvature_factor(rigs["direct on rollers"]) == pytest.approx(2 * (150 / 650) ** (1 / 3))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     st.sampled_from(["flat_ground", "direct_acting", "direct on rollers", "single"]),
     st.floats(0.0, 45.0),

@@ -25,7 +25,7 @@ def turns_of(d: np.ndarray, branches: list[slice]) -> list[float]:
     return [*(float(d[rows][0]) for rows in branches), float(d[-1])]
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(curves, thresholds)
 def test_branches_joined_give_the_curve_back(d, threshold):
     first, *others = [d[rows] for rows in cut_at_reversals(d, threshold)]
@@ -33,7 +33,7 @@ def test_branches_joined_give_the_curve_back(d, threshold):
     assert all(before[-1] == after[0] for before, after in pairwise([first, *others]))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(curves, thresholds)
 def test_a_curve_of_the_other_sign_has_the_same_branches_in_the_other_direction(d, threshold):
     branches = cut_at_reversals(d, threshold)
@@ -42,7 +42,7 @@ def test_a_curve_of_the_other_sign_has_the_same_branches_in_the_other_direction(
     assert all(before == -after != 0 for before, after in pairwise(ways))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(curves, thresholds)
 def test_no_branch_turns_back_by_more_than_the_threshold_and_each_moves_on_by_more(d, threshold):
     branches = [d[rows] for rows in cut_at_reversals(d, threshold)]
@@ -52,7 +52,7 @@ def test_no_branch_turns_back_by_more_than_the_threshold_and_each_moves_on_by_mo
         assert len(branches) == 1 or np.ptp(branch) > threshold
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.floats(0.0, 3.0), min_size=2, max_size=60), st.integers(0, 2**32 - 1), st.floats(0.01, 5.0))
 def test_noise_below_the_threshold_makes_no_branch(steps, seed, threshold):
     noise = 0.499 * threshold * np.random.default_rng(seed).uniform(-1.0, 1.0, len(steps))

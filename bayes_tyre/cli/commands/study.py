@@ -199,4 +199,4 @@ def coverage(
 
 
 for command in (calibration, outliers, motion, laws, coverage):
-    study.command()(guarded(command))
+    study.command()(guarded(command, "study"))

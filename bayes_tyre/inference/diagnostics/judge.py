@@ -12,6 +12,7 @@ from bayes_tyre.inference.diagnostics.repeat_checks import repeat_checks
 from bayes_tyre.inference.diagnostics.residual_checks import residual_checks
 from bayes_tyre.inference.diagnostics.sampling_checks import Check
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics, diagnose
+from bayes_tyre.runtime import return_freed_memory
 
 
 def judge(
@@ -38,6 +39,7 @@ def judge(
     if table is not None:
         tree = attempts("model checks", lambda: with_checks(tree, MODEL_CHECKS, model_checks(tree, table)), tree)
     found = attempts("diagnostics", lambda: diagnose(tree), undiagnosed(tree), kind="sampling")
+    return_freed_memory()
     return tree, with_failures(found, attempts.failed)
 
 

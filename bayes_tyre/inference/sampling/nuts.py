@@ -24,6 +24,7 @@ from numpyro.infer.initialization import init_to_feasible
 from numpyro.infer.util import constrain_fn, potential_energy
 
 from bayes_tyre.inference.sampling.parameter_vector import DENSE, Blocks
+from bayes_tyre.runtime import return_freed_memory
 
 #: Iterations in a call, at most: between two calls a run can be watched, saved and continued.
 CHUNK = 100
@@ -241,7 +242,9 @@ class Chains:
             beginning = pool.submit(lowered.compile, compiler_options=_RUN_ONCE)
             keys = jax.ShapeDtypeStruct((self._together, CHUNK, 2), np.uint32)
             constraining = pool.submit(constrain.lower((chunk, keys), self._data).compile)
-        return [compiling.result() for compiling in (beginning, advancing, constraining)]
+        compiled = [compiling.result() for compiling in (beginning, advancing, constraining)]
+        return_freed_memory()
+        return compiled
 
     def _potential_energy(self, data: Any, z: dict[str, jax.Array]) -> jax.Array:
         return jnp.asarray(potential_energy(self._model, (), self._arguments(data), self._blocks.unpack(z)))

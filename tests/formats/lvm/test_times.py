@@ -79,7 +79,7 @@ def test_last_digits_of_printed_numbers():
     assert np.isnan(last_digit(["", "nan", "1e999", "x", "1" * 100]))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.floats(1e-6, 1.0), st.integers(3, 9), st.integers(2, 60), st.floats(-100, 100))
 def test_rounding_alone_is_no_contradiction(dt, decimals, samples, start):
     x = np.array([float(f"{start + i * dt:.{decimals}f}") for i in range(samples)])

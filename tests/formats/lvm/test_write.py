@@ -107,9 +107,7 @@ def drawn_segments(draw: st.DrawFn) -> Drawn:
     return segments
 
 
-@settings(
-    max_examples=150, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(drawn=drawn_segments(), notes=names)
 def test_what_is_written_reads_back_to_the_digits(tmp_path, drawn, notes):
     raw = RawSignals(

@@ -242,7 +242,7 @@ def tables(draw: st.DrawFn) -> tuple[pd.DataFrame, ColumnMap, pd.DataFrame, tupl
     return ours, column_map, theirs.set_axis(names, axis=1), draw(st.sampled_from(DIALECTS))
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30)
 @given(
     tables(), st.sampled_from(["utf-8", "utf-16", "utf-8-sig"]), st.sampled_from(["", "Prüfstand 3\nnoted by hand\n"])
 )

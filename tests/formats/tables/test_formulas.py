@@ -68,7 +68,7 @@ def test_parquet_holds_text_as_it_is(tmp_path):
 
 
 @given(st.one_of(TEXT, FORMULA_LIKE))
-@settings(derandomize=True, max_examples=500)
+@settings(max_examples=500)
 def test_no_text_is_left_that_runs_and_every_one_comes_back(text):
     written = harmless(text)
     assert written[:1] not in tuple("=+-@\t\r\n") or _is_number(written)
@@ -76,7 +76,7 @@ def test_no_text_is_left_that_runs_and_every_one_comes_back(text):
 
 
 @given(labels=st.lists(st.one_of(TEXT, FORMULA_LIKE), min_size=1, max_size=4))
-@settings(derandomize=True, max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_label_comes_back_from_a_csv(labels, tmp_path):
     table = pd.DataFrame({"record": labels, "force_kN": np.arange(len(labels)) + 0.5})
     read = read_table(write_table(table, tmp_path / "table.csv"))

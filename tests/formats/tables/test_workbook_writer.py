@@ -32,7 +32,7 @@ def test_a_sheet_a_table_with_a_frozen_header_the_verdict_first_and_cells_as_the
     assert list(table.columns) == ["record", "k_kN_per_mm", "points", "verdict"]
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.text(string.ascii_letters + "=+-@'\"<&; é€", min_size=1), st.floats(-1e300, 1e300))
 def test_texts_and_numbers_come_back(tmp_path_factory, text, number):
     path = tmp_path_factory.getbasetemp() / "any.xlsx"

@@ -47,7 +47,7 @@ def written(text: str, folder: Path) -> Path:
     return path
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.dictionaries(WORDS, TEXTS, max_size=3),
     st.lists(st.tuples(WORDS, TEXTS, WORDS), min_size=1, max_size=4),

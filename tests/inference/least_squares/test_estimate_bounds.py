@@ -121,7 +121,7 @@ def test_a_start_or_the_first_point_outside_is_brought_inside():
 SIDES = st.tuples(st.floats(-3, 3), st.floats(0.001, 3), st.sampled_from(["both", "low", "high", "none"]))
 
 
-@settings(derandomize=True, deadline=None, max_examples=120)
+@settings(max_examples=120)
 @given(
     sides=st.tuples(*[SIDES] * 4),
     k=st.just(0.0) | st.floats(-1, 4),

@@ -11,7 +11,7 @@ from bayes_tyre.inference.least_squares.parameters import BETA, C, K
 FITTED = [K, C, BETA]
 
 
-@settings(derandomize=True, deadline=None, max_examples=80)
+@settings(max_examples=80)
 @given(
     decade_d=st.floats(-6, 6),
     decade_F=st.floats(-6, 6),
@@ -53,7 +53,7 @@ SCALED = given(
 )
 
 
-@settings(derandomize=True, deadline=None, max_examples=150)
+@settings(max_examples=150)
 @SCALED
 @pytest.mark.slow
 def test_estimates_scale_as_their_units_do_and_their_status_stays(
@@ -71,7 +71,7 @@ def test_estimates_scale_as_their_units_do_and_their_status_stays(
         np.testing.assert_allclose(there.standard_error, here.standard_error * units(mm, kN), rtol=last_digits(here))
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     d_0=st.floats(-1e6, 1e6),
     F_0=st.floats(-1e4, 1e4),

@@ -59,7 +59,7 @@ def summed(numbers: Numbers, factors: Factors) -> ChoicePosterior:
     return repeats_of(numbers, factors).given(jnp.asarray(numbers.records))
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_choices_are_those_of_all_repeats_together(seed):
     factors = levels_of(3, 1, 2)
@@ -192,7 +192,7 @@ def test_the_density_s_slope_is_that_of_finite_differences():
             assert slope[place] == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-5, abs=1e-5)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(odd=st.lists(st.booleans(), min_size=6, max_size=6))
 def test_the_choice_that_some_records_look_is_found(odd):
     factors = levels_of(3, 1, 2)

@@ -20,7 +20,7 @@ def made(count: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return random.standard_normal((count, UNITS)), precision, random.uniform(0.1, 2.0, (count, UNITS))
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(count=st.integers(1, 4), seed=st.integers(0, 1000))
 def test_mean_covariance_and_marginal_are_those_of_dense_matrices(count, seed):
     slope, precision, scale = made(count, seed)

@@ -5,7 +5,7 @@ import numpy as np
 import numpyro
 import pytest
 from helpers.small_model import DATA, SETTINGS, STARTS, assert_same, model
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpyro import distributions as dist
 from numpyro.infer import MCMC, NUTS
@@ -90,7 +90,6 @@ def test_counts_too_small_are_refused(name, least):
         SamplerSettings(**{name: least - 1})
 
 
-@settings(deadline=None)
 @given(step=st.floats(1e-3, 2.0))
 def test_a_step_off_resonance_is_hardly_longer_and_stays_where_it_is(step):
     off = float(chains.off_resonance(step))

@@ -45,7 +45,7 @@ def recomputed(known: Forecast, tests: list[int]) -> np.ndarray:
     return np.linalg.inv(precision)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 10**6), st.lists(st.integers(0, 3), max_size=6), st.integers(1, 4))
 def test_a_variance_is_that_of_the_posterior_with_the_tests_rows_added(seed, tests, repeats):
     known = made(seed)

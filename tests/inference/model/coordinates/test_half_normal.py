@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import numpyro
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpyro import distributions as dist
 from numpyro.distributions import biject_to
@@ -25,7 +25,6 @@ def log_density(to_value: Any, scale: float, z: jax.Array) -> jax.Array:
     return dist.HalfNormal(scale).log_prob(value) + to_value.log_abs_det_jacobian(z, value)
 
 
-@settings(deadline=None)
 @given(scale=SCALES, share=st.floats(1e-6, 8.0))
 def test_its_coordinates_go_there_and_back(scale, share):
     to_value: Any = softplus(dist.HalfNormal(scale))
@@ -33,7 +32,6 @@ def test_its_coordinates_go_there_and_back(scale, share):
     assert float(to_value(to_value.inv(jnp.asarray(value)))) == pytest.approx(value, rel=1e-9)
 
 
-@settings(deadline=None)
 @given(scale=SCALES, z=st.floats(-20.0, 10.0))
 def test_the_volume_of_its_coordinates_is_their_derivative(scale, z):
     to_value: Any = softplus(dist.HalfNormal(scale))

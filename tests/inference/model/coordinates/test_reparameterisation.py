@@ -21,7 +21,7 @@ scales = st.floats(1e-4, 1e3)
 numbers = st.floats(-5.0, 5.0)
 
 
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(z=numbers, estimate=numbers, above=numbers, precision=scales, scale=scales)
 def test_a_placed_scalar_is_standard_normal_in_its_coordinate(z, estimate, above, precision, scale):
     def log_density(z):
@@ -37,7 +37,7 @@ def test_a_placed_scalar_is_standard_normal_in_its_coordinate(z, estimate, above
     assert float(log_density(at) - log_density(origin)) == pytest.approx(-0.5 * z**2, abs=1e-9 * (1.0 + size))
 
 
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(scale=scales, precision=scales)
 def test_the_volume_of_a_placed_scalar_is_its_derivative(scale, precision):
     estimate = Gaussian(jnp.array([0.3]), jnp.array([precision]))

@@ -67,7 +67,7 @@ def prior_beta(quantile_sd: float) -> float:
     return location + quantile_sd * scale
 
 
-@settings(derandomize=True, deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     where=st.floats(-3.0, 3.0),
     sigma_factor=st.sampled_from([0.1, 1.0, 10.0]),
@@ -150,7 +150,7 @@ def test_padding_does_not_count(records):
     assert compressed.points[0] == 240
 
 
-@settings(derandomize=True, deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(
     where=st.floats(-3.0, 3.0),
     sigma_factor=st.sampled_from([0.1, 1.0, 10.0]),

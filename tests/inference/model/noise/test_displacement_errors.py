@@ -45,7 +45,7 @@ def step_of(displacement: np.ndarray) -> float:
     return float(converter_step_mm(pad(("r",), [displacement], [displacement]))[0])
 
 
-@settings(derandomize=True, deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(step=st.floats(0.001, 0.05), slower=st.floats(1.05, 3.0), seed=st.integers(0, 1000))
 def test_the_step_of_a_converter_is_found(step, slower, seed):
     # Read one to three times a step, as in tables of six decimals.

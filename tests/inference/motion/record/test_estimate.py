@@ -110,7 +110,7 @@ def test_jacobian_is_that_of_finite_differences(fitted):
 
 
 @given(st.lists(st.floats(-6, 6), min_size=len(NAMES), max_size=len(NAMES)))
-@settings(max_examples=50, deadline=None, derandomize=True)
+@settings(max_examples=50)
 def test_friction_always_exceeds_k_beta(standard):
     known = {name: (1.0, 1.0) for name in NAMES if "load" in name or "rest_mm" in name or "offset" in name}
     prior = prior_moments(RIG, known | {"ramp_start_s": (0.05, np.nan), "log_rise": (-3.0, np.nan)})
