@@ -137,7 +137,7 @@ class DesignFit:
             {"approximation": approximation, **arguments}, record_starts(arguments, approximation.records)
         )
         settings, thin, kept = self.sampling
-        sites, statistics = run(chains, replace(settings, seed=seed))
+        sites, statistics, _ = run(chains, replace(settings, seed=seed))
         every = {
             name: np.concatenate(values[:, thin - 1 :: thin])[:kept]
             for name, values in sites.items()

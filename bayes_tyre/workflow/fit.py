@@ -36,7 +36,7 @@ from bayes_tyre.workflow.result_folder import write_fit
 
 _SAMPLER = ("chains", "warmup", "draws")
 #: Missing in a `run.json` of an earlier version, and then None.
-_TARGET, _COLUMNS = "target_accept", "columns"
+_TARGET, _COLUMNS, _LONGEST = "target_accept", "columns", "longest"
 #: Options that a `run.json` has only where they were given.
 _IF_GIVEN = ("limit", "reference", "record_draws")
 
@@ -107,15 +107,14 @@ def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
     """
     run = read_run(path)
     options, fields_of_model = run["options"], {field.name for field in fields(ModelSettings)}
-    known = {*fields_of_model, *_SAMPLER, _TARGET, _COLUMNS, *("interval", "units_checked"), *_IF_GIVEN}
+    known = {*fields_of_model, *_SAMPLER, _TARGET, _COLUMNS, _LONGEST, *("interval", "units_checked"), *_IF_GIVEN}
     if unknown := sorted(set(options) - known):
         raise BadInput(
             f"{path}: option {unknown[0]} is unknown to this version; repeat the run with the version it names"
         )
     try:
-        sampler = SamplerSettings(
-            **{key: options[key] for key in _SAMPLER}, seed=run["seed"], target_accept=options.get(_TARGET)
-        )
+        further = {"seed": run["seed"], _TARGET: options.get(_TARGET), _LONGEST: options.get(_LONGEST, 1)}
+        sampler = SamplerSettings(**{key: options[key] for key in _SAMPLER}, **further)
         chosen = {key: value for key, value in options.items() if key in fields_of_model - {"priors"}}
         model = ModelSettings(**chosen, priors=PRIORS.changed(options.get("priors", {})))
         records = [_input(path, name, digest) for name, digest in run["inputs"].items()]
@@ -243,7 +242,7 @@ def fit_published_tables(
 
 def sampler_options(settings: SamplerSettings) -> dict[str, object]:
     """Return what `run.json` says of the sampler's settings, beside the seed."""
-    return {name: getattr(settings, name) for name in (*_SAMPLER, _TARGET)}
+    return {name: getattr(settings, name) for name in (*_SAMPLER, _TARGET, _LONGEST)}
 
 
 def read_priors(path: Path | None) -> Priors:

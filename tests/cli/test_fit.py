@@ -230,10 +230,10 @@ def test_a_run_tells_how_it_was_made(fitted):
     run = json.loads((folder / "one" / "run.json").read_text(encoding="utf-8"))
     few = "--chains 2 --warmup 130 --draws 170 --target-accept 0.65 --seed 7"
     assert run["command"] == f"bayes-tyre fit 'the records.csv' --out one {few}"
-    sampler = {"chains": 2, "warmup": 130, "draws": 170, "target_accept": 0.65}
+    sampler = {"chains": 2, "warmup": 130, "draws": 170, "target_accept": 0.65, "longest": 1}
     model = {"region": "all", "initial_load": "nominal", "displacement_scale_sd": 0.0}
     model |= {"displacement_sd": None, "columns": None}
-    model |= {"likelihood": "compressed", "repeats": "mixture", "noise": "iid", "noise_window": 1}
+    model |= {"likelihood": "compressed", "repeats": "mixture", "noise": "auto", "noise_window": 1}
     model |= {"sampler": "collapsed", "law": "equation_2"}
     assert run["options"] == {**sampler, **model, "interval": 0.95, "units_checked": False, "priors": PRIORS.given()}
     assert run["seed"] == 7

@@ -35,7 +35,7 @@ def fit(
     priors: model_options.PriorsOption = None,
     chains: shell.Chains = 4,
     warmup: shell.Warmup = 600,
-    draws: shell.Draws = 1500,
+    draws: shell.Draws = None,
     target_accept: shell.TargetAccept = None,
     sampler: model_options.SamplerOption = "collapsed",
     seed: shell.Seed = 0,
@@ -88,7 +88,8 @@ def fit(
         law,
         displacement_sd,
     )
-    settings = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
+    kept, longest = shell.draws_and_longest(draws)
+    settings = SamplerSettings(chains, warmup, kept, seed, target_accept=target_accept, longest=longest)
     limit = shell.checked_limit(limit, OF_RECORDS)
     plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns, limit, reference, record_draws)
     _run(plan, out, resume, xlsx, quiet)

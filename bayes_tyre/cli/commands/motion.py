@@ -45,7 +45,7 @@ def motion(
     ] = None,
     chains: shell.Chains = 4,
     warmup: shell.Warmup = 600,
-    draws: shell.Draws = 1500,
+    draws: shell.Draws = None,
     target_accept: shell.TargetAccept = None,
     seed: shell.Seed = 0,
     interval: shell.Interval = 0.95,
@@ -90,7 +90,8 @@ def motion(
 
     for warning in passed_over:
         shell.warn(warning)
-    sampler = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
+    kept, longest = shell.draws_and_longest(draws)
+    sampler = SamplerSettings(chains, warmup, kept, seed, target_accept=target_accept, longest=longest)
     limit = shell.checked_limit(limit, (*motion_law(law.value).reported_parameters, ENERGY))
     how = law.value, amplitude, repeats, interval, read_priors(priors), limit
     plan = MotionPlan(sampler, rig, cases, figures, *how)

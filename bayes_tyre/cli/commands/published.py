@@ -17,7 +17,7 @@ def published(
     posterior: Annotated[bool, typer.Option("--posterior", help="Also fit Tables 9 and 11 themselves.")] = False,
     chains: shell.Chains = 4,
     warmup: shell.Warmup = 1000,
-    draws: shell.Draws = 2000,
+    draws: shell.Draws = None,
     target_accept: shell.TargetAccept = None,
     seed: shell.Seed = 0,
     interval: shell.Interval = 0.95,
@@ -46,7 +46,8 @@ def published(
         from bayes_tyre.workflow.fit import fit_published_tables, read_priors
 
         priors_given = read_priors(priors)
-        settings = SamplerSettings(chains, warmup, draws, seed, target_accept=target_accept)
+        kept, longest = shell.draws_and_longest(draws, 2000)
+        settings = SamplerSettings(chains, warmup, kept, seed, target_accept=target_accept, longest=longest)
         with shell.stages(quiet) as stages:
             callbacks = shell.callbacks(stages, quiet)
             diagnostics = fit_published_tables(

@@ -15,6 +15,12 @@ def against_divergences(target: float | None) -> str:
     return _SIMPLER
 
 
+def longer_note(runs: Sequence[SamplerRun]) -> str:
+    """Return that the run which was kept went on beyond the draws asked for; empty where it did not."""
+    every = next((one.every for one in runs if one.kept), 1)
+    return "" if every == 1 else f"sampled {every} times as long, one of {every} draws kept: R-hat or an ESS fell short"
+
+
 def repeat_note(runs: Sequence[SamplerRun]) -> str:
     """Return what the runs of a repeat had, in a sentence; empty for a single run."""
     if len(runs) < 2:

@@ -7,13 +7,12 @@ import numpy as np
 import xarray as xr
 
 from bayes_tyre.inference.diagnostics.convergence import Figures, discordant_chain, monitor, where_divergent, worst
-from bayes_tyre.inference.diagnostics.divergences import against_divergences, repeat_note
+from bayes_tyre.inference.diagnostics.divergences import against_divergences, longer_note, repeat_note
 from bayes_tyre.inference.sampling.datatree import PROBABILITIES
+from bayes_tyre.inference.sampling.effective_sizes import ESS_LEAST_PER_CHAIN, R_HAT_MOST
 from bayes_tyre.inference.sampling.run import kept_acceptance, sampler_runs
 from bayes_tyre.inference.sampling.summary_error import RECORD_SUMMARIES, SUMMARY_ERROR_MOST, SummaryError
 
-R_HAT_MOST = 1.01
-ESS_LEAST_PER_CHAIN = 100
 BFMI_LEAST = 0.3
 #: Largest Monte Carlo error of the mean of an outlier probability that goes unmentioned: a record below 0.44 or above
 #: 0.56 is then on its side of 0.5 by three standard errors. Only the mean is reported: a tail that holds the few draws
@@ -158,7 +157,8 @@ def _divergences(tree: xr.DataTree, sampler: list[dict[str, Any]]) -> Check:
         f"{total} divergent transitions ({each}{f'; most at {where}' if where else ''}): part of the posterior was "
         "not reached"
     )
-    note, remedy = repeat_note(sampler_runs(tree)), against_divergences(kept_acceptance(tree))
+    runs, remedy = sampler_runs(tree), against_divergences(kept_acceptance(tree))
+    note = "; ".join(filter(None, (repeat_note(runs), longer_note(runs))))
     return Check("divergences", "sampling", not divergent, float(total), 0.0, where, finding, remedy, note)
 
 

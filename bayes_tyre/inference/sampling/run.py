@@ -10,7 +10,9 @@ import xarray as xr
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.sampling.checkpoint import Checkpoints
-from bayes_tyre.inference.sampling.nuts import CHUNK, TARGET_ACCEPTANCE, Chains, leave_resonance
+from bayes_tyre.inference.sampling.datatree import PROBABILITIES, QUANTITIES
+from bayes_tyre.inference.sampling.effective_sizes import falls_short
+from bayes_tyre.inference.sampling.nuts import CHUNK, TARGET_ACCEPTANCE, Chains, Chunk, leave_resonance
 
 #: Target acceptances that may be asked for: below, trajectories diverge that need not; above, steps become so short
 #: that trees reach their limit.
@@ -19,6 +21,8 @@ ACCEPTANCE_LEAST, ACCEPTANCE_MOST = 0.5, 0.99
 #: chains, 1000 draws) 0.65 left 30 divergences a run, 0.8 seven, 0.95 seven, 0.98 one, 0.99 less than one, for five
 #: times the gradients of 0.65.
 REPEAT_ACCEPTANCE = 0.99
+#: How many times as many draws a run takes at most, unless their number was asked for.
+LONGEST = 4
 #: Attribute of a posterior's tree with the runs of the sampler behind it, as JSON.
 RUNS = "sampler_runs"
 
@@ -40,6 +44,9 @@ class SamplerSettings:
     target_accept:
         Mean acceptance that steps are adapted to: the higher, the shorter they are. None: the model's own, and a fit
         with divergences is repeated once at `REPEAT_ACCEPTANCE`.
+    longest:
+        Where R-hat or an effective sample size falls short, a run goes on to at most so many times `draws`; `draws` of
+        them are kept, evenly spaced.
     on_note:
         Called with a line on what the run does by itself.
     on_stage:
@@ -60,9 +67,10 @@ class SamplerSettings:
     target_accept: float | None = None
     on_note: Callable[[str], None] = field(default=lambda _: None, compare=False, repr=False)
     on_stage: Callable[[str, int | None], None] = field(default=lambda *_: None, compare=False, repr=False)
+    longest: int = 1
 
     def __post_init__(self) -> None:
-        for name, least in (("chains", 1), ("warmup", 1), ("draws", 4)):
+        for name, least in (("chains", 1), ("warmup", 1), ("draws", 4), ("longest", 1)):
             if getattr(self, name) < least:
                 raise BadInput(f"{name} is {getattr(self, name)}; give at least {least}")
         if self.target_accept is not None and not ACCEPTANCE_LEAST <= self.target_accept <= ACCEPTANCE_MOST:
@@ -73,10 +81,14 @@ class SamplerSettings:
 
 
 class Draws(NamedTuple):
-    """Draws by site and sampler statistics by ArviZ's name; shapes (chains, draws, ...)."""
+    """Draws by site and sampler statistics by ArviZ's name; shapes (chains, draws, ...).
+
+    Of every `every` iterations one is a draw; it counts as diverging where any of them did.
+    """
 
     sites: dict[str, np.ndarray]
     statistics: dict[str, np.ndarray]
+    every: int = 1
 
     @property
     def divergences(self) -> int:
@@ -95,12 +107,15 @@ class SamplerRun(NamedTuple):
         Whether its draws are the posterior.
     sampler:
         ``joint``: records were sampled beside what they share; ``collapsed``: they were integrated out.
+    every:
+        Of how many iterations one is a draw.
     """
 
     target_accept: float
     divergences: int
     kept: bool
     sampler: str = "joint"
+    every: int = 1
 
 
 def runs_to_json(runs: Sequence[SamplerRun]) -> str:
@@ -163,11 +178,12 @@ def run_until_sound(
     `target_accept` of `REPEAT_ACCEPTANCE` would be, with the same seed, so that either can be had by itself. An
     acceptance that the user asked for is left alone. Draws that are not `usable` are not repeated, nor kept.
     """
-    first = run(chains, settings)
+    repeatable = settings.target_accept is None
+    first = run(chains, settings, lambda draws: usable(draws) and not (repeatable and draws.divergences))
     if not usable(first):
-        return first, (SamplerRun(chains.acceptance, first.divergences, False),)
-    if not first.divergences or settings.target_accept is not None:
-        return first, (SamplerRun(chains.acceptance, first.divergences, True),)
+        return first, (SamplerRun(chains.acceptance, first.divergences, False, every=first.every),)
+    if not (repeatable and first.divergences):
+        return first, (SamplerRun(chains.acceptance, first.divergences, True, every=first.every),)
     settings.on_note(
         f"{first.divergences} divergent transitions at target acceptance {chains.acceptance:g}: sampled once more at "
         f"{REPEAT_ACCEPTANCE:g}"
@@ -175,8 +191,8 @@ def run_until_sound(
     second = run(chains.at_acceptance(REPEAT_ACCEPTANCE), after_run(settings))
     better = second.divergences <= first.divergences
     runs = (
-        SamplerRun(chains.acceptance, first.divergences, not better),
-        SamplerRun(REPEAT_ACCEPTANCE, second.divergences, better),
+        SamplerRun(chains.acceptance, first.divergences, not better, every=first.every),
+        SamplerRun(REPEAT_ACCEPTANCE, second.divergences, better, every=second.every),
     )
     return (second if better else first), runs
 
@@ -186,24 +202,45 @@ def after_run(settings: SamplerSettings) -> SamplerSettings:
     saved = settings.checkpoints
     if saved is None:
         return settings
-    chunks = len(_lengths(settings.warmup)) + len(_lengths(settings.draws))
+    chunks = len(_lengths(settings.warmup)) + settings.longest * len(_lengths(settings.draws))
     return replace(settings, checkpoints=replace(saved, first=saved.first + chunks))
 
 
-def run(chains: Chains, settings: SamplerSettings) -> Draws:
+def run(chains: Chains, settings: SamplerSettings, worthwhile: Callable[[Draws], bool] = lambda _: True) -> Draws:
     """Return the draws of chains made for these settings.
 
+    Where these allow it, a run whose R-hat or effective sample sizes fall short goes on, while that is `worthwhile`.
     Chains run in parallel where the host has a device for each (`bayes_tyre.runtime.prepare_jax`). A run that goes on
     from a checkpoint gives the draws, to the bit, of one left alone.
     """
+    warmup, draws, saved = _lengths(settings.warmup), _lengths(settings.draws), settings.checkpoints
+    done = saved.load(chains.shapes, warmup + settings.longest * draws) if saved else []
+    parts: list[Draws] = []
+    while True:
+        _advance(chains, settings, done, len(parts))
+        settings.on_stage("quantities of each draw", None)
+        first = len(warmup) + len(parts) * len(draws)
+        chunks = list(enumerate(done[first : first + len(draws)], len(parts) * len(draws)))
+        sites = _joined([chains.constrain(chunk.unconstrained, (settings.seed, i)) for i, chunk in chunks])
+        parts.append(Draws(sites, _joined([chunk.statistics for _, chunk in chunks])))
+        found = _spaced(parts)
+        if len(parts) == settings.longest or not worthwhile(found) or not _falls_short(found):
+            return found
+        settings.on_note(
+            f"R-hat or ESS falls short after {settings.draws * len(parts)} draws of each chain: it draws "
+            f"{settings.draws} more, and keeps {settings.draws} of all"
+        )
+
+
+def _advance(chains: Chains, settings: SamplerSettings, done: list[Chunk], parts: int) -> None:
+    """Add the missing chunks of a run, up to the end of `parts` + 1 times its draws."""
     warmup, draws = _lengths(settings.warmup), _lengths(settings.draws)
-    lengths, saved = warmup + draws, settings.checkpoints
-    done = saved.load(chains.shapes, lengths) if saved else []
-    resumed = len(done)
+    lengths, resumed = warmup + (parts + 1) * draws, len(done)
     state = done[-1].state if done else chains.begin(settings.seed)
     for number, length in enumerate(lengths[resumed:], resumed):
         if number in (resumed, len(warmup)):
-            name, first, of_stage = ("draws", len(warmup), draws) if number >= len(warmup) else ("warm-up", 0, warmup)
+            first = len(warmup) + parts * len(draws)
+            name, first, of_stage = ("draws", first, draws) if number >= len(warmup) else ("warm-up", 0, warmup)
             settings.on_stage(name, sum(of_stage))
             settings.on_progress(sum(lengths[first:number]))
         if number == len(warmup):
@@ -213,13 +250,26 @@ def run(chains: Chains, settings: SamplerSettings) -> Draws:
         if number < len(warmup):
             chunk = chunk._replace(unconstrained={}, statistics={})
         done.append(chunk)
-        if saved:
-            saved.save(number, chunk)
+        if settings.checkpoints:
+            settings.checkpoints.save(number, chunk)
         settings.on_progress(length)
-    settings.on_stage("quantities of each draw", None)
-    kept = done[len(warmup) :]
-    sites = _joined([chains.constrain(chunk.unconstrained, (settings.seed, i)) for i, chunk in enumerate(kept)])
-    return Draws(sites, _joined([chunk.statistics for chunk in kept]))
+
+
+def _spaced(parts: list[Draws]) -> Draws:
+    """Return as many draws as one part has, evenly spaced among those of all."""
+    every = len(parts)
+    sites, statistics = _joined([part.sites for part in parts]), _joined([part.statistics for part in parts])
+    diverging = statistics["diverging"]
+    of_each = diverging.reshape(len(diverging), -1, every).any(axis=2)
+    last = slice(every - 1, None, every)
+    kept = {name: values[:, last] for name, values in statistics.items()} | {"diverging": of_each}
+    return Draws({name: values[:, last] for name, values in sites.items()}, kept, every)
+
+
+def _falls_short(draws: Draws) -> bool:
+    """Return whether the verdict would ask for more draws."""
+    judged = [name for name in QUANTITIES if name in draws.sites and name not in PROBABILITIES]
+    return any(falls_short(draws.sites[name].reshape(*draws.sites[name].shape[:2], -1)) for name in judged)
 
 
 def _lengths(iterations: int) -> list[int]:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import binom, rankdata
 
-from bayes_tyre.inference.diagnostics.effective_sizes import statistics
+from bayes_tyre.inference.sampling.effective_sizes import statistics
 from bayes_tyre.results.figure_data.hyperparameters import Hyperparameter
 
 #: Probability that all chains of a parameter stay within the band where they agree.

@@ -138,3 +138,76 @@ def test_runs_are_read_from_a_posterior_as_they_were_written():
     assert (sampler_runs(tree), kept_acceptance(tree)) == ((), None)
     tree.attrs[RUNS] = runs_to_json(runs)
     assert (sampler_runs(tree), kept_acceptance(tree)) == (runs, 0.99)
+
+
+class Correlated(MadeUp):
+    """Chains of an autoregressive quantity k, whose draws differ by rho; the last of each part's draws may diverge."""
+
+    def __init__(self, rho: float, divergent: int = 0) -> None:
+        super().__init__({0.65: divergent}, 0.65, [])
+        self.rho, self.random, self.last = rho, np.random.default_rng(5), np.zeros((2, 1))
+
+    def advance(self, state: Any, iterations: int) -> Chunk:
+        chunk = super().advance(state, iterations)
+        values = np.empty((2, iterations, 1))
+        for i in range(iterations):
+            self.last = self.rho * self.last + self.random.standard_normal((2, 1))
+            values[:, i] = self.last
+        return chunk._replace(unconstrained={"k": values})
+
+
+LONGER = replace(SETTINGS, draws=520, longest=4)
+
+
+@pytest.mark.parametrize(("rho", "every"), [(0.0, 1), (0.95, 4)])
+def test_a_run_goes_on_where_an_effective_sample_size_falls_short(rho, every):
+    """520 draws a chain of rho = 0.95 are worth 13, and 100 are wanted: it goes on to its end."""
+    said: list[str] = []
+    chains = Correlated(rho)
+    draws, runs = run_until_sound(chains, replace(LONGER, on_note=said.append))
+    assert (draws.every, runs[0].every) == (every, every)
+    assert draws.sites["k"].shape == (2, 520, 1)
+    assert len(chains.advanced) == 1 + every * 6
+    assert len(said) == every - 1
+    assert all(note.startswith("R-hat or ESS falls short after ") for note in said)
+    assert draws.statistics["diverging"].shape == (2, 520)
+
+
+def test_kept_draws_lie_evenly_among_all_and_diverge_where_any_did():
+    whole, _ = run_until_sound(Correlated(0.95), replace(LONGER, draws=2080, longest=1))
+    spaced, _ = run_until_sound(Correlated(0.95, divergent=1), replace(LONGER, target_accept=0.65))
+    np.testing.assert_array_equal(spaced.sites["k"], whole.sites["k"][:, 3::4])
+    # One transition of each part's last chunk diverged: the first of its 20, in one chain.
+    assert np.flatnonzero(spaced.statistics["diverging"][0]).tolist() == [125, 255, 385, 515]
+    assert spaced.divergences == 4
+
+
+def test_a_run_asked_for_by_its_draws_is_no_longer():
+    draws, runs = run_until_sound(Correlated(0.95), replace(LONGER, longest=1))
+    assert (draws.every, runs[0].every) == (1, 1)
+
+
+def test_a_run_that_is_repeated_or_of_no_use_does_not_go_on_first():
+    draws, _ = run_until_sound(Correlated(0.95), LONGER, usable=lambda _: False)
+    assert draws.every == 1
+    chains = Correlated(0.95, divergent=1)
+    chains.at_acceptance = lambda _: Correlated(0.0)  # pyright: ignore[reportAttributeAccessIssue]
+    _, runs = run_until_sound(chains, LONGER)
+    assert [(one.divergences, one.every) for one in runs] == [(1, 1), (0, 1)]
+
+
+@pytest.mark.parametrize("lost", [24, 20, 7, 3])
+def test_a_longer_run_goes_on_from_its_checkpoints(lost, tmp_path):
+    """Chains of made-up numbers go on from nowhere: only what is loaded is the same, and how long the run is."""
+    settings = replace(LONGER, checkpoints=Checkpoints(tmp_path / "c", {"seed": 3}))
+    whole, runs = run_until_sound(Correlated(0.95), settings)
+    chunks = sorted((tmp_path / "c").iterdir())
+    assert len(chunks) == 25
+    removed(chunks[lost:])
+    chains = Correlated(0.95)
+    resumed, again = run_until_sound(chains, settings)
+    assert len(chains.advanced) == 25 - lost
+    assert [one.every for one in again] == [one.every for one in runs]
+    # What was lost is made up anew by chains that begin afresh: all of the chunks before it are as they were.
+    first = min((lost - 1) * 100, 520) // 4
+    np.testing.assert_array_equal(resumed.sites["k"][:, :first], whole.sites["k"][:, :first])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from bayes_tyre.inference.diagnostics.effective_sizes import TAILS, statistics
+from bayes_tyre.inference.sampling.effective_sizes import TAILS, statistics
 
 CORRELATION = np.array([0.0, 0.5, 0.9, 0.99, -0.5, -0.9])
 
@@ -47,7 +47,7 @@ def test_statistics_are_those_of_arviz(chains, draws):
 def test_batches_do_not_show(monkeypatch):
     values = awkward(4, 60)
     whole = statistics(values)
-    monkeypatch.setattr("bayes_tyre.inference.diagnostics.effective_sizes._BATCH", 500)
+    monkeypatch.setattr("bayes_tyre.inference.sampling.effective_sizes._BATCH", 500)
     for one, other in zip(statistics(values), whole, strict=True):
         np.testing.assert_array_equal(one, other)
 

@@ -9,6 +9,9 @@ from jaxtyping import Float
 from scipy import special, stats
 from scipy.fft import next_fast_len
 
+#: What a posterior needs: R-hat at most this of every quantity, and effective samples of so many a chain.
+R_HAT_MOST = 1.01
+ESS_LEAST_PER_CHAIN = 100
 #: Quantiles at which tail ESS is computed, as in Vehtari et al.; ArviZ's default follows each user's settings.
 TAILS = (0.05, 0.95)
 #: Numbers that one batch of quantities may have: it then stays in the processor's cache.
@@ -47,6 +50,13 @@ def statistics(draws: Float[np.ndarray, "chains draws quantities"]) -> Statistic
         with ThreadPoolExecutor(os.cpu_count()) as threads:  # sorting and transforms release the interpreter
             list(threads.map(compute, range(0, quantities, step)))
     return Statistics(*found)
+
+
+def falls_short(draws: Float[np.ndarray, "chains draws quantities"]) -> bool:
+    """Return whether any quantity that varies has an R-hat above, or an ESS below, what a posterior needs."""
+    found, least = statistics(draws), ESS_LEAST_PER_CHAIN * len(draws)
+    sizes = np.minimum(found.ess_bulk, found.ess_tail)
+    return bool((found.r_hat > R_HAT_MOST).any() or (sizes < least).any())
 
 
 def _of_batch(draws: Float[np.ndarray, "quantities chains draws"]) -> Float[np.ndarray, "4 quantities"]:
