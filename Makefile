@@ -42,7 +42,7 @@ figure: fit  ## Run fit, and copy the README's figure from its results
 	@cp $(RESULTS)/published/posterior/figures/posteriors_by_direction.png docs/
 
 # The thesis's method is given the thesis's own region, and the other the bound that a record without a bend needs. The
-# simulated tyre follows the law for small steps, and so does the fit. Some of its betas hardly show: they need more draws.
+# simulated tyre follows the law for small steps, and so does the fit.
 demo: install  ## Simulate a small campaign, process it by both methods, fit it, show it beside the truth
 	@trust=0; out=$(RESULTS)/demo; \
 	$(BIN)/bayes-tyre simulate --plan quick --out $$out/raw; \
@@ -51,7 +51,7 @@ demo: install  ## Simulate a small campaign, process it by both methods, fit it,
 	$(BIN)/bayes-tyre process $$out/raw --method thesis --out $$out/thesis/records.csv; \
 	$(BIN)/bayes-tyre lsq $$out/inertia/records.csv --bounds beta=:1 --out $$out/inertia/lsq; \
 	$(BIN)/bayes-tyre lsq $$out/thesis/records.csv --region thesis --out $$out/thesis/lsq; \
-	$(BIN)/bayes-tyre fit $$out/inertia/records.csv --law small_step_limit --draws 3000 \
+	$(BIN)/bayes-tyre fit $$out/inertia/records.csv --law small_step_limit \
 	  --out $$out/inertia/fit || { trust=$$?; [ $$trust -eq 4 ]; }; \
 	$(BIN)/bayes-tyre show --truth $$out/raw/truth.csv $$out/thesis/lsq $$out/inertia/lsq $$out/inertia/fit; \
 	exit $$trust
