@@ -1,5 +1,6 @@
 """What the records are off their curves at the posterior means, whitened by the model's own noise."""
 
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -37,6 +38,9 @@ class Residuals(NamedTuple):
     residual_kN, white_kN:
         Shape (records, points), measured less curve; 0 on padding. White: what the model says is independent, all of
         one standard deviation; the same where it says so of the residuals themselves.
+    law_batch, law_whitening:
+        The records and their noise without what residuals about this law were taken to show of it: laws are compared
+        by these.
     rho, whitening:
         Lag-1 autocorrelation of each record's noise (None: it has none), after what makes it alike from point to point
         (None: it is).
@@ -54,6 +58,8 @@ class Residuals(NamedTuple):
     white_kN: Float[np.ndarray, "records points"]
     rho: Float[np.ndarray, " records"] | None
     whitening: Whitening | None
+    law_batch: Batch
+    law_whitening: Whitening | None
     displacement_sd_mm: Float[np.ndarray, " records"]
     law: str = EQUATION_2
     noise_near_start: float = 1.0
@@ -76,11 +82,11 @@ class Residuals(NamedTuple):
 
     def refitted(self, law: str) -> "LawFit":
         """Return each record's own least squares with a law."""
-        noise = "iid" if self.rho is None else "ar1"
-        estimates = estimate_records(self.batch, noise, self.whitening, law=law)
+        batch, whitening = self.law_batch, self.law_whitening
+        estimates = estimate_records(batch, "iid" if self.rho is None else "ar1", whitening, law=law)
         curve = np.asarray(force_curves(jnp.asarray(self.u), estimates.centre, law))
-        residual = np.where(self.batch.present, self.batch.force_kN - curve, 0.0)
-        square = np.sum(whiten(residual, self.batch.present, self.rho, self.whitening) ** 2, axis=1)
+        residual = np.where(batch.present, batch.force_kN - curve, 0.0)
+        square = np.sum(whiten(residual, batch.present, self.rho, whitening) ** 2, axis=1)
         variance = np.linalg.inv(np.asarray(estimates.information))[:, 3, 3]
         return LawFit(square, np.asarray(estimates.log_beta), np.sqrt(variance))
 
@@ -125,12 +131,14 @@ def residuals(tree: xr.DataTree, table: pd.DataFrame) -> Residuals:
     theta = [means["F_i"], means["J"], np.log(means["k"]), np.log(means["beta"])]
     model, rho = model_of(tree), mean["rho"].to_numpy() if "rho" in mean else None
     of_record = find_factors(record_factors(table)).of_record
+    stated = with_noise(batch, of_record, replace(model, noise=model.correlation))
     batch, whitening, sd_mm, factor = with_noise(batch, of_record, model)
     u = batch.displacement_mm - batch.displacement_mm[:, :1]
     curve = force_curves(jnp.asarray(u), jnp.asarray(np.stack(theta, axis=1)), model.law)
     residual = np.where(batch.present, batch.force_kN - np.asarray(curve), 0.0)
     white = whiten(residual, batch.present, rho, whitening)
-    return Residuals(batch, means, residual, white, rho, whitening, sd_mm, model.law, factor)
+    noise = rho, whitening, stated.batch, stated.whitening, sd_mm
+    return Residuals(batch, means, residual, white, *noise, model.law, factor)
 
 
 def autocorrelations(of_records: Residuals) -> Float[np.ndarray, " records"]:

@@ -72,7 +72,7 @@ def unlike_cases(result: Reported) -> bool:
     """Return whether the means over cases of the configurations are over different cases."""
     factor_names = [factor for factor in CASE_FACTORS if factor != "configuration"]
     tested = [
-        {*cases[factor_names].fillna("").itertuples(index=False, name=None)}
+        {*cases[factor_names].astype(str).itertuples(index=False, name=None)}
         for _, cases in result.cases.groupby("configuration")
     ]
     return any(cases != tested[0] for cases in tested)
@@ -82,5 +82,5 @@ def matched_cases(result: Reported, one: str, other: str) -> int:
     """Return how many cases two configurations have in common."""
     factor_names = [factor for factor in CASE_FACTORS if factor != "configuration"]
     cases = result.cases.drop_duplicates(["configuration", *factor_names])
-    mine, theirs = (cases.loc[cases["configuration"] == name, factor_names].fillna("") for name in (one, other))
+    mine, theirs = (cases.loc[cases["configuration"] == name, factor_names].astype(str) for name in (one, other))
     return len(mine.merge(theirs))

@@ -39,12 +39,12 @@ ONE = Plan(configurations=("a",), speeds=(0.0,), loads=(20.0,), steps=(10.0,), r
 FEW = Plan(("a",), (0.0,), (30.0,), (-10.0, -5.0, 5.0, 10.0), points=12)
 SEVEN_STEPS = replace(FEW, steps=tuple(way * step for way in (-1.0, 1.0) for step in np.arange(2.5, 20.0, 2.5)))
 KINDS = {
-    "a remainder of k alone": (FEW, ModelSettings()),
-    "a remainder of k alone, of cases that may stand apart": (SEVEN_STEPS, ModelSettings()),
-    "mixture": (CROSSED, ModelSettings()),
+    "a remainder of k alone": (FEW, ModelSettings(noise="iid")),
+    "a remainder of k alone, of cases that may stand apart": (SEVEN_STEPS, ModelSettings(noise="iid")),
+    "mixture": (CROSSED, ModelSettings(noise="iid")),
     "autoregressive": (SEVERAL, ModelSettings(noise="ar1", initial_load="actual")),
-    "student": (SEVERAL, ModelSettings(repeats="student")),
-    "normal": (SEVERAL, ModelSettings(repeats="normal", likelihood="direct")),
+    "student": (SEVERAL, ModelSettings(repeats="student", noise="iid")),
+    "normal": (SEVERAL, ModelSettings(repeats="normal", likelihood="direct", noise="iid")),
     "one record": (ONE, ModelSettings(noise="ar1")),
 }
 SEEDS = (1, 2, 3)

@@ -161,8 +161,11 @@ def _approximate(
         return jacobian, jacobian @ jacobian.T + floor
 
     sigma = noise(estimate.rss)
-    centre = _polish(centre, lambda theta: white(residual(theta)) / sigma, partial(information, sigma=sigma))
-    sigma = noise(jnp.sum(white(residual(centre)) ** 2))
+    polished = _polish(centre, lambda theta: white(residual(theta)) / sigma, partial(information, sigma=sigma))
+    # Least squares of Equation 2 with independent noise is what `estimate` is.
+    other = (autoregressive > 0) | (whitening is not None) | (law != EQUATION_2)
+    centre = jnp.where(other, polished, centre)
+    sigma = jnp.where(other, noise(jnp.sum(white(residual(centre)) ** 2)), sigma)
     return RecordEstimates(centre, information(centre, sigma)[1], jnp.log(sigma), rho, points.astype(rho.dtype))
 
 
