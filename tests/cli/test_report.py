@@ -68,7 +68,7 @@ def test_a_result_of_motions_is_drawn_anew_and_its_energy_and_loop_with_it(tmp_p
     assert page.count("data:image/svg+xml;base64,") == len({*OF_MOTIONS, "loops_by_direction"})
     assert "data:image/png" not in re.sub(r"base64,[^\"]*", "", page)
     assert "How much energy a cycle loses" in page
-    assert "The loop that loses it" in page
+    assert "The loop of a cycle" in page
     assert "as the fit drew them" not in page
 
 
