@@ -167,8 +167,7 @@ def fit(
     given = {"chains": chains, "warmup": warmup, "draws": draws, "seed": seed}
     settings = settings or SamplerSettings(longest=LONGEST if draws is None else 1)
     settings = replace(settings, **{name: value for name, value in given.items() if value is not None})
-    model = model or ModelSettings()
-    model = replace(model, priors=model.priors.changed(priors or {}))
+    model = _with_priors(model, priors)
     table = check_record_table(records)
     if not units_checked and (suspicions := suspicious_units(table)):
         raise BadInput(f"{suspicions[0]}; or say units_checked=True")
@@ -222,20 +221,6 @@ def diagnose(posterior: xr.DataTree) -> Diagnostics:
     return with_failures(diagnostics.diagnose(posterior), checks_in(posterior, FAILED))
 
 
-def _with_bars(settings: SamplerSettings, stages: Stages) -> SamplerSettings:
-    """Return settings that move the bars too, beside what they call already."""
-
-    def begin(name: str, total: int | None = None) -> None:
-        settings.on_stage(name, total)
-        stages.begin(name, total)
-
-    def advance(done: int) -> None:
-        settings.on_progress(done)
-        stages.advance(done)
-
-    return replace(settings, on_stage=begin, on_progress=advance)
-
-
 def with_log_likelihood(
     posterior: xr.DataTree,
     records: pd.DataFrame,
@@ -257,9 +242,27 @@ def with_log_likelihood(
         For records that are not those of the posterior.
     """
     prepare_jax(_DEVICES)
-    model = model or ModelSettings()
-    model = replace(model, priors=model.priors.changed(priors or {}))
+    model = _with_priors(model, priors)
     return Posterior.of(log_likelihood.with_log_likelihood(posterior, check_record_table(records), model))
+
+
+def _with_priors(model: ModelSettings | None, priors: Mapping[str, object] | None) -> ModelSettings:
+    model = model or ModelSettings()
+    return replace(model, priors=model.priors.changed(priors or {}))
+
+
+def _with_bars(settings: SamplerSettings, stages: Stages) -> SamplerSettings:
+    """Return settings that move the bars too, beside what they call already."""
+
+    def begin(name: str, total: int | None = None) -> None:
+        settings.on_stage(name, total)
+        stages.begin(name, total)
+
+    def advance(done: int) -> None:
+        settings.on_progress(done)
+        stages.advance(done)
+
+    return replace(settings, on_stage=begin, on_progress=advance)
 
 
 def _judged(

@@ -166,6 +166,11 @@ def reweighted(
     raise TypeError(f"{type(whitening).__name__} says all of the noise")
 
 
+def whitening_of(whitening: Whitening, mask: Bool[np.ndarray, " records"]) -> Whitening:
+    """Return the whitening of some of the records, as it is of all."""
+    return whitening if whitening.axis is None else jax.tree.map(lambda field: field[mask], whitening)
+
+
 def smoothed_noise(points: int, window: int) -> SmoothedNoise:
     """Return the whitening of a moving average of `window` samples of independent noise.
 

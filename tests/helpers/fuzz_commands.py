@@ -5,9 +5,6 @@ for minutes is put there: draws of `fit`, draws and estimates of `motion`; of `s
 """
 
 import shutil
-import sys
-import tempfile
-import time
 from collections import Counter
 from pathlib import Path
 from random import Random
@@ -16,6 +13,7 @@ from typing import cast
 import pytest
 import typer
 from helpers.command_line import here, small, tree_of, written
+from helpers.fuzz_settings import fuzz_for_long
 from helpers.quick_fits import put_draws_for_the_sampler, write_result
 from helpers.quick_motions import put_draws_for_the_motions
 from helpers.short_recordings import write_recordings
@@ -149,15 +147,5 @@ def fuzz(examples: int, folder: Path, start: int = 0) -> Counter[int]:
     return counts
 
 
-def main() -> None:
-    """Fuzz as often as the command line says, and print what came out."""
-    examples, start = (*map(int, sys.argv[1:]), *(1000, 0)[len(sys.argv) - 1 :])
-    began = time.monotonic()
-    with tempfile.TemporaryDirectory() as folder:
-        counts = fuzz(examples, Path(folder), start)
-    seconds = time.monotonic() - began
-    print(f"{counts.total()} command lines in {seconds:.0f} s, by exit code: {dict(sorted(counts.items()))}")
-
-
 if __name__ == "__main__":
-    main()
+    fuzz_for_long(fuzz, "command lines")

@@ -5,9 +5,6 @@ As a program (`make fuzz`) it tries many more than the tests do: ``python -m hel
 
 import os
 import shutil
-import sys
-import tempfile
-import time
 from collections import Counter
 from pathlib import Path
 
@@ -15,7 +12,7 @@ from helpers.command_line import here, small, written
 from helpers.fuzz_commands import outcome
 from helpers.fuzz_lvm import mutated
 from helpers.fuzz_readers import TOKENS
-from helpers.fuzz_settings import examples
+from helpers.fuzz_settings import examples, fuzz_for_long
 from helpers.mutated_files import MEANING
 from helpers.quick_fits import write_result
 from helpers.reported_motions import write_motions
@@ -105,15 +102,5 @@ def fuzz(count: int, folder: Path, start: int = 0) -> Counter[int]:
     return counts
 
 
-def main() -> None:
-    """Fuzz as often as the command line says, and print what came out."""
-    count, start = (*map(int, sys.argv[1:]), *(1000, 0)[len(sys.argv) - 1 :])
-    began = time.monotonic()
-    with tempfile.TemporaryDirectory() as folder:
-        counts = fuzz(count, Path(folder), start)
-    seconds = time.monotonic() - began
-    print(f"{counts.total()} damaged results in {seconds:.0f} s, by exit code: {dict(sorted(counts.items()))}")
-
-
 if __name__ == "__main__":
-    main()
+    fuzz_for_long(fuzz, "damaged results")

@@ -38,12 +38,12 @@ class Residuals(NamedTuple):
     residual_kN, white_kN:
         Shape (records, points), measured less curve; 0 on padding. White: what the model says is independent, all of
         one standard deviation; the same where it says so of the residuals themselves.
-    law_batch, law_whitening:
-        The records and their noise without what residuals about this law were taken to show of it: laws are compared
-        by these.
     rho, whitening:
         Lag-1 autocorrelation of each record's noise (None: it has none), after what makes it alike from point to point
         (None: it is).
+    law_batch, law_whitening:
+        The records and their noise without what residuals about this law were taken to show of it: laws are compared
+        by these.
     displacement_sd_mm:
         Shape (records,): standard deviation of the error of a displacement; 0 where the model has none.
     law:
@@ -131,14 +131,16 @@ def residuals(tree: xr.DataTree, table: pd.DataFrame) -> Residuals:
     theta = [means["F_i"], means["J"], np.log(means["k"]), np.log(means["beta"])]
     model, rho = model_of(tree), mean["rho"].to_numpy() if "rho" in mean else None
     of_record = find_factors(record_factors(table)).of_record
-    stated = with_noise(batch, of_record, replace(model, noise=model.correlation))
-    batch, whitening, sd_mm, factor = with_noise(batch, of_record, model)
+    noise = stated = with_noise(batch, of_record, replace(model, noise=model.correlation))
+    if model.uneven:
+        noise = with_noise(batch, of_record, model)
+    batch, whitening, sd_mm, factor = noise
     u = batch.displacement_mm - batch.displacement_mm[:, :1]
     curve = force_curves(jnp.asarray(u), jnp.asarray(np.stack(theta, axis=1)), model.law)
     residual = np.where(batch.present, batch.force_kN - np.asarray(curve), 0.0)
     white = whiten(residual, batch.present, rho, whitening)
-    noise = rho, whitening, stated.batch, stated.whitening, sd_mm
-    return Residuals(batch, means, residual, white, *noise, model.law, factor)
+    of_law = stated.batch, stated.whitening
+    return Residuals(batch, means, residual, white, rho, whitening, *of_law, sd_mm, model.law, factor)
 
 
 def autocorrelations(of_records: Residuals) -> Float[np.ndarray, " records"]:

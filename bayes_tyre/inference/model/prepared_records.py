@@ -16,6 +16,7 @@ from bayes_tyre.inference.correlated_noise import (
     Whitening,
     shared_error,
     smoothed_noise,
+    whitening_of,
 )
 from bayes_tyre.inference.least_squares.table import LARGEST, THESIS_SHARE
 from bayes_tyre.inference.model.coordinates.laplace import (
@@ -99,9 +100,11 @@ class PreparedRecords(NamedTuple):
         return laplace_approximation(self.batch, self.factors, *options)
 
     def only(self, mask: Bool[np.ndarray, " records"], model: ModelSettings) -> "PreparedRecords":
-        """Return some of the records; their factors keep all cases."""
+        """Return some of the records; their factors keep all cases, and their noise is what all records show of it."""
         factors = replace(self.factors, of_record=self.factors.of_record[mask])
-        return prepare_batch(self.measured.only(mask), self.factor_table[mask].reset_index(drop=True), factors, model)
+        factor_table = self.factor_table[mask].reset_index(drop=True)
+        whitening = None if self.whitening is None else whitening_of(self.whitening, mask)
+        return _prepared(self.measured.only(mask), self.batch.only(mask), factor_table, factors, whitening, model)
 
 
 def prepare_records(table: pd.DataFrame, model: ModelSettings) -> PreparedRecords:
@@ -121,8 +124,19 @@ def prepare_records(table: pd.DataFrame, model: ModelSettings) -> PreparedRecord
 
 def prepare_batch(batch: Batch, factor_table: pd.DataFrame, factors: Factors, model: ModelSettings) -> PreparedRecords:
     """Return a batch of records as a model takes them; `factors` may hold cases without a record."""
-    measured, noise = batch, with_noise(batch, factors.of_record, model)
-    batch, whitening = noise.batch, noise.whitening
+    noise = with_noise(batch, factors.of_record, model)
+    return _prepared(batch, noise.batch, factor_table, factors, noise.whitening, model)
+
+
+def _prepared(
+    measured: Batch,
+    batch: Batch,
+    factor_table: pd.DataFrame,
+    factors: Factors,
+    whitening: Whitening | None,
+    model: ModelSettings,
+) -> PreparedRecords:
+    """Return records whose noise is known, with their likelihood."""
     data = record_data(batch)
     if model.likelihood == "direct":
         likelihood = DirectLikelihood(data, whitening, model.law)

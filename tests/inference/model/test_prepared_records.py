@@ -1,5 +1,6 @@
 """Records as the model takes them: the error of the mass that was taken off is one that a record's points share."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pandas as pd
@@ -7,6 +8,7 @@ import pytest
 from helpers.simulated_records import Plan, simulate
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.correlated_noise import SharedError
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.model.prepared_records import prepare_records, record_batch
 from bayes_tyre.inference.model.settings import ModelSettings
@@ -63,3 +65,17 @@ def test_a_mass_that_is_no_number_is_refused():
     table, _ = with_masses_off(3)
     with pytest.raises(BadInput, match=r"columns force_per_kg_kN and mass_sd_kg: .*heavy.*; mend the cell or remove"):
         prepare_records(table.assign(mass_sd_kg="heavy"), ModelSettings())
+
+
+def test_some_of_the_records_have_the_noise_that_all_of_them_show():
+    table, _ = with_masses_off(3)
+    records = prepare_records(table, ModelSettings())
+    some = np.arange(len(records.batch.records)) % 5 == 0
+    whole, part = records.whitening, records.only(some, ModelSettings()).whitening
+    assert isinstance(whole, SharedError)
+    assert isinstance(part, SharedError)
+    for own, of_all in zip(jax.tree.leaves(part), jax.tree.leaves(whole), strict=True):
+        np.testing.assert_array_equal(own, of_all[some])
+    independent = ModelSettings(noise_window=5)
+    smoothed = prepare_records(table.drop(columns="mass_sd_kg"), independent)
+    assert smoothed.only(some, independent).whitening is smoothed.whitening
