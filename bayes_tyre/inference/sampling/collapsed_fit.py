@@ -29,6 +29,8 @@ from bayes_tyre.inference.sampling.summary_error import (
 
 #: Chunks of the pilot run: the last one's draws say where the records' posterior is.
 _PILOT_CHUNKS = 3
+#: Pilot runs at most: of thousands of records, the Laplace approximation's summaries may be too far off for one.
+_MOST_PILOTS = 2
 
 
 def collapsed_in_coordinates(approximation: LaplaceApproximation, **arguments: Any) -> None:
@@ -83,11 +85,14 @@ def sample_collapsed(
         chains = make_chains(collapsed_in_coordinates, blank, settings, record_starts(arguments), CAREFUL_ACCEPTANCE)
         approximation, summaries = summarising.result()
     known, starts = {"approximation": approximation, **arguments}, record_starts(arguments, approximation.records)
-    rough = {**known, "summaries": summaries}
-    refined, error = pilot(chains.given(rough, starts), rough, settings)
+    for _ in range(_MOST_PILOTS):
+        rough = {**known, "summaries": summaries}
+        summaries, error = pilot(chains.given(rough, starts), rough, settings)
+        if error.at_least <= PILOT_ERROR_MOST or not np.isfinite(error.at_least):
+            break
     runs: tuple[SamplerRun, ...] = ()
     if error.at_least <= PILOT_ERROR_MOST:
-        chains = chains.given({**known, "summaries": refined}, starts)
+        chains = chains.given({**known, "summaries": summaries}, starts)
         errors: list[SummaryError] = []
 
         def good_enough(draws: Draws) -> bool:

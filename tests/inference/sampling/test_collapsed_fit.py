@@ -36,8 +36,7 @@ STATISTICS = ("mean", "sd")
 def fitted(plan: Plan, sampler: str = "collapsed", weight: float = PRIORS.apart_weight) -> xr.DataTree:
     table = check_record_table(simulate(plan, 1)[0])
     priors = PRIORS.changed({"apart_weight": weight})
-    # Of records of so few points no summary has the correlation of the noise.
-    return fit_hierarchical(table, ENOUGH, ModelSettings(sampler=sampler, priors=priors, noise="iid"))
+    return fit_hierarchical(table, ENOUGH, ModelSettings(sampler=sampler, priors=priors))
 
 
 @pytest.mark.slow

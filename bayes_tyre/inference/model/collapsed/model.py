@@ -54,11 +54,12 @@ def collapsed_records_model(
     """
     hyperparameters = sample_hyperparameters(prior_sites(factors, repeats, noise), priors)
     typical, sd_of_noise = _sample_noise(hyperparameters, len(factors.of_record), noise, priors)
-    collapsed = collapse_repeats(summaries.values, factors, repeats, hyperparameters, priors=priors)
-    sd_J = hyperparameters["sd_J"]
     of_noise, interaction, noise_given = summaries.noise.log_marginal(typical, sd_of_noise)
+    values, constant = summaries.values.given(typical + noise_given.draw(jnp.zeros_like(typical.T)).T)
+    collapsed = collapse_repeats(values, factors, repeats, hyperparameters, priors=priors)
+    sd_J = hyperparameters["sd_J"]
     of_offsets = summaries.offsets.at(sd_J)
-    numpyro.factor("log_density_of_noise", of_noise)
+    numpyro.factor("log_density_of_noise", of_noise + constant)
     numpyro.factor("log_density_of_offsets", of_offsets)
     key = numpyro.prng_key()
     if key is None:  # a density, not a draw, is wanted
@@ -69,7 +70,7 @@ def collapsed_records_model(
     z = jax.random.normal(for_noise, (_PROPOSALS, *typical.T.shape))
     noises = typical + jnp.moveaxis(jax.vmap(noise_given.draw)(z), 1, -1)
     exact = jax.vmap(record_log_density, in_axes=(None, None, 0, 0, None))(data, likelihood, log_values, noises, sd_J)
-    missed = exact - summaries.values.at(log_values) - summaries.noise.at(noises) - of_offsets - interaction
+    missed = exact - values.at(log_values) - constant - summaries.noise.at(noises) - of_offsets - interaction
     # The logarithm of a mean of so few would miss part of their variance: its first two cumulants do not.
     gained = jnp.mean(missed, axis=0) + 0.5 * jnp.var(missed, axis=0, ddof=1)
     by_case = jnp.zeros(len(factors.cases)).at[factors.of_record].add(gained)

@@ -8,7 +8,6 @@ Computation 21, with Stein's identities in place of derivatives; means by Gauss-
 """
 
 from itertools import product
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from bayes_tyre.inference.model.collapsed.nearest_quadratics import Moments, project, project_values
 from bayes_tyre.inference.model.collapsed.record_summaries import (
     VALUES,
     NoiseSummaries,
@@ -35,13 +35,6 @@ _POINTS, _POINTS_OF_NOISE = 5, 4
 _ROUNDS = 3
 #: Share of the variance of the noise's estimates that is at least put down to the noise: records may agree by chance.
 _LEAST_NOISE_SHARE = 0.1
-
-
-class _Moments(NamedTuple):
-    """An approximate posterior of the records: means, and a square root of each covariance."""
-
-    mean: Float[Array, "records n"]
-    root: Float[Array, "records n n"]
 
 
 def summarise_records(
@@ -97,7 +90,7 @@ def _summarise(
     moments = _moments(records.of_log_values(sd_J), case, scatter), _moments(noises, typical, spread)
     for _ in range(_ROUNDS - 1):
         values, noise, _ = _nearest(data, likelihood, offsets, *moments)
-        moments = _moments(values, case, scatter), _moments(noise.quadratic, typical, spread)
+        moments = _moments(values.given(values.noise)[0], case, scatter), _moments(noise.quadratic, typical, spread)
     return _nearest(data, likelihood, offsets, *moments)
 
 
@@ -125,23 +118,23 @@ def refine_summaries(
     return _nearest(data, likelihood, offsets, _moments_of(log_values), _moments_of(noise))
 
 
-def _moments_of(draws: Float[Array, "draws records n"]) -> _Moments:
+def _moments_of(draws: Float[Array, "draws records n"]) -> Moments:
     """Return the moments of draws."""
     mean = jnp.mean(draws, axis=0)
     off = draws - mean
-    return _Moments(mean, jnp.linalg.cholesky(jnp.einsum("dri,drj->rij", off, off) / len(draws)))
+    return Moments(mean, jnp.linalg.cholesky(jnp.einsum("dri,drj->rij", off, off) / len(draws)))
 
 
 def _moments(
     quadratic: QuadraticApproximation, above: Float[Array, "records n"], scale: Float[Array, "records n"]
-) -> _Moments:
+) -> Moments:
     """Return the posterior of unknowns that are Normal(above, scale)."""
     posterior = NormalPosterior(quadratic.slope_at(above).T, jnp.moveaxis(quadratic.precision, 0, -1), scale.T)
-    return _Moments(above + posterior.draw(jnp.zeros_like(scale.T)).T, jnp.moveaxis(posterior.root(), -1, 0))
+    return Moments(above + posterior.draw(jnp.zeros_like(scale.T)).T, jnp.moveaxis(posterior.root(), -1, 0))
 
 
 def _nearest(
-    data: RecordData, likelihood: Likelihood, offsets: OffsetSummaries, values: _Moments, noise: _Moments
+    data: RecordData, likelihood: Likelihood, offsets: OffsetSummaries, values: Moments, noise: Moments
 ) -> RecordSummaries:
     """Return the summaries nearest to the log density, on average over independent posteriors of values and noise."""
     nodes, weights = _quadrature((_POINTS,) * VALUES + (_POINTS_OF_NOISE,) * noise.mean.shape[1])
@@ -163,24 +156,9 @@ def _nearest(
     _, known = jax.jvp(lambda log_sd_J: estimates.at(jnp.exp(log_sd_J)), (jnp.log(offsets.sd_J),), (jnp.ones(()),))
     third = jnp.einsum("mr,mi->ri", weighted, jnp.asarray(of_noise**3 - 3.0 * of_noise))
     interaction = 0.5 * _slope_variance(weighted, of_noise, weights)
-    noises = NoiseSummaries(_project(weighted, of_noise, noise), jnp.linalg.inv(noise.root), third, interaction)
+    noises = NoiseSummaries(project(weighted, of_noise, noise), jnp.linalg.inv(noise.root), third, interaction)
     offsets = offsets._replace(slope=jnp.asarray(weights) @ slope - known)
-    return RecordSummaries(_project(weighted, of_values, values), noises, offsets)
-
-
-def _project(
-    weighted: Float[Array, "nodes records"], z: Float[np.ndarray, "nodes n"], moments: _Moments
-) -> QuadraticApproximation:
-    """Return the quadratic in some unknowns nearest to a log density, given times its weight at nodes z."""
-    slope = jnp.einsum("mr,mi->ri", weighted, jnp.asarray(z))
-    second = z[:, :, None] * z[:, None, :] - np.eye(z.shape[1])
-    curvature = jnp.einsum("mr,mij->rij", weighted, jnp.asarray(second))
-    # Where a record says nothing, or the density is hollow: no information rather than a negative one.
-    size, along = jnp.linalg.eigh(-curvature)
-    whiten = jnp.linalg.inv(moments.root)
-    across = jnp.einsum("rji,rjk->rik", along, whiten)
-    precision = jnp.einsum("rji,rj,rjk->rik", across, jnp.maximum(size, 0.0), across)
-    return QuadraticApproximation(moments.mean, jnp.einsum("rji,rj->ri", whiten, slope), precision)
+    return RecordSummaries(project_values(weighted, of_values, of_noise, values, noise), noises, offsets)
 
 
 def _slope_variance(

@@ -63,6 +63,53 @@ class NoiseSummaries(NamedTuple):
         return quadratic.at(above) + posterior.log_marginal + third + interaction, interaction, posterior
 
 
+class ValueSummaries(NamedTuple):
+    """What the records say of (log k, log beta) at a value of their noise, F_i and J integrated out.
+
+    What a record knows of its values scales with its noise, and where its likelihood is largest may move. Taken at one
+    noise, the density would be off by its slope in the typical noise, which adds up over records.
+
+    Attributes
+    ----------
+    centre:
+        Shape (records, 2): approximate posterior mean of the values.
+    root:
+        Shape (records, directions, 2): times the values about the centre, coordinates in which the log likelihood is
+        that of as many independent normals of variance 1; at the noise `noise`.
+    score:
+        Shape (records, directions): where these have their mean.
+    log_rate, score_rate:
+        Shape (records, directions, q): derivatives of the logarithm of their precision, and of `score`, with respect to
+        the noise.
+    variance:
+        Shape (records, directions): of these coordinates under the approximate posterior.
+    noise:
+        Shape (records, q): the noise about which this is.
+    """
+
+    centre: Float[Array, "records 2"]
+    root: Float[Array, "records directions 2"]
+    score: Float[Array, "records directions"]
+    log_rate: Float[Array, "records directions q"]
+    score_rate: Float[Array, "records directions q"]
+    variance: Float[Array, "records directions"]
+    noise: Float[Array, "records q"]
+
+    def given(self, noise: Float[Array, "records q"]) -> tuple[QuadraticApproximation, Float[Array, " records"]]:
+        """Return the log density of the values at this noise, less a constant; and that constant.
+
+        With it the mean over the approximate posterior of the values is the same at every noise: how that mean follows
+        the noise is what `NoiseSummaries` say.
+        """
+        off = noise - self.noise
+        precision = jnp.exp(jnp.einsum("rdq,rq->rd", self.log_rate, off))
+        score = self.score + jnp.einsum("rdq,rq->rd", self.score_rate, off)
+        slope = jnp.einsum("rd,rdi->ri", precision * score, self.root)
+        constant = 0.5 * jnp.sum((precision - 1.0) * self.variance, axis=-1)
+        of_values = jnp.einsum("rdi,rd,rdj->rij", self.root, precision, self.root)
+        return QuadraticApproximation(self.centre, slope, of_values), constant
+
+
 class OffsetSummaries(NamedTuple):
     """What the records say of the standard deviation of J, kN; shape (records,).
 
@@ -92,12 +139,12 @@ class RecordSummaries(NamedTuple):
     Attributes
     ----------
     values:
-        Of (log k, log beta), F_i, J and the noise integrated out; shape (records, 2).
+        Of (log k, log beta), F_i and J integrated out, at a value of the noise.
     noise, offsets:
         Of the noise, and of the standard deviation of J.
     """
 
-    values: QuadraticApproximation
+    values: ValueSummaries
     noise: NoiseSummaries
     offsets: OffsetSummaries
 
@@ -116,12 +163,14 @@ def record_log_density(
 
 def empty_summaries(records: int, noise: str) -> RecordSummaries:
     """Return zeros of the shapes that `summarise_records` gives, to compile for."""
+    q = 2 if noise == "ar1" else 1
 
-    def blank(count: int) -> QuadraticApproximation:
-        shapes = (records, count), (records, count), (records, count, count)
-        return QuadraticApproximation(*(jnp.asarray(np.zeros(shape)) for shape in shapes))
+    def blank(*shape: int) -> Array:
+        return jnp.asarray(np.zeros((records, *shape)))
 
-    of_noise, of_each = blank(2 if noise == "ar1" else 1), jnp.asarray(np.zeros(records))
+    of_noise = QuadraticApproximation(blank(q), blank(q), blank(q, q))
+    by_value, by_noise = blank(VALUES), blank(VALUES, q)
+    values = ValueSummaries(by_value, blank(VALUES, VALUES), by_value, by_noise, by_noise, by_value, blank(q))
     noises = NoiseSummaries(of_noise, of_noise.precision, of_noise.slope, of_noise.slope)
-    offsets = OffsetSummaries(of_each, of_each, jnp.asarray(np.ones(())), of_each)
-    return RecordSummaries(blank(VALUES), noises, offsets)
+    offsets = OffsetSummaries(blank(), blank(), jnp.asarray(np.ones(())), blank())
+    return RecordSummaries(values, noises, offsets)

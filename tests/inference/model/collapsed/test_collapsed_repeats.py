@@ -106,20 +106,29 @@ def test_the_density_is_that_of_a_mixture_of_normals(discordant, remainder, apar
             )
 
 
-def test_gradients_are_those_of_finite_differences():
-    repeats = made(4)
+@pytest.mark.parametrize("discordant", [True, False])
+@pytest.mark.parametrize("remainder", [0.3, 0.0])
+def test_gradients_are_those_of_finite_differences(discordant, remainder):
+    """Of all that a case's density depends on: they come from moments, not from differentiation."""
+    repeats, step = made(4, discordant, remainder), 1e-6
+    values = {name: getattr(repeats.about, name) for name in ("mean", "remainder", "scatter")}
+    values |= {name: getattr(repeats.estimates, name) for name in ("slope", "precision")}
+    if discordant:
+        values["weight"] = repeats.weight
 
-    def density(mean: jax.Array) -> jax.Array:
-        return repeats._replace(about=repeats.about._replace(mean=mean)).given().log_density.sum()
+    def density(values: dict[str, jax.Array]) -> jax.Array:
+        about = repeats.about._replace(**{name: values[name] for name in ("mean", "remainder", "scatter")})
+        estimates = repeats.estimates._replace(slope=values["slope"], precision=values["precision"])
+        weight = values.get("weight", repeats.weight)
+        return repeats._replace(about=about, estimates=estimates, weight=weight).given().log_density.sum()
 
-    mean, step = repeats.about.mean, 1e-6
-    slope = np.asarray(jax.grad(density)(mean))
-    for place in np.ndindex(*mean.shape):
-        off = jnp.zeros_like(mean).at[place].set(step)
-        # Of second order in the step: 1e-12 of a third derivative of some 1e3, and rounding of 1e-16 / 1e-6.
-        assert slope[place] == pytest.approx(
-            float(density(mean + off) - density(mean - off)) / (2 * step), rel=1e-6, abs=1e-6
-        )
+    slopes, difference = jax.grad(density)(values), jax.jit(density)
+    for name, value in values.items():
+        for place in np.ndindex(*value.shape):
+            by = {sign: difference({**values, name: value.at[place].add(sign * step)}) for sign in (-1, 1)}
+            # Of second order in the step: 1e-12 of a third derivative of some 1e3, and rounding of 1e-16 / 1e-6.
+            expected = float(by[1] - by[-1]) / (2 * step)
+            assert float(slopes[name][place]) == pytest.approx(expected, rel=1e-6, abs=1e-6), (name, place)
 
 
 def test_draws_of_records_have_the_moments_of_their_normal():

@@ -13,7 +13,12 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 
 from bayes_tyre.inference.model.collapsed.nearest_summaries import refine_summaries, summarise_records
-from bayes_tyre.inference.model.collapsed.record_summaries import RecordSummaries, empty_summaries, record_log_density
+from bayes_tyre.inference.model.collapsed.record_summaries import (
+    RecordSummaries,
+    ValueSummaries,
+    empty_summaries,
+    record_log_density,
+)
 from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation
 from bayes_tyre.inference.model.normal_posterior import NormalPosterior
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
@@ -52,13 +57,13 @@ class Shared(NamedTuple):
 
 def given(summaries: RecordSummaries, shared: Shared) -> tuple[NormalPosterior, NormalPosterior, np.ndarray]:
     """Return the posteriors of values and noise by the summaries, and the log density with both integrated out."""
-    values, count = summaries.values, len(shared.above)
-    above = jnp.asarray(shared.above)
-    scatter = jnp.broadcast_to(jnp.asarray(shared.scatter)[:, None], (2, count))
-    posterior = NormalPosterior(values.slope_at(above).T, jnp.moveaxis(values.precision, 0, -1), scatter)
+    count, above = len(shared.above), jnp.asarray(shared.above)
     noise, sd = (jnp.broadcast_to(jnp.asarray(each), (count, len(each))) for each in (shared.noise, shared.sd))
     of_noise, _, noise_posterior = summaries.noise.log_marginal(noise, sd)
-    log_density = values.at(above) + posterior.log_marginal + of_noise
+    values, constant = summaries.values.given(noise + noise_posterior.draw(jnp.zeros_like(noise.T)).T)
+    scatter = jnp.broadcast_to(jnp.asarray(shared.scatter)[:, None], (2, count))
+    posterior = NormalPosterior(values.slope_at(above).T, jnp.moveaxis(values.precision, 0, -1), scatter)
+    log_density = values.at(above) + constant + posterior.log_marginal + of_noise
     log_density = log_density + summaries.offsets.at(jnp.asarray(shared.sd_J))
     return posterior, noise_posterior, np.asarray(log_density)
 
@@ -134,6 +139,46 @@ def test_records_are_summed_up_about_the_draws_given():
     np.testing.assert_allclose((case.summaries.values.centre - mean) / sd, 0.0, atol=0.05)
     found = np.asarray(given(case.summaries, shared)[0].root())
     np.testing.assert_allclose(np.sqrt((found**2).sum(axis=1)).T / sd, 1.0, atol=0.05)
+
+
+@pytest.mark.parametrize("noise", ["iid", "ar1"])
+def test_what_records_say_of_their_values_follows_their_noise(noise):
+    case, random = made(noise), np.random.default_rng(3)
+    centre = np.asarray(case.summaries.values.centre)
+    log_values = jnp.asarray(centre + 0.3 * SCATTER * random.standard_normal((200, *centre.shape)))
+    at = np.asarray(case.summaries.values.noise)
+    noises = at + 0.02 * random.standard_normal((200, *at.shape))
+    known = case.records.data, case.records.likelihood, case.summaries
+    sd_J = case.summaries.offsets.sd_J
+
+    def summed_up(noises: np.ndarray) -> ValueSummaries:
+        return refine_summaries(*known, log_values, jnp.asarray(noises), sd_J).values
+
+    here, off = summed_up(noises), np.array([0.1, 0.2][: at.shape[1]])
+    there = summed_up(noises + off)
+    (exact, _), (followed, _), (still, _) = there.given(there.noise), here.given(there.noise), here.given(here.noise)
+    # Of second order in the change of the noise: exactly right but for a prior of F_i where it is sigma's.
+    size = np.sqrt(np.einsum("rii->ri", exact.precision))
+    relative = (np.asarray(followed.precision) - exact.precision) / (size[:, :, None] * size[:, None])
+    np.testing.assert_allclose(relative, 0.0, atol=0.03)
+    np.testing.assert_allclose((np.asarray(followed.slope) - exact.slope) / size, 0.0, atol=0.03)
+    unmoved = (np.asarray(still.precision) - exact.precision) / (size[:, :, None] * size[:, None])
+    assert np.abs(np.einsum("rii->ri", unmoved)).min() > 0.15
+
+
+def test_the_mean_over_the_values_is_the_same_at_every_noise():
+    values, random = made("ar1").summaries.values, np.random.default_rng(4)
+    # Coordinates whose variance is known, as `draws` have exactly: their mean is 0 and they are uncorrelated.
+    draws = random.standard_normal((50, *values.score.shape))
+    draws -= draws.mean(axis=0)
+    root = np.linalg.cholesky(np.einsum("mri,mrj->rij", draws, draws) / 50)
+    draws = np.linalg.solve(root, draws[..., None])[..., 0] * np.sqrt(values.variance)
+    log_values = values.centre + np.linalg.solve(np.asarray(values.root), draws[..., None])[..., 0]
+    means = []
+    for off in (np.zeros(2), np.array([0.2, -0.1])):
+        density, constant = values.given(values.noise + off)
+        means.append(np.asarray(density.at(jnp.asarray(log_values))).mean(axis=0) + constant)
+    np.testing.assert_allclose(means[1], means[0], rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("noise", ["iid", "ar1"])
