@@ -105,6 +105,15 @@ def sentence(table: pd.DataFrame) -> str:
     return "; ".join(sentences) + "."
 
 
+def rank_lines(table: pd.DataFrame) -> list[str]:
+    """Return a line a model: rank, name, expected log predictive density, difference from the best, and weight."""
+    return [
+        f"{row.rank}  {row.model}  elpd {row.elpd:.1f} ± {row.se:.1f}  difference {row.elpd_difference:.1f} "
+        f"± {row.difference_se:.1f}  weight {row.weight:.2f}  {row.verdict}"
+        for row in table.itertuples()
+    ]
+
+
 def _listed(models: pd.DataFrame) -> str:
     figures = zip(models["model"], models["elpd_difference"], models["difference_se"], strict=True)
     return ", ".join(f"{name} ({difference:.1f} ± {error:.1f})" for name, difference, error in figures)

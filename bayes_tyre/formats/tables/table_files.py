@@ -178,7 +178,7 @@ def read_table(path: Path, layout: Layout | None = None) -> pd.DataFrame:
 def _remedy(suffix: str) -> str:
     use = f"use {_KINDS}"
     if suffix in _WORKBOOKS:
-        return f"{use}: save the sheet as CSV (UTF-8)"
+        return f"{use}: save it as .xlsx, or the sheet as CSV (UTF-8)"
     return f"{use}: name it .csv if commas, semicolons or tabs stand between its cells" if suffix in _TEXTS else use
 
 

@@ -1,4 +1,4 @@
-"""The answer of a command without a posterior (`audit`, `study`, `modes`, `next`) once more, from its folder."""
+"""The answer of a command without a posterior (`audit`, `study`, `modes`, `next`, `compare`) again, from its folder."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -20,7 +20,7 @@ def answer(folder: Path) -> list[str]:
         If the table is not what the command writes.
     """
     found = next((name for name in _ANSWERS if (folder / name).is_file()), None)
-    if found is None:
+    if found is None or (folder / "posterior.nc").is_file():  # beside a posterior, whose answer is its own
         return []
     try:
         return _ANSWERS[found](read_table(folder / found), folder)
@@ -102,6 +102,13 @@ def _next(table: pd.DataFrame, folder: Path) -> list[str]:
     return [about, *candidate_lines(table.assign(**given)), plan_line(timed, now)]
 
 
+def _comparison(table: pd.DataFrame, folder: Path) -> list[str]:
+    from bayes_tyre.results.model_comparison import rank_lines, sentence
+
+    del folder
+    return ["models compared by leave-one-record-out", *rank_lines(table), sentence(table)]
+
+
 #: By the table that only this command writes.
 _ANSWERS: Mapping[str, Callable[[pd.DataFrame, Path], list[str]]] = {
     "audit.csv": _audit,
@@ -112,4 +119,5 @@ _ANSWERS: Mapping[str, Callable[[pd.DataFrame, Path], list[str]]] = {
     "coverage.csv": _coverage,
     "modes.csv": _modes,
     "next.csv": _next,
+    "comparison.csv": _comparison,
 }

@@ -56,8 +56,8 @@ def test_an_empty_file_is_refused(tmp_path, name):
 @pytest.mark.parametrize(
     ("name", "said", "remedy"),
     [
-        ("records.xls", ".xls", "save the sheet as CSV (UTF-8)"),
-        ("records.ODS", ".ODS", "save the sheet as CSV (UTF-8)"),
+        ("records.xls", ".xls", "save it as .xlsx, or the sheet as CSV (UTF-8)"),
+        ("records.ODS", ".ODS", "save it as .xlsx, or the sheet as CSV (UTF-8)"),
         ("records.txt", ".txt", "name it .csv"),
         ("records", "no suffix", ""),
         ("a.csv.gz", ".gz", ""),

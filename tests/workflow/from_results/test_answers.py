@@ -49,6 +49,19 @@ def test_a_ring_and_a_calibration_say_what_is_not_identified_or_not_calibrated(t
     assert lines[1:] == ["calibrated: 1 of 2 parameters", "not calibrated: beta"]
 
 
+def test_a_comparison_is_shown_as_it_was_printed_but_not_beside_a_posterior(tmp_path):
+    columns = "rank,model,elpd,se,elpd_difference,difference_se,weight,records,verdict\n"
+    folder = folder_of(tmp_path, comparison=f"{columns}1,one,10,1,0,0,0.9,24,pass\n2,two,2,1.5,-8,2,0.1,24,fail\n")
+    assert answer(folder) == [
+        "models compared by leave-one-record-out",
+        "1  one  elpd 10.0 ± 1.0  difference 0.0 ± 0.0  weight 0.90  pass",
+        "2  two  elpd 2.0 ± 1.5  difference -8.0 ± 2.0  weight 0.10  fail",
+        "one predicts a record left out better than two (-8.0 ± 2.0), by more than chance.",
+    ]
+    (folder / "posterior.nc").touch()
+    assert answer(folder) == []
+
+
 def test_show_prints_it_and_refuses_another_program_s_table(tmp_path):
     shown = here("show", folder_of(tmp_path, modes=MODES))
     assert (shown.exit_code, shown.stderr) == (0, "")

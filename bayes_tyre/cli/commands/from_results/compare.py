@@ -37,17 +37,13 @@ def compare(
     from bayes_tyre.runtime import prepare_jax
 
     prepare_jax(4)
+    from bayes_tyre.results.model_comparison import rank_lines
     from bayes_tyre.workflow.from_results.compare import compare_folders
 
     with progress("compare", len(folders), quiet) as advance:
         done = compare_folders(folders, out or folders[0], refit=refit, on_note=warn, on_progress=advance)
-    if not quiet:
-        for row in done.table.itertuples():
-            typer.echo(
-                f"{row.rank}  {row.model}  elpd {row.elpd:.1f} ± {row.se:.1f}  difference {row.elpd_difference:.1f} "
-                f"± {row.difference_se:.1f}  weight {row.weight:.2f}  {row.verdict}"
-            )
-    say(done.sentence, quiet)
+    for line in (*rank_lines(done.table), done.sentence):
+        say(line, quiet)
     for path in done.paths:
         say(f"wrote {path}", quiet)
     for failure in done.failed:

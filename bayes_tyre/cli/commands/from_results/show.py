@@ -15,8 +15,8 @@ def show(
     results: Annotated[
         list[Path],
         typer.Argument(
-            help="Folders that fit, motion, published --posterior, lsq, load-deflection, audit, study, modes or next "
-            "wrote; with --truth fit, motion or lsq."
+            help="Folders that fit, motion, published --posterior, lsq, load-deflection, audit, study, modes, next or "
+            "compare wrote; with --truth fit, motion or lsq."
         ),
     ],
     truth: Annotated[
@@ -33,8 +33,8 @@ def show(
     """Print the answer of results on disk: k (kN/mm) and beta (mm) by configuration and direction, with intervals.
 
     First how much stiffer one configuration is than the other, last what not to believe and the next command. Of lsq
-    and load-deflection the first 20 rows of each table, with standard errors, units and status; of audit, study, modes
-    and next what the command printed.
+    and load-deflection the first 20 rows of each table, with standard errors, units and status; of audit, study, modes,
+    next and compare what the command printed.
 
     Example: bayes-tyre show results/published/posterior results/fit --limit "k >= 1.8"
     """
