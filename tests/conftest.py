@@ -6,7 +6,9 @@ import shutil
 import signal
 import sys
 import tempfile
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
+from types import SimpleNamespace
+from typing import Any
 
 import psutil
 import pytest
@@ -82,6 +84,38 @@ def fully_compiled() -> Iterator[None]:
     jax.config.update("jax_disable_most_optimizations", False)
     yield
     jax.config.update("jax_disable_most_optimizations", True)
+
+
+@pytest.fixture(scope="module")
+def iterations_fully_compiled() -> Iterator[None]:
+    """Have the iterations of NUTS alone compiled as users have them: all else of a fit runs once or a few times.
+
+    What one fit compiles takes 24 s of a core so, 42 s in full, and 21 s without optimisation. That what runs a few
+    times is right when fully compiled is tested in `test_marginal_mixture` and `test_hierarchical_fit`.
+    """
+    from bayes_tyre.inference.sampling.nuts import Chains
+
+    mapped = Chains._mapped
+
+    def mapped_in_full(chains: Chains, function: Callable[[Any, Any], Any]) -> Any:
+        jitted = mapped(chains, function)
+        return _InFull(jitted) if function == chains._sample else jitted
+
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(Chains, "_mapped", mapped_in_full)
+        yield
+
+
+class _InFull:
+    """A jitted function whose lowered form is compiled with the options that `JAX_DISABLE_MOST_OPTIMIZATIONS` sets."""
+
+    def __init__(self, jitted: Any) -> None:
+        self._jitted = jitted
+
+    def lower(self, *arguments: Any) -> Any:
+        lowered = self._jitted.lower(*arguments)
+        options = {"xla_backend_optimization_level": 3, "xla_llvm_disable_expensive_passes": False}
+        return SimpleNamespace(compile=lambda: lowered.compile(compiler_options=options))
 
 
 @pytest.fixture(scope="module")
