@@ -22,13 +22,16 @@ def prepare_jax(devices: int = 1) -> None:
     Call it before the first computation: the number of devices is fixed when JAX starts. Where JAX has started
     already, the devices stay as they are (chains then run one after another) and only float64 is set. What JAX
     compiles is cached in the user's cache folder for the next run, unless JAX's own variables are set:
-    JAX_COMPILATION_CACHE_DIR names another folder, JAX_ENABLE_COMPILATION_CACHE=0 turns the cache off.
+    JAX_COMPILATION_CACHE_DIR names another folder, JAX_ENABLE_COMPILATION_CACHE=0 turns the cache off. Likewise
+    JAX_NUM_CPU_DEVICES: what is compiled for one number of devices does not serve another.
     """
     import jax
 
     jax.config.update("jax_enable_x64", True)
     if jax.config.jax_enable_compilation_cache and not jax.config.jax_compilation_cache_dir:
         _set_compilation_cache()
+    if "JAX_NUM_CPU_DEVICES" in os.environ:
+        return
     try:
         jax.config.update("jax_num_cpu_devices", devices)
     except RuntimeError as error:

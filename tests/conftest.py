@@ -2,10 +2,13 @@
 
 import gc
 import os
+import shutil
 import signal
 import sys
-from collections.abc import Generator, Iterator
-from pathlib import Path
+import tempfile
+from collections.abc import Callable, Generator, Iterator
+from types import SimpleNamespace
+from typing import Any
 
 import psutil
 import pytest
@@ -13,10 +16,15 @@ from hypothesis import settings
 from jaxtyping import install_import_hook
 
 os.environ["JAX_ENABLE_X64"] = "1"
-os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_force_host_platform_device_count=4"
+# The number of devices is part of an entry's key in the compilation cache: commands that the tests start find what was
+# compiled here, and the other way round, only where the number is one.
+os.environ["JAX_NUM_CPU_DEVICES"] = "4"
 # Most of the suite's time is compilation, of the same kernels in each worker and each command that the tests start:
-# all are cached, the small ones too, beside pytest's own cache.
-os.environ["JAX_COMPILATION_CACHE_DIR"] = str(Path(__file__).parents[1] / ".pytest_cache" / "jax")
+# all are cached, the small ones too, for as long as the run lasts. Workers find the folder in the environment; a
+# developer who names one there keeps it.
+_OWN_CACHE = "JAX_COMPILATION_CACHE_DIR" not in os.environ
+if _OWN_CACHE:
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = tempfile.mkdtemp(prefix="compiled-by-tests-")
 os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 # Most take longer to compile than to run here; without LLVM's optimisation compiling takes half as long.
 os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = "1"
@@ -29,6 +37,12 @@ install_import_hook("bayes_tyre", "beartype.beartype")
 # A shell that starts the tests in the background has them ignore Ctrl-C, and so would every command that they start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_unconfigure() -> None:
+    """Remove the run's compilation cache: by the process that made it, the last to end."""
+    if _OWN_CACHE:
+        shutil.rmtree(os.environ["JAX_COMPILATION_CACHE_DIR"], ignore_errors=True)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -70,6 +84,38 @@ def fully_compiled() -> Iterator[None]:
     jax.config.update("jax_disable_most_optimizations", False)
     yield
     jax.config.update("jax_disable_most_optimizations", True)
+
+
+@pytest.fixture(scope="module")
+def iterations_fully_compiled() -> Iterator[None]:
+    """Have the iterations of NUTS alone compiled as users have them: all else of a fit runs once or a few times.
+
+    What one fit compiles takes 24 s of a core so, 42 s in full, and 21 s without optimisation. That what runs a few
+    times is right when fully compiled is tested in `test_marginal_mixture` and `test_hierarchical_fit`.
+    """
+    from bayes_tyre.inference.sampling.nuts import Chains
+
+    mapped = Chains._mapped
+
+    def mapped_in_full(chains: Chains, function: Callable[[Any, Any], Any]) -> Any:
+        jitted = mapped(chains, function)
+        return _InFull(jitted) if function == chains._sample else jitted
+
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(Chains, "_mapped", mapped_in_full)
+        yield
+
+
+class _InFull:
+    """A jitted function whose lowered form is compiled with the options that `JAX_DISABLE_MOST_OPTIMIZATIONS` sets."""
+
+    def __init__(self, jitted: Any) -> None:
+        self._jitted = jitted
+
+    def lower(self, *arguments: Any) -> Any:
+        lowered = self._jitted.lower(*arguments)
+        options = {"xla_backend_optimization_level": 3, "xla_llvm_disable_expensive_passes": False}
+        return SimpleNamespace(compile=lambda: lowered.compile(compiler_options=options))
 
 
 @pytest.fixture(scope="module")

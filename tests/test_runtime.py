@@ -28,8 +28,8 @@ def entries(cache: Path) -> dict[Path, bytes]:
     return {path: path.read_bytes() for path in cache.rglob("*-cache")}
 
 
-def assert_undisturbed(done: subprocess.CompletedProcess[str]) -> None:
-    assert (done.returncode, done.stdout, done.stderr) == (0, "2 3.0\n", "")
+def assert_undisturbed(done: subprocess.CompletedProcess[str], devices: int = 2) -> None:
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"{devices} 3.0\n", "")
 
 
 def test_compiled_code_is_kept_and_torn_entries_are_replaced(tmp_path):
@@ -67,3 +67,7 @@ def test_jaxs_own_variables_and_a_folder_that_cannot_be_are_heeded(off, tmp_path
     assert_undisturbed(run(cache, **more))
     assert not cache.is_dir()
     assert (tmp_path / "mine").is_dir() == (off == "elsewhere")
+
+
+def test_the_number_of_devices_that_jaxs_own_variable_asks_for_is_heeded(tmp_path):
+    assert_undisturbed(run(tmp_path, JAX_NUM_CPU_DEVICES="3"), devices=3)

@@ -131,9 +131,9 @@ def write_coverage(
 def _cached_estimate(fit: CoverageFit, cache: TaskCache, name: str, seed: int, number: int) -> Path:
     decides = {"version": version("bayes-tyre"), **fit.decides(name, seed, number)}
     key = hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()
-    found = cache.find(key, None) or cache.keep(key, Done(fit.estimate(name, seed, number)), None)
-    assert isinstance(found, Path)
-    return found
+    part = cache.find(key, None) or cache.keep(key, Done(fit.estimate(name, seed, number)), None)
+    assert isinstance(part, Path)
+    return part
 
 
 def _curves(result: Calibration) -> RankCurves:
@@ -144,8 +144,8 @@ def _curves(result: Calibration) -> RankCurves:
     for name in names:
         values = np.sort(pit(result.ranks[name].to_numpy(), result.kept, rng))
         excess[name] = np.searchsorted(values, at, side="right") / datasets - at
-    right = dict(zip(result.table["parameter"], result.table["calibrated"], strict=True))
-    return RankCurves(at, lower, upper, excess, right, datasets, result.kept, TOGETHER)
+    calibrated = dict(zip(result.table["parameter"], result.table["calibrated"], strict=True))
+    return RankCurves(at, lower, upper, excess, calibrated, datasets, result.kept, TOGETHER)
 
 
 def _priors() -> pd.DataFrame:
@@ -176,12 +176,12 @@ def write_audit(
     """
     with study_run("audit", out, seed, plan=plan, replicates=replicates):
         result = study_audit(PLANS[plan], replicates, seed, on_progress)
-        shown = overview(result.table)
+        biases = overview(result.table)
         paragraphs = conclusion(result.table, characteristic_deflection()["beta_mm"].tolist())
         write_table(result.records, out / "audit_records.csv")
         write_table(result.table, out / "audit.csv")
         write_text("\n\n".join(paragraphs) + "\n", out / "conclusion.txt")
-        tables = (result.table, bias_by_factor(result.table, "k"), shown, beta_by_window(result.table, "thesis"))
+        tables = (result.table, bias_by_factor(result.table, "k"), biases, beta_by_window(result.table, "thesis"))
         for name, figure in audit_figures.draw(*tables, FACTOR_NAMES, TYPICAL_LEVELS):
             save(figure, out / "figures" / f"{name}.png")
-    return shown, paragraphs
+    return biases, paragraphs

@@ -12,8 +12,6 @@ from bayes_tyre.studies.audit.grid import PLANS, Plan
 from bayes_tyre.studies.audit.study import COLUMNS
 from bayes_tyre.workflow import studies as workflow
 
-pytestmark = pytest.mark.usefixtures("fully_compiled")
-
 FILES = {
     *("audit.csv", "audit_records.csv", "conclusion.txt", "run.json", "figures/"),
     *(f"figures/{name}.png" for name in ("beta_returned", "k_bias", "coverage", "beta_window")),

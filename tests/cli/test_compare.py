@@ -1,22 +1,23 @@
 """`compare`: real fits of the same records, one of which a normal scatter of repeats cannot hold."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 from helpers.command_line import assert_refused, here
-from helpers.simulated_records import Plan, simulate
+from helpers.short_fits import OF_STANDING, STANDING
+from helpers.simulated_records import simulate
 
 from bayes_tyre.inference.diagnostics import leave_one_out as leave_out
 from bayes_tyre.inference.diagnostics.leave_one_out import leave_one_record_out
 from bayes_tyre.inference.model.prepared_records import prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
-from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record_table import check_record_table
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("without_figures")]
 
-PLAN = Plan(configurations=("single", "dual"), speeds=(0.0,), points=40)
 ODD = "single (0)20-30(2)"
 
 
@@ -24,13 +25,14 @@ ODD = "single (0)20-30(2)"
 def folder(tmp_path_factory):
     """Return a folder with fits of one table by mixture and normal; one repeat is 60 % stiffer than it should be."""
     folder = tmp_path_factory.mktemp("compare")
-    table, _ = simulate(PLAN, seed=5)
+    table, _ = simulate(STANDING, seed=5)
     rows = table["record"] == ODD
     start = table.loc[rows, "force_kN"].iloc[0]
     table.loc[rows, "force_kN"] = start + 1.6 * (table.loc[rows, "force_kN"] - start)
     table.to_csv(folder / "records.csv", index=False)
     for repeats in ("mixture", "normal"):
-        options = ["--repeats", repeats, "--chains", 2, "--warmup", 400, "--draws", 300, "--target-accept", 0.65]
+        options = ["--repeats", repeats, "--chains", OF_STANDING.chains, "--warmup", OF_STANDING.warmup]
+        options += ["--draws", OF_STANDING.draws, "--target-accept", OF_STANDING.target_accept]
         done = here("fit", folder / "records.csv", "--out", folder / repeats, *options, "--quiet")
         # Enough draws to compare; too few for an R-hat of 1.01 of every one of some 200 quantities.
         assert done.exit_code == 4, done.stderr
@@ -67,8 +69,8 @@ def test_folders_that_hold_no_two_fits_of_the_same_points_are_refused(folder, tm
 
 def test_importance_sampling_and_a_fit_without_the_record_agree(monkeypatch):
     # No repeat is odd here; model and shapes are those of the normal fit above, and so is what is compiled.
-    table, model = check_record_table(simulate(PLAN, seed=3)[0]), ModelSettings(repeats="normal")
-    settings = SamplerSettings(chains=2, warmup=400, draws=1000, seed=1, target_accept=0.65)
+    table, model = check_record_table(simulate(STANDING, seed=3)[0]), ModelSettings(repeats="normal")
+    settings = replace(OF_STANDING, draws=1000)
     tree = fit_hierarchical(table, settings, model)
     smoothed = leave_one_record_out(tree, table, model)
     assert not smoothed.refitted.any()

@@ -44,8 +44,11 @@ SMALL = Plan(configurations=("single",), speeds=(0.0,), loads=(20.0,), repeats=3
 
 
 def environment() -> dict[str, str]:
-    """Return what a user's shell would hand on: without what conftest sets for tests in this process."""
-    return {name: value for name, value in os.environ.items() if name not in ("XLA_FLAGS", "JAX_ENABLE_X64")}
+    """Return what a user's shell would hand on: without what conftest sets for tests in this process.
+
+    But with its settings of the compiler, so that commands share the run's compilation cache.
+    """
+    return {name: value for name, value in os.environ.items() if name != "JAX_ENABLE_X64"}
 
 
 def start(*arguments: object, cwd: Path) -> subprocess.Popen[str]:

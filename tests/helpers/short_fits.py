@@ -1,7 +1,14 @@
-"""Settings of the fits of 48 simulated records in 16 cases: where these are one, so is what is compiled."""
+"""Settings of fits of simulated records that several files make: where these are one, so is what is compiled."""
+
+from helpers.simulated_records import Plan
 
 from bayes_tyre.inference.sampling.run import SamplerSettings
 
-#: A thousand draws tell where 2.5 % lie. The length of the warmup, the number of chains and the acceptance are part of
-#: what is compiled, points of a record are not; a stated acceptance keeps a run with a divergence from being repeated.
+#: Of 48 records in 16 cases. A thousand draws tell where 2.5 % lie. The length of the warmup, the number of chains and
+#: the acceptance are part of what is compiled, points of a record are not; a stated acceptance keeps a run with a
+#: divergence from being repeated.
 SHORT = SamplerSettings(chains=2, warmup=350, draws=500, seed=1, target_accept=0.65)
+
+#: 24 records in 8 cases, and the sampler of their fits: the warmup of the refits of `compare`, whose shapes are theirs.
+STANDING = Plan(configurations=("single", "dual"), speeds=(0.0,), points=40)
+OF_STANDING = SamplerSettings(chains=2, warmup=400, draws=300, seed=1, target_accept=0.65)

@@ -6,7 +6,8 @@ import pytest
 import xarray as xr
 from arviz_stats import ELPDData
 from arviz_stats.loo import loo
-from helpers.simulated_records import Plan, simulate
+from helpers.short_fits import OF_STANDING, STANDING
+from helpers.simulated_records import simulate
 
 import bayes_tyre as bt
 from bayes_tyre.errors import BadInput
@@ -17,9 +18,9 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:Estimated sha
 
 
 def test_arviz_leaves_records_out_as_compare_does():
-    table, _ = simulate(Plan(configurations=("single",), speeds=(0.0,), points=40), seed=3)
+    table, _ = simulate(STANDING, seed=3)
     model = bt.ModelSettings(repeats="normal")
-    posterior = bt.fit(table, bt.SamplerSettings(chains=2, warmup=300, draws=500, seed=1), model, progress=False)
+    posterior = bt.fit(table, OF_STANDING, model, progress=False)
     tree = bt.with_log_likelihood(posterior, table, model)
     assert tree[GROUP][VARIABLE].dims == ("chain", "draw", "record")
     assert [*tree[GROUP]["record"].to_numpy()] == [*posterior["posterior"]["record"].to_numpy()]

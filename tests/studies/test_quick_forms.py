@@ -12,7 +12,7 @@ from bayes_tyre.studies.design_fit import DesignFit, Thinned
 from bayes_tyre.studies.outliers import study_outliers
 from bayes_tyre.studies.truths import Planted, study_priors
 
-pytestmark = pytest.mark.usefixtures("fully_compiled")
+pytestmark = pytest.mark.usefixtures("iterations_fully_compiled")
 
 #: One compilation for the right model and for the planted errors, which are put into the truths.
 #: So few sets find repeats that scatter too widely with four seeds of five; with twenty sets, with all of them.

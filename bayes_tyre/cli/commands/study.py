@@ -42,11 +42,11 @@ def calibration(
     failed = result.datasets["sampling"] != "ok"
     say(f"wrote {out / 'calibration.csv'} (simulated, not measured)", quiet)
     say(f"  sampling failed in {failed.sum()} of {datasets} data sets; they are included", quiet)
-    wrong = result.table.loc[~result.table["calibrated"], "parameter"]
-    say(f"  calibrated: {len(result.table) - len(wrong)} of {len(result.table)} parameters", quiet)
-    for name in wrong:
+    uncalibrated = result.table.loc[~result.table["calibrated"], "parameter"]
+    say(f"  calibrated: {len(result.table) - len(uncalibrated)} of {len(result.table)} parameters", quiet)
+    for name in uncalibrated:
         fault(f"{name}: ranks of truths are not uniform; see {out / 'figures' / 'calibration.png'}")
-    if len(wrong):
+    if len(uncalibrated):
         raise typer.Exit(NOT_TRUSTED)
 
 
@@ -192,8 +192,8 @@ def coverage(
     with progress("fitting data sets", sets * len(names), quiet) as on_progress:
         table = write_coverage(out, names, sets, seed, on_progress, resume)
     if not quiet:
-        shown = overview(table)
-        print_table({str(name): {} for name in shown}, shown.to_numpy().tolist())
+        by_kind = overview(table)
+        print_table({str(name): {} for name in by_kind}, by_kind.to_numpy().tolist())
     say("coverage of 95 % intervals ± its standard error, of all data sets", quiet)
     say(f"wrote {out / 'coverage.csv'} (simulated, not measured); failed checks: {out / 'verdicts.csv'}", quiet)
 

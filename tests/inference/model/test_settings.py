@@ -16,7 +16,7 @@ from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record_table import check_record_table
 from bayes_tyre.results.contrasts import contrasts
 
-pytestmark = pytest.mark.usefixtures("fully_compiled")
+pytestmark = pytest.mark.usefixtures("iterations_fully_compiled")
 
 #: Of log k, per 10 kN.
 SLOPE = 0.4

@@ -12,7 +12,7 @@ from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
 from bayes_tyre.record_table import check_record_table
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("iterations_fully_compiled")]
 
 POINTS, NOISE_KN, RHO, WINDOW = 150, 0.03, 0.8, 20
 

@@ -10,7 +10,7 @@ from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record_table import check_record_table
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("iterations_fully_compiled")]
 
 SETTINGS = SamplerSettings(chains=2, warmup=350, draws=1000, seed=4, target_accept=0.65)
 FOUR_CASES = Plan(("x", "y"), (0.0,), (20.0,), (-5.0, 5.0), repeats=3, points=60)

@@ -12,7 +12,7 @@ from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
 from bayes_tyre.record_table import check_record_table
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("iterations_fully_compiled")]
 
 #: With that of a good rig, 0.03 kN, records of this J and k beta hardly tell one law from the other.
 NOISE_KN = 0.001

@@ -1,0 +1,46 @@
+"""Comparison of several results on one page: ratios between independent ones, and none where they are not."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.reported_results import write_made
+
+from bayes_tyre.formats.netcdf import read_tree
+from bayes_tyre.report.answer.load import read_reported
+from bayes_tyre.report.html.between_results import ComparedResult, compare_results
+from bayes_tyre.report.html.page import Part, document
+
+
+def side(folder: Path) -> ComparedResult:
+    result = read_reported(folder, folder.name)
+    inputs = frozenset(result.run["inputs"].values())
+    return ComparedResult(folder.name, read_tree(folder / "posterior.nc"), inputs, result.run["origin"])
+
+
+def test_campaigns_are_compared_configuration_by_configuration(two, away):
+    later = write_made(away / "next_year", {"single": 1.65, "dual": 2.0}, seed=9)
+    found = compare_results(side(away / "two"), side(later), 0.95)
+    single = next(ratio for ratio in found.ratios["k"] if ratio.above == "single (two)")
+    # log k of a configuration has the standard deviation 0.02 in each, so their ratio 0.028.
+    assert single.median == pytest.approx(1.5 / 1.65, rel=0.01)
+    assert np.log(single.upper / single.lower) == pytest.approx(2 * 1.96 * 0.02 * np.sqrt(2), rel=0.15)
+    page = document([Part(two, []), Part(read_reported(later, "next_year"), [])], [found])
+    assert "Configuration single (two) is 9" in page
+    assert "the test cases of both" in page
+
+
+def test_a_single_tyre_is_compared_with_a_dual_pair_of_another_folder(away):
+    folders = [write_made(away / name, {name: k}, seed=i) for i, (name, k) in enumerate([("lone", 1.5), ("pair", 2.0)])]
+    ratio = compare_results(side(folders[0]), side(folders[1]), 0.95).ratios["k"][0]
+    assert (ratio.above, ratio.below) == ("lone (lone)", "pair (pair)")
+    assert ratio.median == pytest.approx(0.75, rel=0.01)
+
+
+def test_what_is_not_independent_is_not_compared(two, away):
+    one = side(away / "two")
+    assert "fits of the same records" in compare_results(one, one._replace(name="again"), 0.95).limitation
+    printed = one._replace(inputs=frozenset("x"), origin="published")
+    found = compare_results(one._replace(origin="reconstructed"), printed, 0.95)
+    assert not found.ratios
+    assert "rest on the same printed tables" in found.limitation
