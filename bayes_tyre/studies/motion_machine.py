@@ -27,7 +27,7 @@ State = tuple[float, ...]
 
 #: Longest step, s. A standing axle rests until so long before its load's step, s.
 STEP_S, AT_REST_S = 5e-5, 0.01
-# Iterations for the middle of the step of a tyre whose stiffness grows; each leaves a few per cent of the error.
+#: Iterations for the middle of the step of a tyre whose stiffness grows; each leaves a few per cent of the error.
 _MIDDLE_STEPS = 6
 
 

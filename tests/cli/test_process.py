@@ -79,10 +79,8 @@ def test_inertia_brings_k_back_and_the_source_does_not(recordings, processed, tm
     out, _, _ = processed
     truth = pd.read_csv(recordings / "truth.csv").set_index("file")["k_kN_per_mm"]
     errors = {}
-    assert (
-        here("process", recordings, "--method", "thesis", "--out", tmp_path / "t.parquet", "--workers", 1).exit_code
-        == 0
-    )
+    done = here("process", recordings, "--method", "thesis", "--out", tmp_path / "t.parquet", "--workers", 1)
+    assert done.exit_code == 0, done.stderr
     for method, table in (("inertia", out / "records.csv"), ("thesis", tmp_path / "t.parquet")):
         fitted = here("lsq", table, "--out", tmp_path / method, "--bounds", "beta=:1")
         assert fitted.exit_code == 0, fitted.stderr

@@ -15,9 +15,8 @@ from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS
 from bayes_tyre.inference.model.likelihood.force_distribution import draw_forces
 from bayes_tyre.inference.record_data import EQUATION_2, RecordData
+from bayes_tyre.runtime import RUN_ONCE
 
-#: How what runs once is compiled: in half of the time.
-_RUN_ONCE = {"xla_backend_optimization_level": 0}
 #: Draws of the prior by name, shape (draws, ...).
 PriorDraws = dict[str, np.ndarray]
 
@@ -39,7 +38,7 @@ def draw_prior(
     # Arrays are handed to what is compiled: other records of the same shapes find it in the cache.
     data, fixed = eqx.partition(dict(arguments), lambda leaf: isinstance(leaf, jax.Array))
 
-    @partial(jax.jit, compiler_options=_RUN_ONCE)
+    @partial(jax.jit, compiler_options=RUN_ONCE)
     def drawn(key: Array, data: Any) -> dict[str, Array]:
         given = partial(model, **eqx.combine(data, fixed))
         return Predictive(given, num_samples=draws, return_sites=list(sites), parallel=True)(key)

@@ -24,7 +24,7 @@ from numpyro.infer.initialization import init_to_feasible
 from numpyro.infer.util import constrain_fn, potential_energy
 
 from bayes_tyre.inference.sampling.parameter_vector import DENSE, Blocks
-from bayes_tyre.runtime import return_freed_memory
+from bayes_tyre.runtime import RUN_ONCE, return_freed_memory
 
 #: Iterations in a call, at most: between two calls a run can be watched, saved and continued.
 CHUNK = 100
@@ -52,8 +52,6 @@ STATISTICS = {"diverging": "diverging", "energy": "energy", "n_steps": "num_step
 #: Draws of a chunk constrained at once, a divisor of `CHUNK`. All at once takes longer, and gigabytes where records are
 #: in thousands.
 _DRAWS_AT_ONCE = 10
-#: How what runs once is compiled: in two thirds of the time.
-_RUN_ONCE = {"xla_backend_optimization_level": 0}
 
 _CHAINS = "chains"
 
@@ -239,7 +237,7 @@ class Chains:
             # What takes longest first, and each as soon as it is lowered.
             advancing = pool.submit(advance.lower(state, (self._data, np.int64(0))).compile)
             lowered = begin.lower(jax.tree.map(together, fresh), self._data)
-            beginning = pool.submit(lowered.compile, compiler_options=_RUN_ONCE)
+            beginning = pool.submit(lowered.compile, compiler_options=RUN_ONCE)
             keys = jax.ShapeDtypeStruct((self._together, CHUNK, 2), np.uint32)
             constraining = pool.submit(constrain.lower((chunk, keys), self._data).compile)
         compiled = [compiling.result() for compiling in (beginning, advancing, constraining)]

@@ -16,8 +16,8 @@ from bayes_tyre.inference.model.normal_posterior import QuadraticApproximation
 #: Standard deviations at most between the posterior mean and the maximum of a record's likelihood, and the least
 #: curvature of its logarithm, in units of the approximate posterior's.
 _FARTHEST, _LEAST_CURVATURE = 4.0, 1e-6
-#: Largest change of a log precision and of a score, a unit of log sigma or atanh rho: beyond 2, that of the precision
-#: for each, an estimate is rounding.
+#: Largest change of a log precision and of a score, a unit of log sigma or atanh rho. A precision falls by 2 a unit of
+#: log sigma, and by about as much a unit of atanh rho: an estimate far beyond that is rounding error.
 _LARGEST_RATE = 4.0
 
 

@@ -109,7 +109,7 @@ def test_the_density_is_that_of_a_mixture_of_normals(discordant, remainder, apar
 @pytest.mark.parametrize("discordant", [True, False])
 @pytest.mark.parametrize("remainder", [0.3, 0.0])
 def test_gradients_are_those_of_finite_differences(discordant, remainder):
-    """Of all that a case's density depends on: they come from moments, not from differentiation."""
+    """In all that a case's density depends on."""
     repeats, step = made(4, discordant, remainder), 1e-6
     values = {name: getattr(repeats.about, name) for name in ("mean", "remainder", "scatter")}
     values |= {name: getattr(repeats.estimates, name) for name in ("slope", "precision")}
