@@ -43,7 +43,8 @@ def log_density(values: Values, data: RecordData, factors: Factors, repeats: str
             total += stats.norm.logpdf(values[f"{name}_typical"], *prior.parameters)
         if f"{name}_records" in values:
             total += stats.norm.logpdf(values[f"{name}_records"], values[f"{name}_typical"], values[f"sd_{name}"]).sum()
-    return float(total + _forces(values, data, noise))
+    total += stats.norm.logpdf(values["J_group"], *PRIORS["J_group"].parameters).sum()
+    return float(total + _forces(values, data, factors, noise))
 
 
 def log_density_of_print(values: Values, log_printed: np.ndarray, factors: Factors) -> float:
@@ -132,7 +133,7 @@ def _repeats(values: Values, factors: Factors, scatter: np.ndarray, repeats: str
     return float(total + sum(t.logpdf(d, shape=np.diag(s**2), df=values["student_nu"]) for d, s in each))
 
 
-def _forces(values: Values, data: RecordData, noise: str) -> float:
+def _forces(values: Values, data: RecordData, factors: Factors, noise: str) -> float:
     """Return the log density of the forces: normal, for they are linear in F_i and J, which are."""
     total = 0.0
     for r in range(len(values["log_records"])):
@@ -149,5 +150,7 @@ def _forces(values: Values, data: RecordData, noise: str) -> float:
         lag = np.abs(np.subtract.outer(np.arange(len(u)), np.arange(len(u))))
         covariance: Any = sigma**2 * rho**lag  # SciPy's stubs say int, of all its shapes
         covariance += np.asarray(data.span[r]) ** 2 + values["sd_J"] ** 2 * np.outer(g, g)
-        total += stats.multivariate_normal.logpdf(F, np.asarray(data.F_0[r]) + np.exp(log_k) * u * g, covariance)
+        J = values["J_group"][factors.group.of_case[factors.of_record[r]]]
+        mean = np.asarray(data.F_0[r]) + J * g + np.exp(log_k) * u * g
+        total += stats.multivariate_normal.logpdf(F, mean, covariance)
     return float(total)

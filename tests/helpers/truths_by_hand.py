@@ -25,7 +25,9 @@ def draw_by_hand(design: Design, sets: int, rng: np.random.Generator, priors: Pr
         wide = np.where(discordant, priors.discordant_widening, 1.0)
         scatter = wide * _scatter(parameter, design, truths, rng)[:, record]
         truths[parameter] = np.exp(mean[:, record] + scatter * rng.standard_normal((sets, records)))
-    truths["J"] = truths["sd_J"][:, None] * rng.standard_normal((sets, records))
+    truths["J_group"] = rng.normal(*priors["J_group"].parameters, size=(sets, len(factors.group.labels)))
+    truths["J"] = truths["J_group"][:, factors.group.of_case[record]]
+    truths["J"] = truths["J"] + truths["sd_J"][:, None] * rng.standard_normal((sets, records))
     truths["F_i"] = design.start_kN + design.span_kN * rng.standard_normal((sets, records))
     truths["C"] = truths["F_i"] + truths["J"] - truths["k"] * START_MM
     spread = truths["sd_log_sigma"][:, None] * rng.standard_normal((sets, records))

@@ -42,6 +42,8 @@ class Hyperparameters(NamedTuple):
     ----------
     log_case, log_scatter:
         Shape (draws, records, 2): logarithms of k (kN/mm) and beta (mm) of each record's case, and of the scatter.
+    mean_J:
+        Shape (draws, records): mean of J (kN) of each record's configuration and direction.
     sd_J, log_sigma, sd_log_sigma:
         Shape (draws,): kN; logarithm of the typical sigma (kN), and its spread among records.
     discordant_weight, student_nu:
@@ -52,6 +54,7 @@ class Hyperparameters(NamedTuple):
 
     log_case: Float[Array, "*draws records 2"]
     log_scatter: Float[Array, "*draws records 2"]
+    mean_J: Float[Array, "*draws records"]
     sd_J: Float[Array, "*draws"]
     log_sigma: Float[Array, "*draws"]
     sd_log_sigma: Float[Array, "*draws"]
@@ -81,10 +84,15 @@ def hyperparameters(posterior: xr.Dataset, factors: Factors, records: np.ndarray
             scatter.append(_flat(posterior[f"{name}_by_speed"])[:, factors.speed.of_case[records]])
         else:
             scatter.append(np.broadcast_to(_flat(posterior[name])[:, None], by_case[-1].shape))
+    # A posterior of version 0.1 has J about zero.
+    mean_J = np.zeros(by_case[0].shape)
+    if "J_group" in posterior:
+        mean_J = _flat(posterior["J_group"])[:, factors.group.of_case[records]]
     names = ("discordant_weight", "student_nu", "atanh_rho_typical", "sd_atanh_rho")
     return Hyperparameters(
         jnp.asarray(np.stack(by_case, axis=2)),
         jnp.asarray(np.log(np.stack(scatter, axis=2))),
+        jnp.asarray(mean_J),
         jnp.asarray(_flat(posterior["sd_J"])),
         jnp.asarray(np.log(_flat(posterior["sigma_typical"]))),
         jnp.asarray(_flat(posterior["sd_log_sigma"])),
@@ -158,7 +166,8 @@ def record_density(
 
         def forces_at(log_values: Array, log_sigma: Array, rho: Array | None) -> Array:
             of_offsets = likelihood.of_offsets(log_values, jnp.exp(log_sigma), rho)
-            return of_offsets.about(data.F_0 - likelihood.first_force).with_prior(sd_of_offsets).log_marginal
+            about = of_offsets.about(data.F_0 - likelihood.first_force, population.mean_J)
+            return about.with_prior(sd_of_offsets).log_marginal
 
         def integral(log_widening: float) -> tuple[Array, Array]:
             wide = population._replace(log_scatter=population.log_scatter + log_widening)
@@ -185,7 +194,7 @@ def record_density(
 
 def _log_values(z: Float[Array, "points 2"], estimates: RecordEstimates, of: Hyperparameters) -> Reparameterised:
     """Return (log k, log beta) about each record's posterior given hyperparameters; leading axis points."""
-    quadratic = estimates.of_log_values(of.sd_J)
+    quadratic = estimates.of_log_values(of.mean_J, of.sd_J)
     slope = quadratic.slope_at(of.log_case)
     scatter = jnp.exp(of.log_scatter) * (1.0 if of.student_nu is None else _STUDENT_WIDENING)
 

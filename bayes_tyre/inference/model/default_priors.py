@@ -76,7 +76,10 @@ PRIORS = Priors(
         "sd_log_beta_repeat_over_speeds": Prior(dist.HalfNormal, (0.7,), "", "as for k"),
         "discordant_weight": Prior(dist.Beta, (1.0, 19.0), "", "a mean of 5 %, below 15 % with 95 % probability"),
         "student_nu": Prior(dist.LogNormal, (np.log(8.0), 0.5), "", "3 to 21: tails from heavy to nearly normal"),
-        "sd_J": Prior(dist.HalfNormal, (2.0,), "kN", "friction at the start of a step: up to a few kN"),
+        "J_group": Prior(
+            dist.Normal, (0.0, 2.0), "kN", "friction at the start of a step, of either sign: up to a few kN"
+        ),
+        "sd_J": Prior(dist.HalfNormal, (2.0,), "kN", "what led to a step may differ from record to record"),
         "sigma_typical": Prior(
             dist.LogNormal, (np.log(0.03), 1.5), "kN", "0.0016 to 0.57 kN: a good cell to a coarse converter"
         ),

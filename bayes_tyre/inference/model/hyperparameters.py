@@ -32,7 +32,7 @@ APART_REPEATS, APART_SPARE_CASES = 2, 6
 #: Names that end so are sampled where their level is, in coordinates that follow what is below it.
 _PLACED = ("_group", "_typical")
 #: Sites that every record's prior goes through, whatever its factors.
-_OF_RECORDS = ("sd_J", "sigma_typical")
+_OF_RECORDS = ("J_group", "sd_J", "sigma_typical")
 
 
 def prior_sites(factors: Factors, repeats: str = "mixture", noise: str = "iid") -> tuple[str, ...]:

@@ -73,6 +73,7 @@ def records_model(
     """
     records = len(factors.of_record)
     hyperparameters = sample_hyperparameters(prior_sites(factors, repeats, noise), priors)
+    mean_J = sample_mean_J(factors, priors)
     log_values, _ = sample_records(factors, repeats, hyperparameters, priors=priors)
     rho = None
     if noise == "ar1":
@@ -81,9 +82,15 @@ def records_model(
     log_sigma, typical = _of_records("log_sigma", priors["sigma_typical"], records, hyperparameters)
     deterministic("sigma_typical", jnp.exp(typical))
     sigma = deterministic("sigma", jnp.exp(log_sigma))
-    fn = RecordForces(data, log_values, hyperparameters["sd_J"], sigma, rho, likelihood, law)
+    fn = RecordForces(data, log_values, mean_J, hyperparameters["sd_J"], sigma, rho, likelihood, law)
     force = numpyro.sample("force", fn, obs=data.F if observed else None)
     sample_offsets(fn, jnp.asarray(force))
+
+
+def sample_mean_J(factors: Factors, priors: Priors) -> Float[Array, " records"]:
+    """Sample the mean of J (kN) of each configuration and direction, and return that of each record."""
+    prior = dist.Normal(*priors["J_group"].parameters).expand((len(factors.group.labels),)).to_event(1)
+    return jnp.asarray(numpyro.sample("J_group", prior))[factors.group.of_case[factors.of_record]]
 
 
 def sample_offsets(fn: RecordForces, force: Float[Array, "records points"]) -> None:

@@ -65,7 +65,10 @@ def pilot(
     log_values = jnp.log(jnp.stack([of_records["k"], of_records["beta"]], axis=-1))
     noise = [jnp.log(of_records["sigma"]), *([jnp.arctanh(of_records["rho"])] if "rho" in sites else [])]
     known = arguments["data"], arguments["likelihood"], arguments["summaries"]
-    refined = refine_summaries(*known, log_values, jnp.stack(noise, axis=-1), jnp.mean(sites["sd_J"]))
+    mean_J = jnp.mean(flat(sites["J_group"]), axis=0)[
+        arguments["factors"].group.of_case[arguments["factors"].of_record]
+    ]
+    refined = refine_summaries(*known, log_values, jnp.stack(noise, axis=-1), mean_J, jnp.mean(sites["sd_J"]))
     # Draws that are all one, of a pilot that stood still, are no posterior to go by.
     sound = all(np.isfinite(np.asarray(leaf)).all() for leaf in jax.tree.leaves(refined))
     error = summary_error(sites, chains.sampled, cases) if sound else SummaryError(np.inf, np.inf, cases[0], np.inf)

@@ -52,7 +52,7 @@ def _quantities() -> dict[str, tuple[str | None, str]]:
             kept[f"sd_log_{name}_{of}_by_speed"] = ("speed", "")
     pure = ("discordant_weight", "student_nu", "sd_log_sigma", "atanh_rho_typical", "sd_atanh_rho")
     kept |= dict.fromkeys(pure, (None, ""))
-    kept |= {"sd_J": (None, "kN"), "sigma_typical": (None, "kN")}
+    kept |= {"J_group": ("group", "kN"), "sd_J": (None, "kN"), "sigma_typical": (None, "kN")}
     return kept
 
 

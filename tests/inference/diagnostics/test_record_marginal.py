@@ -27,7 +27,7 @@ from bayes_tyre.record_table import check_record_table, record_factors
 
 #: So narrow that a logarithm is as good as known.
 NARROW = 1e-6
-J_SCALE = np.array([0.05, 2.0])
+J_MEAN, J_SCALE = np.array([0.3, -0.5]), np.array([0.05, 2.0])
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +42,7 @@ def known(estimates, **other) -> Hyperparameters:
     values = {
         "log_case": jnp.asarray(np.stack([pair, pair + 0.01])),
         "log_scatter": jnp.full((2, *pair.shape), np.log(NARROW)),
+        "mean_J": jnp.asarray(np.broadcast_to(J_MEAN[:, None], (2, len(pair)))),
         "sd_J": jnp.asarray(J_SCALE),
         "log_sigma": jnp.log(jnp.array([0.03, 0.05])),
         "sd_log_sigma": jnp.full(2, NARROW),
@@ -50,7 +51,7 @@ def known(estimates, **other) -> Hyperparameters:
     return Hyperparameters(**{**values, **other})
 
 
-def by_hand(data, record, log_pair, sd_J, sigma, rho=0.0) -> float:
+def by_hand(data, record, log_pair, mean_J, sd_J, sigma, rho=0.0) -> float:
     """Return the log density of a record whose k, beta and sigma are known: a normal one, with F_i and J in it."""
     present = np.asarray(data.present[record])
     u, F = np.asarray(data.u[record])[present], np.asarray(data.F[record])[present]
@@ -59,7 +60,8 @@ def by_hand(data, record, log_pair, sd_J, sigma, rho=0.0) -> float:
     apart = np.abs(np.subtract.outer(np.arange(len(u)), np.arange(len(u))))
     covariance = sigma**2 * float(rho) ** apart if rho else sigma**2 * np.eye(len(u))
     covariance = covariance + float(data.span[record]) ** 2 + sd_J**2 * np.outer(g, g)
-    return float(stats.multivariate_normal(float(data.F_0[record]) + k * u * g, covariance).logpdf(F))
+    mean = float(data.F_0[record]) + mean_J * g + k * u * g
+    return float(stats.multivariate_normal(mean, covariance).logpdf(F))
 
 
 def density(batch, model: ModelSettings, of, seed: int = 0, points: int = 8192):
@@ -74,7 +76,7 @@ def test_with_k_beta_and_sigma_known_it_is_the_normal_density_with_F_i_and_J_in_
     pairs = np.asarray(known(estimate_records(records)).log_case)
     for draw, sigma in enumerate((0.03, 0.05)):
         for record in range(3):
-            expected = by_hand(data, record, pairs[draw, record], J_SCALE[draw], sigma)
+            expected = by_hand(data, record, pairs[draw, record], J_MEAN[draw], J_SCALE[draw], sigma)
             # 8192 points, of which half count: within 2 % of the density, whatever the scale of J.
             assert float(found.log_density[draw, record]) == pytest.approx(expected, abs=0.03)
     assert float(jnp.min(found.effective_points)) > 2000
@@ -85,7 +87,7 @@ def test_autoregressive_noise_likewise(records):
     more = {"atanh_rho": jnp.full(2, np.arctanh(rho)), "sd_atanh_rho": jnp.full(2, NARROW)}
     data, found = density(records, ModelSettings(noise="ar1"), lambda estimates: known(estimates, **more))
     pair = np.asarray(known(estimate_records(records, "ar1")).log_case)[0, 0]
-    expected = by_hand(data, 0, pair, J_SCALE[0], 0.03, rho)
+    expected = by_hand(data, 0, pair, J_MEAN[0], J_SCALE[0], 0.03, rho)
     assert float(found.log_density[0, 0]) == pytest.approx(expected, abs=0.03)
 
 

@@ -92,7 +92,7 @@ def test_k_and_beta_scatter_as_far_as_the_hierarchy_adds_up_to(plan, parameter):
 def test_friction_goes_both_ways_and_noise_has_its_typical_size():
     draws, _ = drawn("one case")
     assert np.mean(draws["J"][:, 0] > 0) == pytest.approx(0.5, abs=5 * 0.0025)
-    assert np.var(draws["J"][:, 0]) == pytest.approx(second_moment("sd_J"), rel=0.15)
+    assert np.var(draws["J"][:, 0]) == pytest.approx(second_moment("sd_J") + second_moment("J_group"), rel=0.15)
     assert np.median(draws["sigma"][:, 0]) == pytest.approx(0.03, rel=0.05)
 
 

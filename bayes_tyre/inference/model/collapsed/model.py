@@ -4,6 +4,8 @@ It is `bayes_tyre.inference.model.models.records_model` with the density of each
 are drawn afterwards, given each draw, and their own density has the last word on them.
 """
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpyro
@@ -22,7 +24,7 @@ from bayes_tyre.inference.model.hyperparameters import (
 )
 from bayes_tyre.inference.model.likelihood.direct import Likelihood
 from bayes_tyre.inference.model.likelihood.force_distribution import RecordForces
-from bayes_tyre.inference.model.models import sample_offsets
+from bayes_tyre.inference.model.models import sample_mean_J, sample_offsets
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.record_data import EQUATION_2, RecordData
 
@@ -57,8 +59,8 @@ def collapsed_records_model(
     of_noise, interaction, noise_given = summaries.noise.log_marginal(typical, sd_of_noise)
     values, constant = summaries.values.given(typical + noise_given.draw(jnp.zeros_like(typical.T)).T)
     collapsed = collapse_repeats(values, factors, repeats, hyperparameters, priors=priors)
-    sd_J = hyperparameters["sd_J"]
-    of_offsets = summaries.offsets.at(sd_J)
+    mean_J, sd_J = sample_mean_J(factors, priors), hyperparameters["sd_J"]
+    of_offsets = summaries.offsets.at(mean_J, sd_J)
     numpyro.factor("log_density_of_noise", of_noise + constant)
     numpyro.factor("log_density_of_offsets", of_offsets)
     key = numpyro.prng_key()
@@ -69,7 +71,8 @@ def collapsed_records_model(
     log_values = collapsed.draw(for_values, _PROPOSALS)
     z = jax.random.normal(for_noise, (_PROPOSALS, *typical.T.shape))
     noises = typical + jnp.moveaxis(jax.vmap(noise_given.draw)(z), 1, -1)
-    exact = jax.vmap(record_log_density, in_axes=(None, None, 0, 0, None))(data, likelihood, log_values, noises, sd_J)
+    density = partial(record_log_density, data, likelihood, mean_J=mean_J, sd_J=sd_J)
+    exact = jax.vmap(density)(log_values, noises)
     missed = exact - values.at(log_values) - constant - summaries.noise.at(noises) - of_offsets - interaction
     # The logarithm of a mean of so few would miss part of their variance: its first two cumulants do not.
     gained = jnp.mean(missed, axis=0) + 0.5 * jnp.var(missed, axis=0, ddof=1)
@@ -82,7 +85,7 @@ def collapsed_records_model(
     sigma, rho = deterministic("sigma", jnp.exp(noises[:, 0])), None
     if noise == "ar1":
         rho = deterministic("rho", jnp.tanh(noises[:, 1]))
-    sample_offsets(RecordForces(data, log_values, sd_J, sigma, rho, likelihood, law), data.F)
+    sample_offsets(RecordForces(data, log_values, mean_J, sd_J, sigma, rho, likelihood, law), data.F)
 
 
 def _sample_noise(

@@ -7,6 +7,8 @@ Source: the fixed point of Opper & Archambeau (2009), "The variational Gaussian 
 Computation 21, with Stein's identities in place of derivatives; means by Gauss-Hermite quadrature.
 """
 
+from collections.abc import Callable
+from functools import partial
 from itertools import product
 
 import equinox as eqx
@@ -35,6 +37,10 @@ _POINTS, _POINTS_OF_NOISE = 5, 4
 _ROUNDS = 3
 #: Share of the variance of the noise's estimates that is at least put down to the noise: records may agree by chance.
 _LEAST_NOISE_SHARE = 0.1
+
+
+#: A log density of records as a function of the mean of J of each, and of the logarithm of its standard deviation.
+_OfOffsets = Callable[[Float[Array, " records"], Float[Array, ""]], Float[Array, " records"]]
 
 
 def summarise_records(
@@ -68,7 +74,8 @@ def summarise_records(
         of_noise.append((jnp.arctanh(records.rho), records.points * (1.0 - records.rho**2)))
     centre, precision = (jnp.stack(each, axis=1) for each in zip(*of_noise, strict=True))
     noises = QuadraticApproximation(centre, jnp.zeros_like(centre), precision[..., None] * jnp.eye(centre.shape[1]))
-    return _summarise(data, likelihood, records, noises, cases.middle.T[factors.of_record], scatter)
+    case = cases.middle.T[factors.of_record]
+    return _summarise(data, likelihood, records, noises, case, scatter, records.typical_J(factors))
 
 
 @eqx.filter_jit
@@ -79,15 +86,15 @@ def _summarise(
     noises: QuadraticApproximation,
     case: Float[Array, "records 2"],
     scatter: Float[Array, "records 2"],
+    of_J: tuple[Float[Array, " records"], Float[Array, ""]],
 ) -> RecordSummaries:
-    J, J_variance = records.centre[:, 1], jnp.linalg.inv(records.information)[:, 1, 1]
-    sd_J = jnp.sqrt(jnp.mean(J**2))
-    offsets = OffsetSummaries(J, J_variance, sd_J, jnp.zeros_like(J))
+    J, none = records.centre[:, 1], jnp.zeros_like(records.points)
+    offsets = OffsetSummaries(J, records.J_variance, *of_J, none, none)
     variance = jnp.var(noises.centre, axis=0)
     own = jnp.mean(1.0 / jnp.diagonal(noises.precision, axis1=1, axis2=2), axis=0)
     typical = jnp.broadcast_to(jnp.mean(noises.centre, axis=0), noises.centre.shape)
     spread = jnp.sqrt(jnp.maximum(variance - own, _LEAST_NOISE_SHARE * variance)) + jnp.zeros_like(typical)
-    moments = _moments(records.of_log_values(sd_J), case, scatter), _moments(noises, typical, spread)
+    moments = _moments(records.of_log_values(*of_J), case, scatter), _moments(noises, typical, spread)
     for _ in range(_ROUNDS - 1):
         values, noise, _ = _nearest(data, likelihood, offsets, *moments)
         moments = _moments(values.given(values.noise)[0], case, scatter), _moments(noise.quadratic, typical, spread)
@@ -101,6 +108,7 @@ def refine_summaries(
     summaries: RecordSummaries,
     log_values: Float[Array, "draws records 2"],
     noise: Float[Array, "draws records q"],
+    mean_J: Float[Array, " records"],
     sd_J: Float[Array, ""],
 ) -> RecordSummaries:
     """Return the records summed up about draws of their posterior.
@@ -111,10 +119,10 @@ def refine_summaries(
         The records, their density, and the summaries that the draws came from.
     log_values, noise:
         Draws of (log k, log beta) and of (log sigma[, atanh rho]).
-    sd_J:
-        Standard deviation (kN) of J among records.
+    mean_J, sd_J:
+        Means of J, and its standard deviation about them (kN).
     """
-    offsets = summaries.offsets._replace(sd_J=sd_J)
+    offsets = summaries.offsets._replace(mean_J=mean_J, sd_J=sd_J)
     return _nearest(data, likelihood, offsets, _moments_of(log_values), _moments_of(noise))
 
 
@@ -140,24 +148,27 @@ def _nearest(
     nodes, weights = _quadrature((_POINTS,) * VALUES + (_POINTS_OF_NOISE,) * noise.mean.shape[1])
     of_values, of_noise = nodes[:, :VALUES], nodes[:, VALUES:]
 
-    def at(node: Float[Array, " n"]) -> tuple[Float[Array, " records"], Float[Array, " records"]]:
-        """Return the log density at a node, and its slope in log sd_J."""
+    def slopes(density: _OfOffsets) -> tuple[Float[Array, " records"], Float[Array, "2 records"]]:
+        """Return a log density at the offsets' mean and sd, and its slopes in mean_J and in log sd_J."""
+        at, along_mean = (offsets.mean_J, jnp.log(offsets.sd_J)), jnp.ones_like(offsets.mean_J)
+        value, in_mean = jax.jvp(density, at, (along_mean, jnp.zeros(())))
+        return value, jnp.stack([in_mean, jax.jvp(density, at, (0.0 * along_mean, jnp.ones(())))[1]])
+
+    def at(node: Float[Array, " n"]) -> tuple[Float[Array, " records"], Float[Array, "2 records"]]:
+        """Return the log density at a node, and its slopes in mean_J and in log sd_J."""
         log_values, noises = values.mean + values.root @ node[:VALUES], noise.mean + noise.root @ node[VALUES:]
-
-        def density(log_sd_J: Float[Array, ""]) -> Float[Array, " records"]:
-            return record_log_density(data, likelihood, log_values, noises, jnp.exp(log_sd_J))
-
-        return jax.jvp(density, (jnp.log(offsets.sd_J),), (jnp.ones(()),))
+        given = partial(record_log_density, data, likelihood, log_values, noises)
+        return slopes(lambda mean_J, log_sd_J: given(mean_J, jnp.exp(log_sd_J)))
 
     # One node at a time: memory is that of one value of each record, however many nodes there are.
     density, slope = jax.lax.map(at, jnp.asarray(nodes))
     weighted = jnp.asarray(weights)[:, None] * density
-    estimates = offsets._replace(slope=jnp.zeros_like(offsets.slope))
-    _, known = jax.jvp(lambda log_sd_J: estimates.at(jnp.exp(log_sd_J)), (jnp.log(offsets.sd_J),), (jnp.ones(()),))
+    _, known = slopes(lambda mean_J, log_sd_J: offsets.of_estimates(mean_J, jnp.exp(log_sd_J)))
+    in_mean, in_log_sd = jnp.einsum("m,msr->sr", jnp.asarray(weights), slope) - known
     third = jnp.einsum("mr,mi->ri", weighted, jnp.asarray(of_noise**3 - 3.0 * of_noise))
     interaction = 0.5 * _slope_variance(weighted, of_noise, weights)
     noises = NoiseSummaries(project(weighted, of_noise, noise), jnp.linalg.inv(noise.root), third, interaction)
-    offsets = offsets._replace(slope=jnp.asarray(weights) @ slope - known)
+    offsets = offsets._replace(slope_in_mean=in_mean, slope_in_log_sd=in_log_sd)
     return RecordSummaries(project_values(weighted, of_values, of_noise, values, noise), noises, offsets)
 
 

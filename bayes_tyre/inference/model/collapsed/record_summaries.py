@@ -111,26 +111,33 @@ class ValueSummaries(NamedTuple):
 
 
 class OffsetSummaries(NamedTuple):
-    """What the records say of the standard deviation of J, kN; shape (records,).
+    """What the records say of the mean and the standard deviation of J, kN; shape (records,).
 
     Attributes
     ----------
     J, variance:
         Estimate of J, and its variance.
-    sd_J, slope:
-        The standard deviation at which the other summaries are made, and what its logarithm gains there beyond these
-        estimates.
+    mean_J, sd_J:
+        Mean and standard deviation at which the other summaries are made.
+    slope_in_mean, slope_in_log_sd:
+        Of the log density there, beyond what these estimates say.
     """
 
     J: Float[Array, " records"]
     variance: Float[Array, " records"]
+    mean_J: Float[Array, " records"]
     sd_J: Float[Array, ""]
-    slope: Float[Array, " records"]
+    slope_in_mean: Float[Array, " records"]
+    slope_in_log_sd: Float[Array, " records"]
 
-    def at(self, sd_J: Float[Array, ""]) -> Float[Array, " records"]:
-        """Return the log density at a standard deviation of J."""
-        estimates = norm.logpdf(self.J, 0.0, jnp.sqrt(sd_J**2 + self.variance))
-        return estimates + self.slope * jnp.log(sd_J / self.sd_J)
+    def at(self, mean_J: Float[Array, " records"], sd_J: Float[Array, ""]) -> Float[Array, " records"]:
+        """Return the log density at means and a standard deviation of J."""
+        beyond = self.slope_in_mean * (mean_J - self.mean_J) + self.slope_in_log_sd * jnp.log(sd_J / self.sd_J)
+        return self.of_estimates(mean_J, sd_J) + beyond
+
+    def of_estimates(self, mean_J: Float[Array, " records"], sd_J: Float[Array, ""]) -> Float[Array, " records"]:
+        """Return the log density of the estimates alone."""
+        return norm.logpdf(self.J, mean_J, jnp.sqrt(sd_J**2 + self.variance))
 
 
 class RecordSummaries(NamedTuple):
@@ -141,7 +148,7 @@ class RecordSummaries(NamedTuple):
     values:
         Of (log k, log beta), F_i and J integrated out, at a value of the noise.
     noise, offsets:
-        Of the noise, and of the standard deviation of J.
+        Of the noise, and of mean and standard deviation of J.
     """
 
     values: ValueSummaries
@@ -154,11 +161,12 @@ def record_log_density(
     likelihood: Likelihood,
     log_values: Float[Array, "records 2"],
     noise: Float[Array, "records q"],
+    mean_J: Float[Array, " records"],
     sd_J: Float[Array, ""],
 ) -> Float[Array, " records"]:
     """Return the log density of each record's forces at (log k, log beta) and at (log sigma[, atanh rho])."""
     rho = jnp.tanh(noise[:, 1]) if noise.shape[1] > 1 else None
-    return RecordForces(data, log_values, sd_J, jnp.exp(noise[:, 0]), rho, likelihood).log_prob(data.F)
+    return RecordForces(data, log_values, mean_J, sd_J, jnp.exp(noise[:, 0]), rho, likelihood).log_prob(data.F)
 
 
 def empty_summaries(records: int, noise: str) -> RecordSummaries:
@@ -172,5 +180,5 @@ def empty_summaries(records: int, noise: str) -> RecordSummaries:
     by_value, by_noise = blank(VALUES), blank(VALUES, q)
     values = ValueSummaries(by_value, blank(VALUES, VALUES), by_value, by_noise, by_noise, by_value, blank(q))
     noises = NoiseSummaries(of_noise, of_noise.precision, of_noise.slope, of_noise.slope)
-    offsets = OffsetSummaries(blank(), blank(), jnp.asarray(np.ones(())), blank())
+    offsets = OffsetSummaries(blank(), blank(), blank(), jnp.asarray(np.ones(())), blank(), blank())
     return RecordSummaries(values, noises, offsets)

@@ -34,6 +34,8 @@ _POLISHING_STEPS = 4
 #: A least-squares estimate with a beta beyond this part of the travel, or a k that is so many times the secant (or as
 #: much less), traded k against beta: the same points fit as well with a beta like the other records'.
 _TRADED_BETA, _TRADED_K = 0.5, 3.0
+#: A normal's standard deviation over its median absolute deviation; and what estimates of J scatter at least, kN.
+_SD_OF_MAD, _LEAST_SD_J = 1.4826, 1e-3
 #: Beta is held within these multiples of the travel where the record leaves it open.
 _BETA_WITHIN_TRAVEL = (1e-4, 3.0)
 
@@ -67,13 +69,32 @@ class RecordEstimates(NamedTuple):
         """Estimates of log beta, beta in mm."""
         return self.centre[:, 3]
 
-    def of_log_values(self, sd_J: Float[Array, ""] | None = None) -> QuadraticApproximation:
+    @property
+    def J_variance(self) -> Float[Array, " records"]:
+        """Variance (kN^2) of the estimate of J."""
+        return jnp.linalg.inv(self.information)[:, 1, 1]
+
+    def typical_J(self, factors: Factors) -> tuple[Float[Array, " records"], Float[Array, ""]]:
+        """Return the median of J in each record's configuration and direction, and its scatter about that (kN).
+
+        Medians, for a record that leaves J open may have an estimate far from any.
+        """
+        group, J = factors.group.of_case[factors.of_record], np.asarray(self.centre[:, 1])
+        median = np.array(
+            [np.median(J[group == one]) if (group == one).any() else 0.0 for one in range(group.max() + 1)]
+        )
+        off = J - median[group]
+        return jnp.asarray(median[group]), jnp.asarray(_SD_OF_MAD * np.median(np.abs(off)) + _LEAST_SD_J)
+
+    def of_log_values(
+        self, mean_J: Float[Array, " #records"] | None = None, sd_J: Float[Array, ""] | None = None
+    ) -> QuadraticApproximation:
         """Return what the records say of log k and log beta with F_i and J integrated out.
 
         Parameters
         ----------
-        sd_J:
-            Standard deviation (kN) of the prior of J, which is about zero; None: J is free.
+        mean_J, sd_J:
+            Mean and standard deviation (kN) of the prior of J; None: J is free.
         """
         offsets, both, shape = self.information[:, :2, :2], self.information[:, :2, 2:], self.information[:, 2:, 2:]
         of_prior = jnp.zeros(()) if sd_J is None else sd_J**-2.0
@@ -81,7 +102,8 @@ class RecordEstimates(NamedTuple):
         # The inverse of two by two is written out: LAPACK would be called once a record.
         adjugate = jnp.stack([jnp.stack([d, -b], axis=1), jnp.stack([-b, a], axis=1)], axis=1)
         followed = jnp.einsum("rij,rik->rjk", both, adjugate / (a * d - b**2)[:, None, None])
-        slope = followed[:, :, 1] * (of_prior * self.centre[:, 1])[:, None]
+        off = self.centre[:, 1] - (jnp.zeros(1) if mean_J is None else mean_J)
+        slope = followed[:, :, 1] * (of_prior * off)[:, None]
         return QuadraticApproximation(self.centre[:, 2:], slope, shape - jnp.einsum("rij,rjk->rik", followed, both))
 
 

@@ -79,7 +79,7 @@ def record_starts(arguments: Mapping[str, Any], estimates: RecordEstimates | Non
     priors = arguments["priors"]
     values = priors.medians()
     if estimates is not None:
-        values["sd_J"] = np.sqrt(np.mean(np.asarray(estimates.centre[:, 1]) ** 2)) + 1e-3
+        values["sd_J"] = np.asarray(estimates.typical_J(arguments["factors"])[1])
     sites = prior_sites(arguments["factors"], arguments["repeats"], arguments["noise"])
     return hyperparameter_starts(sites, values, priors)
 
@@ -131,10 +131,18 @@ def case_coordinates(
 
 def record_coordinates(approximation: LaplaceApproximation, factors: Factors, priors: Priors = PRIORS) -> Coordinates:
     """Return the coordinates of `bayes_tyre.inference.model.models.records_model`."""
-    estimates = approximation.records
+    estimates, group = approximation.records, factors.group.of_case[factors.of_record]
+
+    def of_mean_J(values: Hyperparameters) -> Reparam:
+        weight = 1.0 / (values["sd_J"] ** 2 + estimates.J_variance)
+        total, sums = (
+            jnp.zeros(len(factors.group.labels)).at[group].add(each)
+            for each in (weight, weight * estimates.centre[:, 1])
+        )
+        return NormalReparam(Gaussian(sums / total, total))
 
     def placed_by(values: Hyperparameters) -> Place:
-        quadratic = estimates.of_log_values(values["sd_J"])
+        quadratic = estimates.of_log_values(values["J_group"][group], values["sd_J"])
 
         def place(z: Array, case: Array, scatter: Array) -> Reparameterised:
             return reparameterise_by_slope(z, quadratic.slope_at(case), quadratic.precision, case, scatter)
@@ -153,6 +161,7 @@ def record_coordinates(approximation: LaplaceApproximation, factors: Factors, pr
 
     return {
         **case_coordinates(factors, approximation.cases, placed_by, priors=priors),
+        "J_group": of_mean_J,
         "offsets_z": lambda _: DrawnReparam(),
         **_noise_coordinates("atanh_rho", atanh_rho),
         **_noise_coordinates("log_sigma", log_sigma),

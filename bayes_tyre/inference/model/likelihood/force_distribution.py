@@ -17,7 +17,7 @@ from bayes_tyre.inference.record_data import EQUATION_2, RecordData, force_curve
 class RecordForces(dist.Distribution):
     """The forces (kN) of all records; batch shape (records,), event shape (points,).
 
-    F_i is Normal about `data.F_0` with the span of the record's forces, J is Normal(0, sd_J).
+    F_i is Normal about `data.F_0` with the span of the record's forces, J is Normal(mean_J, sd_J).
 
     Parameters
     ----------
@@ -25,8 +25,8 @@ class RecordForces(dist.Distribution):
         The records: where their points are.
     log_values:
         log k (kN/mm), log beta (mm) of each.
-    sd_J:
-        Standard deviation (kN) of J among records.
+    mean_J, sd_J:
+        Mean of J of each record's group, and standard deviation about it (kN).
     sigma, rho:
         Standard deviation (kN) and lag-1 autocorrelation of the noise of each; None: independent noise.
     likelihood:
@@ -41,6 +41,7 @@ class RecordForces(dist.Distribution):
         self,
         data: RecordData,
         log_values: Float[Array, "records 2"],
+        mean_J: Float[Array, " records"],
         sd_J: Float[Array, ""],
         sigma: Float[Array, " records"],
         rho: Float[Array, " records"] | None = None,
@@ -48,7 +49,7 @@ class RecordForces(dist.Distribution):
         law: str = EQUATION_2,
     ) -> None:
         self.data, self.log_values, self.sigma, self.rho, self.likelihood = data, log_values, sigma, rho, likelihood
-        self.law = law
+        self.law, self.mean_J = law, mean_J
         self.sd_of_offsets = jnp.stack([data.span, jnp.broadcast_to(sd_J, data.span.shape)], axis=1)
         super().__init__(data.u.shape[:1], data.u.shape[1:], validate_args=False)
 
@@ -71,11 +72,11 @@ class RecordForces(dist.Distribution):
         likelihood = self.likelihood or DirectLikelihood(self.data._replace(F=jnp.asarray(value)), law=self.law)
         of_offsets = likelihood.of_offsets(self.log_values, self.sigma, self.rho)
         # What a likelihood counts from is the first force measured; a prior may be about another.
-        return of_offsets.about(self.data.F_0 - likelihood.first_force).with_prior(self.sd_of_offsets)
+        return of_offsets.about(self.data.F_0 - likelihood.first_force, self.mean_J).with_prior(self.sd_of_offsets)
 
     def start(self, offsets: Float[Array, "*sample records 2"]) -> Float[Array, "*sample records 2"]:
-        """Return F_i and J (kN) from the offsets F_i - F_0 and J."""
-        return offsets + jnp.stack([self.data.F_0, jnp.zeros_like(self.data.F_0)], axis=1)
+        """Return F_i and J (kN) from how far they are from F_0 and from the mean of J."""
+        return offsets + jnp.stack([self.data.F_0, self.mean_J], axis=1)
 
 
 def draw_forces(

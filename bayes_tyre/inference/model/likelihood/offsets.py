@@ -36,11 +36,11 @@ class OffsetsLikelihood(NamedTuple):
         square = of_level * level**2 + 2.0 * of_both * level * J + of_J * J**2
         return self.constant + jnp.sum(self.slope * offsets, axis=1) - 0.5 * square
 
-    def about(self, level: Records) -> "OffsetsLikelihood":
-        """Return the same density as a function of the offsets from so much more than F_0 (kN)."""
-        of_level, of_both, _ = self.precision.T
-        constant = self.at(jnp.stack([level, jnp.zeros_like(level)], axis=1))
-        slope = self.slope - level[:, None] * jnp.stack([of_level, of_both], axis=1)
+    def about(self, level: Records, J: Records) -> "OffsetsLikelihood":
+        """Return the same density as a function of how far the offsets are from these (kN)."""
+        of_level, of_both, of_J = self.precision.T
+        constant = self.at(jnp.stack([level, J], axis=1))
+        slope = self.slope - jnp.stack([of_level * level + of_both * J, of_both * level + of_J * J], axis=1)
         return OffsetsLikelihood(constant, slope, self.precision)
 
     def with_prior(self, sd: Float[Array, "records 2"]) -> "OffsetsPosterior":
