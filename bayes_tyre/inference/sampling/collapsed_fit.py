@@ -27,10 +27,11 @@ from bayes_tyre.inference.sampling.summary_error import (
     summary_error,
 )
 
-#: Chunks of the pilot run: the last one's draws say where the records' posterior is.
-_PILOT_CHUNKS = 3
-#: Pilot runs at most: of thousands of records, the Laplace approximation's summaries may be too far off for one.
-_MOST_PILOTS = 2
+#: Chunks of the pilot run, at most: after each of these numbers the last chunk's draws say where the records' posterior
+#: is, and the records are summed up anew about it.
+_PILOT_CHUNKS = (3, 2, 2)
+#: Error of summaries from which those about their posterior's draws are good enough to stop there.
+_PILOT_ERROR_GOOD = 0.2
 
 
 def collapsed_in_coordinates(approximation: LaplaceApproximation, **arguments: Any) -> None:
@@ -40,39 +41,60 @@ def collapsed_in_coordinates(approximation: LaplaceApproximation, **arguments: A
 
 
 def pilot(
-    chains: Chains, arguments: Mapping[str, Any], settings: SamplerSettings
+    chains: Chains, arguments: Mapping[str, Any], starts: Mapping[str, Any], settings: SamplerSettings
 ) -> tuple[RecordSummaries, SummaryError]:
-    """Return the records' summaries about where a short run of the chains says that they are, and their error in it.
+    """Return the records' summaries about where a short run of the chains says that they are.
 
     Parameters
     ----------
     chains:
         Of `collapsed_in_coordinates`.
-    arguments:
-        The model's.
+    arguments, starts:
+        The model's, with summaries to begin with; and where the chains start.
     settings:
         Seed of the chains, and what to call as they proceed.
+
+    Returns
+    -------
+    summaries, error:
+        The summaries, and how far those that they were made from were off.
     """
+    summaries, state = arguments["summaries"], None
     cases = [case.label for case in arguments["factors"].cases]
-    settings.on_stage("pilot run", _PILOT_CHUNKS * CHUNK)
-    state = chains.begin(settings.seed)
-    for _ in range(_PILOT_CHUNKS):
-        chunk = chains.advance(state, CHUNK)
-        state = chunk.state
-        settings.on_progress(CHUNK)
-    sites = chains.constrain(chunk.unconstrained, (settings.seed,))
+    for count in _PILOT_CHUNKS:
+        settings.on_stage("pilot run", count * CHUNK)
+        chains = chains.given({**arguments, "summaries": summaries}, starts)
+        state = chains.begin(settings.seed) if state is None else state
+        chunks = []
+        for _ in range(count):
+            chunks.append(chains.advance(state, CHUNK))
+            state = chunks[-1].state
+            settings.on_progress(CHUNK)
+        # The first chunks of all are on their way to the posterior.
+        kept = [
+            chains.constrain(chunk.unconstrained, (settings.seed, number)) for number, chunk in enumerate(chunks[-2:])
+        ]
+        sites = {name: np.concatenate([each[name] for each in kept], axis=1) for name in kept[0]}
+        error, summaries = summary_error(sites, chains.sampled, cases), _summaries_about(sites, arguments)
+        if not all(np.isfinite(np.asarray(leaf)).all() for leaf in jax.tree.leaves(summaries)):
+            # Draws that are all one, of a pilot that stood still, are no posterior to go by.
+            return summaries, SummaryError(np.inf, np.inf, cases[0], np.inf)
+        if error.total <= _PILOT_ERROR_GOOD or not np.isfinite(error.total):
+            break
+    return summaries, error
+
+
+def _summaries_about(sites: Mapping[str, np.ndarray], arguments: Mapping[str, Any]) -> RecordSummaries:
+    """Return the records summed up about draws."""
     of_records = {name: jnp.asarray(flat(sites[name])) for name in ("k", "beta", "sigma", "rho") if name in sites}
     log_values = jnp.log(jnp.stack([of_records["k"], of_records["beta"]], axis=-1))
     noise = [jnp.log(of_records["sigma"]), *([jnp.arctanh(of_records["rho"])] if "rho" in sites else [])]
-    known = arguments["data"], arguments["likelihood"], arguments["summaries"]
-    mean_J = jnp.mean(flat(sites["J_group"]), axis=0)[
-        arguments["factors"].group.of_case[arguments["factors"].of_record]
-    ]
-    refined = refine_summaries(*known, log_values, jnp.stack(noise, axis=-1), mean_J, jnp.mean(sites["sd_J"]))
-    # Draws that are all one, of a pilot that stood still, are no posterior to go by.
-    sound = all(np.isfinite(np.asarray(leaf)).all() for leaf in jax.tree.leaves(refined))
-    error = summary_error(sites, chains.sampled, cases) if sound else SummaryError(np.inf, np.inf, cases[0], np.inf)
-    return refined, error
+    factors = arguments["factors"]
+    mean_J = jnp.mean(flat(sites["J_group"]), axis=0)[factors.group.of_case[factors.of_record]]
+    # What records say is nearly linear in the variance of J.
+    of_J = mean_J, jnp.sqrt(jnp.mean(sites["sd_J"] ** 2))
+    known = arguments["data"], arguments["likelihood"]
+    return refine_summaries(*known, log_values, jnp.stack(noise, axis=-1), *of_J)
 
 
 def sample_collapsed(
@@ -88,11 +110,7 @@ def sample_collapsed(
         chains = make_chains(collapsed_in_coordinates, blank, settings, record_starts(arguments), CAREFUL_ACCEPTANCE)
         approximation, summaries = summarising.result()
     known, starts = {"approximation": approximation, **arguments}, record_starts(arguments, approximation.records)
-    for _ in range(_MOST_PILOTS):
-        rough = {**known, "summaries": summaries}
-        summaries, error = pilot(chains.given(rough, starts), rough, settings)
-        if error.at_least <= PILOT_ERROR_MOST or not np.isfinite(error.at_least):
-            break
+    summaries, error = pilot(chains, {**known, "summaries": summaries}, starts, settings)
     runs: tuple[SamplerRun, ...] = ()
     if error.at_least <= PILOT_ERROR_MOST:
         chains = chains.given({**known, "summaries": summaries}, starts)

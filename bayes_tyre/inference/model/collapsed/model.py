@@ -58,9 +58,9 @@ def collapsed_records_model(
     typical, sd_of_noise = _sample_noise(hyperparameters, len(factors.of_record), noise, priors)
     of_noise, interaction, noise_given = summaries.noise.log_marginal(typical, sd_of_noise)
     values, constant = summaries.values.given(typical + noise_given.draw(jnp.zeros_like(typical.T)).T)
-    collapsed = collapse_repeats(values, factors, repeats, hyperparameters, priors=priors)
     mean_J, sd_J = sample_mean_J(factors, priors), hyperparameters["sd_J"]
-    of_offsets = summaries.offsets.at(mean_J, sd_J)
+    values, of_offsets = summaries.offsets.move(values, mean_J, sd_J), summaries.offsets.at(mean_J, sd_J)
+    collapsed = collapse_repeats(values, factors, repeats, hyperparameters, priors=priors)
     numpyro.factor("log_density_of_noise", of_noise + constant)
     numpyro.factor("log_density_of_offsets", of_offsets)
     key = numpyro.prng_key()
@@ -70,16 +70,17 @@ def collapsed_records_model(
     for_values, for_noise, for_choice = jax.random.split(key, 3)
     log_values = collapsed.draw(for_values, _PROPOSALS)
     z = jax.random.normal(for_noise, (_PROPOSALS, *typical.T.shape))
-    noises = typical + jnp.moveaxis(jax.vmap(noise_given.draw)(z), 1, -1)
+    noises = typical + jnp.moveaxis(jax.vmap(jax.vmap(noise_given.draw))(jnp.stack([z, -z])), 2, -1)
     density = partial(record_log_density, data, likelihood, mean_J=mean_J, sd_J=sd_J)
-    exact = jax.vmap(density)(log_values, noises)
+    exact = jax.vmap(jax.vmap(density))(log_values, noises)
     missed = exact - values.at(log_values) - constant - summaries.noise.at(noises) - of_offsets - interaction
     # The logarithm of a mean of so few would miss part of their variance: its first two cumulants do not.
-    gained = jnp.mean(missed, axis=0) + 0.5 * jnp.var(missed, axis=0, ddof=1)
+    gained = jnp.mean(missed, axis=(0, 1)) + 0.5 * jnp.mean(jnp.var(missed, axis=1, ddof=1), axis=0)
     by_case = jnp.zeros(len(factors.cases)).at[factors.of_record].add(gained)
     deterministic(SUMMARY_ERROR, by_case)
-    chosen = jax.random.categorical(for_choice, missed, axis=0)[None, :, None]
-    log_values, noises = (jnp.take_along_axis(each, chosen, axis=0)[0] for each in (log_values, noises))
+    # One side alone: repeats of a case are drawn about one and the same.
+    chosen = jax.random.categorical(for_choice, missed[0], axis=0)[None, :, None]
+    log_values, noises = (jnp.take_along_axis(each[0], chosen, axis=0)[0] for each in (log_values, noises))
 
     sample_cases_of(collapsed, log_values, factors)
     sigma, rho = deterministic("sigma", jnp.exp(noises[:, 0])), None

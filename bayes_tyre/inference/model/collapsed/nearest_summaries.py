@@ -7,8 +7,6 @@ Source: the fixed point of Opper & Archambeau (2009), "The variational Gaussian 
 Computation 21, with Stein's identities in place of derivatives; means by Gauss-Hermite quadrature.
 """
 
-from collections.abc import Callable
-from functools import partial
 from itertools import product
 
 import equinox as eqx
@@ -37,10 +35,13 @@ _POINTS, _POINTS_OF_NOISE = 5, 4
 _ROUNDS = 3
 #: Share of the variance of the noise's estimates that is at least put down to the noise: records may agree by chance.
 _LEAST_NOISE_SHARE = 0.1
+#: Least that a record says of J, times what its prior does.
+_LEAST_J_INFORMATION = 1e-6
+#: Square root of the share of what a record says of its values, along the gradient of J, that may come from J's prior.
+_MOST_OF_J = 0.99
 
-
-#: A log density of records as a function of the mean of J of each, and of the logarithm of its standard deviation.
-_OfOffsets = Callable[[Float[Array, " records"], Float[Array, ""]], Float[Array, " records"]]
+#: Means of J of the records, and its standard deviation about them, kN.
+_OfJ = tuple[Float[Array, " records"], Float[Array, ""]]
 
 
 def summarise_records(
@@ -86,26 +87,23 @@ def _summarise(
     noises: QuadraticApproximation,
     case: Float[Array, "records 2"],
     scatter: Float[Array, "records 2"],
-    of_J: tuple[Float[Array, " records"], Float[Array, ""]],
+    of_J: _OfJ,
 ) -> RecordSummaries:
-    J, none = records.centre[:, 1], jnp.zeros_like(records.points)
-    offsets = OffsetSummaries(J, records.J_variance, *of_J, none, none)
     variance = jnp.var(noises.centre, axis=0)
     own = jnp.mean(1.0 / jnp.diagonal(noises.precision, axis1=1, axis2=2), axis=0)
     typical = jnp.broadcast_to(jnp.mean(noises.centre, axis=0), noises.centre.shape)
     spread = jnp.sqrt(jnp.maximum(variance - own, _LEAST_NOISE_SHARE * variance)) + jnp.zeros_like(typical)
     moments = _moments(records.of_log_values(*of_J), case, scatter), _moments(noises, typical, spread)
     for _ in range(_ROUNDS - 1):
-        values, noise, _ = _nearest(data, likelihood, offsets, *moments)
+        values, noise, _ = _nearest(data, likelihood, of_J, *moments)
         moments = _moments(values.given(values.noise)[0], case, scatter), _moments(noise.quadratic, typical, spread)
-    return _nearest(data, likelihood, offsets, *moments)
+    return _nearest(data, likelihood, of_J, *moments)
 
 
 @eqx.filter_jit
 def refine_summaries(
     data: RecordData,
     likelihood: Likelihood,
-    summaries: RecordSummaries,
     log_values: Float[Array, "draws records 2"],
     noise: Float[Array, "draws records q"],
     mean_J: Float[Array, " records"],
@@ -115,15 +113,14 @@ def refine_summaries(
 
     Parameters
     ----------
-    data, likelihood, summaries:
-        The records, their density, and the summaries that the draws came from.
+    data, likelihood:
+        The records, and their density.
     log_values, noise:
         Draws of (log k, log beta) and of (log sigma[, atanh rho]).
     mean_J, sd_J:
         Means of J, and its standard deviation about them (kN).
     """
-    offsets = summaries.offsets._replace(mean_J=mean_J, sd_J=sd_J)
-    return _nearest(data, likelihood, offsets, _moments_of(log_values), _moments_of(noise))
+    return _nearest(data, likelihood, (mean_J, sd_J), _moments_of(log_values), _moments_of(noise))
 
 
 def _moments_of(draws: Float[Array, "draws records n"]) -> Moments:
@@ -141,35 +138,62 @@ def _moments(
     return Moments(above + posterior.draw(jnp.zeros_like(scale.T)).T, jnp.moveaxis(posterior.root(), -1, 0))
 
 
-def _nearest(
-    data: RecordData, likelihood: Likelihood, offsets: OffsetSummaries, values: Moments, noise: Moments
-) -> RecordSummaries:
+def _nearest(data: RecordData, likelihood: Likelihood, of_J: _OfJ, values: Moments, noise: Moments) -> RecordSummaries:
     """Return the summaries nearest to the log density, on average over independent posteriors of values and noise."""
     nodes, weights = _quadrature((_POINTS,) * VALUES + (_POINTS_OF_NOISE,) * noise.mean.shape[1])
     of_values, of_noise = nodes[:, :VALUES], nodes[:, VALUES:]
+    mean_J, sd_J = of_J
 
-    def slopes(density: _OfOffsets) -> tuple[Float[Array, " records"], Float[Array, "2 records"]]:
-        """Return a log density at the offsets' mean and sd, and its slopes in mean_J and in log sd_J."""
-        at, along_mean = (offsets.mean_J, jnp.log(offsets.sd_J)), jnp.ones_like(offsets.mean_J)
-        value, in_mean = jax.jvp(density, at, (along_mean, jnp.zeros(())))
-        return value, jnp.stack([in_mean, jax.jvp(density, at, (0.0 * along_mean, jnp.ones(())))[1]])
-
-    def at(node: Float[Array, " n"]) -> tuple[Float[Array, " records"], Float[Array, "2 records"]]:
-        """Return the log density at a node, and its slopes in mean_J and in log sd_J."""
+    def at(node: Float[Array, " n"]) -> Float[Array, "3 records"]:
+        """Return the log density at a node, and its slopes in mean_J and in sd_J^2."""
         log_values, noises = values.mean + values.root @ node[:VALUES], noise.mean + noise.root @ node[VALUES:]
-        given = partial(record_log_density, data, likelihood, log_values, noises)
-        return slopes(lambda mean_J, log_sd_J: given(mean_J, jnp.exp(log_sd_J)))
+
+        def density(mean_J: Float[Array, " records"], variance_J: Float[Array, ""]) -> Float[Array, " records"]:
+            return record_log_density(data, likelihood, log_values, noises, mean_J, jnp.sqrt(variance_J))
+
+        here, along = (mean_J, sd_J**2), jnp.ones_like(mean_J)
+        value, in_mean = jax.jvp(density, here, (along, jnp.zeros(())))
+        return jnp.stack([value, in_mean, jax.jvp(density, here, (0.0 * along, jnp.ones(())))[1]])
 
     # One node at a time: memory is that of one value of each record, however many nodes there are.
-    density, slope = jax.lax.map(at, jnp.asarray(nodes))
+    density, *in_J = jnp.moveaxis(jax.lax.map(at, jnp.asarray(nodes)), 1, 0)
     weighted = jnp.asarray(weights)[:, None] * density
-    _, known = slopes(lambda mean_J, log_sd_J: offsets.of_estimates(mean_J, jnp.exp(log_sd_J)))
-    in_mean, in_log_sd = jnp.einsum("m,msr->sr", jnp.asarray(weights), slope) - known
     third = jnp.einsum("mr,mi->ri", weighted, jnp.asarray(of_noise**3 - 3.0 * of_noise))
     interaction = 0.5 * _slope_variance(weighted, of_noise, weights)
     noises = NoiseSummaries(project(weighted, of_noise, noise), jnp.linalg.inv(noise.root), third, interaction)
-    offsets = offsets._replace(slope_in_mean=in_mean, slope_in_log_sd=in_log_sd)
-    return RecordSummaries(project_values(weighted, of_values, of_noise, values, noise), noises, offsets)
+    of_values_given_J = project_values(weighted, of_values, of_noise, values, noise)
+    precision = of_values_given_J.given(noise.mean)[0].precision
+    offsets = _of_offsets(of_J, *in_J, of_values, jnp.asarray(weights), values, precision)
+    return RecordSummaries(of_values_given_J, noises, offsets)
+
+
+def _of_offsets(
+    of_J: _OfJ,
+    in_mean: Float[Array, "nodes records"],
+    in_variance: Float[Array, "nodes records"],
+    z: Float[np.ndarray, "nodes 2"],
+    weights: Float[Array, " nodes"],
+    values: Moments,
+    precision: Float[Array, "records 2 2"],
+) -> OffsetSummaries:
+    """Return what records say of J, of slopes in mean_J and in sd_J^2 at nodes z of the values.
+
+    At each node the density is Normal(J; mean_J, sd_J^2 + variance): the slope in mean_J is J - mean_J over the total
+    variance, and the slope in sd_J^2 half the square of that less half the inverse of the total. Means of products with
+    the nodes are gradients (Stein's identity).
+    """
+    mean_J, sd_J = of_J
+    mean, square = weights @ in_mean, weights @ in_mean**2
+    # A record may say nothing of J, but not less.
+    inverse = jnp.clip(square - 2.0 * weights @ in_variance, _LEAST_J_INFORMATION / sd_J**2, sd_J**-2.0)
+    by_node = jnp.einsum("m,mr,mi->ri", weights, in_mean, z) / inverse[:, None]
+    along = jnp.einsum("ri,rik->rk", by_node, jnp.linalg.inv(values.root))
+    # With J left open a record still says something of its values, or nothing.
+    known = jnp.einsum("ri,rij,rj->r", along, jnp.linalg.inv(precision), along) * inverse
+    share = jnp.minimum(1.0, _MOST_OF_J / jnp.sqrt(known))
+    rest = (square - mean**2) / inverse**2 - share**2 * jnp.sum(by_node**2, axis=1)
+    J, variance = mean_J + mean / inverse, 1.0 / inverse - sd_J**2
+    return OffsetSummaries(J, along * share[:, None], variance, rest, mean_J, sd_J**2)
 
 
 def _slope_variance(

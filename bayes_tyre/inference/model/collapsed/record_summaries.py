@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.stats import norm
 from jaxtyping import Array, Float
 
 from bayes_tyre.inference.model.likelihood.direct import Likelihood
@@ -111,33 +110,45 @@ class ValueSummaries(NamedTuple):
 
 
 class OffsetSummaries(NamedTuple):
-    """What the records say of the mean and the standard deviation of J, kN; shape (records,).
+    """What the records say of the mean and the standard deviation of J.
+
+    Given its values, a record says of J as much as an estimate of it with a normal error, linear in the values.
 
     Attributes
     ----------
-    J, variance:
-        Estimate of J, and its variance.
-    mean_J, sd_J:
-        Mean and standard deviation at which the other summaries are made.
-    slope_in_mean, slope_in_log_sd:
-        Of the log density there, beyond what these estimates say.
+    J, along_values:
+        Shapes (records,) and (records, 2): the estimate at the centre of `ValueSummaries` (kN), and its gradient.
+    variance:
+        Shape (records,): of its error (kN^2).
+    rest:
+        Shape (records,): what its variance over the approximate posterior has beyond that of `along_values` (kN^2).
+    mean_J, variance_J:
+        Shapes (records,) and (): mean of J, and its variance, at which `ValueSummaries` are taken.
     """
 
     J: Float[Array, " records"]
+    along_values: Float[Array, "records 2"]
     variance: Float[Array, " records"]
+    rest: Float[Array, " records"]
     mean_J: Float[Array, " records"]
-    sd_J: Float[Array, ""]
-    slope_in_mean: Float[Array, " records"]
-    slope_in_log_sd: Float[Array, " records"]
+    variance_J: Float[Array, ""]
 
     def at(self, mean_J: Float[Array, " records"], sd_J: Float[Array, ""]) -> Float[Array, " records"]:
-        """Return the log density at means and a standard deviation of J."""
-        beyond = self.slope_in_mean * (mean_J - self.mean_J) + self.slope_in_log_sd * jnp.log(sd_J / self.sd_J)
-        return self.of_estimates(mean_J, sd_J) + beyond
+        """Return the log density at means and a standard deviation of J, with the values at their centre."""
+        total = sd_J**2 + self.variance
+        return -0.5 * (((self.J - mean_J) ** 2 + self.rest) / total + jnp.log(total))
 
-    def of_estimates(self, mean_J: Float[Array, " records"], sd_J: Float[Array, ""]) -> Float[Array, " records"]:
-        """Return the log density of the estimates alone."""
-        return norm.logpdf(self.J, mean_J, jnp.sqrt(sd_J**2 + self.variance))
+    def move(
+        self, values: QuadraticApproximation, mean_J: Float[Array, " records"], sd_J: Float[Array, ""]
+    ) -> QuadraticApproximation:
+        """Return what records say of their values at means and a standard deviation of J."""
+        inverse, before = (1.0 / (variance + self.variance) for variance in (sd_J**2, self.variance_J))
+        slope = (self.J - mean_J) * inverse - (self.J - self.mean_J) * before
+        squares = self.along_values[:, :, None] * self.along_values[:, None, :]
+        return values._replace(
+            slope=values.slope - self.along_values * slope[:, None],
+            precision=values.precision + squares * (inverse - before)[:, None, None],
+        )
 
 
 class RecordSummaries(NamedTuple):
@@ -146,7 +157,7 @@ class RecordSummaries(NamedTuple):
     Attributes
     ----------
     values:
-        Of (log k, log beta), F_i and J integrated out, at a value of the noise.
+        Of (log k, log beta), F_i and J integrated out, at a value of the noise, and at what is shared of J.
     noise, offsets:
         Of the noise, and of mean and standard deviation of J.
     """
@@ -180,5 +191,5 @@ def empty_summaries(records: int, noise: str) -> RecordSummaries:
     by_value, by_noise = blank(VALUES), blank(VALUES, q)
     values = ValueSummaries(by_value, blank(VALUES, VALUES), by_value, by_noise, by_noise, by_value, blank(q))
     noises = NoiseSummaries(of_noise, of_noise.precision, of_noise.slope, of_noise.slope)
-    offsets = OffsetSummaries(blank(), blank(), blank(), jnp.asarray(np.ones(())), blank(), blank())
+    offsets = OffsetSummaries(blank(), by_value, blank(), blank(), blank(), jnp.asarray(np.zeros(())))
     return RecordSummaries(values, noises, offsets)

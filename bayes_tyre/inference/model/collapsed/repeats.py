@@ -197,19 +197,25 @@ class CollapsedPosterior(NamedTuple):
     log_choice: Float[Array, "alternatives cases"]
     cases: NormalPosterior
 
-    def draw(self, key: Array, count: int) -> Float[Array, "count records parameters"]:
-        """Draw choices and cases, and given one of each so many values of the logarithms of each record."""
+    def draw(self, key: Array, count: int) -> Float[Array, "2 count records parameters"]:
+        """Draw choices and cases, and given one of each so many values of the logarithms of each record.
+
+        The second half is the first in a mirror: the same choices, case and records as far on the other side of the
+        means. Together they have a mean that what is odd about the means does not move.
+        """
         repeats, (of_choice, of_case, of_record) = self.repeats, jax.random.split(key, 3)
         choice = jax.random.categorical(of_choice, self.log_choice, axis=0)
-        mean = repeats.about.mean
-        drawn = self.cases.draw(
-            jnp.broadcast_to(jax.random.normal(of_case, mean.shape)[:, None], self.cases.scale.shape)
-        )
-        above = (mean + jnp.take_along_axis(drawn, choice[None, None], axis=1)[:, 0])[:, repeats.of_record]
         choices = jnp.asarray(repeats.members.choices)
         discordant = choices[choice[repeats.of_record] % len(choices), repeats.members.place]
         scatter = jnp.where(discordant, repeats.widening, 1.0) * repeats.about.scatter[:, repeats.of_record]
-        slope, precision = repeats.estimates.slope_at(above.T).T, jnp.moveaxis(repeats.estimates.precision, 0, -1)
-        records = NormalPosterior(slope, precision, scatter)
-        z = jax.random.normal(of_record, (count, *above.shape))
-        return jnp.moveaxis(above + jax.vmap(records.draw)(z), 1, -1)
+        mean, precision = repeats.about.mean, jnp.moveaxis(repeats.estimates.precision, 0, -1)
+        case_z = jnp.broadcast_to(jax.random.normal(of_case, mean.shape)[:, None], self.cases.scale.shape)
+        record_z = jax.random.normal(of_record, (count, len(mean), len(repeats.of_record)))
+
+        def side(sign: float) -> Array:
+            drawn = jnp.take_along_axis(self.cases.draw(sign * case_z), choice[None, None], axis=1)[:, 0]
+            above = (mean + drawn)[:, repeats.of_record]
+            records = NormalPosterior(repeats.estimates.slope_at(above.T).T, precision, scatter)
+            return jnp.moveaxis(above + jax.vmap(records.draw)(sign * record_z), 1, -1)
+
+        return jnp.stack([side(1.0), side(-1.0)])

@@ -34,8 +34,11 @@ _POLISHING_STEPS = 4
 #: A least-squares estimate with a beta beyond this part of the travel, or a k that is so many times the secant (or as
 #: much less), traded k against beta: the same points fit as well with a beta like the other records'.
 _TRADED_BETA, _TRADED_K = 0.5, 3.0
-#: A normal's standard deviation over its median absolute deviation; and what estimates of J scatter at least, kN.
-_SD_OF_MAD, _LEAST_SD_J = 1.4826, 1e-3
+#: A normal's standard deviation over its median absolute deviation.
+_SD_OF_MAD = 1.4826
+#: Share of the variance of the estimates of J that is at least put down to J (they may agree by chance), and the
+#: least standard deviation, kN.
+_LEAST_J_SHARE, _LEAST_SD_J = 0.01, 1e-3
 #: Beta is held within these multiples of the travel where the record leaves it open.
 _BETA_WITHIN_TRAVEL = (1e-4, 3.0)
 
@@ -75,16 +78,18 @@ class RecordEstimates(NamedTuple):
         return jnp.linalg.inv(self.information)[:, 1, 1]
 
     def typical_J(self, factors: Factors) -> tuple[Float[Array, " records"], Float[Array, ""]]:
-        """Return the median of J in each record's configuration and direction, and its scatter about that (kN).
+        """Return the median of J in each record's configuration and direction, and how J scatters about that (kN).
 
-        Medians, for a record that leaves J open may have an estimate far from any.
+        Medians, for a record that leaves J open may have an estimate far from any. What the estimates scatter by
+        themselves is taken off.
         """
         group, J = factors.group.of_case[factors.of_record], np.asarray(self.centre[:, 1])
         median = np.array(
             [np.median(J[group == one]) if (group == one).any() else 0.0 for one in range(group.max() + 1)]
         )
-        off = J - median[group]
-        return jnp.asarray(median[group]), jnp.asarray(_SD_OF_MAD * np.median(np.abs(off)) + _LEAST_SD_J)
+        variance = (_SD_OF_MAD * np.median(np.abs(J - median[group]))) ** 2
+        of_J = max(variance - float(np.median(self.J_variance)), _LEAST_J_SHARE * variance)
+        return jnp.asarray(median[group]), jnp.asarray(np.sqrt(of_J) + _LEAST_SD_J)
 
     def of_log_values(
         self, mean_J: Float[Array, " #records"] | None = None, sd_J: Float[Array, ""] | None = None

@@ -135,7 +135,9 @@ def test_draws_of_records_have_the_moments_of_their_normal():
     repeats, draws = made(5, discordant=False, apart=False), 4000
     posterior = repeats.given()
     keys = jax.random.split(jax.random.PRNGKey(0), draws)
-    drawn = np.asarray(jax.jit(jax.vmap(lambda key: posterior.draw(key, 1)[0]))(keys))
+    drawn, mirrored = np.moveaxis(np.asarray(jax.jit(jax.vmap(lambda key: posterior.draw(key, 1)[:, 0]))(keys)), 1, 0)
+    # One choice and one kind of case each: the mean of both sides is the posterior's, in every draw.
+    np.testing.assert_allclose(np.ptp(drawn + mirrored, axis=0), 0.0, atol=1e-9)
     for case in range(len(REPEATS)):
         members = np.flatnonzero(repeats.of_record == case)
         _, ((above, total),) = by_hand(repeats, case, False)
@@ -161,7 +163,7 @@ def test_draws_of_records_have_the_density_that_is_claimed():
     slope = repeats.estimates.slope + 0.3
     other = repeats._replace(estimates=repeats.estimates._replace(slope=slope))
     keys = jax.random.split(jax.random.PRNGKey(1), draws)
-    drawn = jax.jit(jax.vmap(lambda key: posterior.draw(key, 1)[0]))(keys)
+    drawn = jax.jit(jax.vmap(lambda key: posterior.draw(key, 1)[0, 0]))(keys)
     log_ratio = jax.vmap(lambda values: other.estimates.at(values) - repeats.estimates.at(values))(drawn)
     by_case = np.stack([log_ratio[:, repeats.of_record == case].sum(axis=1) for case in range(len(REPEATS))])
     ratio = np.exp(by_case - np.asarray(other.given().log_density - posterior.log_density)[:, None])

@@ -40,15 +40,16 @@ def test_the_likelihood_is_standard_normal_in_the_coordinates_of_long_records():
         np.testing.assert_allclose(log_density(z) - peak, expected, rtol=0.15, atol=0.05)
 
 
-@pytest.mark.parametrize("sd_J", [0.02, 1.0])
-def test_a_prior_of_the_offset_moves_what_a_record_says_of_k_and_beta_as_algebra_has_it(sd_J):
+@pytest.mark.parametrize(("mean_J", "sd_J"), [(0.0, 0.02), (-0.7, 0.02), (0.4, 1.0)])
+def test_a_prior_of_the_offset_moves_what_a_record_says_of_k_and_beta_as_algebra_has_it(mean_J, sd_J):
     table, _ = simulate(Plan(("x",), (0.0,), (20.0,), (5.0,), points=40, noise_kN=0.3), seed=4)
     approximation = estimate_records(record_batch(check_record_table(table)))
-    quadratic = approximation.of_log_values(jnp.asarray(sd_J))
+    quadratic = approximation.of_log_values(jnp.full(len(approximation.centre), mean_J), jnp.asarray(sd_J))
     for record, information in enumerate(np.asarray(approximation.information)):
         with_prior = information + np.diag([0.0, sd_J**-2.0, 0.0, 0.0])
         covariance = np.linalg.inv(with_prior)[2:, 2:]
-        moved = -np.linalg.solve(with_prior, [0.0, float(approximation.centre[record, 1]) / sd_J**2, 0.0, 0.0])[2:]
+        pull = (float(approximation.centre[record, 1]) - mean_J) / sd_J**2
+        moved = -np.linalg.solve(with_prior, [0.0, pull, 0.0, 0.0])[2:]
         np.testing.assert_allclose(quadratic.precision[record], np.linalg.inv(covariance), rtol=1e-6)
         np.testing.assert_allclose(
             np.linalg.solve(quadratic.precision[record], quadratic.slope[record]), moved, rtol=1e-6

@@ -139,9 +139,9 @@ def test_offsets_are_those_of_the_density_point_by_point(records, kind, law):
             offsets = approximation.centre[:, :2] - starts + 0.1 * random.standard_normal((len(sigma), 2))
             theta = jnp.concatenate([starts + offsets, approximation.centre[:, 2:]], axis=1)
             np.testing.assert_allclose(of_offsets.at(offsets), direct(theta, sigma, rho), rtol=1e-9, atol=1e-5)
-            level = jnp.asarray(random.standard_normal(len(sigma)))
-            moved = offsets - jnp.stack([level, jnp.zeros_like(level)], axis=1)
-            np.testing.assert_allclose(of_offsets.about(level).at(moved), of_offsets.at(offsets), rtol=1e-9, atol=1e-5)
+            about = jnp.asarray(random.standard_normal((len(sigma), 2)))
+            moved = of_offsets.about(*about.T).at(offsets - about)
+            np.testing.assert_allclose(moved, of_offsets.at(offsets), rtol=1e-9, atol=1e-5)
 
 
 def test_padding_does_not_count(records):
