@@ -18,7 +18,7 @@ from bayes_tyre.cli.interrupt import ending_at_interrupt
 from bayes_tyre.cli.messages import fault, one_line_each, say
 from bayes_tyre.cli.messages import note as note  # commands import these two from here
 from bayes_tyre.cli.messages import warn as warn
-from bayes_tyre.errors import BadInput, CutShort
+from bayes_tyre.errors import BadInput, CutShort, out_of_memory
 from bayes_tyre.formats.run_lock import sole_run
 from bayes_tyre.plain_text import listed, path_text
 
@@ -142,16 +142,18 @@ def guarded(command: Callable[..., None], group: str = "") -> Callable[..., None
             fault("; ".join([str(error), *_resume_advice(command)]))
             raise typer.Exit(BAD_INPUT) from None
         except BadInput as error:
-            fault(error)
-            raise typer.Exit(BAD_INPUT) from None
-        except MemoryError:
-            fault(memory.too_little(name))
+            fault(memory.with_needs(error, name))
             raise typer.Exit(BAD_INPUT) from None
         except BrokenPipeError:  # the reader of the output has closed it; Typer ends silently
             raise
-        except OSError as error:
-            where = f"{error.filename}: " if error.filename else ""
-            fault(f"{where}{error.strerror or error}; check the path and the disk")
+        except Exception as error:
+            if out_of_memory(error):
+                fault(memory.too_little(name))
+            elif isinstance(error, OSError):
+                where = f"{error.filename}: " if error.filename else ""
+                fault(f"{where}{error.strerror or error}; check the path and the disk")
+            else:
+                raise
             raise typer.Exit(BAD_INPUT) from None
 
     of_log = (("verbose", logs.Verbose, False), ("log_file", logs.LogFile, None))

@@ -90,7 +90,7 @@ def of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:
         draws = {name: posterior[f"{name}_case"].isel(case=i).to_numpy().ravel() for name in case_parameters(posterior)}
         curves = None
         if of_motions and tree.attrs.get("law", hysteresis_loops.LAW) == hysteresis_loops.LAW:
-            curves = _cycle(draws, float(tree.attrs["amplitude_mm"]), level)
+            curves = _cycle(draws, _amplitude_mm(tree), level)
         elif "record" in posterior.dims and not of_motions:
             step, sign = of_case(together, i), sign_of(case) or 1
             draws = {"k": step.k, "beta": step.beta, "J": step.J, "C": step.C, "F_i": step.F_i}
@@ -101,6 +101,16 @@ def of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:
         values = {name: _value(each, RECORD_UNITS[name], level) for name, each in draws.items()}
         models.append(TyreModel(case.label, values, curves))
     return models
+
+
+def _amplitude_mm(tree: xr.DataTree) -> float:
+    try:
+        amplitude = float(tree.attrs["amplitude_mm"])
+    except (KeyError, TypeError, ValueError):
+        amplitude = np.nan
+    if not 0 < amplitude < np.inf:
+        raise BadInput("does not say the amplitude of its cycles; run motion again")
+    return amplitude
 
 
 def _cycle(draws: Mapping[str, np.ndarray], amplitude_mm: float, level: float) -> Curves:

@@ -18,21 +18,21 @@ from helpers.disturbed import (
 @pytest.mark.parametrize("name", ["lsq", "process"])
 def test_a_disturbed_command_gives_the_bytes_of_a_run_left_alone(name, tmp_path):
     command, folder = COMMANDS[name], inputs(tmp_path, [name])
-    alone, seconds = left_alone(command, folder)
-    killed(command, folder, 0.8 * seconds)
+    alone = left_alone(command, folder)
+    killed(command, folder, 0.8 * alone.seconds)
     clock_set_back(folder)
-    assert_as_left_alone(command, folder, alone)
-    out_of_disk(command, folder, 500)
-    assert_as_left_alone(command, folder, alone)
+    assert_as_left_alone(command, folder, alone.files)
+    out_of_disk(command, folder, 500, alone)
+    assert_as_left_alone(command, folder, alone.files)
 
 
 @pytest.mark.slow
 def test_a_killed_command_that_finds_another_input_takes_nothing_of_the_first(tmp_path):
     command, folder = COMMANDS["process"], inputs(tmp_path, ["process"])
-    alone, seconds = left_alone(command, folder)
-    killed(command, folder, 0.8 * seconds)
+    alone = left_alone(command, folder)
+    killed(command, folder, 0.8 * alone.seconds)
     input_changed(command, folder)
-    assert_as_left_alone(command, folder, alone)
+    assert_as_left_alone(command, folder, alone.files)
 
 
 @pytest.mark.slow

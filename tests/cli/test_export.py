@@ -204,6 +204,19 @@ def test_what_a_format_needs_and_a_result_has_not_is_refused_and_nothing_written
     assert list(export(folder, "modelica", tmp_path / "out")) != []
 
 
+def test_damaged_motions_are_refused(tmp_path):
+    for name, said in (("amplitude", "does not say the amplitude"), ("draws", "k_case holds no numbers")):
+        tree = motion_cases()
+        if name == "amplitude":
+            tree.attrs["amplitude_mm"] = "x"
+        else:
+            draws = tree["posterior"].to_dataset()
+            tree["posterior"] = draws.assign(k_case=draws["k_case"].astype(str))
+        folder = a_result(tmp_path / name, tree)
+        done = here("export", folder, "--to", "tir", "--out", tmp_path / "out")
+        assert_refused(done.exit_code, done.stderr, f"{folder / 'posterior.nc'}: {said}", "again")
+
+
 @pytest.mark.filterwarnings("default:1 tests without a k")
 def test_load_deflection_of_an_older_version_or_without_any_stiffness_is_refused(results, tmp_path):
     table = pd.read_csv(results["slow"] / "load_deflection.csv")

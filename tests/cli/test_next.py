@@ -1,7 +1,9 @@
 """`next` from the command line: the files, what is printed, and what is refused."""
 
+import shutil
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
@@ -11,7 +13,7 @@ from helpers.quick_fits import drawn
 from helpers.reported_motions import write_motions
 from helpers.reported_results import printed_factors
 
-from bayes_tyre.formats.netcdf import write_tree
+from bayes_tyre.formats.netcdf import read_tree, write_tree
 
 FACTORS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN"]
 FILES = {"next.csv", "plan.csv", "figures/", "figures/width_against_tests.png"}
@@ -168,3 +170,31 @@ def test_a_posterior_without_the_means_of_groups_is_refused(tmp_path):
     tree["posterior"] = xr.DataTree(tree["posterior"].to_dataset().drop_vars(["k_group"]))
     done = asked(write_draws(tmp_path, tree), "k single (0)20-30", tmp_path / "out")
     assert_refused(done.exit_code, done.stderr, "posterior.nc", "k_group", "run fit again")
+
+
+def changed(posterior: xr.Dataset, name: str, value: float | str) -> xr.Dataset:
+    """Return a posterior one of whose variables has a value in all places."""
+    return posterior.assign({name: xr.full_like(posterior[name], value, dtype=np.asarray(value).dtype)})
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda draws: changed(draws, "beta_case", "x"), "beta_case holds no numbers"),
+        (lambda draws: changed(draws, "k_case", -1.0), "k_case has draws that are not above 0"),
+        (lambda draws: changed(draws, "k_case", np.nan), "k_case has draws that are not above 0"),
+        (lambda draws: changed(draws, "sd_log_k_repeat", 0.0), "the scatter of its repeats has draws that are not"),
+        (
+            lambda draws: draws.assign_coords(record_speed_km_h=draws["record_speed_km_h"] + 1),
+            "has a record that is of",
+        ),
+    ],
+)
+def test_a_damaged_posterior_is_refused(motions, tmp_path, damage, said):
+    damaged = shutil.copytree(motions, tmp_path / "damaged")
+    tree = read_tree(motions / "posterior.nc")
+    tree["posterior"] = xr.DataTree(damage(tree["posterior"].to_dataset()))
+    write_tree(tree, damaged / "posterior.nc")
+    done = asked(damaged, "k single (0)20-30", tmp_path / "out")
+    assert_refused(done.exit_code, done.stderr, f"{damaged / 'posterior.nc'}: {said}", "run fit or motion again")
+    assert not (tmp_path / "out").exists()

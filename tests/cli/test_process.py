@@ -133,6 +133,15 @@ def test_a_fault_of_ours_in_one_file_is_a_row(recordings, tmp_path, monkeypatch)
     assert re.fullmatch(r"bayes-tyre itself failed .* ZeroDivisionError in \S+\.py, line \d+: by nothing", reason)
 
 
+def test_a_file_for_which_there_is_no_memory_is_a_row_that_says_so(recordings, tmp_path, monkeypatch):
+    def fail(read, rig, factors, method):
+        raise RuntimeError(f"RESOURCE_EXHAUSTED: Out of memory allocating 92082568 bytes. {'x' * 10_000}")
+
+    monkeypatch.setattr(workflow, "process", fail)
+    done = here("process", recordings / GOOD[0], "--out", tmp_path / "r.csv", "--workers", 1)
+    assert_refused(done.exit_code, done.stderr, f"{GOOD[0]}: not enough memory to work on it; give it more, or cut the")
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [

@@ -41,14 +41,14 @@ def chaos(
     """
     rng, counts = np.random.default_rng(seed), Counter[str]()
     alone = {name: left_alone(COMMANDS[name], folder) for name in names}
-    often = np.array([alone[name][1] ** -0.5 for name in names])
+    often = np.array([alone[name].seconds ** -0.5 for name in names])
     while not until(counts.total()):
         name = str(rng.choice(names, p=often / often.sum()))
-        command, (result, seconds) = COMMANDS[name], alone[name]
+        command, seconds = COMMANDS[name], alone[name].seconds
         if rng.random() < 0.3:
             most = int(10 ** rng.uniform(2, 6))
             say(f"{name}: no file above {most} bytes")
-            out_of_disk(command, folder, most)
+            out_of_disk(command, folder, most, alone[name])
         else:
             after_s = rng.uniform(0.3, 1.0) * seconds
             say(f"{name}: killed after {after_s:.2f} s of {seconds:.2f} s")
@@ -59,14 +59,14 @@ def chaos(
         if rng.random() < 0.3:
             say(f"{name}: the clock is set back")
             clock_set_back(folder)
-        assert_as_left_alone(command, folder, result)
+        assert_as_left_alone(command, folder, alone[name].files)
         counts[name] += 1
     return counts
 
 
 def alike(folder: Path, name: str, runs: int) -> None:
     """Assert that a command gives the bytes of a run left alone, run so often at once on one compilation cache."""
-    alone, _ = left_alone(COMMANDS[name], folder)
+    alone = left_alone(COMMANDS[name], folder).files
     for number, result in enumerate(at_once(COMMANDS[name], folder, runs)):
         assert result == alone, f"run {number} of {runs} at once differs"
     print(f"{runs} runs of {name} at once on one compilation cache: the same bytes", flush=True)

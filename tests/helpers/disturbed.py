@@ -28,6 +28,14 @@ class Command(NamedTuple):
     resumes: bool = False
 
 
+class Alone(NamedTuple):
+    """What a command does when it is left alone: the files it writes, how long it takes (s), its lines on stderr."""
+
+    files: dict[str, bytes]
+    seconds: float
+    said: tuple[str, ...]
+
+
 #: By name. Each reads what `inputs` makes.
 COMMANDS = {
     "lsq": Command(("lsq", "records.csv")),
@@ -51,14 +59,14 @@ def inputs(folder: Path, names: Iterable[str] = tuple(COMMANDS)) -> Path:
     return folder
 
 
-def left_alone(command: Command, folder: Path) -> tuple[dict[str, bytes], float]:
-    """Return what a command writes, and how long it takes (s)."""
+def left_alone(command: Command, folder: Path) -> Alone:
+    """Run a command, return what it did, and remove what it wrote."""
     began = time.monotonic()
     done = finish(_started(command, folder))
     assert done.returncode in (0, 4), done.stderr
     seconds, result = time.monotonic() - began, written_by(folder)
     shutil.rmtree(folder / "out")
-    return result, seconds
+    return Alone(result, seconds, tuple(done.stderr.splitlines()))
 
 
 def killed(command: Command, folder: Path, after_s: float) -> None:
@@ -71,14 +79,18 @@ def killed(command: Command, folder: Path, after_s: float) -> None:
         process.communicate()
 
 
-def out_of_disk(command: Command, folder: Path, most_bytes: int) -> None:
-    """Run a command where no file may grow beyond so many bytes: it ends well, or in one line."""
+def out_of_disk(command: Command, folder: Path, most_bytes: int, alone: Alone) -> None:
+    """Run a command where no file may grow beyond so many bytes: it ends well, or in one line.
+
+    Above that line may stand what the command left alone says too: `fit` gives its verdict before it writes.
+    """
     done = finish(_started(command, folder, most_bytes=most_bytes))
     assert "Traceback" not in done.stderr, done.stderr
     if done.returncode not in (0, 4):
         assert done.returncode == 3, done.stderr
-        said = [line for line in done.stderr.splitlines() if not line.startswith("bayes-tyre: warning: ")]
-        assert len(said) == 1, done.stderr
+        lines = [line for line in done.stderr.splitlines() if not line.startswith("bayes-tyre: warning: ")]
+        assert len([line for line in lines if line not in alone.said]) == 1, done.stderr
+        assert lines[-1] not in alone.said, done.stderr
 
 
 def clock_set_back(folder: Path) -> None:
@@ -108,7 +120,7 @@ def input_changed(command: Command, folder: Path) -> None:
         assert done.returncode in (0, 4), done.stderr
         resumed = written_by(folder)
         shutil.rmtree(folder / "out")
-        assert left_alone(command, folder)[0] == resumed
+        assert left_alone(command, folder).files == resumed
     given.rename(other)
     before.rename(given)
     shutil.rmtree(other) if other.is_dir() else other.unlink()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bayes_tyre.errors import BadInput
+from bayes_tyre.errors import NO_MEMORY, BadInput
 from bayes_tyre.formats.lvm.channels import grouped_warnings
 from bayes_tyre.formats.lvm.reader import read_lvm
 from bayes_tyre.formats.recordings.column_signals import numbered, read_columns
@@ -88,7 +88,7 @@ def read_raw(path: Path, columns: Mapping[str, int] | None = None) -> RawSignals
     except OSError as error:
         raise BadInput(f"{path}: {error.strerror or error}; check the path and the disk") from None
     except MemoryError:
-        raise BadInput(f"{path}: is larger than the memory; cut it in pieces") from None
+        raise BadInput(f"{path}: {NO_MEMORY} to read it; cut it in pieces") from None
 
 
 def _uneven(raw: RawSignals) -> list[str]:

@@ -41,7 +41,7 @@ def read_tdms(path: Path) -> RawSignals:
             if promised > path.stat().st_size:
                 raise BadInput(f"{path}: promises {promised} samples, more than it has bytes; it may be damaged")
             read = [_segment(group) for group in groups]
-    except BadInput:
+    except (BadInput, MemoryError):
         raise
     except Exception as error:  # the library raises many kinds of error
         raise BadInput(

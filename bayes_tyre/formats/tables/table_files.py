@@ -8,7 +8,7 @@ from typing import Literal
 
 import pandas as pd
 
-from bayes_tyre.errors import BadInput
+from bayes_tyre.errors import NO_MEMORY, BadInput, out_of_memory
 from bayes_tyre.formats.files import whole_file
 from bayes_tyre.formats.tables.decimals import numbers_of_texts, read_by_decimals
 from bayes_tyre.formats.tables.dialect import Dialect, find_dialect, first_long_row, lines_below
@@ -22,6 +22,7 @@ from bayes_tyre.record import TEXT_COLUMNS
 
 #: Characters of one cell; our own tables have cells that name several labels.
 MOST_TEXT = 50_000
+_MEMORY = "give it more memory or, where it may be damaged, save it again"
 _WORKBOOKS = (".xlsm", ".xlsb", ".xls", ".ods")
 _TEXTS = (".txt", ".tsv", ".dat", ".asc")
 
@@ -164,13 +165,13 @@ def read_table(path: Path, layout: Layout | None = None) -> pd.DataFrame:
         return reader(path, layout)
     except BadInput:
         raise
-    except MemoryError:
-        if file.stat().st_size > MOST_BYTES:
-            raise
-        raise BadInput(f"{path}: claims to hold more than the memory does; it may be damaged: save it again") from None
     except PermissionError:
         raise BadInput(f"{path}: may not be read; ask for the permission to read it") from None
     except Exception as error:  # parsers raise many kinds of error
+        if out_of_memory(error):
+            if file.stat().st_size > MOST_BYTES:
+                raise MemoryError from error
+            raise BadInput(f"{path}: {NO_MEMORY} for what it claims to hold; {_MEMORY}") from None
         remedy = "mend it, or save it again" + (" as UTF-8" if reader is _read_csv else "")
         raise BadInput(f"{path}: cannot be read as {suffix[1:]}: {reason(error)}; {remedy}") from error
 

@@ -80,7 +80,7 @@ def read_rows(path: Path, title: str | None = None, names_in: Callable[[Numbered
                 return _sheet(book, path, title, names_in)
             finally:
                 book.close()
-    except BadInput:
+    except (BadInput, MemoryError):
         raise
     except Exception as error:  # the library raises what its parsers raise; to the user each is an unreadable file
         raise BadInput(f"{path}: cannot be read as a workbook: {reason(error)}; save it again as .xlsx") from error

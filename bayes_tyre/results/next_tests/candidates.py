@@ -81,19 +81,20 @@ def candidates(tree: xr.DataTree, new: Sequence[Case], seed: int = 0) -> Candida
 
     Draws of a new case are of the linear predictor and the remainder, which is wider where it stands apart; an effect
     of a level without data is drawn, by `seed`, with the standard deviation of the factor's effects. A posterior
-    without repeats is refused as `BadInput`.
+    without repeats is refused as `BadInput`, and so is one that was damaged: with values that have no logarithm, or
+    records of no case.
     """
     posterior, priors, rng = as_measured(tree["posterior"].to_dataset()), priors_of(tree), np.random.default_rng(seed)
     measured = [name for name in (*LAW_PARAMETERS, *AXLE_PARAMETERS) if f"sd_log_{name}_repeat" in posterior]
     if not measured or "record" not in posterior.dims:
         raise BadInput("the posterior has no repeats, so it does not say what one more would add; fit a record table")
     cases, parameters = tree_cases(posterior), tuple(dict.fromkeys((*measured, *case_parameters(posterior))))
-    known = np.log(np.stack([flat(posterior[f"{name}_case"]) for name in parameters], axis=-1))
+    known = _log(posterior, [f"{name}_case" for name in parameters])
     predicted = np.zeros((len(known), len(new), len(parameters)))
     for p, name in enumerate(measured):
         predicted[:, :, p] = _predicted(posterior, priors, name, new, rng)
     together = as_measured(with_records(tree))
-    of_cases = np.log(np.stack([flat(together[f"{name}_case"]) for name in measured], axis=-1))
+    of_cases = _log(together, [f"{name}_case" for name in measured])
     noise = _noise(together, priors, measured, [*cases, *new], of_cases)
     return Candidates((*cases, *new), len(cases), parameters, np.concatenate([known, predicted], axis=1), noise)
 
@@ -107,7 +108,7 @@ def _predicted(
         shape = posterior.sizes["chain"] * posterior.sizes["draw"]
         return flat(posterior[site]) if site in posterior else priors[site].scipy().rvs(shape, random_state=rng)
 
-    groups = np.log(flat(posterior[f"{parameter}_group"])).T
+    groups = _log(posterior, [f"{parameter}_group"])[..., 0].T
     of_group = dict(zip(_labels(posterior, "group"), groups, strict=True))
     values = [of_group[f"{case.configuration or ''} {case.direction or ''}".strip()] for case in new]
     for factor in ("speed", "load", "step", *INTERACTIONS):
@@ -127,6 +128,15 @@ def _predicted(
     each = zip(values, wider, strict=True)
     drawn = [value + wide * remainder * rng.standard_normal(len(remainder)) for value, wide in each]
     return np.reshape(drawn, (len(new), len(remainder))).T
+
+
+def _log(posterior: xr.Dataset, names: Sequence[str]) -> Float[np.ndarray, "draws units names"]:
+    """Return the logarithms of draws of some variables, of one dimension beside chain and draw."""
+    values = np.stack([flat(posterior[name]) for name in names], axis=-1)
+    for name, positive in zip(names, np.moveaxis((values > 0) & np.isfinite(values), -1, 0), strict=True):
+        if not positive.all():
+            raise BadInput(f"{name} has draws that are not above 0; run fit or motion again")
+    return np.log(values)
 
 
 def _levels(case: Case) -> dict[str, str]:
@@ -152,9 +162,11 @@ def _noise(
     log_cases: Float[np.ndarray, "draws known measured"],
 ) -> Float[np.ndarray, "cases measured measured"]:
     """Return the covariance of a record's estimate about its case: that of like records, for each case."""
-    known = factors_along(posterior, "case")
-    of_record = [known.index(factors) for factors in factors_along(posterior, "record")]
-    left = np.log(np.stack([flat(posterior[name]) for name in measured], axis=-1))
+    known, records = factors_along(posterior, "case"), factors_along(posterior, "record")
+    if not set(records) <= set(known):
+        raise BadInput("has a record that is of none of its cases; run fit or motion again")
+    of_record = [known.index(factors) for factors in records]
+    left = _log(posterior, measured)
     left, centred = left - left.mean(axis=0), log_cases - log_cases.mean(axis=0)
     for i, case in enumerate(of_record):  # what its case does not say of a record
         left[:, i] -= centred[:, case] @ np.linalg.lstsq(centred[:, case], left[:, i], rcond=None)[0]
@@ -162,6 +174,8 @@ def _noise(
     for kind in dict.fromkeys(case[:3] for case in cases):
         like = [i for i, case in enumerate(of_record) if cases[case][:3] == kind] or slice(None)
         scatter = np.stack([scatter_of_repeats(posterior, name, kind[2]) for name in measured], axis=1)
+        if not ((scatter > 0) & np.isfinite(scatter)).all():
+            raise BadInput("the scatter of its repeats has draws that are not above 0; run fit or motion again")
         of_kind[kind] = _record_noise(posterior, priors, scatter, left[:, like])
     return np.stack([of_kind[case[:3]] for case in cases])
 

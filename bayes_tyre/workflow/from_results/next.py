@@ -79,6 +79,9 @@ def write_next(
             slope = "log_k_load" in posterior and posterior.sizes["load"] == 1  # new cases start at no known force
             possible = candidates(tree, [] if slope else new_cases(known, dict(costs.rig)), seed)
             parsed, expected = _forecast(goal, possible)
+            now = expected.expected(()).value
+            if not math.isfinite(now):
+                raise BadInput("its draws are too far apart to forecast from; run fit or motion again")
     except KeyError as error:
         raise BadInput(f"{path}: lacks {error}, so it is no posterior of fit or motion; run fit again") from None
     repeats = repeats or max(1, round(posterior.sizes["record"] / len(known)))
@@ -86,7 +89,7 @@ def write_next(
     ranked = ranking(expected, repeats, costs)
     plan = planned(expected, choose_tests(expected, precision, tests, costs), costs)
     ranked, plan = ((one if cost else one.assign(minutes=math.nan)).assign(**about) for one in (ranked, plan))
-    figure = width_against_tests(plan, expected.expected(()).value, precision, parsed.text, Setting(**about))
+    figure = width_against_tests(plan, now, precision, parsed.text, Setting(**about))
     prepare_folder(out)
     paths = out / "next.csv", out / "plan.csv", out / "figures" / "width_against_tests.png"
     with whole_file(paths[0]) as first, whole_file(paths[1]) as second:

@@ -62,7 +62,7 @@ def read_posterior(folder: Path) -> tuple[Path, xr.DataTree, str]:
     Raises
     ------
     BadInput
-        If the folder holds no finished result, or one that cannot be read.
+        If the folder holds no finished result, one that cannot be read, or draws that are not numbers.
     """
     if not (folder / "run.json").is_file():
         raise BadInput(f"{folder}: holds no run.json, so no finished result; name a folder that fit wrote")
@@ -74,7 +74,11 @@ def read_posterior(folder: Path) -> tuple[Path, xr.DataTree, str]:
     if verdict not in VERDICTS:
         raise BadInput(f"{diagnostics}: holds no verdict; run fit again")
     path = folder / "posterior.nc"
-    return path, read_tree(path), verdict
+    tree = read_tree(path)
+    draws = tree["posterior"].data_vars if "posterior" in tree.children else {}
+    for name in (name for name, values in draws.items() if values.dtype.kind not in "biuf"):
+        raise BadInput(f"{path}: {name} holds no numbers; run fit or motion again")
+    return path, tree, verdict
 
 
 @contextmanager

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from bayes_tyre.errors import BadInput
-from bayes_tyre.plain_text import path_text
+from bayes_tyre.errors import NO_MEMORY, BadInput, out_of_memory
+from bayes_tyre.plain_text import path_text, reason
 from bayes_tyre.record import RawSignals
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.signals.factors import RecordFactors
@@ -26,12 +26,14 @@ def attempted(make: Callable[[Task], Done], task: Task) -> Done | Fault:
     try:
         return make(task)
     except BadInput as error:
-        reason = path_text(Path(str(error).removeprefix(f"{task.file}: ")))
+        fault = path_text(Path(str(error).removeprefix(f"{task.file}: ")))
         # Errors of the disk or the memory may not occur again.
-        return Fault(reason, lasting=not isinstance(error.__context__, OSError | MemoryError))
+        return Fault(fault, lasting=not isinstance(error.__context__, OSError | MemoryError))
     except Exception as error:
+        if out_of_memory(error):
+            return Fault(f"{NO_MEMORY} to work on it; give it more, or cut the file in pieces", lasting=False)
         where = traceback.extract_tb(error.__traceback__)[-1]
-        text = f"{type(error).__name__} in {Path(where.filename).name}, line {where.lineno}: {error}"
+        text = f"{type(error).__name__} in {Path(where.filename).name}, line {where.lineno}: {reason(error)}"
         return Fault(f"bayes-tyre itself failed on it; please report: {text}", lasting=False)
 
 

@@ -141,3 +141,16 @@ def test_a_column_that_stands_twice_is_refused(tmp_path):
     path.write_text("record,force_kN,force_kN\na,1,2\n")
     with pytest.raises(BadInput, match="column 'force_kN' stands twice"):
         read_table(path)
+
+
+@pytest.mark.parametrize(
+    "error", [MemoryError(), pd.errors.ParserError("Error tokenizing data. C error: out of memory")]
+)
+def test_a_table_for_which_there_is_no_memory_is_not_called_unreadable(tmp_path, monkeypatch, error):
+    def fail(*_, **__):
+        raise error
+
+    (tmp_path / "t.csv").write_text("record,displacement_mm,force_kN\na,1,1\n")
+    monkeypatch.setattr(pd, "read_csv", fail)
+    with pytest.raises(BadInput, match=r"t\.csv: not enough memory for what it claims to hold; give it more memory or"):
+        read_table(tmp_path / "t.csv")
