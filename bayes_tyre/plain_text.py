@@ -1,5 +1,6 @@
 """Text from files and libraries made safe to show: on one line, printable, not too long."""
 
+import re
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -7,6 +8,8 @@ from pathlib import Path
 #: Most characters of a label in a table, of a name in a message, and of a library's error; most names in a list.
 LABEL, NAME, REASON, LISTED = 30, 60, 200, 6
 _COMMENT = 76
+#: White space but the plain space.
+_BREAKS = re.compile(r"[^\S ]+")
 
 
 def one_line(text: object, most: int | None = LABEL) -> str:
@@ -56,4 +59,6 @@ def path_text(path: Path) -> str:
 
 
 def _without_breaks(text: object) -> str:
-    return " ".join(str(text).split())
+    """Return a text whose lines are joined by a space; spaces inside a line are part of a label and stay."""
+    parts = (part.strip(" ") for part in _BREAKS.split(str(text)))
+    return " ".join(part for part in parts if part)

@@ -87,8 +87,8 @@ def check_columns(table: pd.DataFrame, name: str, unit: str, required: Sequence[
         present = one_line(", ".join(map(str, table.columns)), REASON)
         needs = f"a {unit} table needs {', '.join(required)}"
         raise BadInput(
-            f"{name}: missing column {', '.join(missing)}; found {present}; {needs}: rename yours, or give "
-            "--columns; bayes-tyre columns FILE proposes one"
+            f"{name}: missing column {', '.join(missing)}; found {present}; {needs}: rename yours, or give a map with "
+            "--columns; `bayes-tyre columns FILE --out map.toml` proposes one"
         )
     repeated = table.columns[table.columns.duplicated()]
     if len(repeated):

@@ -11,9 +11,8 @@
 # %% [markdown]
 # # 2. Single or dual: which is stiffer, by how much, how sure?
 #
-# A *posterior* is what the data leave open: the range of k and beta that they still allow, with how plausible each
-# value is. A *95 % interval* holds the value with probability 0.95, if model and data are right. *P(ratio > 1)* is
-# the probability that the first is larger than the second.
+# **Dual is stiffer: by 30 %, averaged over the same tests (published numbers; ratio of k 1.30, 95 % interval 1.25 to
+# 1.35).** The first figure shows both: in k the curves of single and dual lie apart, in beta they overlap.
 #
 # Two kinds of data stand here, and only the first is real:
 #
@@ -30,6 +29,7 @@ from support.level_means import level_means
 
 import bayes_tyre as bt
 from bayes_tyre.published import tables
+from bayes_tyre.report.answer.quantities import in_words
 from bayes_tyre.report.figures.page.notebook_display import NotebookFigure
 
 pd.set_option("display.max_columns", 20)
@@ -39,7 +39,7 @@ published = bt.fit_published()
 checked = bt.diagnose(published)
 print(f"published tables: {checked.chains} chains of {checked.draws} draws; verdict: {checked.verdict}")
 for sentence in (*checked.reasons, *checked.limitations):
-    print(sentence)
+    print(in_words(sentence))
 
 # %% [markdown]
 # ## How stiff are single and dual, loading and unloading?
@@ -47,6 +47,10 @@ for sentence in (*checked.reasons, *checked.limitations):
 # *Published numbers.* Each curve is the mean over the cases of a direction. Where the curves of two configurations do
 # not overlap, the data tell them apart. Loading was measured at standstill only, unloading at four speeds: do not
 # compare the left panels with the right ones (see the ratios below).
+#
+# A curve is a *posterior*: what the data leave open, the range of k and beta that they still allow, with how plausible
+# each value is. The bar below it is the *95 % interval*, which holds the value with probability 0.95, if model and
+# data are right. *P(ratio > 1)* in the tables further down is the probability that the first is larger than the second.
 
 # %%
 bt.figure(published, "posteriors_by_direction")

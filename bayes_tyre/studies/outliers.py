@@ -173,18 +173,26 @@ def compare(estimates: pd.DataFrame) -> pd.DataFrame:
 
 
 def sentences(table: pd.DataFrame) -> list[str]:
-    """Return a sentence a parameter and share on all cases, both kinds taken together."""
-    lines = []
+    """Return lines that show the errors and coverage on all cases, both kinds taken together: a table a parameter."""
     everywhere = table[table["group"] == "all cases"]
-    for key, rows in everywhere.groupby(["share", "parameter"], sort=False):
-        share, parameter = float(str(key[0])), key[1]
-        errors = []
-        for method, group in rows.groupby("method", sort=False):
-            rmse = np.sqrt(np.average(group["rmse"] ** 2, weights=group["cases"]))
-            coverage = np.average(group["coverage"], weights=group["cases"])
-            errors.append(f"{method} {100 * rmse:.1f} % ({100 * coverage:.0f} %)")
-        lines.append(
-            f"{100 * share:.0f} % discordant, {parameter} of a case: relative error (coverage of 95 % intervals): "
-            + "; ".join(errors)
-        )
+    lines = []
+    for parameter, of_parameter in everywhere.groupby("parameter", sort=False):
+        cells = {
+            f"{100 * float(str(key[0])):.0f} %": _cells(rows)
+            for key, rows in of_parameter.groupby(["share"], sort=False)
+        }
+        lines += [
+            f"{parameter} of a case: relative error (coverage of 95 % intervals), by share of discordant repeats",
+            *pd.DataFrame(cells).to_string(justify="right").splitlines(),
+        ]
     return lines
+
+
+def _cells(rows: pd.DataFrame) -> dict[object, str]:
+    """Return error and coverage of each method."""
+    cells = {}
+    for method, group in rows.groupby("method", sort=False):
+        rmse = np.sqrt(np.average(group["rmse"] ** 2, weights=group["cases"]))
+        coverage = np.average(group["coverage"], weights=group["cases"])
+        cells[method] = f"{100 * rmse:.1f} % ({100 * coverage:.0f} %)"
+    return cells

@@ -261,5 +261,6 @@ def test_the_command_ends_with_the_range_of_k_and_with_what_the_files_lack(resul
         if line.startswith("VERTICAL_STIFFNESS")
     ]
     assert f"k of {len(stiffness)} cases: {min(stiffness):.4g} to {max(stiffness):.4g} N/m" in done.stdout
+    assert f"use the case nearest to what you simulate; means over cases: k_mean in {results[result]}" in done.stdout
     for key in ("UNLOADED_RADIUS", "VERTICAL_DAMPING"):
         assert (f"not in the files: {key}: " in done.stdout) is lacks

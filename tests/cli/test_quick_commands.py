@@ -7,7 +7,7 @@ from importlib.metadata import version
 
 import pandas as pd
 import pytest
-from helpers.command_line import COMMANDS, environment, finish, here, installed, start, tree_of
+from helpers.command_line import COMMANDS, assert_refused, environment, finish, here, installed, start, tree_of
 
 from bayes_tyre.embedded import data_path
 
@@ -61,6 +61,16 @@ def test_the_campaign_is_the_same_file_each_time_and_the_one_that_ships(tmp_path
         one, two = ((tmp_path / folder / name).read_bytes() for folder in ("one", "two"))
         assert one == two == data_path(f"campaign/{name}").read_bytes()
     assert len(tree_of(tmp_path)) == 6
+
+
+@pytest.mark.parametrize("out", ["file/records.csv", "folder.csv", "truth.csv"])
+def test_a_campaign_that_cannot_be_written_is_refused_before_it_is_made(out, tmp_path, monkeypatch):
+    monkeypatch.setattr("bayes_tyre.published.campaign.reconstruct", lambda *_: pytest.fail("made first"))
+    (tmp_path / "file").touch()
+    for folder in ("folder.csv", "truth_truth.csv"):
+        (tmp_path / folder).mkdir()
+    done = here("campaign", "--out", tmp_path / out)
+    assert_refused(done.exit_code, done.stderr, f"--out {tmp_path}")
 
 
 @pytest.mark.slow

@@ -84,7 +84,9 @@ def test_outliers_are_written_and_said_in_words(tmp_path, monkeypatch):
     assert set(tree_of(tmp_path / "made")) == {
         *("outliers.csv", "datasets.csv", "run.json", "figures/", "figures/outliers.png")
     }
-    assert done.stdout.count("relative error (coverage of 95 % intervals)") == 6
+    methods = pd.read_csv(tmp_path / "made" / "outliers.csv")["method"].nunique()
+    assert done.stdout.count("relative error (coverage of 95 % intervals)") == 2
+    assert done.stdout.count(" % (") == 6 * methods  # of two parameters and three shares
     again = here("study", "outliers", "--out", tmp_path / "made", "--campaigns", 10, "--quiet")
     assert (again.exit_code, again.stdout, again.stderr) == (0, "", "")
 

@@ -76,4 +76,7 @@ def test_errors_and_coverage_are_counted_over_the_cases_of_each_group():
     assert table.loc["all cases", "coverage"] == 0.75
     assert table.loc["with a discordant repeat", "rmse"] == pytest.approx(0.2)
     assert table.loc["with a discordant repeat", "coverage"] == 0.0
-    assert "posterior 10.0 % (75 %)" in sentences(compare(told))[0]
+    about, shares, errors = sentences(compare(told))
+    assert about.startswith("k of a case: relative error (coverage of 95 % intervals)")
+    assert shares.split("  ")[-1].strip() == "5 %"
+    assert errors.split(maxsplit=1) == ["posterior", "10.0 % (75 %)"]

@@ -33,13 +33,12 @@ def published(
     from bayes_tyre.runtime import prepare_jax
 
     prepare_jax(chains)
-    from bayes_tyre.workflow.published import check_published
+    from bayes_tyre.workflow.published import agreement_lines, check_published
 
     check = check_published(out)
-    counts = check.groupby("kind", sort=False)["agrees"].agg(["sum", "size"])
     shell.say(f"wrote {out / 'published_check.csv'}", quiet)
-    for kind, (agree, size) in counts.iterrows():
-        shell.say(f"  {kind}: {agree} of {size} agree", quiet)
+    for line in agreement_lines(check):
+        shell.say(f"  {line}", quiet)
     trusted = bool(check["agrees"].all())
     if posterior:
         from bayes_tyre.inference.sampling.run import SamplerSettings

@@ -19,7 +19,7 @@ _NAMES = {
     "record": "record versuch versuchsname test testname messung run measurement",
     "displacement_mm": "displacement weg deflection einfederung verschiebung travel federweg stroke hub",
     "force_kN": "force kraft radkraft vertikalkraft verticalforce wheelforce fz",
-    "load_kN": "zylinderlast pruefkraft pruefstandslast cylinderload",
+    "load_kN": "zylinderlast pruefkraft prueflast pruefstandslast cylinderload",
     "time_s": "time zeit t messzeit timestamp",
     "configuration": "configuration konfiguration config reifen tyre tire bereifung variante",
     "direction": "direction richtung lastrichtung belastungsrichtung belastungentlastung loadingunloading",
@@ -41,6 +41,10 @@ _SYMBOLS = "|".join([*map(re.escape, (unit for units in UNITS.values() for unit 
 #: A unit that ends a name: ``Weg in mm``, ``force_kN``; and what stands in brackets there.
 _UNIT, _BRACKETS = re.compile(rf"(?:[\s_]in)?[\s_]({_SYMBOLS})$"), re.compile(r"[\[(][^\[\]()]*[\])]\s*$")
 _UMLAUTS = {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss"}
+#: What serves a file that lacks a name: it stands the same in every row.
+_INSTEAD = {
+    name: f'; if the whole file is one {name}, write {name} = "NAME" under [constants]' for name in ("record", "test")
+}
 _SLOW = ("test", "load_kN", "displacement_mm")
 
 
@@ -104,7 +108,7 @@ def _proposal(table: pd.DataFrame, could_be: Mapping[str, str | None], required:
     directions, unknown = _directions(table, could_be)
     unplaced += unknown
     missing = [ours for ours in required if ours not in columns and ours not in table]
-    unplaced += [f"{ours}: required, and no column found for it" for ours in missing]
+    unplaced += [f"{ours}: required, and no column found for it{_INSTEAD.get(ours, '')}" for ours in missing]
     command = "lsq" if required is REQUIRED else "load-deflection"
     content = {"columns": columns, **({"values": {"direction": directions}} if directions else {})}
     comments = "".join(f"# not placed: {text}\n" for text in unplaced)

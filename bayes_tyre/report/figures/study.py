@@ -57,7 +57,7 @@ def calibration_plot(curves: RankCurves) -> Figure:
     for ax, name in zip(axes, names, strict=True):
         ax.fill_between(curves.at, curves.lower, curves.upper, step="mid", **_BAND)
         ax.plot(curves.at, curves.excess[name], color=INK if curves.calibrated[name] else _WRONG, linewidth=0.9)
-        ax.set_title(plain(name.replace("repeat_scatter_by_speed", "scatter_by_speed"), 27), fontsize=6.5)
+        ax.set_title(plain(name, 27), fontsize=6)
         ax.tick_params(labelsize=6, length=2, pad=1.5)
     layout.rank_axes(axes, first_column, ACROSS)
     entries = [(Line2D([], [], color=INK), "calibrated"), (Line2D([], [], color=_WRONG), "not calibrated")]

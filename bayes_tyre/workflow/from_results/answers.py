@@ -1,4 +1,4 @@
-"""The answer of a command without a posterior (`audit`, `study`, `modes`, `next`, `compare`) again, from its folder."""
+"""The answer of a command without a posterior again, from its folder: `audit`, `study`, `modes`, `predict` and more."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -109,6 +109,21 @@ def _comparison(table: pd.DataFrame, folder: Path) -> list[str]:
     return ["models compared by leave-one-record-out", *rank_lines(table), sentence(table)]
 
 
+def _prediction(table: pd.DataFrame, folder: Path) -> list[str]:
+    from bayes_tyre.workflow.from_results.predict import answers
+
+    del folder
+    about = f"predicted curves (data: {table['origin'].iloc[0]}, verdict {table['verdict'].iloc[0]})"
+    return [about, *answers(table, len(table))]
+
+
+def _published(table: pd.DataFrame, folder: Path) -> list[str]:
+    from bayes_tyre.workflow.published import agreement_lines
+
+    del folder
+    return ["published numbers recomputed", *agreement_lines(table)]
+
+
 #: By the table that only this command writes.
 _ANSWERS: Mapping[str, Callable[[pd.DataFrame, Path], list[str]]] = {
     "audit.csv": _audit,
@@ -120,4 +135,6 @@ _ANSWERS: Mapping[str, Callable[[pd.DataFrame, Path], list[str]]] = {
     "modes.csv": _modes,
     "next.csv": _next,
     "comparison.csv": _comparison,
+    "prediction.csv": _prediction,
+    "published_check.csv": _published,
 }

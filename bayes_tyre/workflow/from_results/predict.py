@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 import tomli_w
 import xarray as xr
 
@@ -17,8 +18,9 @@ from bayes_tyre.formats.structured_text import read_json
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.sampling.datatree import law_of
 from bayes_tyre.plain_text import one_line
-from bayes_tyre.record import Case
+from bayes_tyre.record import CASE_FACTORS, Case
 from bayes_tyre.results.case_selection import CaseQuery
+from bayes_tyre.results.columns import numbers, texts
 from bayes_tyre.results.prediction import Prediction, predict, predictable_cases
 
 NAME = "prediction.csv"
@@ -108,17 +110,16 @@ def target(folder: Path, out: Path | None) -> Path:
     return path
 
 
-def answers(prediction: Prediction, most: int = 4) -> list[str]:
+def answers(curves: pd.DataFrame, most: int = 4) -> list[str]:
     """Return the force (kN) at the last displacement (mm) of each predicted curve, a line each."""
-    factors = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN"]
-    ends = prediction.curves.groupby(factors, sort=False, dropna=False).tail(1)
-    lines = [
-        f"{one_line(row['direction'])}, {row['displacement_mm']:.4g} mm from the start of the step: "
+    factors = {name: (texts if name in CASE_FACTORS[:2] else numbers)(curves, name) for name in CASE_FACTORS}
+    ends = curves.assign(**factors).groupby(list(CASE_FACTORS), sort=False, dropna=False).tail(1)
+    return [
+        f"{one_line(Case(*(row[name] for name in CASE_FACTORS)).label)} {one_line(row['direction'])}, "
+        f"{row['displacement_mm']:.4g} mm from the start of the step: "
         f"{row['median']:.4g} kN [{row['lower']:.4g}, {row['upper']:.4g}]"
-        for row in ends.to_dict("records")
+        for row in ends.head(most).to_dict("records")
     ]
-    labels = (one_line(each["label"]) for each in prediction.parameters)
-    return [f"{label} {line}" for label, line in zip(labels, lines, strict=True)][:most]
 
 
 def write_prediction(

@@ -123,3 +123,10 @@ def test_names_with_line_breaks_stay_in_one_comment(tmp_path):
     table = pd.DataFrame({"Versuch": ["a"], "two\nlines": [1.0]})
     proposal = propose(table)
     assert tomllib.loads(proposal.toml) == {"columns": {"record": "Versuch"}}
+
+
+@pytest.mark.parametrize(("force", "name"), [("Kraft", "record"), ("Prüflast", "test")])
+def test_a_file_without_a_name_may_be_one_record_or_test(force, name, tmp_path):
+    proposal, _ = proposed(tmp_path / "a.csv", f"Weg;{force}\n0;1\n1;2\n")
+    remedy = f'if the whole file is one {name}, write {name} = "NAME" under [constants]'
+    assert proposal.unplaced == [f"{name}: required, and no column found for it; {remedy}"]

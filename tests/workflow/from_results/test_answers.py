@@ -15,6 +15,12 @@ NEXT = (
     "2,case,dual,,,20,10,1,,0.2,0.18,simulated,pass\n"
 )
 PLAN = "width_expected,minutes\n0.18,5\n0.151,10\n"
+PREDICTION = (
+    "configuration,direction,speed_km_h,initial_load_kN,step_kN,displacement_mm,median,lower,upper,origin,verdict\n"
+    "a  b,loading,0,20,10,0,20,19.9,20.1,measured,fail\n"
+    "a  b,loading,0,20,10,3,26,25.5,26.6,measured,fail\n"
+    "a  b,unloading,0,20,-10,-3,14.5,14,15,measured,fail\n"
+)
 MODES = (
     "parameter,median,lower,upper,unit,status,origin,verdict\n"
     "k_w,12.344,11,13,1/s^2,ok,measured,pass\nsigma,0.1,0,1,,not identified; more modes,measured,pass\n"
@@ -60,6 +66,22 @@ def test_a_comparison_is_shown_as_it_was_printed_but_not_beside_a_posterior(tmp_
     ]
     (folder / "posterior.nc").touch()
     assert answer(folder) == []
+
+
+def test_a_prediction_gives_the_force_at_the_end_of_each_curve_and_keeps_two_spaces_in_a_label(tmp_path):
+    folder = folder_of(tmp_path, prediction=PREDICTION)
+    lines = [
+        "predicted curves (data: measured, verdict fail)",
+        "a  b (0)20-30 loading, 3 mm from the start of the step: 26 kN [25.5, 26.6]",
+        "a  b (0)20-10 unloading, -3 mm from the start of the step: 14.5 kN [14, 15]",
+    ]
+    assert answer(folder) == lines
+    assert here("show", folder).stdout.splitlines()[1:-1] == lines
+
+
+def test_the_published_numbers_are_counted_by_kind(tmp_path):
+    folder = folder_of(tmp_path, published_check="kind,agrees\nrecomputed,True\nrecomputed,False\nerratum,True\n")
+    assert answer(folder)[1:] == ["recomputed: 1 of 2 agree", "erratum: 1 of 1 agree"]
 
 
 def test_show_prints_it_and_refuses_another_program_s_table(tmp_path):

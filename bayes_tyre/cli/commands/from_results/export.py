@@ -53,6 +53,8 @@ def export(
     k = [model.parameters["k"] for model in exported.models]
     low, high = (end(one.value for one in k) for end in (min, max))
     say(f"k of {len(k)} cases: {low:.4g} to {high:.4g} {k[0].unit}; each file states its 95 % interval", quiet)
+    if exported.verdict and len(k) > 1:  # load-deflection has no means
+        say(f"use the case nearest to what you simulate; means over cases: k_mean in {folder / 'summary.csv'}", quiet)
     if to == "tir":
         for key, why in not_in_tir(exported.models[0], unloaded_radius_mm).items():
             say(f"not in the files: {key}: {why}", quiet)

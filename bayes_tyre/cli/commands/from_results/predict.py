@@ -58,7 +58,7 @@ def predict(
     query = _query(case or [], result.cases)
     path = target(folder, out)
     prediction, paths = write_prediction(result, query, path, displacement_mm=grid, of=of, interval=interval, seed=seed)
-    for text in (*answers(prediction), *prediction.warnings):
+    for text in (*answers(prediction.curves), *prediction.warnings):
         say(text, quiet)
     for written in paths:
         say(f"wrote {written} (data: {result.tree.attrs['origin']}, verdict {result.verdict})", quiet)

@@ -8,15 +8,15 @@ from typing import Annotated
 import typer
 
 from bayes_tyre.cli.shell import LimitOption, NoSeed, ReferenceOption, checked_limit
-from bayes_tyre.plain_text import escaped
+from bayes_tyre.plain_text import one_line
 
 
 def show(
     results: Annotated[
         list[Path],
         typer.Argument(
-            help="Folders that fit, motion, published --posterior, lsq, load-deflection, audit, study, modes, next or "
-            "compare wrote; with --truth fit, motion or lsq."
+            help="Folders that fit, motion, published --posterior, lsq, load-deflection, audit, study, modes, next, "
+            "compare or predict wrote; with --truth fit, motion or lsq."
         ),
     ],
     truth: Annotated[
@@ -34,7 +34,7 @@ def show(
 
     First how much stiffer one configuration is than the other, last what not to believe and the next command. Of lsq
     and load-deflection the first 20 rows of each table, with standard errors, units and status; of audit, study, modes,
-    next and compare what the command printed.
+    next, compare and predict what the command printed.
 
     Example: bayes-tyre show results/published/posterior results/fit --limit "k >= 1.8"
     """
@@ -56,7 +56,7 @@ def show(
         print_overview([each for each, lines in zip(results, answers, strict=True) if not lines], reference=reference)
         for folder, lines in zip(results, answers, strict=True):
             for line in ["", *lines, f"files: {folder}"] if lines else ():
-                typer.echo(escaped(line))
+                typer.echo(one_line(line, None))
         if limit is not None:
             from bayes_tyre.workflow.from_results.limits import limits_of
 
