@@ -14,7 +14,7 @@ from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_prepared, joint_chains
 from bayes_tyre.inference.sampling.nuts import Chains
-from bayes_tyre.inference.sampling.run import SamplerSettings
+from bayes_tyre.inference.sampling.run import LONGEST, SamplerSettings
 from bayes_tyre.record import RECORD_UNITS
 from bayes_tyre.studies.coverage_data import KINDS, Kind, simulate
 
@@ -33,7 +33,7 @@ class CoverageFit:
     """
 
     def __init__(self, sampler: SamplerSettings | None = None) -> None:
-        self.sampler = sampler or SamplerSettings()
+        self.sampler = sampler or SamplerSettings(longest=LONGEST)
         self._chains: dict[object, Chains] = {}
 
     def decides(self, name: str, seed: int, number: int) -> dict[str, object]:

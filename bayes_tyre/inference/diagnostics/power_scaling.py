@@ -44,7 +44,7 @@ _SAMPLE = ("chain", "draw")
 _LOGARITHMIC = frozenset(
     f"{name}{ending}"
     for name in (
-        *(site.removesuffix("_group") for site in PRIORS if site.endswith("_group")),
+        *(site.removesuffix("_group") for site in PRIORS if site.endswith("_group") and PRIORS[site].of_logarithm),
         *("x", "sigma", "energy_per_cycle"),
     )
     for ending in ("", "_case", "_mean")

@@ -54,6 +54,8 @@ def _words(name: str, label: str | None) -> str:
     """Return a quantity in words; nothing for a word that is none."""
     if name in _SINGLE:
         return _SINGLE[name]
+    if name == "J_group":
+        return f"mean of J of {label}" if label else "means of J"
     if (level := _LEVEL.fullmatch(name)) is not None:
         return _of_level(level["parameter"], level["factor"], bool(level["sd"]), label)
     parameter = re.sub(r"_(case|group|mean)$", "", name)

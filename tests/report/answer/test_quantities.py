@@ -10,6 +10,7 @@ from bayes_tyre.report.answer.quantities import in_words
     ("sentence", "words"),
     [
         ("k_group[dual loading]: not determined", "stiffness k of dual loading: not determined"),
+        ("J_group[dual loading]: wide", "mean of J of dual loading: wide"),
         ("log_k_speed[35]: prior-sensitive", "effect of 35 km/h on stiffness k: prior-sensitive"),
         ("k_case[a [b] c], sigma[r 1] and 4 more", "stiffness k of a [b] c, noise sigma of r 1 and 4 more"),
         ("most at large sd_log_beta_repeat)", "most at large standard deviation of log beta between repeats)"),

@@ -156,14 +156,14 @@ def _nearest(data: RecordData, likelihood: Likelihood, of_J: _OfJ, values: Momen
         return jnp.stack([value, in_mean, jax.jvp(density, here, (0.0 * along, jnp.ones(())))[1]])
 
     # One node at a time: memory is that of one value of each record, however many nodes there are.
-    density, *in_J = jnp.moveaxis(jax.lax.map(at, jnp.asarray(nodes)), 1, 0)
+    density, in_mean, in_variance = jnp.moveaxis(jax.lax.map(at, jnp.asarray(nodes)), 1, 0)
     weighted = jnp.asarray(weights)[:, None] * density
     third = jnp.einsum("mr,mi->ri", weighted, jnp.asarray(of_noise**3 - 3.0 * of_noise))
     interaction = 0.5 * _slope_variance(weighted, of_noise, weights)
     noises = NoiseSummaries(project(weighted, of_noise, noise), jnp.linalg.inv(noise.root), third, interaction)
     of_values_given_J = project_values(weighted, of_values, of_noise, values, noise)
     precision = of_values_given_J.given(noise.mean)[0].precision
-    offsets = _of_offsets(of_J, *in_J, of_values, jnp.asarray(weights), values, precision)
+    offsets = _of_offsets(of_J, in_mean, in_variance, of_values, jnp.asarray(weights), values, precision)
     return RecordSummaries(of_values_given_J, noises, offsets)
 
 
@@ -176,7 +176,7 @@ def _of_offsets(
     values: Moments,
     precision: Float[Array, "records 2 2"],
 ) -> OffsetSummaries:
-    """Return what records say of J, of slopes in mean_J and in sd_J^2 at nodes z of the values.
+    """Return what records say of J, from slopes in mean_J and in sd_J^2 at nodes z of the values.
 
     At each node the density is Normal(J; mean_J, sd_J^2 + variance): the slope in mean_J is J - mean_J over the total
     variance, and the slope in sd_J^2 half the square of that less half the inverse of the total. Means of products with
