@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import subprocess
+import tempfile
 import time
 from collections.abc import Iterable
 from pathlib import Path
@@ -147,13 +148,22 @@ def at_once(command: Command, folder: Path, runs: int) -> list[dict[str, bytes]]
 def assert_as_left_alone(command: Command, folder: Path, alone: dict[str, bytes]) -> None:
     """Assert that what is there is whole, that the command then gives the bytes of a run left alone; and clean up."""
     for name, content in written_by(folder).items():
-        assert alone.get(name) == content, f"{name} is neither whole nor absent"
+        assert alone.get(name) == content, f"{name} is neither whole nor absent: see {_kept(name, content, alone)}"
     done = finish(_started(command, folder, RESUME if command.resumes else None))
     assert done.returncode in (0, 4), done.stderr
     after = written_by(folder)
     assert after.keys() == alone.keys(), after.keys() ^ alone.keys()
-    assert not [name for name in alone if after[name] != alone[name]]
+    for name, content in after.items():
+        assert alone[name] == content, f"{name} differs: see {_kept(name, content, alone)}"
     shutil.rmtree(folder / "out")
+
+
+def _kept(name: str, content: bytes, alone: dict[str, bytes]) -> Path:
+    """Return a folder in which both contents of a file are kept: that of the disturbed run, and that left alone."""
+    place = Path(tempfile.mkdtemp(prefix="differs"))
+    for kind, kept in (("disturbed", content), ("alone", alone.get(name, b""))):
+        (place / f"{kind}-{Path(name).name}").write_bytes(kept)
+    return place
 
 
 def written_by(folder: Path, out: str = "out") -> dict[str, bytes]:
