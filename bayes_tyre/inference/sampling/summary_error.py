@@ -75,7 +75,7 @@ def _explained(
 ) -> tuple[Float[np.ndarray, " values"], Float[np.ndarray, " values"]]:
     """Return the variance that the unknowns explain of each value, and its standard error by chance.
 
-    Where draws are too few to tell, it is all of the variance.
+    Where draws are too few to tell, or miss so much by themselves that nothing can be told, it is all of the variance.
     """
     draws, count = unknowns.shape
     variance = values.var(axis=0)
@@ -83,7 +83,9 @@ def _explained(
         return variance, np.zeros_like(variance)
     residual = values - unknowns @ np.linalg.lstsq(unknowns, values)[0]
     left = np.sum(residual**2, axis=0) / (draws - count)
-    return variance - left, left * np.sqrt(2.0 * count) / draws
+    chance = left * np.sqrt(2.0 * count) / draws
+    told = 2.0 * chance <= PILOT_ERROR_MOST**2
+    return np.where(told, variance - left, variance), np.where(told, chance, 0.0)
 
 
 def _width(values: np.ndarray) -> int:

@@ -47,6 +47,14 @@ def test_of_too_few_draws_all_is_error():
     assert found.at_least == found.total == pytest.approx(NOISE, rel=0.6)
 
 
+def test_of_draws_that_miss_so_much_that_nothing_can_be_told_all_is_error():
+    sites = made(0.0)
+    sites[SUMMARY_ERROR] = 1e4 * sites[SUMMARY_ERROR]
+    found = summary_error(sites, SAMPLED, CASES)
+    # A standard deviation from 4000 normals is within 1.2 % of its value, 1e4 NOISE.
+    assert found.at_least == found.total == pytest.approx(1e4 * NOISE, rel=0.05)
+
+
 def test_a_density_that_is_nowhere_is_no_summary():
     sites = made(0.0)
     sites[SUMMARY_ERROR][1, 7, 2] = -np.inf
