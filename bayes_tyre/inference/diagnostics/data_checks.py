@@ -117,12 +117,16 @@ def _noiseless(posterior: xr.Dataset) -> Iterator[str]:
 def find_limitations(tree: xr.DataTree) -> list[str]:
     """Return which quantities are weakly identified or prior-sensitive; nothing for a tree without `GROUP`.
 
-    Group means that have to be determined are left to `failed_checks`.
+    A group is named by its mean over cases (`_mean`) where there is one: the words for both are the same.
     """
     if GROUP not in tree.children:
         return []
     measures = {str(name): each for name, each in tree[GROUP].to_dataset().data_vars.items()}
-    tables = {name: identified(tree, name).assign(element=_elements(each)) for name, each in measures.items()}
+    tables = {
+        name: identified(tree, name).assign(element=_elements(each))
+        for name, each in measures.items()
+        if not (name.endswith("_group") and f"{_parameter(name)}_mean" in measures)
+    }
     parameters = {name: table for name, table in tables.items() if _parameter(name) in REMEDIES}
     hyperparameters = pd.concat([table for name, table in tables.items() if name not in parameters])
     return [
@@ -151,7 +155,7 @@ def _listed(elements: pd.Series) -> str:
 def _weakly_identified(parameters: dict[str, pd.DataFrame], hyperparameters: pd.DataFrame) -> Iterator[str]:
     for name, table in parameters.items():
         weak = table[table["contraction"] < CONTRACTION_LEAST]
-        if len(weak) and not (name.endswith("_group") and _parameter(name) not in _MAY_BE_OPEN):
+        if len(weak) and not name.endswith("_group"):
             least = weak["contraction"].min()
             yield (
                 f"{_listed(weak['element'])}: weakly identified: contraction {least:.3f} (below "

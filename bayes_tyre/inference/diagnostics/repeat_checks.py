@@ -62,7 +62,7 @@ def _cases_and_repeats(posterior: xr.Dataset, parameter: str, case: Int[np.ndarr
         f"{parameter}_case[{label}]: {float(own.median()):.3g}, where its repeats agree on {np.median(repeats):.3g}: "
         "cases that are unlike the others are drawn to these"
     )
-    remedy = "believe repeats.csv of this case, not cases.csv; fit such cases apart"
+    remedy = "take its repeats (repeats.csv) in place of the case (cases.csv), or fit such cases by themselves"
     passed, name = value >= CHANCE, f"cases_and_repeats_{parameter}"
     notes = [_apart(posterior, parameter, case), _outside(posterior, parameter, case) if passed else ""]
     where, note = "" if passed else label, "; ".join(filter(None, notes))
