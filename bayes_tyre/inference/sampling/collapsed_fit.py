@@ -27,8 +27,8 @@ from bayes_tyre.inference.sampling.summary_error import (
     summary_error,
 )
 
-#: Chunks of the pilot run, at most: after each of these numbers the last chunk's draws say where the records' posterior
-#: is, and the records are summed up anew about it.
+#: Chunks of the pilot run, at most: after each of these numbers the draws of the last two say where the records'
+#: posterior is, and the records are summed up anew about it.
 _PILOT_CHUNKS = (3, 2, 2)
 #: Error of summaries from which those about their posterior's draws are good enough to stop there.
 _PILOT_ERROR_GOOD = 0.2
