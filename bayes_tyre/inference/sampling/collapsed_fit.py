@@ -18,7 +18,15 @@ from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.prepared_records import PreparedRecords
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.nuts import CAREFUL_ACCEPTANCE, CHUNK, Chains
-from bayes_tyre.inference.sampling.run import Draws, SamplerRun, SamplerSettings, make_chains, run_until_sound
+from bayes_tyre.inference.sampling.run import (
+    Begun,
+    Draws,
+    SamplerRun,
+    SamplerSettings,
+    first_state,
+    make_chains,
+    run_until_sound,
+)
 from bayes_tyre.inference.sampling.summary_error import (
     PILOT_ERROR_MOST,
     SUMMARY_ERROR_MOST,
@@ -42,8 +50,10 @@ def collapsed_in_coordinates(approximation: LaplaceApproximation, **arguments: A
 
 def pilot(
     chains: Chains, arguments: Mapping[str, Any], starts: Mapping[str, Any], settings: SamplerSettings
-) -> tuple[RecordSummaries, SummaryError]:
+) -> tuple[RecordSummaries, SummaryError, Begun | None]:
     """Return the records' summaries about where a short run of the chains says that they are.
+
+    It is the beginning of the warm-up: the chains go on from where it ends.
 
     Parameters
     ----------
@@ -56,20 +66,21 @@ def pilot(
 
     Returns
     -------
-    summaries, error:
-        The summaries, and how far those that they were made from were off.
+    summaries, error, begun:
+        The summaries, how far those that they were made from were off, and where the chains are.
     """
-    summaries, state = arguments["summaries"], None
+    summaries, begun = arguments["summaries"], None
     cases = [case.label for case in arguments["factors"].cases]
     for count in _PILOT_CHUNKS:
         settings.on_stage("pilot run", count * CHUNK)
         chains = chains.given({**arguments, "summaries": summaries}, starts)
-        state = chains.begin(settings.seed) if state is None else state
+        state = first_state(chains, settings.seed, begun)
         chunks = []
         for _ in range(count):
             chunks.append(chains.advance(state, CHUNK))
             state = chunks[-1].state
             settings.on_progress(CHUNK)
+        begun = Begun(state, count * CHUNK + (0 if begun is None else begun.iterations))
         # The first chunks of all are on their way to the posterior.
         kept = [
             chains.constrain(chunk.unconstrained, (settings.seed, number)) for number, chunk in enumerate(chunks[-2:])
@@ -78,10 +89,10 @@ def pilot(
         error, summaries = summary_error(sites, chains.sampled, cases), _summaries_about(sites, arguments)
         if not all(np.isfinite(np.asarray(leaf)).all() for leaf in jax.tree.leaves(summaries)):
             # Draws that are all one, of a pilot that stood still, are no posterior to go by.
-            return summaries, SummaryError(np.inf, np.inf, cases[0], np.inf)
+            error = SummaryError(np.inf, np.inf, cases[0], np.inf)
         if error.total <= _PILOT_ERROR_GOOD or not np.isfinite(error.total):
             break
-    return summaries, error
+    return summaries, error, begun
 
 
 def _summaries_about(sites: Mapping[str, np.ndarray], arguments: Mapping[str, Any]) -> RecordSummaries:
@@ -110,7 +121,7 @@ def sample_collapsed(
         chains = make_chains(collapsed_in_coordinates, blank, settings, record_starts(arguments), CAREFUL_ACCEPTANCE)
         approximation, summaries = summarising.result()
     known, starts = {"approximation": approximation, **arguments}, record_starts(arguments, approximation.records)
-    summaries, error = pilot(chains, {**known, "summaries": summaries}, starts, settings)
+    summaries, error, begun = pilot(chains, {**known, "summaries": summaries}, starts, settings)
     runs: tuple[SamplerRun, ...] = ()
     if error.at_least <= PILOT_ERROR_MOST:
         chains = chains.given({**known, "summaries": summaries}, starts)
@@ -120,7 +131,7 @@ def sample_collapsed(
             errors.append(summary_error(draws.sites, chains.sampled, cases))
             return errors[-1].at_least <= SUMMARY_ERROR_MOST
 
-        draws, runs = run_until_sound(chains, settings, good_enough)
+        draws, runs = run_until_sound(chains, settings, good_enough, begun)
         runs = tuple(one._replace(sampler="collapsed") for one in runs)
         error = errors[-1]
         if error.at_least <= SUMMARY_ERROR_MOST:

@@ -175,6 +175,15 @@ class Chains:
                 break
         return state
 
+    def carried(self, state: HMCState) -> HMCState:
+        """Return a state of chains of other data, of the same shapes, as one of these: where it is, and as adapted.
+
+        A state carries the potential energy and its gradient: those of other data would hold the next iteration there.
+        """
+        keys = jax.random.split(jax.random.PRNGKey(0), self.chains)  # what begins a chain draws nothing that is used
+        here = self._in_turns(self._begin, (keys, state.z), self._data)
+        return state._replace(potential_energy=here.potential_energy, z_grad=here.z_grad)
+
     def starts(self, seed: int, tried: int = 0) -> dict[str, np.ndarray]:
         """Return where each chain starts, unconstrained: the sites named near their values, the others around zero."""
         random, starts = np.random.default_rng([seed, tried]), {}

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpyro.infer.hmc import HMCState
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.sampling.checkpoint import Checkpoints
@@ -169,17 +170,28 @@ def make_chains(
     return Chains(model, arguments, settings.chains, settings.warmup, starts, asked)
 
 
+class Begun(NamedTuple):
+    """Chains that have done some iterations of their warm-up: the state that these left, and their number."""
+
+    state: HMCState
+    iterations: int
+
+
 def run_until_sound(
-    chains: Chains, settings: SamplerSettings, usable: Callable[[Draws], bool] = lambda _: True
+    chains: Chains,
+    settings: SamplerSettings,
+    usable: Callable[[Draws], bool] = lambda _: True,
+    begun: Begun | None = None,
 ) -> tuple[Draws, tuple[SamplerRun, ...]]:
     """Return the draws of chains, or of a second run with shorter steps where transitions diverged; and the runs made.
 
     A divergence says that steps were too long somewhere, and only shorter ones reach it. The second run is the one that
     `target_accept` of `REPEAT_ACCEPTANCE` would be, with the same seed, so that either can be had by itself. An
-    acceptance that the user asked for is left alone. Draws that are not `usable` are not repeated, nor kept.
+    acceptance that the user asked for is left alone. Draws that are not `usable` are not repeated, nor kept. The first
+    run goes on from where the chains have `begun`.
     """
     repeatable = settings.target_accept is None
-    first = run(chains, settings, lambda draws: usable(draws) and not (repeatable and draws.divergences))
+    first = run(chains, settings, lambda draws: usable(draws) and not (repeatable and draws.divergences), begun)
     if not usable(first):
         return first, (SamplerRun(chains.acceptance, first.divergences, False, every=first.every),)
     if not (repeatable and first.divergences):
@@ -206,18 +218,25 @@ def after_run(settings: SamplerSettings) -> SamplerSettings:
     return replace(settings, checkpoints=replace(saved, first=saved.first + chunks))
 
 
-def run(chains: Chains, settings: SamplerSettings, worthwhile: Callable[[Draws], bool] = lambda _: True) -> Draws:
-    """Return the draws of chains made for these settings.
+def run(
+    chains: Chains,
+    settings: SamplerSettings,
+    worthwhile: Callable[[Draws], bool] = lambda _: True,
+    begun: Begun | None = None,
+) -> Draws:
+    """Return the draws of chains made for these settings, of which some of the warm-up may have `begun`.
 
     Where these allow it, a run whose R-hat or effective sample sizes fall short goes on, while that is `worthwhile`.
     Chains run in parallel where the host has a device for each (`bayes_tyre.runtime.prepare_jax`). A run that goes on
     from a checkpoint gives the draws, to the bit, of one left alone.
     """
+    if begun is not None:
+        settings = replace(settings, warmup=max(settings.warmup - begun.iterations, min(settings.warmup, CHUNK)))
     warmup, draws, saved = _lengths(settings.warmup), _lengths(settings.draws), settings.checkpoints
     done = saved.load(chains.shapes, warmup + settings.longest * draws) if saved else []
     parts: list[Draws] = []
     while True:
-        _advance(chains, settings, done, len(parts))
+        _advance(chains, settings, done, len(parts), begun)
         settings.on_stage("quantities of each draw", None)
         first = len(warmup) + len(parts) * len(draws)
         chunks = list(enumerate(done[first : first + len(draws)], len(parts) * len(draws)))
@@ -232,11 +251,16 @@ def run(chains: Chains, settings: SamplerSettings, worthwhile: Callable[[Draws],
         )
 
 
-def _advance(chains: Chains, settings: SamplerSettings, done: list[Chunk], parts: int) -> None:
+def first_state(chains: Chains, seed: int, begun: Begun | None) -> HMCState:
+    """Return the state that chains go on from: where they have begun, or what begins them."""
+    return chains.begin(seed) if begun is None else chains.carried(begun.state)
+
+
+def _advance(chains: Chains, settings: SamplerSettings, done: list[Chunk], parts: int, begun: Begun | None) -> None:
     """Add the missing chunks of a run, up to the end of `parts` + 1 times its draws."""
     warmup, draws = _lengths(settings.warmup), _lengths(settings.draws)
     lengths, resumed = warmup + (parts + 1) * draws, len(done)
-    state = done[-1].state if done else chains.begin(settings.seed)
+    state = done[-1].state if done else first_state(chains, settings.seed, begun)
     for number, length in enumerate(lengths[resumed:], resumed):
         if number in (resumed, len(warmup)):
             first = len(warmup) + parts * len(draws)

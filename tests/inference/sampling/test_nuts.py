@@ -70,6 +70,23 @@ def test_chains_made_for_other_data_give_the_draws_of_chains_made_for_these(draw
     assert not np.array_equal(sampling.run(elsewhere, SETTINGS).sites["mu"], drawn.sites["mu"])
 
 
+def test_a_state_of_other_data_goes_on_where_it_is_with_the_energy_of_these():
+    of_other = chains.Chains(model, {"y": DATA["y"] + 3.0}, 2, 130, STARTS)
+    state = of_other.advance(of_other.begin(3), 20).state
+    own = of_other.given(DATA, STARTS)
+    carried = own.carried(state)
+    kept, before = (jax.tree.leaves((one.z, one.adapt_state)) for one in (carried, state))
+    for found, expected in zip(kept, before, strict=True):
+        np.testing.assert_array_equal(found, expected)
+    for chain in range(2):
+        at = {name: np.asarray(values)[chain] for name, values in state.z.items()}
+        energy, gradient = jax.value_and_grad(own._potential_energy, argnums=1)(own._data, at)
+        assert float(carried.potential_energy[chain]) == pytest.approx(float(energy), rel=1e-9)
+        for name, slope in gradient.items():
+            np.testing.assert_allclose(np.asarray(carried.z_grad[name])[chain], slope, rtol=1e-9, atol=1e-9)
+    assert not np.isclose(carried.potential_energy, state.potential_energy).any()
+
+
 def test_chains_of_another_acceptance_are_compiled_once_for_all_data():
     first = chains.Chains(model, {"y": DATA["y"] + 1.0}, 2, 130, STARTS)
     ones, others = first.at_acceptance(0.9), first.given(DATA, STARTS).at_acceptance(0.9)

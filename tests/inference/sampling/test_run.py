@@ -3,11 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
+from numpyro.infer.hmc import HMCState
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.sampling import run as module
@@ -16,6 +17,7 @@ from bayes_tyre.inference.sampling.nuts import Chains, Chunk
 from bayes_tyre.inference.sampling.run import (
     REPEAT_ACCEPTANCE,
     RUNS,
+    Begun,
     SamplerRun,
     SamplerSettings,
     kept_acceptance,
@@ -27,10 +29,10 @@ from bayes_tyre.inference.sampling.run import (
 SETTINGS = SamplerSettings(chains=2, warmup=10, draws=120, seed=3)
 
 
-class State(NamedTuple):
-    """What a sampler's state is to a run."""
-
-    z: dict[str, np.ndarray]
+def state_at(x: float) -> HMCState:
+    """Return what a run knows of a sampler's state: where the chains are."""
+    nothing: list[Any] = [None] * len(HMCState._fields)
+    return HMCState(*nothing)._replace(z={"x": np.full((2, 1), x)})
 
 
 class MadeUp(Chains):
@@ -38,7 +40,8 @@ class MadeUp(Chains):
 
     def __init__(self, divergent: Mapping[float, int], acceptance: float, advanced: list[float]) -> None:
         self.divergent, self.acceptance, self.advanced = divergent, acceptance, advanced
-        self.shapes: Any = State({"x": np.zeros((2, 1))})
+        self.shapes: Any = state_at(0.0)
+        self.states: list[Any] = []
 
     def at_acceptance(self, acceptance: float) -> "MadeUp":
         return MadeUp(self.divergent, acceptance, self.advanced)
@@ -47,8 +50,12 @@ class MadeUp(Chains):
         assert seed == SETTINGS.seed
         return self.shapes
 
+    def carried(self, state: Any) -> Any:
+        return state._replace(z={"x": state.z["x"] + 1.0})
+
     def advance(self, state: Any, iterations: int) -> Chunk:
         self.advanced.append(self.acceptance)
+        self.states.append(state)
         diverging = np.zeros((2, iterations), bool)
         if iterations == 20:  # the last of the draws
             diverging.ravel()[: self.divergent[self.acceptance]] = True
@@ -125,6 +132,16 @@ def test_a_repeat_goes_on_from_its_checkpoints(lost, tmp_path):
 def removed(paths: list[Path]) -> None:
     for path in paths:
         path.unlink()
+
+
+@pytest.mark.parametrize(("begun", "left"), [(300, 300), (500, 100), (700, 100)])
+def test_chains_that_have_begun_do_what_is_left_of_their_warmup(begun, left):
+    """At least one chunk of it, for what they go on with is new to them."""
+    chains, settings, stages = made(0), replace(SETTINGS, warmup=600), []
+    settings = replace(settings, on_stage=lambda name, count: stages.append((name, count)))
+    run_until_sound(chains, settings, begun=Begun(state_at(5.0), begun))
+    assert stages[0] == ("warm-up", left)
+    assert chains.states[0].z["x"].tolist() == [[6.0], [6.0]]
 
 
 @pytest.mark.parametrize("target", [0.49, 0.995, float("nan")])
