@@ -54,7 +54,9 @@ def test_every_command_says_how_much_it_needs(command, tmp_path):
     (tmp_path / "records.csv").write_text("record,displacement_mm,force_kN\na,1,1\n")
     done = limited(250, *command.split(), *NOT_ENOUGH[command], *out, cwd=tmp_path)
     needs = f"{memory.needed_mb(command):,} MB of address space"
-    assert_refused(done.returncode, done.stderr, f"not enough memory: {command} needs about {needs}")
+    # "not enough memory", or "perhaps for want of" it: where allocation fails is chance, and some libraries then only
+    # say that something did.
+    assert_refused(done.returncode, done.stderr, f"memory: {command} needs about {needs}")
 
 
 @pytest.mark.parametrize(
