@@ -38,8 +38,6 @@ from bayes_tyre.inference.sampling.summary_error import (
 #: Chunks of the pilot run, at most: after each of these numbers the draws of the last two say where the records'
 #: posterior is, and the records are summed up anew about it.
 _PILOT_CHUNKS = (3, 2, 2)
-#: Error of summaries from which those about their posterior's draws are good enough to stop there.
-_PILOT_ERROR_GOOD = 0.2
 
 
 def collapsed_in_coordinates(approximation: LaplaceApproximation, **arguments: Any) -> None:
@@ -90,7 +88,7 @@ def pilot(
         if not all(np.isfinite(np.asarray(leaf)).all() for leaf in jax.tree.leaves(summaries)):
             # Draws that are all one, of a pilot that stood still, are no posterior to go by.
             error = SummaryError(np.inf, np.inf, cases[0], np.inf)
-        if error.total <= _PILOT_ERROR_GOOD or not np.isfinite(error.total):
+        if error.total <= SUMMARY_ERROR_MOST or not np.isfinite(error.total):
             break
     return summaries, error, begun
 
