@@ -172,7 +172,7 @@ def compare(estimates: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def sentences(table: pd.DataFrame) -> list[str]:
+def overview_lines(table: pd.DataFrame) -> list[str]:
     """Return lines that show the errors and coverage on all cases, both kinds taken together: a table a parameter."""
     everywhere = table[table["group"] == "all cases"]
     lines = []

@@ -6,7 +6,7 @@ import pytest
 from scipy.stats import t
 
 from bayes_tyre.studies.design import outlier_design
-from bayes_tyre.studies.outliers import compare, draw_campaigns, sentences
+from bayes_tyre.studies.outliers import compare, draw_campaigns, overview_lines
 from bayes_tyre.studies.repeat_means import RULES, mean_of_repeats
 
 NEAR_PAIR, FAR = "rule: 3 x the others' difference", "rule: far from the others' mean"
@@ -76,7 +76,7 @@ def test_errors_and_coverage_are_counted_over_the_cases_of_each_group():
     assert table.loc["all cases", "coverage"] == 0.75
     assert table.loc["with a discordant repeat", "rmse"] == pytest.approx(0.2)
     assert table.loc["with a discordant repeat", "coverage"] == 0.0
-    about, shares, errors = sentences(compare(told))
+    about, shares, errors = overview_lines(compare(told))
     assert about.startswith("k of a case: relative error (coverage of 95 % intervals)")
     assert shares.split("  ")[-1].strip() == "5 %"
     assert errors.split(maxsplit=1) == ["posterior", "10.0 % (75 %)"]

@@ -67,7 +67,7 @@ def outliers(
     from bayes_tyre.runtime import prepare_jax
 
     prepare_jax(DEVICES)
-    from bayes_tyre.studies.outliers import SHARES, sentences
+    from bayes_tyre.studies.outliers import SHARES, overview_lines
     from bayes_tyre.workflow.studies import write_outliers
 
     with progress("fitting campaigns", len(SHARES) * campaigns, quiet) as on_progress:
@@ -75,7 +75,7 @@ def outliers(
     failed = result.datasets["sampling"] != "ok"
     say(f"wrote {out / 'outliers.csv'} (simulated, not measured)", quiet)
     say(f"  sampling failed in {failed.sum()} of {len(failed)} campaigns; they are included", quiet)
-    for line in sentences(result.table):
+    for line in overview_lines(result.table):
         say(f"  {line}", quiet)
 
 

@@ -34,7 +34,7 @@ REMEDIES = {
     "c": "it needs the ringing after the step, recorded until it has gone",
     "energy_per_cycle": "it follows x, k and beta",
 }
-#: Parameters that records may leave open: the interval is wide, and holds. Of k, signs or columns are then wrong.
+#: Parameters that records may leave open: the interval is wide, and holds. Where k is open, signs or columns are wrong.
 _MAY_BE_OPEN = ("beta", "J")
 #: Most elements that a sentence names.
 _NAMED = 3

@@ -55,10 +55,10 @@ def _calibration(table: pd.DataFrame, folder: Path) -> list[str]:
 
 
 def _outliers(table: pd.DataFrame, folder: Path) -> list[str]:
-    from bayes_tyre.studies.outliers import sentences
+    from bayes_tyre.studies.outliers import overview_lines
 
     del folder
-    return ["discordant repeats in simulated campaigns, not measured", *sentences(table)]
+    return ["discordant repeats in simulated campaigns, not measured", *overview_lines(table)]
 
 
 def _motion(table: pd.DataFrame, folder: Path) -> list[str]:

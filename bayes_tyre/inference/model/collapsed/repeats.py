@@ -200,8 +200,8 @@ class CollapsedPosterior(NamedTuple):
     def draw(self, key: Array, count: int) -> Float[Array, "2 count records parameters"]:
         """Draw choices and cases, and given one of each so many values of the logarithms of each record.
 
-        The second half is the first in a mirror: the same choices, case and records as far on the other side of the
-        means. Together they have a mean that what is odd about the means does not move.
+        The second half is antithetic to the first: the same choices, with case and records as far on the other side of
+        their means, so that odd terms cancel in the mean of both.
         """
         repeats, (of_choice, of_case, of_record) = self.repeats, jax.random.split(key, 3)
         choice = jax.random.categorical(of_choice, self.log_choice, axis=0)

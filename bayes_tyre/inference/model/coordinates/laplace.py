@@ -84,12 +84,10 @@ class RecordEstimates(NamedTuple):
         themselves is taken off.
         """
         group, J = factors.group.of_case[factors.of_record], np.asarray(self.centre[:, 1])
-        median = np.array(
-            [np.median(J[group == one]) if (group == one).any() else 0.0 for one in range(group.max() + 1)]
-        )
-        variance = (_SD_OF_MAD * np.median(np.abs(J - median[group]))) ** 2
+        typical = np.array([np.median(J[group == one]) for one in range(len(factors.group.labels))])[group]
+        variance = (_SD_OF_MAD * np.median(np.abs(J - typical))) ** 2
         of_J = max(variance - float(np.median(self.J_variance)), _LEAST_J_SHARE * variance)
-        return jnp.asarray(median[group]), jnp.asarray(np.sqrt(of_J) + _LEAST_SD_J)
+        return jnp.asarray(typical), jnp.asarray(np.sqrt(of_J) + _LEAST_SD_J)
 
     def of_log_values(
         self, mean_J: Float[Array, " #records"] | None = None, sd_J: Float[Array, ""] | None = None
