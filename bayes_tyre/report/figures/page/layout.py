@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.style
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
@@ -37,6 +38,9 @@ _STEPS = (
     (1.0, 1.2, 1.4, 1.6, 2.0, 2.5, 3.0, 4.0, 6.0, 8.0),
 )
 _LEAST_TICKS = 3
+#: Decimals of a panel's place as a share of the page. Those of the layout's solver beyond rounding depend on where in
+#: memory its variables lie, and would now and then move a pixel: a figure drawn again would not have the same bytes.
+_PLACES = 9
 #: Who holds it draws.
 _PEN = threading.Lock()
 
@@ -96,6 +100,8 @@ def finish(figure: Figure, setting: Setting, note: str) -> Figure:
     if figure.axes:
         layout.execute(figure)
     figure.set_layout_engine("none")  # settled: to lay it out again for writing would take as long once more
+    for ax in figure.axes:
+        ax.set_position(np.round(ax.get_position(original=True).bounds, _PLACES))
     return figure
 
 

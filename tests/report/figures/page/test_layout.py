@@ -2,8 +2,11 @@
 
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from helpers.drawings import drawn, said, sticking_out
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from PIL import Image
 
 from bayes_tyre.report.figures.page import colours, labels, layout
@@ -77,3 +80,21 @@ def test_files_appear_whole_and_say_nothing_of_what_wrote_them(tmp_path):
     with Image.open(path) as picture:
         assert (picture.format, picture.width, "Software" in picture.info) == ("PNG", 8 * 150, False)
     assert [found.name for found in path.parent.iterdir()] == ["figure.png"]
+
+
+def test_the_rounding_of_the_layout_s_solver_moves_nothing(monkeypatch):
+    executed = ConstrainedLayoutEngine.execute
+
+    def places(off: float) -> list[tuple[float, ...]]:
+        def execute(engine: ConstrainedLayoutEngine, figure: Figure) -> None:
+            executed(engine, figure)
+            for ax in figure.axes:
+                ax.set_position(np.array(ax.get_position(original=True).bounds) + off)
+
+        monkeypatch.setattr(ConstrainedLayoutEngine, "execute", execute)
+        figure, axes, _ = layout.panel_grid(5, 3, 1.2, 1.0)
+        layout.finish(figure, Setting("measured"), "a note")
+        return [ax.get_position(original=True).bounds for ax in axes]
+
+    assert places(1e-15) == places(-1e-15)
+    assert places(1e-3) != places(-1e-3)
