@@ -14,7 +14,7 @@ from bayes_tyre.formats.lvm.reader import read_lvm
 from bayes_tyre.formats.lvm.roles import COMMENT, Roles, last_channel
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.formats.x_column import grows, is_time, seconds_per_unit, unit_in
-from bayes_tyre.plain_text import quoted
+from bayes_tyre.plain_text import NAME, one_line, quoted
 from bayes_tyre.record import RawSignals
 
 _NO_READING = ("", "nan")
@@ -151,5 +151,6 @@ def _numbers(column: pd.Series, name: str, path: Path) -> np.ndarray | None:
         return None
     if len(wrong):
         cell = quoted(texts.iloc[int(wrong[0])])
-        raise BadInput(f"{path}: row {wrong[0] + 1}, column {name}: {cell} is no number; mend the cell")
+        where = f"row {wrong[0] + 1}, column {one_line(name, NAME)}"
+        raise BadInput(f"{path}: {where}: {cell} is no number; mend the cell")
     return numbers

@@ -12,7 +12,7 @@ from bayes_tyre.formats.lvm.roles import COMMENT, is_x
 from bayes_tyre.formats.recordings.column_signals import named_by_number, signals_of
 from bayes_tyre.formats.tables.workbook import NumberedRows, Row
 from bayes_tyre.formats.x_column import is_time, unit_in
-from bayes_tyre.plain_text import quoted
+from bayes_tyre.plain_text import NAME, one_line, quoted
 from bayes_tyre.record import RawSignals
 
 
@@ -141,6 +141,6 @@ def _reading(cell: object, where: str, row: int, column: int, name: str) -> floa
     """Return a cell of a channel as a number, NaN for a blank one."""
     number = np.nan if _is_blank(cell) else _number(cell)
     if number is None:
-        at = f"row {row}, column {get_column_letter(column + 1)} ({name})"
+        at = f"row {row}, column {get_column_letter(column + 1)} ({one_line(name, NAME)})"
         raise BadInput(f"{where}, {at}: {quoted(str(cell))} is no number; mend the cell, or format it as a number")
     return number

@@ -62,6 +62,7 @@ def test_csv_with_gaps_text_and_faults(tmp_path):
     assert raw.warnings == ("column 'note' is text: left out",)
     for content, message in [
         ("time,acc\n0,1\n1,x\n", "row 2, column acc: 'x' is no number"),
+        ("time,\x01a\u202ec\n0,1\n1,x\n", "row 2, column \ufffda\ufffdc: 'x' is no number"),
         ("time,acc\n", "holds no numbers"),
         ("", "the file is empty|holds nothing"),
         ("note\nwarm\n", "holds no numbers"),
