@@ -272,10 +272,10 @@ def _judged(
 ) -> Posterior:
     """Return the posterior carrying its verdict, the figures behind it, and what of it came from the records."""
     attempts = Attempts()
-    judged, found = judge(tree, identify, attempts, table)
+    judged, diagnostics = judge(tree, identify, attempts, table)
     judged = attempts("derived quantities", lambda: with_derived(judged), judged)
     judged = with_checks(judged, FAILED, attempts.failed)
-    judged.attrs["verdict"] = with_failures(found, attempts.failed).verdict
+    judged.attrs["verdict"] = with_failures(diagnostics, attempts.failed).verdict
     return Posterior.of(judged)
 
 

@@ -80,9 +80,9 @@ def within_limit(run: Callable[[], None], command: str) -> None:
     os.close(writing)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the child has it too, and says what to do
     with os.fdopen(reading, "rb") as stream:
-        said = stream.read()
+        output = stream.read()
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    text, limit = said.decode(errors="backslashreplace"), address_space()
+    text, limit = output.decode(errors="backslashreplace"), address_space()
     if code not in _ENDED and says_no_memory(text):
         fault(too_little(command))
     elif code < 0 or (code not in _ENDED and limit is not None and limit < needed_mb(command) * 1e6):

@@ -48,10 +48,10 @@ def read_image(path: Path, option: str) -> Image:
 
 
 def _media_type(content: bytes) -> str | None:
-    found = next((kind for first, kind in _SIGNATURES.items() if content.startswith(first)), None)
-    if found is None and content[:4] == b"RIFF" and content[8:12] == b"WEBP":
+    kind_of_content = next((kind for first, kind in _SIGNATURES.items() if content.startswith(first)), None)
+    if kind_of_content is None and content[:4] == b"RIFF" and content[8:12] == b"WEBP":
         return "image/webp"
-    return found or ("image/svg+xml" if _is_svg(content) else None)
+    return kind_of_content or ("image/svg+xml" if _is_svg(content) else None)
 
 
 def _is_svg(content: bytes) -> bool:

@@ -196,10 +196,10 @@ def _weighted(modes: MeasuredModes, likely: Float[np.ndarray, " 4"], rank: int, 
     pivoted: Any = linalg.qr(slopes * unit / typical[:, None], mode="economic", pivoting=True)
     _, r, order = pivoted
     count = int((np.abs(np.diag(r)) > _SOLVED).sum())
-    solved, kept = order[:count], order[count:]
+    solved, drawn = order[:count], order[count:]
     values = unit * np.exp(scale * rng.standard_normal((_PROPOSED, len(unit))))
     noise = rng.standard_normal((_PROPOSED, count)) / np.sqrt(rng.chisquare(_TAILS, (_PROPOSED, 1)) / _TAILS)
-    given = (values[:, kept] - likely[kept]) / unit[kept]
+    given = (values[:, drawn] - likely[drawn]) / unit[drawn]
     determined = _WIDENING * ratio * noise - given @ r[:count, count:].T
     values[:, solved] = likely[solved] + unit[solved] * linalg.solve_triangular(r[:count, :count], determined.T).T
     values[0] = likely  # so that there is one, where frequencies contradict every ring

@@ -22,8 +22,8 @@ def limit_sentences(cases: pd.DataFrame, most: int | None = None) -> list[str]:
     most:
         How many cases get a sentence; None: all.
     """
-    kept = cases.assign(p_limit=numbers(cases, "p_limit")).dropna(subset="p_limit")
-    rows = kept.sort_values("p_limit", kind="stable").to_dict("records")
+    with_limit = cases.assign(p_limit=numbers(cases, "p_limit")).dropna(subset="p_limit")
+    rows = with_limit.sort_values("p_limit", kind="stable").to_dict("records")
     sentences = [_sentence({str(name): value for name, value in row.items()}) for row in rows[:most]]
     left = len(rows) - len(sentences)
     return [*sentences, f"{left} more cases keep it with higher probability: cases.csv"] if left else sentences

@@ -197,8 +197,8 @@ def check_reference(reference: str, configurations: Iterable[str]) -> None:
     BadInput
         The message lists the configurations.
     """
-    if reference not in (known := sorted(set(configurations))):
-        there = listed([quoted(each) for each in known if each], 10) or "none"
+    if reference not in (labels := sorted(set(configurations))):
+        there = listed([quoted(each) for each in labels if each], 10) or "none"
         raise BadInput(f"--reference {quoted(reference)}: no such configuration; the data have {there}")
 
 

@@ -92,15 +92,15 @@ def find_mass(rig: Rig, motion: Motion, dt_s: float) -> Mass:
     # The turn's own column, in which its error reaches those of the others.
     longer, shorter = (np.stack(_friction(d, turn_mm * factor), axis=1) for factor in (_NEARBY, 1 / _NEARBY))
     columns_of_errors = np.column_stack([columns, (longer - shorter) @ alone[3:5]])
-    known = _known_before(rig, float(alone[2]), variance)
+    before = _known_before(rig, float(alone[2]), variance)
     both = _least_squares(
-        np.concatenate([columns, known[:, :-1]]), np.append(applied, [known[0, 0] * rig.axle.effective_mass_kg, 0.0])
+        np.concatenate([columns, before[:, :-1]]), np.append(applied, [before[0, 0] * rig.axle.effective_mass_kg, 0.0])
     )
     of_record = variance * _inverse(columns_of_errors)
-    of_both = variance * _inverse(np.concatenate([columns_of_errors, known]))
+    of_both = variance * _inverse(np.concatenate([columns_of_errors, before]))
     sd_kg, record_sd_kg = np.sqrt(of_both[0, 0]), np.sqrt(of_record[0, 0])
-    found = both[0], sd_kg, alone[0], record_sd_kg, both[1], of_both[0, 1] / of_both[0, 0]
-    return Mass(*map(float, found))
+    values = both[0], sd_kg, alone[0], record_sd_kg, both[1], of_both[0, 1] / of_both[0, 0]
+    return Mass(*map(float, values))
 
 
 def shared_mass(rig: Rig, records: Float[np.ndarray, "records 2"]) -> tuple[float, float] | None:
@@ -135,8 +135,8 @@ def _best_turn(squares: Callable[[float], float]) -> float:
     tried = np.log(_TURNS_MM)
     best = int(np.argmin([squares(turn_mm) for turn_mm in _TURNS_MM]))
     about = tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)]
-    found = minimize_scalar(lambda x: squares(float(np.exp(x))), bounds=about, method="bounded", options=_TURN_FOUND)
-    return float(np.exp(found.x))
+    minimum = minimize_scalar(lambda x: squares(float(np.exp(x))), bounds=about, method="bounded", options=_TURN_FOUND)
+    return float(np.exp(minimum.x))
 
 
 def _known_before(rig: Rig, stiffness: float, variance: float) -> Samples:

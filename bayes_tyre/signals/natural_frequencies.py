@@ -55,9 +55,9 @@ def check_natural_frequencies(table: pd.DataFrame, name: str = "table of natural
             _refuse(typed, typed[column].isin(allowed), column, f"is none of {', '.join(filter(None, allowed))}", name)
     wave = typed["wave"] if "wave" in typed else pd.Series("", index=typed.index)
     if "speed_km_h" in typed:
-        told = (typed["speed_km_h"] == 0) | (typed["mode"] < 2) | (wave != "")
+        unambiguous = (typed["speed_km_h"] == 0) | (typed["mode"] < 2) | (wave != "")
         what = "needs the column wave beside it, forward or backward: a turning ring has two frequencies a mode"
-        _refuse(typed, told, "speed_km_h", what, name)
+        _refuse(typed, unambiguous, "speed_km_h", what, name)
     return typed
 
 

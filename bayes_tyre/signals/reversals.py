@@ -71,12 +71,12 @@ def closed_cycles(displacement: Values, branches: Sequence[slice]) -> list[int]:
     From the first branch on, two that end near where they began (`CLOSED`) are a cycle, and the search goes on behind
     them. So the way from the middle to the first reversal belongs to none, nor does a branch left at the end.
     """
-    found, i = [], 0
+    places, i = [], 0
     while i + 1 < len(branches):
         if is_closed(displacement[branches[i].start : branches[i + 1].stop]):
-            found.append(i)
-        i += 2 if found[-1:] == [i] else 1
-    return found
+            places.append(i)
+        i += 2 if places[-1:] == [i] else 1
+    return places
 
 
 def is_closed(path: Values) -> bool:

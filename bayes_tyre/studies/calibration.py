@@ -42,14 +42,14 @@ class Calibration(NamedTuple):
         A row a data set, a column a parameter; and of which element of the parameter.
     datasets:
         A row a data set: `dataset, divergences, r_hat_max, ess_min, bfmi, gradients, sampling` (`ok` or what failed).
-    kept:
-        Draws that truths were ranked among.
+    draws:
+        How many draws truths were ranked among.
     """
 
     table: pd.DataFrame
     ranks: pd.DataFrame
     datasets: pd.DataFrame
-    kept: int
+    draws: int
 
 
 def calibrate(
@@ -79,7 +79,7 @@ def calibrate(
     """
     fit = fit or DesignFit(calibration_design(), priors=study_priors())
     rng = np.random.default_rng(seed)
-    found: list[tuple[pd.DataFrame, pd.DataFrame]] = []
+    tables_of_sets: list[tuple[pd.DataFrame, pd.DataFrame]] = []
     for start in range(0, datasets, AT_ONCE):
         of_truths, of_sampler = map(int, rng.integers(2**31, size=2))
         count = min(AT_ONCE, datasets - start)
@@ -88,11 +88,12 @@ def calibrate(
         for values, forces in ((truths, force), (sampled.draws, force[:, None])):
             values["log_likelihood"] = log_likelihood(fit.design, values, forces)
             values["log_repeats"] = log_repeats(fit.design, values, fit.model.priors.discordant_widening)
-        found.append((rank_truths(truths, sampled.draws, start, rng), judge_sampling(sampled, start)))
-    ranked, judged = (pd.concat(tables, ignore_index=True) for tables in zip(*found, strict=True))
-    kept = fit.sampling.kept
-    table = uniformity_table({str(name): ranked[name].to_numpy() for name in ranked.columns[1:]}, kept, seed)
-    return Calibration(table, ranked, judged, kept)
+        tables_of_sets.append((rank_truths(truths, sampled.draws, start, rng), judge_sampling(sampled, start)))
+    ranked, judged = (pd.concat(tables, ignore_index=True) for tables in zip(*tables_of_sets, strict=True))
+    table = uniformity_table(
+        {str(name): ranked[name].to_numpy() for name in ranked.columns[1:]}, fit.sampling.draws, seed
+    )
+    return Calibration(table, ranked, judged, fit.sampling.draws)
 
 
 def rank_truths(truths: Truths, draws: dict[str, np.ndarray], first: int, rng: np.random.Generator) -> pd.DataFrame:
@@ -149,8 +150,8 @@ def judge_sampling(sampled: Sampled, first: int) -> pd.DataFrame:
     """Return how sampling went in each data set, a row each, over everything that was kept."""
     rows = []
     for i in range(len(sampled.energy)):
-        kept = [values[i].reshape(len(values[i]), -1) for name, values in sampled.draws.items() if _judged(name)]
-        together = np.concatenate(kept, axis=1)[None]
+        quantities = [values[i].reshape(len(values[i]), -1) for name, values in sampled.draws.items() if _judged(name)]
+        together = np.concatenate(quantities, axis=1)[None]
         ess = float(np.nanmin(effective_sample_size(together)))
         r_hat = float(np.nanmax(split_gelman_rubin(together)))
         energy = sampled.energy[i]

@@ -55,13 +55,15 @@ class CoverageFit:
         model = ModelSettings(**kind.options)
         records = prepare_records(table, model)
         tree = fit_prepared(records, self.sampler, model, self._compiled(kind, records, model))
-        tree, found = judge(tree, lambda tree, _: tree, Attempts(), table)
+        tree, diagnostics = judge(tree, lambda tree, _: tree, Attempts(), table)
         rows = intervals(tree["posterior"].to_dataset(), truth)
         rows.insert(0, "kind", name)
         rows.insert(1, "settings", kind.settings)
         rows.insert(2, "set", number)
         took = time.monotonic() - began
-        return rows.assign(verdict=found.verdict, failed_checks=_failed(found), seconds=took, origin="simulated")
+        return rows.assign(
+            verdict=diagnostics.verdict, failed_checks=_failed(diagnostics), seconds=took, origin="simulated"
+        )
 
     def _compiled(self, kind: Kind, records: PreparedRecords, model: ModelSettings) -> Chains:
         key = *records.batch.records, kind.points, kind.settings
@@ -87,9 +89,9 @@ def intervals(posterior: xr.Dataset, truth: pd.DataFrame) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def _failed(found: Diagnostics) -> str:
+def _failed(diagnostics: Diagnostics) -> str:
     """Return the names of the checks that failed, without the element that some name."""
-    names = (str(check["name"]).partition("[")[0] for check in found.checks if not check["passed"])
+    names = (str(check["name"]).partition("[")[0] for check in diagnostics.checks if not check["passed"])
     return _BETWEEN.join(dict.fromkeys(names))
 
 

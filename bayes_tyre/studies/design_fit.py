@@ -40,13 +40,13 @@ class Thinned(NamedTuple):
         Of the sampler, as any fit takes them.
     thin:
         Iterations from one draw that is kept to the next.
-    kept:
-        Draws kept of all chains together.
+    draws:
+        As many draws of all chains together.
     """
 
     settings: SamplerSettings = SamplerSettings(chains=2, warmup=300, draws=200)
     thin: int = 5
-    kept: int = 79
+    draws: int = 79
 
 
 class Sampled(NamedTuple):
@@ -55,7 +55,7 @@ class Sampled(NamedTuple):
     Attributes
     ----------
     draws:
-        By site, shape (sets, kept, ...), one chain after the other.
+        By site, shape (sets, draws, ...), one chain after the other.
     diverging, steps, energy:
         Shape (sets, chains, iterations after warmup): whether a transition diverged, its gradients, its energy.
     """
@@ -136,10 +136,10 @@ class DesignFit:
         chains = self._chains.given(
             {"approximation": approximation, **arguments}, record_starts(arguments, approximation.records)
         )
-        settings, thin, kept = self.sampling
+        settings, thin, draws = self.sampling
         sites, statistics, _ = run(chains, replace(settings, seed=seed))
         every = {
-            name: np.concatenate(values[:, thin - 1 :: thin])[:kept]
+            name: np.concatenate(values[:, thin - 1 :: thin])[:draws]
             for name, values in sites.items()
             if not name.endswith("_z")
         }

@@ -132,7 +132,7 @@ def _integrate(
     rate: Callable[..., State], state: State, drive: tuple[list[float], ...], dt: float, parts: int
 ) -> list[State]:
     """Return the states at every `parts`-th step of Runge and Kutta's; the drive is given at ends and middles."""
-    kept = [state]
+    states = [state]
 
     def moved(by: State, share: float) -> State:
         return tuple(value + share * slope for value, slope in zip(state, by, strict=True))
@@ -148,8 +148,8 @@ def _integrate(
             for value, a, b, c, d in zip(state, one, two, three, four, strict=True)
         )
         if (step + 1) % parts == 0:
-            kept.append(state)
-    return kept
+            states.append(state)
+    return states
 
 
 def _equations(
@@ -207,6 +207,6 @@ def _as_laser(machine: Machine, displacement_mm: Values, rate_Hz: float) -> Valu
     if length > 1:
         shown = lfilter(np.full(length, 1 / length), 1.0, shown)
     if machine.laser_lag_s > 0:
-        kept = math.exp(-1 / (rate_Hz * machine.laser_lag_s))
-        shown = lfilter([1 - kept], [1.0, -kept], shown)
+        decay = math.exp(-1 / (rate_Hz * machine.laser_lag_s))
+        shown = lfilter([1 - decay], [1.0, -decay], shown)
     return first + np.asarray(shown)

@@ -107,8 +107,8 @@ def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
     """
     run = read_run(path)
     options, fields_of_model = run["options"], {field.name for field in fields(ModelSettings)}
-    known = {*fields_of_model, *_SAMPLER, _TARGET, _COLUMNS, _LONGEST, *("interval", "units_checked"), *_IF_GIVEN}
-    if unknown := sorted(set(options) - known):
+    names = {*fields_of_model, *_SAMPLER, _TARGET, _COLUMNS, _LONGEST, *("interval", "units_checked"), *_IF_GIVEN}
+    if unknown := sorted(set(options) - names):
         raise BadInput(
             f"{path}: option {unknown[0]} is unknown to this version; repeat the run with the version it names"
         )

@@ -101,8 +101,8 @@ def _with_motion(table: pd.DataFrame, motion: Motion, path: Path) -> tuple[pd.Da
         raise BadInput(f"{path}: has no column {SD}; with --motion each frequency needs one, or leave --motion out")
     posterior, tree, verdict = read_posterior(motion.folder)
     with errors_name(posterior):
-        found = first_mode(tree, motion.configuration)
-    row = {"mode": 1.0, "frequency_Hz": found.frequency_Hz, SD: found.sd_Hz, "origin": tree.attrs["origin"]}
+        mode = first_mode(tree, motion.configuration)
+    row = {"mode": 1.0, "frequency_Hz": mode.frequency_Hz, SD: mode.sd_Hz, "origin": tree.attrs["origin"]}
     row |= {name: nothing for name, nothing in (("speed_km_h", 0.0), ("wave", "")) if name in table}
     table = table.assign(**{SOURCE: OF_TABLE, "origin": table.get("origin", ORIGIN_UNKNOWN)})
     joined = pd.concat([table, pd.DataFrame([{**row, SOURCE: OF_MOTION}])], ignore_index=True)

@@ -56,17 +56,17 @@ def read_given(paths: Sequence[Path], columns: Path | None = None, kind: Kind = 
         For a file or map that cannot be used, a name that stands in two files, and a column that some files lack.
     """
     column_map, (files, notes) = read_column_map(columns), table_files(paths)
-    said: dict[str, list[Path]] = {}
+    files_by_note: dict[str, list[Path]] = {}
     tables, suspicions = [], []
     for file in files:
         table = _read(file, column_map, kind, len(files) > 1)
         for sentence in table.attrs.pop(NOTES, ()):
-            said.setdefault(sentence, []).append(file)
+            files_by_note.setdefault(sentence, []).append(file)
         suspicions += [f"{file}: {text}" for text in suspicious_units(table, kind.unit, kind.force, kind.symbol)]
         table.attrs.clear()
         tables.append(table)
     _check_together(files, tables, kind.unit)
-    notes += [f"{names(of)}: {sentence}" for sentence, of in said.items()]
+    notes += [f"{names(of)}: {sentence}" for sentence, of in files_by_note.items()]
     return Given(tables[0] if len(tables) == 1 else pd.concat(tables, ignore_index=True), suspicions, notes)
 
 
@@ -90,11 +90,11 @@ def table_files(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
             files.append(path)
             continue
         there = sorted(one for one in path.iterdir() if one.suffix.lower() in READERS and one.name[0] not in ".~")
-        found = [one for one in there if one.stem != _REJECTED and one.stem.rpartition("_")[2] != _TRUTH]
-        if not found:
+        of_folder = [one for one in there if one.stem != _REJECTED and one.stem.rpartition("_")[2] != _TRUTH]
+        if not of_folder:
             raise BadInput(f"{path}: is a folder without a table ({', '.join(READERS)}); name the files")
-        notes += [f"{one}: no table of records: skipped" for one in there if one not in found]
-        files += found
+        notes += [f"{one}: no table of records: skipped" for one in there if one not in of_folder]
+        files += of_folder
     return list(dict.fromkeys(files)), notes
 
 

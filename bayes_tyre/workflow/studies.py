@@ -142,10 +142,10 @@ def _curves(result: Calibration) -> RankCurves:
     at, lower, upper = band(datasets, 1.0 - (1.0 - TOGETHER) / len(names))
     rng, excess = np.random.default_rng(0), {}
     for name in names:
-        values = np.sort(pit(result.ranks[name].to_numpy(), result.kept, rng))
+        values = np.sort(pit(result.ranks[name].to_numpy(), result.draws, rng))
         excess[name] = np.searchsorted(values, at, side="right") / datasets - at
     calibrated = dict(zip(result.table["parameter"], result.table["calibrated"], strict=True))
-    return RankCurves(at, lower, upper, excess, calibrated, datasets, result.kept, TOGETHER)
+    return RankCurves(at, lower, upper, excess, calibrated, datasets, result.draws, TOGETHER)
 
 
 def _priors() -> pd.DataFrame:

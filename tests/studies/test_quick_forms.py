@@ -17,7 +17,7 @@ pytestmark = pytest.mark.usefixtures("iterations_fully_compiled")
 #: One compilation for the right model and for the planted errors, which are put into the truths.
 #: So few sets find repeats that scatter too widely with four seeds of five; with twenty sets, with all of them.
 SETS, SEED = 12, 2
-QUICK = Thinned(SamplerSettings(chains=2, warmup=200, draws=60), thin=3, kept=39)
+QUICK = Thinned(SamplerSettings(chains=2, warmup=200, draws=60), thin=3, draws=39)
 
 
 @pytest.fixture(scope="module")

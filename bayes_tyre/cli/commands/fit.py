@@ -88,8 +88,8 @@ def fit(
         law,
         displacement_sd,
     )
-    kept, longest = shell.draws_and_longest(draws)
-    settings = SamplerSettings(chains, warmup, kept, seed, target_accept=target_accept, longest=longest)
+    draws_per_chain, longest = shell.draws_and_longest(draws)
+    settings = SamplerSettings(chains, warmup, draws_per_chain, seed, target_accept=target_accept, longest=longest)
     limit = shell.checked_limit(limit, OF_RECORDS)
     plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns, limit, reference, record_draws)
     _run(plan, out, resume, xlsx, quiet)

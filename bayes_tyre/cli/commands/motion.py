@@ -90,8 +90,8 @@ def motion(
 
     for warning in passed_over:
         shell.warn(warning)
-    kept, longest = shell.draws_and_longest(draws)
-    sampler = SamplerSettings(chains, warmup, kept, seed, target_accept=target_accept, longest=longest)
+    draws_per_chain, longest = shell.draws_and_longest(draws)
+    sampler = SamplerSettings(chains, warmup, draws_per_chain, seed, target_accept=target_accept, longest=longest)
     limit = shell.checked_limit(limit, (*motion_law(law.value).reported_parameters, ENERGY))
     how = law.value, amplitude, repeats, interval, read_priors(priors), limit
     plan = MotionPlan(sampler, rig, cases, figures, *how)

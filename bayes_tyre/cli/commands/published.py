@@ -45,8 +45,8 @@ def published(
         from bayes_tyre.workflow.fit import fit_published_tables, read_priors
 
         priors_given = read_priors(priors)
-        kept, longest = shell.draws_and_longest(draws, 2000)
-        settings = SamplerSettings(chains, warmup, kept, seed, target_accept=target_accept, longest=longest)
+        draws_per_chain, longest = shell.draws_and_longest(draws, 2000)
+        settings = SamplerSettings(chains, warmup, draws_per_chain, seed, target_accept=target_accept, longest=longest)
         with shell.stages(quiet) as stages:
             callbacks = shell.callbacks(stages, quiet)
             diagnostics = fit_published_tables(

@@ -75,7 +75,7 @@ def _leaves(value: object, name: str) -> Iterator[tuple[str, np.ndarray | str]]:
 
 def _of_hdf5(path: Path) -> dict[str, np.ndarray | str]:
     """Return what `read_mat` does of a file of version 7.3; links to other places and files are not followed."""
-    found: dict[str, np.ndarray | str] = {}
+    variables: dict[str, np.ndarray | str] = {}
 
     def take(name: str, item: h5py.Group | h5py.Dataset) -> None:
         kinds = {*item.attrs, *item.parent.attrs}
@@ -83,10 +83,10 @@ def _of_hdf5(path: Path) -> dict[str, np.ndarray | str]:
             return
         name = name.replace("/", ".")
         if item.attrs.get("MATLAB_class") == b"char" and item.dtype == np.uint16:
-            found[name] = item[()].ravel("F").tobytes().decode("utf-16-le")
+            variables[name] = item[()].ravel("F").tobytes().decode("utf-16-le")
         elif item.dtype.kind in _REAL:
-            found[name] = np.squeeze(item[()])
+            variables[name] = np.squeeze(item[()])
 
     with h5py.File(path, "r") as file:
         file.visititems(take)
-    return found
+    return variables

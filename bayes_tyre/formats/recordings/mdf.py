@@ -59,7 +59,7 @@ def read_mdf(path: Path) -> RawSignals:
     if not segments:
         raise BadInput(f"{path}: holds no channel of numbers; give a recording")
     logged = dict.fromkeys(map(reason, texts["logged"]))
-    return RawSignals(segments, (*logged, *(text for _, said in read for text in said)))
+    return RawSignals(segments, (*logged, *(text for _, texts_of_group in read for text in texts_of_group)))
 
 
 def _group(i: int, group: Mapping[str, Any], numbers: Mapping[str, np.ndarray]) -> tuple[list[Channel], list[str]]:
@@ -67,6 +67,6 @@ def _group(i: int, group: Mapping[str, Any], numbers: Mapping[str, np.ndarray]) 
     channels = [
         Channel(name, unit, numbers[f"time_{i}"], numbers[f"values_{i}_{k}"]) for k, name, unit in group["channels"]
     ]
-    said = [(one.name, _X.get(group["master"], "")) for one in channels]
-    said += [(name, _NO_NUMBERS) for name in group["left_out"]]
-    return channels, [f"group {quoted(group['name'] or str(i + 1))}: {text}" for text in grouped_warnings(said)]
+    left_out = [(one.name, _X.get(group["master"], "")) for one in channels]
+    left_out += [(name, _NO_NUMBERS) for name in group["left_out"]]
+    return channels, [f"group {quoted(group['name'] or str(i + 1))}: {text}" for text in grouped_warnings(left_out)]

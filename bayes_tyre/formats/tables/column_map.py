@@ -148,10 +148,10 @@ class ColumnMap(_Strict):
 
 def _check_unit(column: str, unit: str | None, where: str) -> float:
     """Return the divisor that turns a unit of a column into ours."""
-    known = UNITS.get(OUR_UNITS.get(column, ""), {})
-    if unit is not None and unit not in known:
-        raise ValueError(f"{where}: {quoted(unit)} is no unit of {column}; use {', '.join(known) or 'none'}")
-    return 1.0 if unit is None else known[unit]
+    accepted = UNITS.get(OUR_UNITS.get(column, ""), {})
+    if unit is not None and unit not in accepted:
+        raise ValueError(f"{where}: {quoted(unit)} is no unit of {column}; use {', '.join(accepted) or 'none'}")
+    return 1.0 if unit is None else accepted[unit]
 
 
 def _divided(cells: pd.Series, divisor: float) -> pd.Series:

@@ -119,8 +119,8 @@ def _why_not(ours: str, unit: str, all_ours: Sequence[str | None]) -> str:
     """Return why a column is not placed though it could be one of ours; empty where it is."""
     if all_ours.count(ours) > 1:
         return f"{ours}, as {all_ours.count(ours)} columns could be; choose one"
-    known = UNITS.get(OUR_UNITS.get(ours, ""), {unit: 1.0})
-    return f"{ours}, but not in {', '.join(known)}; convert it first" if unit and unit not in known else ""
+    accepted = UNITS.get(OUR_UNITS.get(ours, ""), {unit: 1.0})
+    return f"{ours}, but not in {', '.join(accepted)}; convert it first" if unit and unit not in accepted else ""
 
 
 def _normalised(text: str) -> str:

@@ -27,7 +27,7 @@ class Layout(NamedTuple):
 
     Attributes
     ----------
-    known:
+    is_column:
         Whether a name is one that is looked for: the header is the line that holds most of them.
     names:
         Our name by theirs, of the columns to rename; every one must be there.
@@ -35,21 +35,21 @@ class Layout(NamedTuple):
         Lines above the header; None: it is looked for.
     """
 
-    known: Callable[[str], bool]
+    is_column: Callable[[str], bool]
     names: Mapping[str, str] = {}
     skip_rows: int | None = None
 
     def header(self, lines: Iterable[Sequence[str]]) -> int:
         """Return which line is the header, counted from 0: that with most known names, else with most text cells."""
         texts = [{cell for cell in map(str.strip, cells) if cell and not _is_number(cell)} for cells in lines]
-        counts = [sum(map(self.known, cells)) for cells in texts]
+        counts = [sum(map(self.is_column, cells)) for cells in texts]
         counts = counts if any(counts) else [*map(len, texts)]
         return counts.index(max(counts)) if counts else 0
 
     def names_in(self, rows: Iterable[tuple[int, Sequence[object]]]) -> int:
         """Return the most known names in one of the numbered rows of a sheet."""
         texts = ({cell.strip() for cell in row if isinstance(cell, str)} for _, row in rows)
-        return max((sum(map(self.known, cells)) for cells in texts), default=0)
+        return max((sum(map(self.is_column, cells)) for cells in texts), default=0)
 
     def renamed(self, names: Sequence[str], path: Path) -> list[str]:
         """Return the columns as we call them.
@@ -60,9 +60,9 @@ class Layout(NamedTuple):
             If one to be renamed is missing, or another has its name already.
         """
         if missing := [name for name in self.names if name not in names]:
-            found = one_line(", ".join(filter(None, names)), REASON)
+            header = one_line(", ".join(filter(None, names)), REASON)
             called = f"{listed(missing, 3, quoted)}, which the column map calls {listed(self._ours(missing), 3)}"
-            raise BadInput(f"{path}: no column {called}; found {found}; mend the map, or its skip_rows")
+            raise BadInput(f"{path}: no column {called}; found {header}; mend the map, or its skip_rows")
         ours = [self.names.get(name, name) for name in names]
         twice = next((name for i, name in enumerate(ours) if name and name in ours[:i]), None)
         if twice is not None:

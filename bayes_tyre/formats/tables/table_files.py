@@ -98,8 +98,8 @@ def _read_xlsx(path: Path, layout: Layout | None) -> pd.DataFrame:
     names += [""] * (width - len(names))
     ours = names if layout is None else layout.renamed(names, path)
     cells = pd.DataFrame([[*row, *[None] * (width - len(row))] for _, row in rows], columns=range(width), dtype=object)
-    kept = [i for i in range(width) if ours[i] or cells[i].notna().any()]
-    table = cells[kept].set_axis([ours[i] or f"column {i + 1}" for i in kept], axis=1).infer_objects()
+    used = [i for i in range(width) if ours[i] or cells[i].notna().any()]
+    table = cells[used].set_axis([ours[i] or f"column {i + 1}" for i in used], axis=1).infer_objects()
     table.attrs |= {NOTES: sheet.notes, UNITS_ROW: dict(zip(ours, units, strict=False))}
     table.attrs[FIRST_LINE] = rows[0][0] if rows else 2
     return numbers_of_texts(map_texts(table, _text), path)

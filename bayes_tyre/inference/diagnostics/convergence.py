@@ -39,14 +39,16 @@ class Worst(NamedTuple):
 
 def monitor(posterior: xr.Dataset) -> Figures:
     """Return the convergence statistics of each element of a posterior, dims chain, draw, ..."""
-    found: dict[str, list[xr.DataArray]] = {}
+    by_quantity: dict[str, list[xr.DataArray]] = {}
     for name, draws in posterior.data_vars.items():
         sample = draws.transpose("chain", "draw", ...)
         like = sample.isel(chain=0, draw=0, drop=True).drop_attrs()
         values = sample.to_numpy()
         each = statistics(values.reshape(*values.shape[:2], -1))
-        found[str(name)] = [like.copy(data=statistic.reshape(like.shape)) for statistic in each]
-    r_hat, *others = (xr.Dataset({name: each[i] for name, each in found.items()}) for i in range(len(_STATISTICS)))
+        by_quantity[str(name)] = [like.copy(data=statistic.reshape(like.shape)) for statistic in each]
+    r_hat, *others = (
+        xr.Dataset({name: each[i] for name, each in by_quantity.items()}) for i in range(len(_STATISTICS))
+    )
     return Figures(r_hat if posterior.sizes["chain"] > 1 else None, *others)
 
 

@@ -115,7 +115,7 @@ def _directions(posterior: xr.Dataset) -> np.ndarray:
 
 def case_of_records(posterior: xr.Dataset) -> Int[np.ndarray, " records"]:
     """Return which case each record is of."""
-    known = {
+    factors = {
         name: posterior[f"record_{name}"].to_numpy() for name in CASE_FACTORS if f"record_{name}" in posterior.coords
     }
-    return find_factors(pd.DataFrame(known, index=range(posterior.sizes["record"]))).of_record
+    return find_factors(pd.DataFrame(factors, index=range(posterior.sizes["record"]))).of_record

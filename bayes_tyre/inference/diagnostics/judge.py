@@ -38,9 +38,9 @@ def judge(
     tree = attempts("convergence statistics", lambda: with_figures(tree), tree, kind="sampling")
     if table is not None:
         tree = attempts("model checks", lambda: with_checks(tree, MODEL_CHECKS, model_checks(tree, table)), tree)
-    found = attempts("diagnostics", lambda: diagnose(tree), undiagnosed(tree), kind="sampling")
+    diagnostics = attempts("diagnostics", lambda: diagnose(tree), undiagnosed(tree), kind="sampling")
     return_freed_memory()
-    return tree, with_failures(found, attempts.failed)
+    return tree, with_failures(diagnostics, attempts.failed)
 
 
 def model_checks(tree: xr.DataTree, table: pd.DataFrame) -> list[Check]:

@@ -49,19 +49,19 @@ def log_prior(
         That the posterior was fitted with.
     """
     measured = as_measured(posterior)
-    found = {}
+    densities = {}
     for site in sites:
         if site not in measured:
             continue
         values = measured[site].to_numpy()
         with np.errstate(divide="ignore", invalid="ignore"):  # the verdict reports draws that are not finite
             density = priors[site].scipy().logpdf(values) + (np.log(values) if priors[site].of_logarithm else 0.0)
-        found[site] = measured[site].copy(data=density)
+        densities[site] = measured[site].copy(data=density)
     if data is not None:
         F_i = measured["F_i"].transpose(*SAMPLE, "record").to_numpy()
         density = stats.norm.logpdf(F_i, np.asarray(data.F_0), np.asarray(data.span)).sum(axis=2)
-        found["F_i"] = xr.DataArray(density, dims=SAMPLE)
-    return without_labels(found)
+        densities["F_i"] = xr.DataArray(density, dims=SAMPLE)
+    return without_labels(densities)
 
 
 def log_likelihood_of_records(posterior: xr.Dataset, likelihood: Likelihood) -> xr.Dataset:
@@ -107,7 +107,7 @@ def log_likelihood_of_print(posterior: xr.Dataset, printed: Mapping[str, np.ndar
     printed:
         ``k`` (kN/mm) and ``beta`` (mm) by case.
     """
-    found = {}
+    densities = {}
     for parameter, values in printed.items():
         typical = posterior[f"{parameter}_case"].transpose(*SAMPLE, "case")
         scatter, nu = posterior[f"sd_log_{parameter}_published"].to_numpy(), posterior["student_nu"].to_numpy()
@@ -118,13 +118,13 @@ def log_likelihood_of_print(posterior: xr.Dataset, printed: Mapping[str, np.ndar
         scatter = scatter.reshape(*nu.shape, -1)
         off = np.log(values) - np.log(typical.to_numpy())
         density = stats.t.logpdf(off, nu[..., None], 0.0, scatter) - np.log(values)
-        found[f"printed_{parameter}"] = typical.copy(data=density)
-    return without_labels(found)
+        densities[f"printed_{parameter}"] = typical.copy(data=density)
+    return without_labels(densities)
 
 
-def without_labels(found: Mapping[str, xr.DataArray]) -> xr.Dataset:
+def without_labels(densities: Mapping[str, xr.DataArray]) -> xr.Dataset:
     """Return the densities without units, and without the factors along their cases and records."""
-    named = xr.Dataset(dict(found))
+    named = xr.Dataset(dict(densities))
     bare = named.drop_vars([name for name in named.coords if name not in named.dims])
     for name in bare.data_vars:
         bare[name].attrs = {}

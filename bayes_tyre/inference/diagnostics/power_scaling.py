@@ -66,14 +66,14 @@ def contraction(posterior: xr.Dataset, prior: xr.Dataset, priors: Priors = PRIOR
     prior. What is in one of the two alone is left out. Source: Betancourt (2018), "Towards a principled Bayesian
     workflow".
     """
-    found = {}
+    contractions = {}
     with np.errstate(divide="ignore", invalid="ignore"):  # the verdict reports draws that are not finite
         for name in (str(name) for name in posterior.data_vars if name in prior):
             of_posterior, of_prior = (
                 on_prior_scale(name, each[name], priors).var(_SAMPLE) for each in (posterior, prior)
             )
-            found[name] = 1.0 - of_posterior / of_prior
-    return xr.Dataset(found)
+            contractions[name] = 1.0 - of_posterior / of_prior
+    return xr.Dataset(contractions)
 
 
 def sensitivity(quantities: xr.Dataset, log_prior: xr.Dataset, log_likelihood: xr.Dataset) -> dict[str, xr.Dataset]:
@@ -95,7 +95,7 @@ def sensitivity(quantities: xr.Dataset, log_prior: xr.Dataset, log_likelihood: x
     shape = (*(quantities.sizes[dim] for dim in _SAMPLE), _NOISES)
     noise = xr.DataArray(np.random.default_rng(0).standard_normal(shape), dims=(*_SAMPLE, "noise"))
     groups = {"posterior": xr.Dataset({**finite, "noise_": noise}), "log_prior": log_prior}
-    tree, found = xr.DataTree.from_dict({**groups, "log_likelihood": log_likelihood}), {}
+    tree, sensitivities = xr.DataTree.from_dict({**groups, "log_likelihood": log_likelihood}), {}
     with np.errstate(divide="ignore", invalid="ignore"), warnings.catch_warnings():
         # What never varies has no sensitivity, and of few draws the weights are poor, which the floor then shows.
         warnings.simplefilter("ignore", UserWarning)
@@ -103,8 +103,8 @@ def sensitivity(quantities: xr.Dataset, log_prior: xr.Dataset, log_likelihood: x
         for group in ("prior", "likelihood"):
             each = psense(tree, group=group)
             floor = float(each["noise_"].max())
-            found[f"{group}_sensitivity"] = each.drop_vars(["noise_"]).assign_attrs(floor=floor)
-    return found
+            sensitivities[f"{group}_sensitivity"] = each.drop_vars(["noise_"]).assign_attrs(floor=floor)
+    return sensitivities
 
 
 def decided_by(contraction: float, prior_sensitivity: float, floor: float) -> str:
@@ -208,8 +208,8 @@ def with_identifiability(
     posterior, of_prior = (_quantities(each) for each in (tree, prior))
     of_records = [name for name in posterior.data_vars if "record" in posterior[name].dims]
     above_records = posterior.drop_vars([*of_records, *PROBABILITIES], errors="ignore")
-    found = {"contraction": contraction(posterior, of_prior, priors)}
-    found |= attempt(
+    measures = {"contraction": contraction(posterior, of_prior, priors)}
+    measures |= attempt(
         "power scaling",
         lambda: sensitivity(thinned(above_records), log_prior, log_likelihood),
         dict[str, xr.Dataset](),
@@ -219,12 +219,14 @@ def with_identifiability(
     measured = {}
     for name in (str(name) for name in posterior.data_vars):
         like = posterior[name].isel(chain=0, draw=0, drop=True).astype(float)
-        each = [found[m][name] if m in found and name in found[m] else xr.full_like(like, np.nan) for m in MEASURES]
+        each = [
+            measures[m][name] if m in measures and name in measures[m] else xr.full_like(like, np.nan) for m in MEASURES
+        ]
         values = np.stack([one.transpose(*like.dims).to_numpy() for one in each])
         measured[name] = (("measure", *like.dims), values)
     labels = {name: values for name, values in posterior.coords.items() if name in posterior.dims}
     labels = {name: values for name, values in labels.items() if name not in _SAMPLE}
-    floors = {f"{m.split('_')[0]}_floor": found[m].attrs["floor"] if m in found else np.nan for m in MEASURES[1:]}
+    floors = {f"{m.split('_')[0]}_floor": measures[m].attrs["floor"] if m in measures else np.nan for m in MEASURES[1:]}
     with_all = tree.copy()
     with_all[GROUP] = xr.DataTree(xr.Dataset(measured, {**labels, "measure": list(MEASURES)}, floors))
     return with_all

@@ -222,8 +222,8 @@ def _noise(
     value, volume, atanh_rho = estimates.log_sigma, jnp.zeros(shape), None
     if of.atanh_rho is not None:
         assert of.sd_atanh_rho is not None
-        known = estimates.points * (1.0 - estimates.rho**2)
-        rho = placed(z[:, 1], jnp.arctanh(estimates.rho), known, of.atanh_rho, of.sd_atanh_rho)
+        information = estimates.points * (1.0 - estimates.rho**2)
+        rho = placed(z[:, 1], jnp.arctanh(estimates.rho), information, of.atanh_rho, of.sd_atanh_rho)
         atanh_rho, volume = rho.value, rho.log_volume
         # As in the model: what is new in each point is known whatever rho is, and sigma follows rho.
         value = value + 0.5 * (jnp.log1p(-(estimates.rho**2)) - jnp.log1p(-(jnp.tanh(atanh_rho) ** 2)))

@@ -52,8 +52,8 @@ class _Agreement(NamedTuple):
 
 
 def _cases_and_repeats(posterior: xr.Dataset, parameter: str, case: Int[np.ndarray, " records"]) -> Check:
-    agreements = [found for found in _by_speed(posterior, parameter, case) if found is not None]
-    worst = min(agreements, key=lambda found: found.p_value, default=_Agreement(1.0, 0))
+    agreements = [agreement for agreement in _by_speed(posterior, parameter, case) if agreement is not None]
+    worst = min(agreements, key=lambda agreement: agreement.p_value, default=_Agreement(1.0, 0))
     value = min(worst.p_value * max(len(agreements), 1), 1.0)
     label = str(posterior["case"].to_numpy()[worst.case])
     own = posterior[f"{parameter}_case"][:, :, worst.case]
@@ -89,15 +89,17 @@ def _outside(posterior: xr.Dataset, parameter: str, case: Int[np.ndarray, " reco
     own, of_case = (posterior[name].quantile(_INTERVAL, ("chain", "draw")) for name in (parameter, f"{parameter}_case"))
     middle = own.sel(quantile=0.5).to_numpy()
     lower, median, upper = of_case.to_numpy()
-    found = []
+    excluding = []
     for i, label in enumerate(posterior["case"].to_numpy()):
         repeats = middle[case == i]
         if len(repeats) >= JUDGEABLE_REPEATS and (repeats.min() > upper[i] or repeats.max() < lower[i]):
             low, high = repeats.min(), repeats.max()
-            found.append(f"{label} ({median[i]:.3g}, its repeats {low:.3g} to {high:.3g})")
-    if not found:
+            excluding.append(f"{label} ({median[i]:.3g}, its repeats {low:.3g} to {high:.3g})")
+    if not excluding:
         return ""
-    return f"{parameter}_case: intervals hold none of their repeats, for other cases say otherwise: {listed(found, 3)}"
+    return (
+        f"{parameter}_case: intervals hold none of their repeats, for other cases say otherwise: {listed(excluding, 3)}"
+    )
 
 
 def _by_speed(posterior: xr.Dataset, parameter: str, case: Int[np.ndarray, " records"]) -> Iterator[_Agreement | None]:

@@ -100,13 +100,13 @@ def _record_curves(of_records: Residuals) -> Check:
     """Return whether each record by itself follows its curve: the rule of `lsq`, for as many records as there are."""
     batch, records = of_records.batch, len(of_records.batch.records)
     tangents = jnp.asarray(of_records.whitened(of_records.tangents()))
-    found = misfit(of_records.white_kN, tangents, batch.present, batch.force_kN)
+    misfits = misfit(of_records.white_kN, tangents, batch.present, batch.force_kN)
     # What a record's own parameters take up is no misfit of the law; but a posterior must be near them.
     far = np.sqrt(np.sum(of_records.white_kN**2, axis=1) / batch.points) > _FAR * of_records.sigma_kN
-    wrong = found.wrong_curve(CHANCE / records) | far
-    worst = int(np.argmax(np.where(wrong, found.share, -1.0)))
+    wrong = misfits.wrong_curve(CHANCE / records) | far
+    worst = int(np.argmax(np.where(wrong, misfits.share, -1.0)))
     where = batch.records[worst] if wrong.any() else ""
-    value = float(found.share[wrong].max()) if wrong.any() else 0.0
+    value = float(misfits.share[wrong].max()) if wrong.any() else 0.0
     finding = (
         f"{where}: off its curve by {value:.1%} of the change of force, more than noise explains"
         f"{f' ({wrong.sum() - 1} more records)' if wrong.sum() > 1 else ''}"

@@ -192,8 +192,8 @@ def _misfits(arrays: _Arrays, suspect: np.ndarray) -> tuple[np.ndarray, np.ndarr
     # Every record of a batch at once, whichever are suspect: one shape to compile.
     residual, tangents = _residuals_and_tangents(*arrays)
     _, force, used, _ = map(np.asarray, arrays)
-    found = misfit(np.where(suspect[:, None], residual, 0.0), tangents, used, np.where(suspect[:, None], force, 0.0))
-    return suspect & found.wrong_curve(), suspect & found.cannot_tell
+    misfits = misfit(np.where(suspect[:, None], residual, 0.0), tangents, used, np.where(suspect[:, None], force, 0.0))
+    return suspect & misfits.wrong_curve(), suspect & misfits.cannot_tell
 
 
 def _of_smoothing(rho: np.ndarray, checked: np.ndarray) -> Reasons:

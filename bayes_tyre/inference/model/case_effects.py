@@ -157,8 +157,8 @@ def sample_case_distribution(
     priors: Priors = PRIORS,
 ) -> CaseDistribution:
     """Sample what the cases are distributed by."""
-    known = {**hyperparameters, **sample_scatter_by_speed(factors, hyperparameters, parameters)}
-    mean = sample_linear_predictor(factors, known, parameters, priors)
-    remainder, scatter = (of(factors, known, parameters) for of in (case_remainder, scatter_of_cases))
+    with_scatter = {**hyperparameters, **sample_scatter_by_speed(factors, hyperparameters, parameters)}
+    mean = sample_linear_predictor(factors, with_scatter, parameters, priors)
+    remainder, scatter = (of(factors, with_scatter, parameters) for of in (case_remainder, scatter_of_cases))
     weight = apart_weight(factors, parameters, priors)
     return CaseDistribution(mean, remainder, scatter, weight, priors.apart_widening)

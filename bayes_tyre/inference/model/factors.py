@@ -145,8 +145,8 @@ def _interaction(groups: Sequence[str], levels: Sequence[str], main: Factor) -> 
     group = np.array([groups[case] for case in first])
     same = group[:, None] == group
     within = np.eye(len(group)) - same / same.sum(axis=1)
-    known = np.concatenate([same.astype(float), within @ main.basis[main.of_case[first]]], axis=1)
-    return Factor(factor.labels, factor.of_case, null_space(known.T), factor.weight)
+    other_effects = np.concatenate([same.astype(float), within @ main.basis[main.of_case[first]]], axis=1)
+    return Factor(factor.labels, factor.of_case, null_space(other_effects.T), factor.weight)
 
 
 def _slope_by_group(values: Sequence[str], slope: Factor) -> Factor:

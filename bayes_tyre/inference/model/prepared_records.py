@@ -195,8 +195,8 @@ def used_points(table: pd.DataFrame, region: str) -> pd.DataFrame:
     if region == "all":
         return table
     by_record = table.groupby("record", sort=False)["record"]
-    kept = by_record.cumcount() < np.ceil(THESIS_SHARE * by_record.transform("size"))
-    return table[kept].reset_index(drop=True)
+    in_region = by_record.cumcount() < np.ceil(THESIS_SHARE * by_record.transform("size"))
+    return table[in_region].reset_index(drop=True)
 
 
 def record_batch(table: pd.DataFrame) -> Batch:

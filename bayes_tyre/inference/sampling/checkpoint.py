@@ -47,8 +47,8 @@ class Checkpoints:
         """Write the chunk of this number, from 0; where the disk refuses, say so once and write no more."""
         if self._refused:
             return
-        said = json.dumps(self.identity, sort_keys=True).encode()
-        arrays = {_IDENTITY: np.frombuffer(said, dtype=np.uint8), _FORMAT: np.int64(FORMAT)}
+        identity = json.dumps(self.identity, sort_keys=True).encode()
+        arrays = {_IDENTITY: np.frombuffer(identity, dtype=np.uint8), _FORMAT: np.int64(FORMAT)}
         arrays |= {f"{_STATE}/{i}": np.asarray(leaf) for i, leaf in enumerate(jax.tree.leaves(chunk.state))}
         arrays |= {f"{_DRAWS}/{name}": values for name, values in chunk.unconstrained.items()}
         arrays |= {f"{_STATISTICS}/{name}": values for name, values in chunk.statistics.items()}
@@ -76,14 +76,14 @@ class Checkpoints:
             return None
         try:
             arrays = read_arrays(path)
-            found = json.loads(arrays[_IDENTITY].tobytes())
+            identity = json.loads(arrays[_IDENTITY].tobytes())
         except (BadInput, KeyError, ValueError) as error:
             raise BadInput(
                 f"{path}: is no checkpoint that can be read ({str(error)[:200]}); leave out --resume to begin anew"
             ) from None
         if not _of_this_format(arrays):
             raise BadInput(f"{path}: {_OTHER_FORMAT}; leave out --resume to begin anew")
-        return found
+        return identity
 
     def load(self, like: Any, lengths: list[int]) -> list[Chunk]:
         """Return the chunks of this run from its beginning on, up to the first that is missing, torn or another's.

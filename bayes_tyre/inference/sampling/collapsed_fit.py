@@ -36,7 +36,7 @@ from bayes_tyre.inference.sampling.summary_error import (
 )
 
 #: Chunks of the pilot run, at most: after each of these numbers the draws of the last two say where the records'
-#: posterior is, and the records are summed up anew about it.
+#: posterior is, and the summaries are made anew about it.
 _PILOT_CHUNKS = (3, 2, 2)
 
 
@@ -80,10 +80,10 @@ def pilot(
             settings.on_progress(CHUNK)
         begun = Begun(state, count * CHUNK + (0 if begun is None else begun.iterations))
         # The first chunks of all are on their way to the posterior.
-        kept = [
+        last = [
             chains.constrain(chunk.unconstrained, (settings.seed, number)) for number, chunk in enumerate(chunks[-2:])
         ]
-        sites = {name: np.concatenate([each[name] for each in kept], axis=1) for name in kept[0]}
+        sites = {name: np.concatenate([each[name] for each in last], axis=1) for name in last[0]}
         error, summaries = summary_error(sites, chains.sampled, cases), _summaries_about(sites, arguments)
         if not all(np.isfinite(np.asarray(leaf)).all() for leaf in jax.tree.leaves(summaries)):
             # Draws that are all one, of a pilot that stood still, are no posterior to go by.
@@ -94,7 +94,7 @@ def pilot(
 
 
 def _summaries_about(sites: Mapping[str, np.ndarray], arguments: Mapping[str, Any]) -> RecordSummaries:
-    """Return the records summed up about draws."""
+    """Return summaries of the records about draws."""
     of_records = {name: jnp.asarray(flat(sites[name])) for name in ("k", "beta", "sigma", "rho") if name in sites}
     log_values = jnp.log(jnp.stack([of_records["k"], of_records["beta"]], axis=-1))
     noise = [jnp.log(of_records["sigma"]), *([jnp.arctanh(of_records["rho"])] if "rho" in sites else [])]
@@ -102,8 +102,8 @@ def _summaries_about(sites: Mapping[str, np.ndarray], arguments: Mapping[str, An
     mean_J = jnp.mean(flat(sites["J_group"]), axis=0)[factors.group.of_case[factors.of_record]]
     # What records say is nearly linear in the variance of J.
     of_J = mean_J, jnp.sqrt(jnp.mean(sites["sd_J"] ** 2))
-    known = arguments["data"], arguments["likelihood"]
-    return refine_summaries(*known, log_values, jnp.stack(noise, axis=-1), *of_J)
+    of_records_and_noise = arguments["data"], arguments["likelihood"]
+    return refine_summaries(*of_records_and_noise, log_values, jnp.stack(noise, axis=-1), *of_J)
 
 
 def sample_collapsed(
@@ -118,11 +118,11 @@ def sample_collapsed(
         blank["approximation"] = empty_approximation(count, factors)
         chains = make_chains(collapsed_in_coordinates, blank, settings, record_starts(arguments), CAREFUL_ACCEPTANCE)
         approximation, summaries = summarising.result()
-    known, starts = {"approximation": approximation, **arguments}, record_starts(arguments, approximation.records)
-    summaries, error, begun = pilot(chains, {**known, "summaries": summaries}, starts, settings)
+    data, starts = {"approximation": approximation, **arguments}, record_starts(arguments, approximation.records)
+    summaries, error, begun = pilot(chains, {**data, "summaries": summaries}, starts, settings)
     runs: tuple[SamplerRun, ...] = ()
     if error.at_least <= PILOT_ERROR_MOST:
-        chains = chains.given({**known, "summaries": summaries}, starts)
+        chains = chains.given({**data, "summaries": summaries}, starts)
         errors: list[SummaryError] = []
 
         def good_enough(draws: Draws) -> bool:

@@ -33,27 +33,27 @@ _POWERS = {"k": -1.0, "beta": 1.0}
 
 def _quantities() -> dict[str, tuple[str | None, str]]:
     """Return dimension (None: a scalar) and unit (empty: a pure number) by name."""
-    kept: dict[str, tuple[str | None, str]] = {name: ("record", unit) for name, unit in RECORD_UNITS.items()}
-    kept |= {"outlier_probability": ("record", ""), "rho": ("record", "")}
-    kept["x_case"] = ("case", "kN")
+    quantities: dict[str, tuple[str | None, str]] = {name: ("record", unit) for name, unit in RECORD_UNITS.items()}
+    quantities |= {"outlier_probability": ("record", ""), "rho": ("record", "")}
+    quantities["x_case"] = ("case", "kN")
     for name in dict.fromkeys((*CASE_PARAMETERS, *LAW_PARAMETERS, *AXLE_PARAMETERS)):
         if name == "x":  # follows from `settled`, k and beta
             continue
-        kept[f"{name}_case"] = ("case", RECORD_UNITS[name])
-        kept[f"{name}_apart_probability"] = ("case", "")
-        kept[f"{name}_group"] = ("group", RECORD_UNITS[name])
+        quantities[f"{name}_case"] = ("case", RECORD_UNITS[name])
+        quantities[f"{name}_apart_probability"] = ("case", "")
+        quantities[f"{name}_group"] = ("group", RECORD_UNITS[name])
         for factor in ("speed", "load", "step", *INTERACTIONS):
-            kept[f"log_{name}_{factor}"] = (factor, "")
-            kept[f"sd_log_{name}_{factor}"] = (None, "")
-        kept[f"sd_log_{name}_case"] = (None, "")
+            quantities[f"log_{name}_{factor}"] = (factor, "")
+            quantities[f"sd_log_{name}_{factor}"] = (None, "")
+        quantities[f"sd_log_{name}_case"] = (None, "")
         for of in ("repeat", "published"):
-            kept[f"sd_log_{name}_{of}"] = (None, "")
-            kept[f"sd_log_{name}_{of}_over_speeds"] = (None, "")
-            kept[f"sd_log_{name}_{of}_by_speed"] = ("speed", "")
+            quantities[f"sd_log_{name}_{of}"] = (None, "")
+            quantities[f"sd_log_{name}_{of}_over_speeds"] = (None, "")
+            quantities[f"sd_log_{name}_{of}_by_speed"] = ("speed", "")
     pure = ("discordant_weight", "student_nu", "sd_log_sigma", "atanh_rho_typical", "sd_atanh_rho")
-    kept |= dict.fromkeys(pure, (None, ""))
-    kept |= {"J_group": ("group", "kN"), "sd_J": (None, "kN"), "sigma_typical": (None, "kN")}
-    return kept
+    quantities |= dict.fromkeys(pure, (None, ""))
+    quantities |= {"J_group": ("group", "kN"), "sd_J": (None, "kN"), "sigma_typical": (None, "kN")}
+    return quantities
 
 
 QUANTITIES = _quantities()
@@ -103,18 +103,18 @@ def to_datatree(
         Put on the root: origin of the data, the model.
     """
     free = {name: getattr(factors, name).free for name in INTERACTIONS}
-    kept = {name: np.asarray(draws[name]) for name in QUANTITIES if name in draws}
-    kept |= {name: kept[name][..., free[dim]] for name in kept if (dim := QUANTITIES[name][0]) in free}
+    arrays = {name: np.asarray(draws[name]) for name in QUANTITIES if name in draws}
+    arrays |= {name: arrays[name][..., free[dim]] for name in arrays if (dim := QUANTITIES[name][0]) in free}
     groupings = {name: getattr(factors, name).labels for name in ("group", "speed", "load", "step")}
     groupings |= {name: tuple(compress(getattr(factors, name).labels, free[name])) for name in INTERACTIONS}
     coordinates = {"case": [case.label for case in factors.cases], "record": list(factor_table["record"]), **groupings}
     tree = arviz_base.from_dict(
-        {"posterior": kept, "sample_stats": dict(statistics)},
+        {"posterior": arrays, "sample_stats": dict(statistics)},
         coords={name: np.asarray(labels) for name, labels in coordinates.items() if len(labels)},
-        dims={name: [dim] for name in kept if (dim := QUANTITIES[name][0])},
+        dims={name: [dim] for name in arrays if (dim := QUANTITIES[name][0])},
     )
     posterior = _with_words(tree["posterior"].to_dataset(), factors, factor_table)
-    for name in kept:
+    for name in arrays:
         posterior[name].attrs["units"] = QUANTITIES[name][1] or "1"
     tree["posterior"] = xr.DataTree(posterior)
     tree.attrs.update(attributes)

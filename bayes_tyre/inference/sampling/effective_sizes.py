@@ -16,7 +16,7 @@ ESS_LEAST_PER_CHAIN = 100
 TAILS = (0.05, 0.95)
 #: Numbers that one batch of quantities may have: it then stays in the processor's cache.
 _BATCH = 200_000
-#: Fewest draws of a chain that anything can be said of.
+#: Fewest draws of a chain for which these statistics exist.
 _LEAST_DRAWS = 4
 
 
@@ -37,26 +37,26 @@ def statistics(draws: Float[np.ndarray, "chains draws quantities"]) -> Statistic
     "Practical Markov chain Monte Carlo".
     """
     chains, length, quantities = draws.shape
-    found = np.full((len(Statistics._fields), quantities), np.nan)
+    computed = np.full((len(Statistics._fields), quantities), np.nan)
     step = max(1, _BATCH // max(1, chains * length))
 
     def compute(start: int) -> None:
         batch = np.ascontiguousarray(np.moveaxis(draws[:, :, start : start + step], 2, 0), dtype=float)
-        known = ~np.isnan(batch).any(axis=(1, 2))
-        if known.any():
-            found[:, start : start + step][:, known] = _of_batch(batch[known])
+        without_nan = ~np.isnan(batch).any(axis=(1, 2))
+        if without_nan.any():
+            computed[:, start : start + step][:, without_nan] = _of_batch(batch[without_nan])
 
     if length >= _LEAST_DRAWS:
         with ThreadPoolExecutor(os.cpu_count()) as threads:  # sorting and transforms release the interpreter
             list(threads.map(compute, range(0, quantities, step)))
-    return Statistics(*found)
+    return Statistics(*computed)
 
 
 def falls_short(draws: Float[np.ndarray, "chains draws quantities"]) -> bool:
     """Return whether any quantity that varies has an R-hat above, or an ESS below, what a posterior needs."""
-    found, least = statistics(draws), ESS_LEAST_PER_CHAIN * len(draws)
-    sizes = np.minimum(found.ess_bulk, found.ess_tail)
-    return bool((found.r_hat > R_HAT_MOST).any() or (sizes < least).any())
+    convergence, least = statistics(draws), ESS_LEAST_PER_CHAIN * len(draws)
+    sizes = np.minimum(convergence.ess_bulk, convergence.ess_tail)
+    return bool((convergence.r_hat > R_HAT_MOST).any() or (sizes < least).any())
 
 
 def _of_batch(draws: Float[np.ndarray, "quantities chains draws"]) -> Float[np.ndarray, "4 quantities"]:

@@ -29,9 +29,9 @@ def named_group_means(tree: xr.DataTree) -> xr.Dataset:
 
     Along `mean_of` they are labelled by configuration and direction, beside these two by themselves.
     """
-    found = group_means(tree)
-    groups = zip(found["configuration"].to_numpy(), found["direction"].to_numpy(), strict=True)
+    means = group_means(tree)
+    groups = zip(means["configuration"].to_numpy(), means["direction"].to_numpy(), strict=True)
     # A table without a factor has none of its levels.
     labels = [" ".join(level for level in group if isinstance(level, str)) for group in groups]
-    found = found.assign_coords(group=labels)
-    return found.rename({name: f"{name}_mean" for name in found.data_vars} | {"group": "mean_of"})
+    means = means.assign_coords(group=labels)
+    return means.rename({name: f"{name}_mean" for name in means.data_vars} | {"group": "mean_of"})

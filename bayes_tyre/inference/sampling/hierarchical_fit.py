@@ -123,8 +123,8 @@ def _sample_joint(
         estimating = beside.submit(records.approximation, model)
         chains = chains or joint_chains(records, settings, model)
         approximation = estimating.result()
-    known = {"approximation": approximation, **arguments}
-    return run_until_sound(chains.given(known, record_starts(arguments, approximation.records)), settings)
+    data = {"approximation": approximation, **arguments}
+    return run_until_sound(chains.given(data, record_starts(arguments, approximation.records)), settings)
 
 
 def fit_published(table: pd.DataFrame, settings: SamplerSettings | None = None, priors: Priors = PRIORS) -> xr.DataTree:

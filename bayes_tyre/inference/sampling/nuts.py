@@ -197,8 +197,8 @@ class Chains:
 
     def advance(self, state: HMCState, iterations: int) -> Chunk:
         """Return what so many iterations, at most `CHUNK`, leave."""
-        state, kept = self._in_turns(self._advance, state, (self._data, np.int64(iterations)))
-        draws, statistics = jax.tree.map(lambda values: np.asarray(values)[:, :iterations], kept)
+        state, stored = self._in_turns(self._advance, state, (self._data, np.int64(iterations)))
+        draws, statistics = jax.tree.map(lambda values: np.asarray(values)[:, :iterations], stored)
         return Chunk(state, draws, statistics)
 
     def constrain(self, unconstrained: Mapping[str, np.ndarray], seed: Sequence[int]) -> dict[str, np.ndarray]:
@@ -273,9 +273,11 @@ class Chains:
 
         def step(i: jax.Array, so_far: tuple[HMCState, Any]) -> tuple[HMCState, Any]:
             state = self._sample_kernel(so_far[0], (data,))
-            return state, jax.tree.map(lambda kept, one: kept.at[i].set(one), so_far[1], _kept(state))
+            return state, jax.tree.map(
+                lambda stored, one: stored.at[i].set(one), so_far[1], _draw_and_statistics(state)
+            )
 
-        room = jax.tree.map(lambda one: jnp.zeros((CHUNK, *one.shape), one.dtype), _kept(state))
+        room = jax.tree.map(lambda one: jnp.zeros((CHUNK, *one.shape), one.dtype), _draw_and_statistics(state))
         return jax.lax.fori_loop(0, iterations, step, (state, room))
 
     def _constrained(self, unconstrained_and_keys: tuple[dict[str, jax.Array], jax.Array], data: Any) -> Any:
@@ -314,5 +316,5 @@ class Chains:
         return jax.tree.map(lambda *arrays: np.concatenate([np.asarray(array) for array in arrays]), *ends)
 
 
-def _kept(state: HMCState) -> tuple[Any, dict[str, Any]]:
+def _draw_and_statistics(state: HMCState) -> tuple[Any, dict[str, Any]]:
     return state.z, {name: getattr(state, field) for name, field in STATISTICS.items()}

@@ -44,9 +44,11 @@ class Blocks(NamedTuple):
 
     def unpack(self, vectors: Mapping[str, Float[Array, " unknowns"]]) -> dict[str, Array]:
         """Return the unknowns of one chain by site."""
-        found = {}
+        parameters = {}
         for block, names in self.sites.items():
             ends = np.cumsum([math.prod(self.shapes[name]) for name in names])
             pieces = jnp.split(vectors[block], ends[:-1])
-            found |= {name: jnp.reshape(piece, self.shapes[name]) for name, piece in zip(names, pieces, strict=True)}
-        return found
+            parameters |= {
+                name: jnp.reshape(piece, self.shapes[name]) for name, piece in zip(names, pieces, strict=True)
+            }
+        return parameters

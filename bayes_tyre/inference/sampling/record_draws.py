@@ -13,26 +13,26 @@ GROUP = "record_draws"
 MOST_RECORDS, KEPT = 2000, 200
 
 
-def thin_records(tree: xr.DataTree, kept: int | None = None, most_records: int = MOST_RECORDS) -> xr.DataTree:
-    """Return a posterior with about `kept` draws of each record, evenly spaced, the same number of each chain.
+def thin_records(tree: xr.DataTree, most_draws: int | None = None, most_records: int = MOST_RECORDS) -> xr.DataTree:
+    """Return a posterior with about `most_draws` draws of each record, evenly spaced, the same number of each chain.
 
     Parameters
     ----------
     tree:
         A posterior with all draws of its records, or of no records; it is returned as it is where none are to go.
-    kept:
+    most_draws:
         Draws of all chains; None: `KEPT` of more than `most_records` records, else all.
     most_records:
-        See `kept`.
+        See `most_draws`.
     """
     posterior = tree["posterior"].to_dataset()
     of_records = [name for name, draws in posterior.data_vars.items() if "record" in draws.dims]
-    if kept is None:
-        kept = KEPT if of_records and posterior.sizes["record"] > most_records else None
+    if most_draws is None:
+        most_draws = KEPT if of_records and posterior.sizes["record"] > most_records else None
     chains, draws = posterior.sizes["chain"], posterior.sizes["draw"]
-    if not of_records or kept is None or kept >= chains * draws:
+    if not of_records or most_draws is None or most_draws >= chains * draws:
         return tree
-    each = np.unique(np.linspace(0, draws - 1, max(1, kept // chains)).round().astype(int))
+    each = np.unique(np.linspace(0, draws - 1, max(1, most_draws // chains)).round().astype(int))
     thinned = tree.copy()
     thinned["posterior"] = xr.DataTree(posterior.drop_vars(of_records))
     thinned[GROUP] = xr.DataTree(posterior[of_records].isel(draw=each))

@@ -242,9 +242,9 @@ def run(
         chunks = list(enumerate(done[first : first + len(draws)], len(parts) * len(draws)))
         sites = _joined([chains.constrain(chunk.unconstrained, (settings.seed, i)) for i, chunk in chunks])
         parts.append(Draws(sites, _joined([chunk.statistics for _, chunk in chunks])))
-        found = _spaced(parts)
-        if len(parts) == settings.longest or not worthwhile(found) or not _falls_short(found):
-            return found
+        draws_of_all = _spaced(parts)
+        if len(parts) == settings.longest or not worthwhile(draws_of_all) or not _falls_short(draws_of_all):
+            return draws_of_all
         settings.on_note(
             f"R-hat or ESS falls short after {settings.draws * len(parts)} draws of each chain: it draws "
             f"{settings.draws} more, and keeps {settings.draws} of all"
@@ -286,8 +286,8 @@ def _spaced(parts: list[Draws]) -> Draws:
     diverging = statistics["diverging"]
     of_each = diverging.reshape(len(diverging), -1, every).any(axis=2)
     last = slice(every - 1, None, every)
-    kept = {name: values[:, last] for name, values in statistics.items()} | {"diverging": of_each}
-    return Draws({name: values[:, last] for name, values in sites.items()}, kept, every)
+    statistics_of_draws = {name: values[:, last] for name, values in statistics.items()} | {"diverging": of_each}
+    return Draws({name: values[:, last] for name, values in sites.items()}, statistics_of_draws, every)
 
 
 def _falls_short(draws: Draws) -> bool:

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from bayes_tyre.inference.model.collapsed.model import SUMMARY_ERROR
 
-#: Attribute of a posterior's tree with a `SummaryError`, as JSON, where records were summed up.
+#: Attribute of a posterior's tree with a `SummaryError`, as JSON, where records were integrated out by summaries.
 RECORD_SUMMARIES = "record_summaries"
 #: Largest `SummaryError.at_least` at which draws are kept. No mean of anything moves by more than so many of its
 #: posterior standard deviations (Cauchy and Schwarz), the Monte Carlo error of 400 effective draws.
@@ -84,8 +84,8 @@ def _explained(
     residual = values - unknowns @ np.linalg.lstsq(unknowns, values)[0]
     left = np.sum(residual**2, axis=0) / (draws - count)
     chance = left * np.sqrt(2.0 * count) / draws
-    told = 2.0 * chance <= PILOT_ERROR_MOST**2
-    return np.where(told, variance - left, variance), np.where(told, chance, 0.0)
+    measurable = 2.0 * chance <= PILOT_ERROR_MOST**2
+    return np.where(measurable, variance - left, variance), np.where(measurable, chance, 0.0)
 
 
 def _width(values: np.ndarray) -> int:

@@ -47,7 +47,7 @@ def in_words(sentence: str) -> str:
     >>> in_words("k_group[dual loading], sd_log_beta_speed: weakly identified")
     'stiffness k of dual loading, standard deviation of log beta between speeds: weakly identified'
     """
-    return _ELEMENT.sub(lambda found: _words(found["name"], found["label"]) or found[0], sentence)
+    return _ELEMENT.sub(lambda match: _words(match["name"], match["label"]) or match[0], sentence)
 
 
 def _words(name: str, label: str | None) -> str:

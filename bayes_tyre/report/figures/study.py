@@ -33,7 +33,7 @@ class RankCurves(NamedTuple):
         By parameter, shape (points,): the share of ranks up to `at`, less `at`.
     calibrated:
         By parameter.
-    datasets, kept:
+    datasets, draws:
         Numbers of truths, and of draws that each was ranked among.
     together:
         Probability that uniform ranks of all parameters keep inside.
@@ -45,7 +45,7 @@ class RankCurves(NamedTuple):
     excess: dict[str, np.ndarray]
     calibrated: dict[str, bool]
     datasets: int
-    kept: int
+    draws: int
     together: float
 
 
@@ -63,7 +63,7 @@ def calibration_plot(curves: RankCurves) -> Figure:
     entries = [(Line2D([], [], color=INK), "calibrated"), (Line2D([], [], color=_WRONG), "not calibrated")]
     layout.legend(figure, [*entries, (Patch(**_BAND), f"{100 * curves.together:g} % band for all panels together")])
     note = (
-        f"Ranks of {curves.datasets} truths among {curves.kept} draws of their posteriors: the share up to "
+        f"Ranks of {curves.datasets} truths among {curves.draws} draws of their posteriors: the share up to "
         "each rank less the share expected. Truths are drawn from the priors. All above zero: estimates too high; all "
         "below: too low; first below, then above: intervals too wide; first above, then below: too narrow."
     )

@@ -43,7 +43,7 @@ def print_recovery(folders: list[Path], truth: Path, console: Console | None = N
         console.print(Text(f"beside the truth: {_title(folder)}"), soft_wrap=True)
         beside = _table(recovery)
         (console if console.is_terminal else Console(file=console.file, width=10_000)).print(beside)
-        for line in _said(recovery):
+        for line in _sentences(recovery):
             console.print(Text(line), soft_wrap=True)
     for line in dict.fromkeys(_compared(recovery) for _, recovery in recoveries):
         console.print()
@@ -101,7 +101,7 @@ def _table(recovery: Recovery) -> Table:
     return table
 
 
-def _said(recovery: Recovery) -> list[str]:
+def _sentences(recovery: Recovery) -> list[str]:
     lines = []
     for row in recovery.summary.to_dict("records"):
         covered = ""

@@ -53,10 +53,10 @@ def in_words(all_ranks: Sequence[Ranks]) -> str:
         return ""
     count, of = sum(one.leaves for one in all_ranks), len(all_ranks)
     by_chance = int(binom.ppf(ALLOWED, of, 1.0 - BAND))
-    said = f"{count} of {of} parameters leave{'s' * (count == 1)} the band"
+    sentence = f"{count} of {of} parameters leave{'s' * (count == 1)} the band"
     if count > by_chance:
-        return f"Warning: {said}, more than the {by_chance} that may by chance: the chains do not agree."
-    return f"{said}; up to {by_chance} may by chance."
+        return f"Warning: {sentence}, more than the {by_chance} that may by chance: the chains do not agree."
+    return f"{sentence}; up to {by_chance} may by chance."
 
 
 def ranks(hyperparameter: Hyperparameter) -> Ranks:
@@ -84,8 +84,8 @@ def ranks(hyperparameter: Hyperparameter) -> Ranks:
 
 def _apart(draws: np.ndarray) -> int:
     """Return how many draws lie between two that tell as much as independent ones, by the worse of two ESS."""
-    found = statistics(draws[:, :, None])
-    ess = min(float(found.ess_bulk[0]), float(found.ess_tail[0]))
+    convergence = statistics(draws[:, :, None])
+    ess = min(float(convergence.ess_bulk[0]), float(convergence.ess_tail[0]))
     most = max(1, draws.shape[1] // LEAST)
     return most if not ess > 0 else int(np.clip(np.ceil(draws.size / ess), 1, most))
 

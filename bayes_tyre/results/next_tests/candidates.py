@@ -57,16 +57,16 @@ def new_cases(cases: Sequence[Case], levels: Mapping[str, Sequence[float] | None
     signs = {(case.direction, np.sign(case.step_kN or 0.0)) for case in cases}
     loads = [*(levels.get("initial_load_kN") or ()), *(load for case in cases for load in _loads(case))]
     every = [Case(*group, *values) for group in groups for values in product(*of_factors)]
-    found = [
+    untested = [
         case
         for case in every
         if case not in tested
         and (case.direction, np.sign(case.step_kN or 0.0)) in signs
         and all(min(loads) <= load <= max(loads) for load in _loads(case))
     ]
-    if len(found) > MOST_NEW:
-        raise BadInput(f"{len(found)} new cases are too many to compare; name fewer levels under [rig] of --cost")
-    return found
+    if len(untested) > MOST_NEW:
+        raise BadInput(f"{len(untested)} new cases are too many to compare; name fewer levels under [rig] of --cost")
+    return untested
 
 
 def _loads(case: Case) -> list[float]:
@@ -89,14 +89,14 @@ def candidates(tree: xr.DataTree, new: Sequence[Case], seed: int = 0) -> Candida
     if not measured or "record" not in posterior.dims:
         raise BadInput("the posterior has no repeats, so it does not say what one more would add; fit a record table")
     cases, parameters = tree_cases(posterior), tuple(dict.fromkeys((*measured, *case_parameters(posterior))))
-    known = _log(posterior, [f"{name}_case" for name in parameters])
-    predicted = np.zeros((len(known), len(new), len(parameters)))
+    log_values = _log(posterior, [f"{name}_case" for name in parameters])
+    predicted = np.zeros((len(log_values), len(new), len(parameters)))
     for p, name in enumerate(measured):
         predicted[:, :, p] = _predicted(posterior, priors, name, new, rng)
     together = as_measured(with_records(tree))
     of_cases = _log(together, [f"{name}_case" for name in measured])
     noise = _noise(together, priors, measured, [*cases, *new], of_cases)
-    return Candidates((*cases, *new), len(cases), parameters, np.concatenate([known, predicted], axis=1), noise)
+    return Candidates((*cases, *new), len(cases), parameters, np.concatenate([log_values, predicted], axis=1), noise)
 
 
 def _predicted(
@@ -162,10 +162,10 @@ def _noise(
     log_cases: Float[np.ndarray, "draws known measured"],
 ) -> Float[np.ndarray, "cases measured measured"]:
     """Return the covariance of a record's estimate about its case: that of like records, for each case."""
-    known, records = factors_along(posterior, "case"), factors_along(posterior, "record")
-    if not set(records) <= set(known):
+    of_cases, records = factors_along(posterior, "case"), factors_along(posterior, "record")
+    if not set(records) <= set(of_cases):
         raise BadInput("has a record that is of none of its cases; run fit or motion again")
-    of_record = [known.index(factors) for factors in records]
+    of_record = [of_cases.index(factors) for factors in records]
     left = _log(posterior, measured)
     left, centred = left - left.mean(axis=0), log_cases - log_cases.mean(axis=0)
     for i, case in enumerate(of_record):  # what its case does not say of a record

@@ -108,9 +108,9 @@ class Forecast:
 
     def _expected(self, tests: Sequence[int], variance: float) -> Expected:
         if tests and self.doubtful and self.log_values is not None:
-            found = reweighted_width(self.log_values, self.noise, self.log_goal, tests)
-            if found.effective >= EFFECTIVE_LEAST:
-                return Expected(found.width, REWEIGHTED)
+            reweighted = reweighted_width(self.log_values, self.noise, self.log_goal, tests)
+            if reweighted.effective >= EFFECTIVE_LEAST:
+                return Expected(reweighted.width, REWEIGHTED)
         return Expected(self.width(variance), NORMAL)
 
     @cached_property

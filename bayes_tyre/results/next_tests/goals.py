@@ -71,8 +71,8 @@ def check_parameter(text: str, parameter: str, parameters: Sequence[str]) -> Non
     """Refuse, as `BadInput`, a goal on what no case of the posterior has."""
     if parameter not in parameters:
         where = "; energy is estimated from raw files: run bayes-tyre motion" if parameter == ENERGY else ""
-        known = ", ".join(parameters)
-        raise BadInput(f"--goal {quoted(text)}: no case has {quoted(parameter)} here; the posterior has {known}{where}")
+        names = ", ".join(parameters)
+        raise BadInput(f"--goal {quoted(text)}: no case has {quoted(parameter)} here; the posterior has {names}{where}")
 
 
 def ratio_goal(text: str, parameter: str, pairs: Sequence[Pair], cases: int, of: str) -> Goal:

@@ -120,23 +120,23 @@ def ranking(candidates: Candidates, asked: AskedRanking) -> tuple[Goal, Forecast
     check_parameter(text, parameter, candidates.parameters)
     cases = candidates.cases[: candidates.with_records]
     configurations = sorted({str(case.configuration) for case in cases if case.configuration is not None})
-    found = {}
+    forecasts = {}
     for pair in combinations(configurations, 2):
         if matches := configuration_pairs(cases, *pair):
             of = f"{len(matches)} pairs of cases"
             goal = ratio_goal(f"{parameter} {pair[0]} / {pair[1]}", parameter, matches, len(candidates.cases), of)
-            known = forecast(candidates, goal)
-            if np.mean(known.log_goal) < 0.0:
+            of_pair = forecast(candidates, goal)
+            if np.mean(of_pair.log_goal) < 0.0:
                 pair = pair[::-1]
                 goal = goal._replace(text=f"{parameter} {pair[0]} / {pair[1]}", weights=-goal.weights)
-                known = forecast(candidates, goal)
-            found[pair] = goal, known
-    if not found:
+                of_pair = forecast(candidates, goal)
+            forecasts[pair] = goal, of_pair
+    if not forecasts:
         raise BadInput(f"--goal {quoted(text)}: there are no two configurations with cases that match to be ranked")
-    larger = {name: sum(above == name for above, _ in found) for name in configurations}
+    larger = {name: sum(above == name for above, _ in forecasts) for name in configurations}
     order = tuple(sorted(configurations, key=lambda name: -larger[name]))
-    of_all = WrongRanking(tuple(known for _, known in found.values()), order)
+    of_all = WrongRanking(tuple(of_pair for _, of_pair in forecasts.values()), order)
     if wrong:
         return Goal(text, parameter, np.zeros(len(candidates.cases)), " above ".join(order)), of_all
-    goal, known = next(each for each in found.values() if each[1] is of_all.least_certain)
-    return goal._replace(of=f"{goal.of}; {' above '.join(order)}"), known
+    goal, of_pair = next(each for each in forecasts.values() if each[1] is of_all.least_certain)
+    return goal._replace(of=f"{goal.of}; {' above '.join(order)}"), of_pair

@@ -44,19 +44,19 @@ def reweighted_width(
         Covariance of the error of one test of each case.
     """
     rng = np.random.default_rng(seed)
-    kept = np.linspace(0, len(log_goal) - 1, min(_DRAWS, len(log_goal))).astype(int)
-    kept = kept[np.argsort(log_goal[kept], kind="stable")]
-    true = rng.integers(len(kept), size=_OUTCOMES)
-    log_weights = np.zeros((_OUTCOMES, len(kept)))
+    sorted_draws = np.linspace(0, len(log_goal) - 1, min(_DRAWS, len(log_goal))).astype(int)
+    sorted_draws = sorted_draws[np.argsort(log_goal[sorted_draws], kind="stable")]
+    true = rng.integers(len(sorted_draws), size=_OUTCOMES)
+    log_weights = np.zeros((_OUTCOMES, len(sorted_draws)))
     for case, repeats in sorted(Counter(tests).items()):
         # In units of the error of the mean of the repeats, an outcome's error is standard normal.
         root = np.linalg.cholesky(noise[case] / repeats)
-        scaled = np.asarray(linalg.solve_triangular(root, log_values[kept, case].T, lower=True))
+        scaled = np.asarray(linalg.solve_triangular(root, log_values[sorted_draws, case].T, lower=True))
         outcomes = scaled[:, true] + rng.standard_normal((len(scaled), _OUTCOMES))
         log_weights -= 0.5 * np.sum((outcomes[:, :, None] - scaled[:, None, :]) ** 2, axis=0)
     weights = np.exp(log_weights - log_weights.max(axis=1, keepdims=True))
     shares = np.cumsum(weights, axis=1)
     shares = (shares - 0.5 * weights) / shares[:, -1:]
-    lower, middle, upper = np.exp([np.interp(_QUANTILES, share, log_goal[kept]) for share in shares]).T
+    lower, middle, upper = np.exp([np.interp(_QUANTILES, share, log_goal[sorted_draws]) for share in shares]).T
     effective = weights.sum(axis=1) ** 2 / (weights**2).sum(axis=1)
     return Reweighted(float(np.mean((upper - lower) / middle)), float(effective.mean()))

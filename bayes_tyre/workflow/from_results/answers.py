@@ -19,13 +19,13 @@ def answer(folder: Path) -> list[str]:
     BadInput
         If the table is not what the command writes.
     """
-    found = next((name for name in _ANSWERS if (folder / name).is_file()), None)
-    if found is None or (folder / "posterior.nc").is_file():  # beside a posterior, whose answer is its own
+    name_of_table = next((name for name in _ANSWERS if (folder / name).is_file()), None)
+    if name_of_table is None or (folder / "posterior.nc").is_file():  # beside a posterior, whose answer is its own
         return []
     try:
-        return _ANSWERS[found](read_table(folder / found), folder)
+        return _ANSWERS[name_of_table](read_table(folder / name_of_table), folder)
     except (KeyError, AttributeError, TypeError, ValueError, IndexError) as error:
-        raise BadInput(f"{folder / found}: is not what its command writes; run it again") from error
+        raise BadInput(f"{folder / name_of_table}: is not what its command writes; run it again") from error
 
 
 def posterior_in(folder: Path) -> Path:

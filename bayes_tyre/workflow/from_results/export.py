@@ -133,8 +133,8 @@ def _about(model: TyreModel, exported: Exported, level: float) -> list[str]:
 
 
 def _interval(one: Value) -> str:
-    known = one.lower == one.lower
-    return f"95 % interval {one.lower:.6g} to {one.upper:.6g}" if known else "interval not known"
+    has_interval = one.lower == one.lower
+    return f"95 % interval {one.lower:.6g} to {one.upper:.6g}" if has_interval else "interval not known"
 
 
 def _tir(model: TyreModel, name: str, about: list[str], radius_mm: float | None) -> dict[str, str]:
@@ -153,12 +153,12 @@ def _tir(model: TyreModel, name: str, about: list[str], radius_mm: float | None)
 
 def not_in_tir(model: TyreModel, radius_mm: float | None) -> dict[str, str]:
     """Return what a tyre property file could hold and the result does not, each with the reason."""
-    known = {
+    has_value = {
         "UNLOADED_RADIUS": radius_mm is not None,
         "VERTICAL_DAMPING": "c" in model.parameters,
         "DEFLECTION_LOAD_CURVE": model.curves is not None and model.curves.about == OF_TEST,
     }
-    return {key: why for key, why in _NOT_KNOWN.items() if not known.get(key)}
+    return {key: why for key, why in _NOT_KNOWN.items() if not has_value.get(key)}
 
 
 def _tydex(model: TyreModel, name: str, about: list[str], _radius: float | None) -> dict[str, str]:

@@ -75,16 +75,16 @@ def write_next(
     try:
         with errors_name(path):
             posterior = tree["posterior"].to_dataset()
-            known = tree_cases(posterior)
+            cases = tree_cases(posterior)
             slope = "log_k_load" in posterior and posterior.sizes["load"] == 1  # new cases start at no known force
-            possible = candidates(tree, [] if slope else new_cases(known, dict(costs.rig)), seed)
+            possible = candidates(tree, [] if slope else new_cases(cases, dict(costs.rig)), seed)
             parsed, expected = _forecast(goal, possible)
             now = expected.expected(()).value
             if not math.isfinite(now):
                 raise BadInput("its draws are too far apart to forecast from; run fit or motion again")
     except KeyError as error:
         raise BadInput(f"{path}: lacks {error}, so it is no posterior of fit or motion; run fit again") from None
-    repeats = repeats or max(1, round(posterior.sizes["record"] / len(known)))
+    repeats = repeats or max(1, round(posterior.sizes["record"] / len(cases)))
     about = {"origin": tree.attrs["origin"], "verdict": verdict}
     ranked = ranking(expected, repeats, costs)
     plan = planned(expected, choose_tests(expected, precision, tests, costs), costs)

@@ -30,13 +30,13 @@ def find_browser() -> str:
     BadInput
         If PATH has none.
     """
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
         raise BadInput(
             f"--pdf: no browser is on PATH ({', '.join(BROWSERS[:3])}, {BROWSERS[-1]}); install Chromium, or print "
             "report.html from your own"
         )
-    return found
+    return browser
 
 
 def printed_page(page: str, browser: str) -> bytes:
@@ -57,12 +57,12 @@ def printed_page(page: str, browser: str) -> bytes:
     with TemporaryDirectory(prefix="bayes-tyre.", ignore_cleanup_errors=True) as name:
         html, pdf = Path(name, "report.html"), Path(name, "report.pdf")
         html.write_text(page, encoding="utf-8", errors="backslashreplace")
-        said = _run(
+        output = _run(
             [browser, *_OPTIONS, *_as_root(), f"--user-data-dir={name}", f"--print-to-pdf={pdf}", html.as_uri()]
         )
         content = pdf.read_bytes() if pdf.is_file() else b""
     if not content.startswith(b"%PDF-"):
-        raise BadInput(f"--pdf: {browser} printed nothing ({said}); print report.html from a browser with a window")
+        raise BadInput(f"--pdf: {browser} printed nothing ({output}); print report.html from a browser with a window")
     return content
 
 

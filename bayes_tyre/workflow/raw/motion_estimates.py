@@ -95,7 +95,7 @@ def _done(task: Task) -> Done:
 
         drawn = readings.assign(**{name: row[name] for name in ROW_COLUMNS})
         picture = png(lambda: motion_figure(drawn, Setting(origin)))
-    return Done(pd.DataFrame([row | _kept(readings, estimate)]), picture)
+    return Done(pd.DataFrame([row | _kept_readings(readings, estimate)]), picture)
 
 
 @functools.partial(jax.jit, static_argnums=0)
@@ -108,7 +108,7 @@ def _fitted(
     return expected, residuals(rig, standard, window)[: expected.size].reshape(expected.shape)
 
 
-def _kept(readings: pd.DataFrame, estimate: MotionEstimate) -> dict[str, Any]:
+def _kept_readings(readings: pd.DataFrame, estimate: MotionEstimate) -> dict[str, Any]:
     fit = estimate.map_estimate
     shares = np.asarray(fit.chi_squared) / (1 + MISFIT_MOST), np.asarray(fit.correlation) / CORRELATION_MOST
     return {MISFIT: float(np.nanmax(shares)), READINGS: readings[list(COLUMNS)].to_numpy(float).ravel().tolist()}

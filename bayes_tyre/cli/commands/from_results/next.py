@@ -90,16 +90,16 @@ def _lines(done: "Next", precision: float) -> list[str]:
     from bayes_tyre.results.next_tests.rankings import WrongRanking
     from bayes_tyre.results.next_tests.sentences import after, candidate_lines, percent, shown
 
-    known = done.forecast
-    now, enough = shown(known.expected(()).value, known.measure), percent(precision)
-    if isinstance(known, WrongRanking):
+    forecast = done.forecast
+    now, enough = shown(forecast.expected(()).value, forecast.measure), percent(precision)
+    if isinstance(forecast, WrongRanking):
         goal = f"{done.goal.text}: {done.goal.of}, wrong with probability {now}"
     else:
-        goal = f"{done.goal.text}: median {known.median:.4g}, 95 % interval {now} of it wide ({done.goal.of})"
+        goal = f"{done.goal.text}: median {forecast.median:.4g}, 95 % interval {now} of it wide ({done.goal.of})"
     lines = [goal, *candidate_lines(done.ranked)]
     if done.plan.empty:
         return [*lines, f"plan: no test, as {now} is within {enough} or no test is within the budget"]
     last = done.plan.iloc[-1]
-    reached = "" if last[f"{known.measure}_expected"] <= precision else "not "
-    by = after(last, known.measure)
+    reached = "" if last[f"{forecast.measure}_expected"] <= precision else "not "
+    by = after(last, forecast.measure)
     return [*lines, f"plan {reached}expected to reach {enough}: {len(done.plan)} tests, {now} to {by}"]

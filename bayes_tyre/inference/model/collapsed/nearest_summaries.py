@@ -1,4 +1,4 @@
-"""Records summed up: the summaries nearest to their log density, where their posterior is.
+"""Summaries of records: those nearest to their marginal log likelihood, where their posterior is.
 
 A quadratic is made here from any density of records: the one that is nearest to it on average over an approximate
 posterior. About the maximum instead, a normal in k would miss one in log k by z^3 s / 2.
@@ -35,9 +35,9 @@ _POINTS, _POINTS_OF_NOISE = 5, 4
 _ROUNDS = 3
 #: Share of the variance of the noise's estimates that is at least put down to the noise: records may agree by chance.
 _LEAST_NOISE_SHARE = 0.1
-#: Least that a record says of J, times what its prior does.
+#: Least information of a record on its J, as a share of its prior's.
 _LEAST_J_INFORMATION = 1e-6
-#: Square root of the share of what a record says of its values, along the gradient of J, that may come from J's prior.
+#: Square root of the share of a record's information on its values, along the gradient of J, that J's prior may give.
 _MOST_OF_J = 0.99
 
 #: Means of J of the records, and its standard deviation about them, kN.
@@ -52,7 +52,7 @@ def summarise_records(
     noise: str,
     widening: float,
 ) -> RecordSummaries:
-    """Return the records summed up.
+    """Return summaries of the records.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def refine_summaries(
     mean_J: Float[Array, " records"],
     sd_J: Float[Array, ""],
 ) -> RecordSummaries:
-    """Return the records summed up about draws of their posterior.
+    """Return summaries of the records about draws of their posterior.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def _of_offsets(
     values: Moments,
     precision: Float[Array, "records 2 2"],
 ) -> OffsetSummaries:
-    """Return what records say of J, from slopes in mean_J and in sd_J^2 at nodes z of the values.
+    """Return the likelihood of J, from slopes in mean_J and in sd_J^2 at nodes z of the values.
 
     At each node the density is Normal(J; mean_J, sd_J^2 + variance): the slope in mean_J is J - mean_J over the total
     variance, and the slope in sd_J^2 half the square of that less half the inverse of the total. Means of products with
@@ -184,13 +184,13 @@ def _of_offsets(
     """
     mean_J, sd_J = of_J
     mean, square = weights @ in_mean, weights @ in_mean**2
-    # A record may say nothing of J, but not less.
+    # A record may have no information on J, but not less.
     inverse = jnp.clip(square - 2.0 * weights @ in_variance, _LEAST_J_INFORMATION / sd_J**2, sd_J**-2.0)
     by_node = jnp.einsum("m,mr,mi->ri", weights, in_mean, z) / inverse[:, None]
     along = jnp.einsum("ri,rik->rk", by_node, jnp.linalg.inv(values.root))
-    # With J left open a record still says something of its values, or nothing.
-    known = jnp.einsum("ri,rij,rj->r", along, jnp.linalg.inv(precision), along) * inverse
-    share = jnp.minimum(1.0, _MOST_OF_J / jnp.sqrt(known))
+    # With J unknown a record's information on its values is still 0 or more.
+    information = jnp.einsum("ri,rij,rj->r", along, jnp.linalg.inv(precision), along) * inverse
+    share = jnp.minimum(1.0, _MOST_OF_J / jnp.sqrt(information))
     rest = (square - mean**2) / inverse**2 - share**2 * jnp.sum(by_node**2, axis=1)
     J, variance = mean_J + mean / inverse, 1.0 / inverse - sd_J**2
     return OffsetSummaries(J, along * share[:, None], variance, rest, mean_J, sd_J**2)

@@ -1,4 +1,4 @@
-"""Each record summed up: what it says of log k and log beta, of its noise and of the scale of J, in a few numbers.
+"""Summaries of records: the marginal log likelihood of log k, log beta, noise and J of each, in a few numbers.
 
 A record reaches the hierarchy through log k and log beta alone, and its noise through what all records share of it.
 `bayes_tyre.inference.model.collapsed.nearest_summaries` makes these numbers.
@@ -20,7 +20,7 @@ VALUES = 2
 
 
 class NoiseSummaries(NamedTuple):
-    """What the records say of their noise: log sigma, and atanh rho where noise is autoregressive.
+    """Marginal likelihood of each record's noise: log sigma, and atanh rho where noise is autoregressive.
 
     Attributes
     ----------
@@ -63,10 +63,10 @@ class NoiseSummaries(NamedTuple):
 
 
 class ValueSummaries(NamedTuple):
-    """What the records say of (log k, log beta) at a value of their noise, F_i and J integrated out.
+    """Likelihood of (log k, log beta) of each record at a value of its noise, F_i and J integrated out.
 
-    What a record knows of its values scales with its noise, and where its likelihood is largest may move. Taken at one
-    noise, the density would be off by its slope in the typical noise, which adds up over records.
+    A record's information on its values scales with its noise, and where its likelihood is largest may move. Taken at
+    one noise, the density would be off by its slope in the typical noise, which adds up over records.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class ValueSummaries(NamedTuple):
         """Return the log density of the values at this noise, less a constant; and that constant.
 
         With it the mean over the approximate posterior of the values is the same at every noise: how that mean follows
-        the noise is what `NoiseSummaries` say.
+        the noise is in `NoiseSummaries`.
         """
         off = noise - self.noise
         precision = jnp.exp(jnp.einsum("rdq,rq->rd", self.log_rate, off))
@@ -110,9 +110,9 @@ class ValueSummaries(NamedTuple):
 
 
 class OffsetSummaries(NamedTuple):
-    """What the records say of the mean and the standard deviation of J.
+    """Likelihood of each record's J, for the mean and the standard deviation of J.
 
-    Given its values, a record says of J as much as an estimate of it with a normal error, linear in the values.
+    Given its values, a record amounts to an estimate of its J with a normal error, linear in the values.
 
     Attributes
     ----------
@@ -141,7 +141,7 @@ class OffsetSummaries(NamedTuple):
     def move(
         self, values: QuadraticApproximation, mean_J: Float[Array, " records"], sd_J: Float[Array, ""]
     ) -> QuadraticApproximation:
-        """Return what records say of their values at means and a standard deviation of J."""
+        """Return the likelihood of the values at other means and another standard deviation of J."""
         inverse, before = (1.0 / (variance + self.variance) for variance in (sd_J**2, self.variance_J))
         slope = (self.J - mean_J) * inverse - (self.J - self.mean_J) * before
         squares = self.along_values[:, :, None] * self.along_values[:, None, :]
@@ -152,7 +152,7 @@ class OffsetSummaries(NamedTuple):
 
 
 class RecordSummaries(NamedTuple):
-    """What the records say of what they share, but for a constant, as a sum of three parts.
+    """Marginal log likelihood of each record but for a constant, as a sum of three parts.
 
     Attributes
     ----------

@@ -92,7 +92,7 @@ class RecordEstimates(NamedTuple):
     def of_log_values(
         self, mean_J: Float[Array, " #records"] | None = None, sd_J: Float[Array, ""] | None = None
     ) -> QuadraticApproximation:
-        """Return what the records say of log k and log beta with F_i and J integrated out.
+        """Return the approximation of the likelihood of log k and log beta, F_i and J integrated out.
 
         Parameters
         ----------
@@ -275,8 +275,8 @@ def with_traded_replaced(
 ) -> RecordEstimates:
     """Return the approximation with records whose k and beta were traded redone at the beta of their case.
 
-    What such a record's own optimum looks like says nothing of where the hierarchy will put it: coordinates that start
-    there made every trajectory a thousand steps long.
+    Such a record's own optimum is far from where the hierarchy will put it: coordinates that start there made every
+    trajectory a thousand steps long.
     """
     u = batch.displacement_mm - batch.displacement_mm[:, :1]
     travel, span = np.abs(u).max(axis=1), np.abs(batch.force_kN - batch.force_kN[:, :1]).max(axis=1)

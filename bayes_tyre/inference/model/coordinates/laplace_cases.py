@@ -27,14 +27,14 @@ _FEW_CASES = 30
 
 
 class CaseEstimates(NamedTuple):
-    """What the records of each case say of its parameters, in the order of `populations.PARAMETERS`.
+    """Estimates of each case's parameters from its records, in the order of `hyperparameters.PARAMETERS`.
 
     Attributes
     ----------
     middle, variance:
         Shape (parameters, cases): mean of the logarithms of those that look usual, and of the variance of one of them.
     log_scatter:
-        What the repeats say of the logarithm of their scatter, by speed; shape (parameters, speeds).
+        Estimates of the logarithm of the scatter of repeats, by speed; shape (parameters, speeds).
     discordant:
         Shape (records,): which records look discordant.
     apart:
@@ -55,7 +55,7 @@ def case_estimates(
     priors: Priors = PRIORS,
     parameters: Sequence[str] = PARAMETERS,
 ) -> CaseEstimates:
-    """Return what the records say of the logarithms of their cases; a discordant repeat moves none."""
+    """Return estimates of the logarithms of the cases from their records; a discordant repeat moves none."""
     members = [factors.of_record == case for case in range(len(factors.cases))]
     # A case without records has no estimate: any value will do, for it has no weight.
     members = [member if member.any() else np.ones_like(member) for member in members]
@@ -152,7 +152,7 @@ def _log_scatter(
 
 
 class KindsOfCase(NamedTuple):
-    """What cases say of the terms, summed over those of a kind, whose estimates have one variance.
+    """Information of the cases on the terms, summed over those of a kind, whose estimates have one variance.
 
     Attributes
     ----------
@@ -180,7 +180,7 @@ class KindsOfCase(NamedTuple):
 
 
 def find_kinds(design: Float[np.ndarray, "parameters cases terms"], factors: Factors) -> KindsOfCase:
-    """Return what cases say of the terms: those at one speed with as many repeats are alike.
+    """Return the information of the cases on the terms: those at one speed with as many repeats are alike.
 
     Hundreds of cases are then no more work in a gradient than a dozen kinds. Few are taken one by one.
     """

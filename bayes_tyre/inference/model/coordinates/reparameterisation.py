@@ -21,7 +21,7 @@ from bayes_tyre.inference.model.normal_posterior import NormalPosterior, Quadrat
 
 
 class Gaussian(NamedTuple):
-    """What the data below say of some unknowns, as independent normal estimates; leading axes batch them."""
+    """Likelihood of some unknowns given the level below, as independent normal estimates; leading axes batch them."""
 
     value: Float[Array, "*batch units"]
     precision: Float[Array, "*batch units"]
@@ -108,7 +108,7 @@ def reparameterise_jointly(
     """Return the many terms of a regression at z: `estimate` is of all of them, and each is Normal(above, scale).
 
     If the data were as Gaussian as `estimate` says, the posterior of z is exactly standard normal, whatever the scales
-    and however the columns of the design overlap. A term that the data say nothing of stays at its level above.
+    and however the columns of the design overlap. A term without information in the data stays at its level above.
     """
     above = jnp.asarray(above)
     # Slope and precision of the terms in units of their scales: what the data add to 1.

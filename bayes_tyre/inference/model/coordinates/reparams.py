@@ -66,7 +66,7 @@ def softplus(fn: dist.HalfNormal) -> transforms.ComposeTransform:
     """Return the map to a half-normal from the inverse softplus of its value over its scale.
 
     NumPyro takes the logarithm of what is above zero. There a half-normal falls off like exp(-exp(2 z) / 2) on the
-    right: of a standard deviation that the data say little about, NUTS learns long steps from the long tail on the
+    right: of a weakly identified standard deviation, NUTS learns long steps from the long tail on the
     left, and with these it diverges at the wall. Here z is the logarithm on the left, as before, and on the right the
     value itself, of which a half-normal is normal.
     """

@@ -96,7 +96,7 @@ def case_coordinates(
     Parameters
     ----------
     factors, estimates:
-        Cases, and what the records say of them.
+        Cases, and their estimates from the records.
     placed_by:
         Gives what places the records' logarithms.
     parameters, priors:
@@ -193,8 +193,10 @@ def published_coordinates(
     terms, printed = find_terms(factors, PARAMETERS, priors), log_published(values)
     kinds = find_kinds(terms.design, factors)
 
-    def of_terms(known: Hyperparameters) -> Reparam:
-        return TermsReparam(terms, kinds.estimate(printed, scatter_of_cases(factors, known, of="published") ** 2))
+    def of_terms(hyperparameters: Hyperparameters) -> Reparam:
+        return TermsReparam(
+            terms, kinds.estimate(printed, scatter_of_cases(factors, hyperparameters, of="published") ** 2)
+        )
 
     scatter = _log_scatter_of_residuals(printed, terms.design, factors)
     return {"log_sd_published_by_speed": lambda _: NormalReparam(scatter), "terms": of_terms}

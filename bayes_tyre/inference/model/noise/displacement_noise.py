@@ -99,12 +99,12 @@ def _most_likely(fit: _Fit) -> tuple[float, float]:
     counts = np.sum(fit.freedom, axis=1)
     whole = np.median(np.sum(np.where(fit.freedom > 0, fit.square, 0.0), axis=1) / counts)
     tried = fit.beta_mm * _TRIED
-    found = [log_likelihood(fit.square, 1.0 + sd**2 * fit.steep / whole, fit.freedom) for sd in tried]
-    best = int(np.argmax(found))
+    log_likelihoods = [log_likelihood(fit.square, 1.0 + sd**2 * fit.steep / whole, fit.freedom) for sd in tried]
+    best = int(np.argmax(log_likelihoods))
     # The variance was that of all points: what is left of it without that noise is its unit.
     variance = whole + tried[best] ** 2 * fit.steep
     left = np.sum(np.where(fit.freedom > 0, fit.square / variance, 0.0), axis=1) / counts
-    return float(tried[best] * np.sqrt(np.median(left))), found[best]
+    return float(tried[best] * np.sqrt(np.median(left))), log_likelihoods[best]
 
 
 @partial(jax.jit, static_argnames="law")

@@ -44,17 +44,17 @@ def uneven_noise(
     law:
         One of `bayes_tyre.inference.record_data.LAWS`.
     """
-    known = whitening or UnequalNoise(jnp.ones(batch.present.shape))
-    whitening, log_ratio = known, np.zeros(batch.present.shape)
+    given_whitening = whitening or UnequalNoise(jnp.ones(batch.present.shape))
+    whitening, log_ratio = given_whitening, np.zeros(batch.present.shape)
     for _ in range(_FITS):
         estimates = estimate_records(batch, whitening=whitening, law=law)
-        near, found = _most_uneven(batch, of_record, estimates, log_ratio, known, law)
-        # Noise that follows itself says less of its own size.
+        near, log_variance_ratio = _most_uneven(batch, of_record, estimates, log_ratio, given_whitening, law)
+        # Autocorrelated noise has less information on its own variance.
         rho = float(np.median(np.asarray(estimates.rho)))
-        variance = found.error**2 * (1.0 + rho**2) / (1.0 - rho**2)
-        shrunk = found.value / (1.0 + variance / _SD_LOG_RATIO**2)
+        variance = log_variance_ratio.error**2 * (1.0 + rho**2) / (1.0 - rho**2)
+        shrunk = log_variance_ratio.value / (1.0 + variance / _SD_LOG_RATIO**2)
         log_ratio = np.where(near, shrunk, 0.0)
-        whitening = reweighted(known, jnp.asarray(np.exp(-0.5 * log_ratio)), jnp.asarray(batch.present))
+        whitening = reweighted(given_whitening, jnp.asarray(np.exp(-0.5 * log_ratio)), jnp.asarray(batch.present))
     return whitening, float(np.exp(0.5 * shrunk))
 
 
@@ -63,13 +63,13 @@ def _most_uneven(
     of_record: Int[np.ndarray, " records"],
     estimates: RecordEstimates,
     log_ratio: Float[np.ndarray, "records points"],
-    known: Whitening,
+    given_whitening: Whitening,
     law: str,
 ) -> tuple[Bool[np.ndarray, "records points"], LogRatio]:
     """Return the points near the start whose variance sets them apart most, and by how much it does."""
     residual, tangents = residuals_and_tangents(batch, estimates, law)
     *slopes, white = (
-        whiten(column, batch.present, whitening=known) for column in (*np.moveaxis(tangents, 2, 0), residual)
+        whiten(column, batch.present, whitening=given_whitening) for column in (*np.moveaxis(tangents, 2, 0), residual)
     )
     weight = np.exp(-0.5 * log_ratio)[:, :, None]
     left = freedom(weight * np.stack(slopes, axis=2), batch.present)

@@ -106,7 +106,7 @@ _negative_log_density.defvjp(_density_and_gradient, lambda _, gradient, change: 
 
 def effective_draws(draws: Float[np.ndarray, "chains draws p"], divergent: int) -> float:
     """Return the least effective number of draws over p numbers; 0 where chains differ, or some of them diverged."""
-    found = statistics(draws)
-    least = float(min(found.ess_bulk.min(), found.ess_tail.min()))
-    converged = divergent == 0 and found.r_hat.max() <= R_HAT_MOST and least >= ESS_LEAST_PER_CHAIN * len(draws)
+    convergence = statistics(draws)
+    least = float(min(convergence.ess_bulk.min(), convergence.ess_tail.min()))
+    converged = divergent == 0 and convergence.r_hat.max() <= R_HAT_MOST and least >= ESS_LEAST_PER_CHAIN * len(draws)
     return least if converged else 0.0

@@ -17,6 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.transforms import Bbox
 
 from bayes_tyre.formats.files import write_bytes
 from bayes_tyre.record import RECORD_UNITS
@@ -101,7 +102,7 @@ def finish(figure: Figure, setting: Setting, note: str) -> Figure:
         layout.execute(figure)
     figure.set_layout_engine("none")  # settled: to lay it out again for writing would take as long once more
     for ax in figure.axes:
-        ax.set_position(np.round(ax.get_position(original=True).bounds, _PLACES))
+        ax.set_position(Bbox.from_bounds(*np.round(ax.get_position(original=True).bounds, _PLACES)))
     return figure
 
 

@@ -7,6 +7,7 @@ import pytest
 from helpers.drawings import drawn, said, sticking_out
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.transforms import Bbox
 from PIL import Image
 
 from bayes_tyre.report.figures.page import colours, labels, layout
@@ -89,7 +90,7 @@ def test_the_rounding_of_the_layout_s_solver_moves_nothing(monkeypatch):
         def execute(engine: ConstrainedLayoutEngine, figure: Figure) -> None:
             executed(engine, figure)
             for ax in figure.axes:
-                ax.set_position(np.array(ax.get_position(original=True).bounds) + off)
+                ax.set_position(Bbox.from_bounds(*(np.array(ax.get_position(original=True).bounds) + off)))
 
         monkeypatch.setattr(ConstrainedLayoutEngine, "execute", execute)
         figure, axes, _ = layout.panel_grid(5, 3, 1.2, 1.0)
