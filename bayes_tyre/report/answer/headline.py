@@ -46,7 +46,7 @@ def prior_clause(result: Reported, parameter: str = STIFFNESS) -> str:
 
 
 def comparison_of(ratio: Ratio, over: str) -> str:
-    """Return a sentence on one ratio of stiffness, in the direction of its table; no claim where its interval contains 1.
+    """Return a sentence on one ratio of stiffness, in the direction of its table; no claim if its interval contains 1.
 
     `over` says which cases it averages.
     """
@@ -56,8 +56,8 @@ def comparison_of(ratio: Ratio, over: str) -> str:
     if not ratio.clear:
         return (
             f"These data do not tell which of {above} and {below} is stiffer: their ratio of {STIFFNESS}, {over}, is "
-            f"{times}, its {size} of {reach} contains 1 (no difference), and the probability that {above} is the stiffer "
-            f"is {probability(ratio.p_greater_than_1)}."
+            f"{times}, its {size} of {reach} contains 1 (no difference), and the probability that {above} is the "
+            f"stiffer is {probability(ratio.p_greater_than_1)}."
         )
     way, p = ("stiffer", ratio.p_greater_than_1) if ratio.median > 1.0 else ("softer", 1.0 - ratio.p_greater_than_1)
     how = (
