@@ -183,24 +183,26 @@ def fit(
         )
 
 
-def fit_published(settings: SamplerSettings | None = None, priors: Mapping[str, object] | None = None) -> Posterior:
+def fit_published(
+    settings: SamplerSettings | None = None, priors: Mapping[str, object] | None = None, *, progress: bool = True
+) -> Posterior:
     """Return the posterior of the source's printed means of k and beta (Tables 9 and 11) alone, with its verdict.
 
     Parameters
     ----------
     settings:
         How much to sample.
-    priors:
+    priors, progress:
         As `fit` takes them.
     """
     settings = settings or SamplerSettings(longest=LONGEST)
     prepare_jax(max(settings.chains, _DEVICES))
     printed = tables.case_means()
     all_priors = PRIORS.changed(priors or {})
-    return _judged(
-        fit_printed_means(printed, settings, all_priors),
-        lambda tree, attempt: identify_published(tree, printed, all_priors, attempt),
-    )
+    with Stages(progress) as stages:
+        tree = fit_printed_means(printed, _with_bars(settings, stages), all_priors)
+        stages.begin("diagnostics")
+        return _judged(tree, lambda tree, attempt: identify_published(tree, printed, all_priors, attempt))
 
 
 def read_posterior(folder: str | Path) -> Posterior:

@@ -123,6 +123,7 @@ def check(page: Path, exact: bool) -> int:
     """Check one page in a folder of its own; return 1 where an output is not what it shows."""
     os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     os.environ["COLUMNS"] = "100"
+    os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"  # on a busy machine XLA says that it compiles slowly: no output of ours
     with tempfile.TemporaryDirectory() as away:
         (Path(away) / "data").symlink_to(HERE.parent / "data")
         os.chdir(away)

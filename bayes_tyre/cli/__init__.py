@@ -24,11 +24,11 @@ from bayes_tyre.cli.commands.motion import motion
 from bayes_tyre.cli.commands.published import campaign, published
 from bayes_tyre.cli.commands.simulate import simulate
 from bayes_tyre.cli.commands.study import study
-from bayes_tyre.cli.shell import Command, guarded
+from bayes_tyre.cli.shell import Command, first_paragraph, guarded
 
 app = typer.Typer(
     name="bayes-tyre",
-    help="Identify the stiffness k (kN/mm) and characteristic deflection beta (mm) of tyres, with honest uncertainty.",
+    help="Identify the stiffness k (kN/mm) and characteristic deflection beta (mm) of tyres, with their uncertainty.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -48,8 +48,8 @@ _FITS = (lsq, load_deflection, modes, fit, motion)
 _READ_RESULTS = (compare, predict, next_tests, export, report, show)
 _SIMULATED = (simulate, audit)
 for command in (published, campaign, *_INPUT, *_FITS, *_READ_RESULTS, *_SIMULATED):
-    app.command(cls=Command)(guarded(command))
-app.add_typer(study)
+    app.command(cls=Command, short_help=first_paragraph(command))(guarded(command))
+app.add_typer(study, short_help=study.info.help)
 
 if __name__ == "__main__":
     app()

@@ -6,13 +6,14 @@ from typing import Annotated, Literal
 import typer
 
 RegionOption = Annotated[
-    Literal["all", "thesis"], typer.Option(help="all points of each record; or the thesis's first 70 %.")
+    Literal["all", "thesis"],
+    typer.Option(help="all: all points of each record; thesis: its first 70 %, as in the source."),
 ]
 InitialLoadOption = Annotated[
     Literal["nominal", "actual"],
     typer.Option(
-        help="What k and beta may change with: each nominal initial_load_kN, or a slope over the force (kN) that a "
-        "case's records really started from."
+        help="How k and beta depend on the initial load: an effect of each nominal initial_load_kN, or a slope over "
+        "the force (kN) at which a case's records really started."
     ),
 ]
 DisplacementScaleOption = Annotated[
@@ -20,8 +21,8 @@ DisplacementScaleOption = Annotated[
     typer.Option(
         min=0.0,
         max=1.0,
-        help="Relative sd of a common, unknown factor on displacement (0.05: a gauge good to 5 %); it widens k and "
-        "beta and no ratio of two.",
+        help="Relative standard deviation of a common, unknown factor on displacement (0.05: a gauge accurate to 5 %); "
+        "it widens the intervals of k and beta, not those of their ratios.",
     ),
 ]
 DisplacementSdOption = Annotated[
@@ -35,13 +36,15 @@ DisplacementSdOption = Annotated[
 ]
 LikelihoodOption = Annotated[
     Literal["compressed", "direct"],
-    typer.Option(help="compressed, whatever the number of points; or direct, point by point."),
+    typer.Option(
+        help="compressed: by sums over the points of a record; direct: point by point, slower, the same posterior."
+    ),
 ]
 SamplerOption = Annotated[
     Literal["collapsed", "joint"],
     typer.Option(
-        help="collapsed: 100 records or more are integrated out by summaries of them, where these are good enough; or "
-        "joint: records are sampled with what they share."
+        help="collapsed: 100 records or more are integrated out by summaries of them, where these are accurate enough; "
+        "joint: the parameters of all records are sampled too, slower, the same posterior."
     ),
 ]
 LawOption = Annotated[
@@ -58,12 +61,12 @@ RepeatsOption = Annotated[
 NoiseOption = Annotated[
     Literal["auto", "iid", "ar1"],
     typer.Option(
-        help="auto: each point's noise follows the one before by as much as the records say, and may be larger or "
-        "smaller near the start; ar1: the former alone; iid: independent from point to point."
+        help="Noise of the force. auto: correlated from point to point by as much as the records show, and larger or "
+        "smaller near the start of a step; ar1: the correlation alone; iid: independent from point to point."
     ),
 ]
 NoiseWindowOption = Annotated[
-    int, typer.Option(min=1, help="Samples of the moving average that went over the noise alone; 1: none.")
+    int, typer.Option(min=1, help="Length (samples) of a moving average that was applied to the noise alone; 1: none.")
 ]
 PriorsOption = Annotated[
     Path | None,

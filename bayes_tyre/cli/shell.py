@@ -117,6 +117,11 @@ def draws_and_longest(draws: int | None, default: int = 1500) -> tuple[int, int]
     return (default, LONGEST) if draws is None else (draws, 1)
 
 
+def first_paragraph(command: Callable[..., None]) -> str:
+    """Return how a list of commands describes one: without it, Click cuts the description to what fits into a line."""
+    return " ".join((inspect.getdoc(command) or "").partition("\n\n")[0].split())
+
+
 def guarded(command: Callable[..., None], group: str = "") -> Callable[..., None]:
     """Turn bad input and disk errors into one line on stderr and exit code 3, and print each warning in one line.
 

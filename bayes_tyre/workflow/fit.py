@@ -231,8 +231,10 @@ def fit_published_tables(
     paths = [data_path(name) for name in inputs]
     run = begin_run(shlex.join(["bayes-tyre", *command]), options, settings.seed, paths, "published")
     printed = tables.case_means()
+    tree = fit_published(printed, settings, priors)
+    callbacks.on_stage("diagnostics", None)
     tree, diagnostics = judge(
-        fit_published(printed, settings, priors),
+        tree,
         lambda tree, attempt: identify_published(tree, printed, priors, attempt),
         Attempts(),
     )

@@ -59,7 +59,7 @@ def test_the_table_says_lines_residuals_steps_and_rows(of_the_sample):
         assert part in lines["displacement"]
     for part in ("-2449.017 kN/V", "55.11271 kN", "0.0006", "0.0001525", "0.3735 kN"):
         assert part in lines["load"]
-    assert "7 minus signs put back" in done.stdout
+    assert "7 minus signs restored" in done.stdout
     assert done.stdout.splitlines()[-1] == f"wrote {out}"
 
 
@@ -70,7 +70,7 @@ def test_signs_that_are_not_mended_show_in_the_residual(tmp_path):
     (said,) = (line for line in done.stderr.splitlines() if "leaves" in line)
     assert "the line of the acceleration leaves 0.011 m/s^2, 18 steps of its converter; " in said
     assert "minus signs seem lost, with --mend-signs it leaves 2.5e-06 m/s^2" in said
-    assert "put back" not in done.stdout
+    assert "restored" not in done.stdout
     slope = tomllib.loads((tmp_path / "lines.toml").read_text())["calibration"]["acceleration_slope_m_per_s2_per_V"]
     assert slope < 9
 

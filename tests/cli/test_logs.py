@@ -38,6 +38,8 @@ def test_a_log_file_has_two_runs_with_what_they_printed(records, tmp_path):
     text = log.read_text()
     assert text.count("ended with code 0") == text.count("least squares") == 2
     assert "wrote" in text
+    assert "fits of Equation 2" in text
+    assert "k, kN/mm" in text
     assert all(re.match(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d", line) for line in text.splitlines())
 
 

@@ -51,7 +51,12 @@ def fit(
             show_default=False,
         ),
     ] = None,
-    units_checked: Annotated[bool, typer.Option("--units-checked", help="The forces are kN, travel is mm.")] = False,
+    units_checked: Annotated[
+        bool,
+        typer.Option(
+            "--units-checked", help="Accept units that look wrong: forces are in kN, displacements are in mm."
+        ),
+    ] = False,
     xlsx: shell.Xlsx = False,
     resume: shell.Resume = False,
     from_run: Annotated[
@@ -60,7 +65,7 @@ def fit(
     ] = None,
     quiet: shell.Quiet = False,
 ) -> None:
-    """Fit all records together, hierarchically: posteriors of k, beta, J, C and sigma (kN, mm), none dropped.
+    """Fit all records together, hierarchically: posteriors of k, beta, J, C and sigma (kN, mm). No record is dropped.
 
     Prints the answer, then writes posterior.nc, summary.csv, cases.csv, contrasts.csv, repeats.csv (with --xlsx
     results.xlsx too, a sheet for each), diagnostics.json, run.json and figures/. Ends with code 4 when the diagnostics

@@ -44,13 +44,13 @@ def load_deflection(
     """Fit slow load-deflection tests: stiffness k (kN/mm) loading and unloading, friction x (kN), energy a cycle (J).
 
     A test is one cycle, load up in steps and down again; a curve of several, without directions, is cut into them at
-    its reversals. Straight lines as in the source, the greatest load on both lines unless the table gives directions;
-    then Fancher's law through both branches, x > k beta built in. k, C, x and beta are as on flat ground, energies at
-    the wheel centre (columns that begin with flat_ground are no work done).
+    its reversals. Straight lines as in the source, the reading of the greatest load on both lines unless the table
+    gives directions; then Fancher's law through both branches, with x > k beta. k, C, x and beta are as on flat ground,
+    energies at the wheel centre (areas on flat ground, in columns that begin with flat_ground, are no work done).
 
     Writes load_deflection.csv, a row a test; load_deflection_cases.csv, where repeats could be averaged, as the source
     does, a row a case; shared_stiffness.csv with --steps; figures/. status names what a test does not determine: beta
-    and x, but for readings closer together than beta.
+    and x, unless its readings are closer together than beta.
 
     Example: bayes-tyre load-deflection slow_tests.csv --out results/slow --steps results/lsq/least_squares.csv
     """

@@ -35,7 +35,9 @@ def lsq(
     columns: shell.ColumnsMap = None,
     region: Annotated[
         Literal["all", "thesis"],
-        typer.Option(help="all points, starts found from the data; or the thesis's first 70 % and its starts."),
+        typer.Option(
+            help="all: all points, starting values from the data; thesis: the source's first 70 % and starting values."
+        ),
     ] = "all",
     fix: Annotated[list[str] | None, typer.Option(help="NAME=VALUE held fixed: k, C, beta, d_i or F_i.")] = None,
     free: Annotated[list[str] | None, typer.Option(help="d_i or F_i: fit it; else it is the first point.")] = None,

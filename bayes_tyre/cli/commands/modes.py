@@ -46,7 +46,7 @@ def modes(
     and k_v per mass of the belt alone (1/s^2); with --mass-per-length and --radius they are in kN mm^2, kN and kN/mm^2
     (per length of the belt). With pressure_bar T is proportional to pressure. speed_km_h turns the ring: each mode from
     2 on has a forward and a backward wave, their frequencies as seen from the ground. --motion adds mode 1 from the
-    motion of the axle: that of the belt on the sidewall alone, whose road is taken away.
+    motion of the axle: that of the belt on its sidewall, without contact with the road.
 
     Writes modes.csv, a row a parameter (status says what is not identified), frequencies.csv, run.json and figures/.
     Ends with code 4 where the frequencies contradict the ring, given their standard deviations.

@@ -6,7 +6,7 @@ import typer
 
 from bayes_tyre.cli.commands.motion import Law
 from bayes_tyre.cli.messages import fault, print_table
-from bayes_tyre.cli.shell import NOT_TRUSTED, Out, Quiet, Seed, guarded, progress, say
+from bayes_tyre.cli.shell import NOT_TRUSTED, Out, Quiet, Seed, first_paragraph, guarded, progress, say
 
 #: Host devices among which data sets are divided.
 DEVICES = 2
@@ -25,7 +25,7 @@ def calibration(
     seed: Seed = 0,
     quiet: Quiet = False,
 ) -> None:
-    """Rank truths drawn from the priors (k kN/mm, beta mm, J kN, ...) among their posteriors' draws.
+    """Rank true values drawn from the priors (k kN/mm, beta mm, J kN, ...) among the draws of their posteriors.
 
     Writes calibration.csv (coverage of 50, 80 and 95 % intervals, p-value of uniform ranks), ranks.csv, datasets.csv,
     priors.csv and figures/. Exit code 4 where a parameter is not calibrated.
@@ -87,8 +87,8 @@ def motion(
         int,
         typer.Option(
             min=0,
-            help="So many records of each kind further with each mismatch: shapes and ringing of the load, lag of the "
-            "laser, mass on the load cell, beam mode, relaxation, other friction, growing stiffness, mass, three "
+            help="This many further records of each kind with each mismatch: shapes and ringing of the load, lag of "
+            "the laser, mass on the load cell, beam mode, relaxation, other friction, growing stiffness, mass, three "
             "together; rolling ones with another speed or road too.",
         ),
     ] = 0,
@@ -199,4 +199,4 @@ def coverage(
 
 
 for command in (calibration, outliers, motion, laws, coverage):
-    study.command()(guarded(command, "study"))
+    study.command(short_help=first_paragraph(command))(guarded(command, "study"))

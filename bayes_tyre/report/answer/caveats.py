@@ -94,7 +94,7 @@ def _of_configurations(result: Reported) -> Iterator[Caveat]:
 def _holds_1(ratio: Ratio) -> str:
     return (
         f"the {interval_name(ratio.interval)} of their ratio, {ratio_text(ratio.lower)} to {ratio_text(ratio.upper)}, "
-        f"holds 1, and the probability that it is above 1 is {probability(ratio.p_greater_than_1)}"
+        f"contains 1, and the probability that it is above 1 is {probability(ratio.p_greater_than_1)}"
     )
 
 

@@ -46,7 +46,7 @@ def prior_clause(result: Reported, parameter: str = STIFFNESS) -> str:
 
 
 def comparison_of(ratio: Ratio, over: str) -> str:
-    """Return a sentence on one ratio of stiffness, in the direction of its table; no claim where its interval holds 1.
+    """Return a sentence on one ratio of stiffness, in the direction of its table; no claim if its interval contains 1.
 
     `over` says which cases it averages.
     """
@@ -56,8 +56,8 @@ def comparison_of(ratio: Ratio, over: str) -> str:
     if not ratio.clear:
         return (
             f"These data do not tell which of {above} and {below} is stiffer: their ratio of {STIFFNESS}, {over}, is "
-            f"{times}, its {size} of {reach} holds 1 (no difference), and the probability that {above} is the stiffer "
-            f"is {probability(ratio.p_greater_than_1)}."
+            f"{times}, its {size} of {reach} contains 1 (no difference), and the probability that {above} is the "
+            f"stiffer is {probability(ratio.p_greater_than_1)}."
         )
     way, p = ("stiffer", ratio.p_greater_than_1) if ratio.median > 1.0 else ("softer", 1.0 - ratio.p_greater_than_1)
     how = (
@@ -116,13 +116,13 @@ def _directions(result: Reported) -> str:
     ratios = between_directions(result, STIFFNESS)
     if not ratios:
         return "Loading and unloading have neither a span of load nor an initial load in common: they are not compared."
-    sentences = [f"{_MATCHED[matching]} {_loading(ratio)}" for matching, ratio in ratios.items()]
+    sentences = [f"{_MATCHED[matching]}, {_loading(ratio)}" for matching, ratio in ratios.items()]
     return f"Loading against unloading: {'; '.join(sentences)}."
 
 
 def _loading(ratio: Ratio) -> str:
     reach = f"{interval_name(ratio.interval)} {ratio_text(ratio.lower)} to {ratio_text(ratio.upper)}"
     if not ratio.clear:
-        return f"the data do not tell which is stiffer (ratio {ratio_text(ratio.median)}, {reach}, which holds 1)"
+        return f"the data do not tell which is stiffer (ratio {ratio_text(ratio.median)}, {reach}, which contains 1)"
     way = "stiffer" if ratio.median > 1.0 else "softer"
     return f"loading is {percent_apart(ratio.median)} {way} (ratio {ratio_text(ratio.median)}, {reach})"

@@ -34,8 +34,8 @@ def unchecked(result: Reported) -> list[Unchecked]:
         ),
         Unchecked(
             "Smoothing",
-            "A filter that is longer than the response makes beta the filter's. k changes little where the travel is "
-            "much longer than beta.",
+            "With a filter longer than the response, beta is a length of the filter. k changes little where the travel "
+            "is much longer than beta.",
         ),
     ]
 

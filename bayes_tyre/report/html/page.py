@@ -100,7 +100,10 @@ def rendered(template: str, head: Letterhead, *, title: str, **values: Any) -> s
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    style, script = (Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("report.css", "sort.js"))
+    style, *scripts = (
+        Markup((TEMPLATES / name).read_text(encoding="utf-8")) for name in ("report.css", "sort.js", "save.js")
+    )
+    script = Markup("\n").join(scripts)
     page = templates.get_template(template)
     fixed = {"style": style, "script": script, "policy": _policy(style, script), "version": version("bayes-tyre")}
     return page.render(head=head, title=head.titled(title), **fixed, **values)

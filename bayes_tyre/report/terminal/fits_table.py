@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bayes_tyre.plain_text import one_line
+from bayes_tyre.report.terminal.console import LoggedConsole
 from bayes_tyre.results.separate_fits import Column, FitTable
 
 #: The most rows that are printed; those that follow are counted by status, of which the most frequent are named.
@@ -25,14 +26,14 @@ def print_fits(tables: list[FitTable], folder: Path, console: Console) -> None:
 
 def print_tables(tables: list[FitTable], console: Console | None = None) -> None:
     """Print tables, value ± standard error; reasons why rows are not ok stand below, by number."""
-    console = console or Console()
+    console = console or LoggedConsole()
     for table in tables:
         reasons = [status for status in dict.fromkeys(table.status[:MOST_ROWS]) if status != "ok"]
         rows = len(table.status)
         console.print()
         about = f"{table.caption} (data: {one_line(table.origin)}): {rows} rows, {table.not_ok} not ok"
         console.print(Text(about), soft_wrap=True)
-        wide = console if console.is_terminal else Console(file=console.file, width=10_000)
+        wide = console if console.is_terminal else LoggedConsole(file=console.file, width=10_000)
         wide.print(_first_rows(table, reasons))
         lines = [f"({number}) {reason}" for number, reason in enumerate(reasons, start=1)]
         further = Counter(table.status[MOST_ROWS:]).most_common()

@@ -18,6 +18,7 @@ class Stages:
     def __init__(self, shown: bool = True) -> None:
         self._new = _new_bar(shown)
         self._bar: Any = None
+        self._name, self._left = "", 0
 
     def begin(self, name: str, total: int | None = None) -> None:
         """Begin a stage: its bar takes the place of the last one's."""
@@ -25,11 +26,17 @@ class Stages:
         logging.getLogger("bayes_tyre").info("%s", name)
         if self._new is not None:
             self._bar = self._new(name, total)
+            self._name, self._left = name, total or 0
 
     def advance(self, done: int) -> None:
-        """Say how much more of the stage is done."""
-        if self._bar is not None:
-            self._bar.update(done)
+        """Say how much more of the stage is done; what follows the last count has no full bar, but its seconds."""
+        if self._bar is None:
+            return
+        self._bar.update(done)
+        before, self._left = self._left, self._left - done
+        if self._new is not None and before > 0 >= self._left:
+            self._bar.close()
+            self._bar = self._new(f"{self._name}: finishing", None)
 
     def stop(self) -> None:
         """Take the bar away, so that something can be printed."""

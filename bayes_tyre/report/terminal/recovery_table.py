@@ -13,6 +13,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.structured_text import read_json
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.plain_text import one_line
+from bayes_tyre.report.terminal.console import LoggedConsole
 from bayes_tyre.results.recovery import (
     WHAT_IT_COMPARES,
     WHAT_MOTIONS_COMPARE,
@@ -37,12 +38,12 @@ def print_recovery(folders: list[Path], truth: Path, console: Console | None = N
     """
     true = read_table(truth)
     recoveries = [(folder, recover(folder, true)) for folder in folders]
-    console = console or Console()
+    console = console or LoggedConsole()
     for folder, recovery in recoveries:
         console.print()
         console.print(Text(f"beside the truth: {_title(folder)}"), soft_wrap=True)
         beside = _table(recovery)
-        (console if console.is_terminal else Console(file=console.file, width=10_000)).print(beside)
+        (console if console.is_terminal else LoggedConsole(file=console.file, width=10_000)).print(beside)
         for line in _sentences(recovery):
             console.print(Text(line), soft_wrap=True)
     for line in dict.fromkeys(_compared(recovery) for _, recovery in recoveries):

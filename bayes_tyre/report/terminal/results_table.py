@@ -23,6 +23,7 @@ from bayes_tyre.report.answer.headline import headline, small
 from bayes_tyre.report.answer.load import Reported, read_reported
 from bayes_tyre.report.answer.quantities import in_words
 from bayes_tyre.report.answer.ratios import UNLIKE_CASES, unlike_cases
+from bayes_tyre.report.terminal.console import LoggedConsole
 from bayes_tyre.report.terminal.fits_table import print_fits
 from bayes_tyre.results.separate_fits import FitTable, read_separate_fits
 
@@ -81,7 +82,7 @@ def print_overview(folders: list[Path], console: Console | None = None, referenc
     """
     read = [read_separate_fits(folder) or overview_rows(folder) for folder in folders]
     reported = [_reported(folder, rows, reference) for folder, rows in zip(folders, read, strict=True)]
-    console = console or Console()
+    console = console or LoggedConsole()
     for folder, rows, result in zip(folders, read, reported, strict=True):
         if isinstance(rows, list):
             print_fits(rows, folder, console)
@@ -93,7 +94,7 @@ def print_overview(folders: list[Path], console: Console | None = None, referenc
 
 def print_answer(folder: Path, run: dict[str, Any]) -> None:
     """Print the answer of a fit whose tables have just been written; `run`: what its `run.json` will hold."""
-    _print_answer(folder, _means(folder / "summary.csv", run["origin"]), _answerable(folder, run), Console())
+    _print_answer(folder, _means(folder / "summary.csv", run["origin"]), _answerable(folder, run), LoggedConsole())
 
 
 def _print_answer(folder: Path, rows: pd.DataFrame, result: Reported | None, console: Console) -> None:

@@ -54,7 +54,7 @@ def test_an_interval_that_holds_1_is_no_difference(away):
     result = made(away / "alike", {"single": 1.5, "dual": 1.505}, spread=0.05)
     first, _ = map(plain, headline(result))
     assert first.startswith("These data do not tell which of ")
-    assert "holds 1 (no difference)" in first
+    assert "contains 1 (no difference)" in first
     assert "stiffer than" not in first
     assert any(said.startswith("A difference in k between dual and single") for said in caveats(result))
 
@@ -75,7 +75,7 @@ def test_one_configuration_and_one_direction(away):
     first, second = map(plain, headline(one))
     assert first.startswith("The stiffness k is 1.6")
     assert "kN/mm for only in loading (95 % interval" in first
-    assert second.startswith("Loading against unloading: over the same span of load loading is 10 % stiffer")
+    assert second.startswith("Loading against unloading: over the same span of load, loading is 10 % stiffer")
     down = factor_table[factor_table["direction"] == "unloading"].reset_index(drop=True)
     assert headline(made(away / "down", {"only": 1.5}, factor_table=down))[1] == (
         "All steps are unloading, so loading cannot be compared."

@@ -1,5 +1,6 @@
 """The report's page in headless Chromium, from disk: drawn, sorted, silent; at a desk and on a phone."""
 
+import base64
 import json
 import shutil
 import time
@@ -117,6 +118,22 @@ def test_the_browser_would_have_told_of_a_request_and_the_policy_stops_it(browse
     while not any("nowhere.png" in text for text in said) and time.monotonic() < until:  # the log comes a moment later
         said += [entry["message"] for entry in browser.get_log("browser") if entry["level"] == "SEVERE"]
     assert any("nowhere.png" in text for text in said)
+
+
+def test_every_figure_can_be_saved_as_the_svg_that_is_shown(browser, page, tmp_path):
+    opened(browser, page)
+    browser.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)})
+    links = browser.find_elements(By.CSS_SELECTOR, "figure a.save")
+    assert {link.text for link in links} == {"Save as SVG"}
+    assert len(links) == len(ALL) + 1
+    saved, until = tmp_path / str(links[0].get_attribute("download")), time.monotonic() + 10.0
+    links[0].click()
+    while not saved.is_file() and time.monotonic() < until:
+        time.sleep(0.05)
+    assert saved.suffix == ".svg"
+    shown_bytes = str(links[0].get_attribute("href")).removeprefix("data:image/svg+xml;base64,")
+    assert saved.read_bytes() == base64.b64decode(shown_bytes)
+    assert b"<svg" in saved.read_bytes()
 
 
 def test_labels_run_no_script(browser, page):

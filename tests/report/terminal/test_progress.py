@@ -38,6 +38,21 @@ def test_a_terminal_shows_counts_which_are_full_at_the_end_alone(monkeypatch):
     assert stages._bar is None
 
 
+def test_after_the_last_count_a_stage_is_finishing_until_it_ends(monkeypatch):
+    terminal = on_terminal(monkeypatch)
+    with Stages() as stages:
+        stages.begin("process", 2)
+        for _ in range(2):
+            assert "finishing" not in terminal.getvalue()
+            stages.advance(1)
+        stages._bar._bars.refresh()
+        assert "process: finishing" in terminal.getvalue()
+        stages.begin("compiling")
+        stages.advance(1)  # of a stage without a number nothing is counted
+        stages._bar._bars.refresh()
+    assert "compiling: finishing" not in terminal.getvalue()
+
+
 def test_a_stage_that_cannot_be_counted_shows_its_seconds(monkeypatch):
     terminal = on_terminal(monkeypatch)
     with Stages() as stages:

@@ -23,7 +23,7 @@ def calibrate(
     ] = None,
     mend_signs: Annotated[
         bool,
-        typer.Option("--mend-signs", help="Put lost minus signs back where that brings readings to a line that rises."),
+        typer.Option("--mend-signs", help="Restore lost minus signs where the readings then lie on a rising line."),
     ] = False,
     out: Annotated[Path | None, typer.Option(help="TOML file to write: the [calibration] section of a rig.")] = None,
     seed: NoSeed = 0,
@@ -47,7 +47,7 @@ def calibrate(
         _print(lines)
     mended = sum(fitted.mended for fitted in lines)
     if mended:
-        say(f"{mended} minus signs put back", quiet)
+        say(f"{mended} minus signs restored", quiet)
     if out is not None:
         say(f"wrote {out}", quiet)
 

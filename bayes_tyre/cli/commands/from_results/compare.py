@@ -28,8 +28,8 @@ def compare(
     Of fits it ranks models of one record table, of motions the force laws (motion --law) that the same raw files were
     fitted with. A record's own parameters (k kN/mm, beta mm, J and sigma kN; of a motion all its unknowns) are
     integrated out. Writes comparison.csv (a row a model, the best first: elpd, its standard error, the difference to
-    the best) and comparison_records.csv (a row a record), and prints the conclusion in a sentence. Ends with code
-    4 where a posterior, or an estimate, is not to be trusted.
+    the best) and comparison_records.csv (a row a model and record), and prints the conclusion in a sentence. Ends with
+    code 4 where a posterior, or an estimate, is not to be trusted.
 
     Example: bayes-tyre compare results/fit results/fit_student results/fit_normal
     """
