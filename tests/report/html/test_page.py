@@ -73,5 +73,5 @@ def test_what_no_record_shows_is_said_once_with_what_it_would_do_to_k(two, away)
     assert "An error with a standard deviation of 5 % is in the intervals" in stated
     assert "is in the intervals" not in page
     printed = page_of(dataclasses.replace(two, run={**two.run, "origin": "published"}))
-    assert "A filter that is longer" in page
-    assert "A filter that is longer" not in printed
+    assert "With a filter longer than the response" in page
+    assert "With a filter longer than the response" not in printed
