@@ -80,7 +80,7 @@ def test_kept_figures_are_shown_as_they_lie_there(fitted, tmp_path):
     done = here("report", folder, "--kept-figures")
     assert done.exit_code == 4
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert "data:image/svg" not in page
+    assert 'src="data:image/svg' not in page
     headings = re.findall(r"<h3>([^<]*)</h3>", page)
     assert headings == ["Not checked", HEADINGS["contrasts"][0], HEADINGS["pair_plot"][0], "Of my own"]
 
