@@ -100,10 +100,10 @@ def _summaries_about(sites: Mapping[str, np.ndarray], arguments: Mapping[str, An
     noise = [jnp.log(of_records["sigma"]), *([jnp.arctanh(of_records["rho"])] if "rho" in sites else [])]
     factors = arguments["factors"]
     mean_J = jnp.mean(flat(sites["J_group"]), axis=0)[factors.group.of_case[factors.of_record]]
-    # What records say is nearly linear in the variance of J.
+    # The log likelihood of a record is nearly linear in the variance of J.
     of_J = mean_J, jnp.sqrt(jnp.mean(sites["sd_J"] ** 2))
-    of_records_and_noise = arguments["data"], arguments["likelihood"]
-    return refine_summaries(*of_records_and_noise, log_values, jnp.stack(noise, axis=-1), *of_J)
+    noise_draws = jnp.stack(noise, axis=-1)
+    return refine_summaries(arguments["data"], arguments["likelihood"], log_values, noise_draws, *of_J)
 
 
 def sample_collapsed(

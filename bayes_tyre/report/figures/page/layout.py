@@ -39,7 +39,7 @@ _STEPS = (
     (1.0, 1.2, 1.4, 1.6, 2.0, 2.5, 3.0, 4.0, 6.0, 8.0),
 )
 _LEAST_TICKS = 3
-#: Decimals of a panel's place as a share of the page. Those of the layout's solver beyond rounding depend on where in
+#: Decimals of a panel's place as a share of the page. The rounding error of the layout's solver depends on where in
 #: memory its variables lie, and would now and then move a pixel: a figure drawn again would not have the same bytes.
 _PLACES = 9
 #: Who holds it draws.
