@@ -2,6 +2,7 @@
 
 import functools
 import inspect
+import os
 import shlex
 import sys
 import time
@@ -136,6 +137,9 @@ def guarded(command: Callable[..., None], group: str = "") -> Callable[..., None
 
     @functools.wraps(command)
     def run(*args: Any, verbose: bool = False, log_file: Path | None = None, **kwargs: Any) -> None:
+        if memory.address_space() is None:  # where it is limited, what XLA says of memory is wanted
+            # On a busy machine XLA warns that it compiles slowly, in lines that are none of the user's concern.
+            os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
         with logs.logging_to(verbose, log_file):
             memory.within_limit(lambda: explained(*args, **kwargs), name)
 

@@ -1,20 +1,10 @@
 """`compare`: real fits of the same records, one of which a normal scatter of repeats cannot hold."""
 
-from dataclasses import replace
-
-import numpy as np
 import pandas as pd
 import pytest
 from helpers.command_line import assert_refused, here
 from helpers.short_fits import OF_STANDING, STANDING
 from helpers.simulated_records import simulate
-
-from bayes_tyre.inference.diagnostics import leave_one_out as leave_out
-from bayes_tyre.inference.diagnostics.leave_one_out import leave_one_record_out
-from bayes_tyre.inference.model.prepared_records import prepare_records
-from bayes_tyre.inference.model.settings import ModelSettings
-from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
-from bayes_tyre.record_table import check_record_table
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("without_figures")]
 
@@ -65,28 +55,3 @@ def test_folders_that_hold_no_two_fits_of_the_same_points_are_refused(folder, tm
         done = here("compare", *given, "--out", tmp_path / "out")
         assert_refused(done.exit_code, done.stderr, *factors)
     assert not (tmp_path / "out").exists()
-
-
-def test_importance_sampling_and_a_fit_without_the_record_agree(monkeypatch):
-    # No repeat is odd here; model and shapes are those of the normal fit above, and so is what is compiled.
-    table, model = check_record_table(simulate(STANDING, seed=3)[0]), ModelSettings(repeats="normal")
-    settings = replace(OF_STANDING, draws=1000)
-    tree = fit_hierarchical(table, settings, model)
-    smoothed = leave_one_record_out(tree, table, model)
-    assert not smoothed.refitted.any()
-    # The record with the largest k is fitted again.
-    least = np.sort(smoothed.pareto_k)[-2:].mean()
-    monkeypatch.setattr(leave_out, "PARETO_K_MOST", float(least))
-    told: list[str] = []
-    exact = leave_one_record_out(tree, table, model, settings, told.append)
-    record = int(smoothed.pareto_k.argmax())
-    assert exact.refitted.tolist() == [i == record for i in range(24)]
-    assert told == [str(exact.elpd.elpd_i["record"].to_numpy()[record])]
-    difference = exact.elpd.elpd_i.to_numpy() - smoothed.elpd.elpd_i.to_numpy()
-    assert (difference[np.arange(24) != record] == 0.0).all()
-    assert exact.elpd.elpd == pytest.approx(float(exact.elpd.elpd_i.sum()))
-    # And so is the one with the largest k that importance sampling is said to handle: two Monte Carlo estimates of one
-    # number of the order of 70. 2000 draws each leave some 0.1; k up to 0.7 a few.
-    handled = int(np.where(smoothed.pareto_k <= 0.7, smoothed.pareto_k, -1.0).argmax())
-    again = leave_out._refit_without(handled, prepare_records(table, model), settings, model)
-    assert again == pytest.approx(smoothed.elpd.elpd_i.to_numpy()[handled], abs=0.6)

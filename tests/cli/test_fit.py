@@ -28,6 +28,7 @@ from helpers.command_line import (
     written,
 )
 from helpers.hand_made_posteriors import posterior, scattered
+from helpers.quick_fits import once
 from helpers.simulated_records import Plan, simulate
 
 from bayes_tyre.inference.diagnostics import power_scaling
@@ -158,6 +159,7 @@ def test_a_diagnostic_that_fails_leaves_the_draws(sampled, tmp_path, monkeypatch
 
 def test_the_target_acceptance_is_handed_on_and_recorded(sampled, tmp_path, monkeypatch):
     monkeypatch.setattr(result_folder, "_write_figures", lambda *_: None)
+    monkeypatch.setattr(workflow, "judge", once(workflow.judge))
     fit, asked = workflow.fit_hierarchical, []
 
     def watched(*arguments: object) -> xr.DataTree:

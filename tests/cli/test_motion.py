@@ -1,4 +1,4 @@
-"""`motion`: raw files to a posterior of tyre, mass, damping and energy lost, with every table of `fit`."""
+"""`motion`: raw files to a posterior with every table of `fit`; `--law` with another law; `compare` of laws."""
 
 import json
 import shutil
@@ -8,13 +8,15 @@ import pandas as pd
 import pytest
 import xarray as xr
 from helpers.command_line import FACTORS, TABLES, assert_refused, here, tree_of
+from helpers.quick_motions import put_draws_for_the_motions
 
+from bayes_tyre.report.figures import catalogue
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import thesis_plan
 from bayes_tyre.workflow.raw import motion_estimates
 from bayes_tyre.workflow.raw.simulate import write_simulated
 
-# Fits the motions of two files and samples: over 10 s.
+# Fits the motions of two files by three laws, and samples: over 10 s.
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
 
 # Of one rig: each further one is compiled for anew.
@@ -175,3 +177,68 @@ def test_options_of_no_use_are_refused_before_the_work(raw, tmp_path, options, s
     done = here("motion", raw, "--out", tmp_path / "out", *options)
     assert_refused(done.exit_code, done.stderr, said)
     assert tree_of(tmp_path) == {}
+
+
+@pytest.fixture(scope="module")
+def maxwell_slip(raw, tmp_path_factory):
+    """Return the result of another law than the one that the files were simulated with."""
+    out = tmp_path_factory.mktemp("maxwell_slip")
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
+        done = here("motion", raw, "--out", out, "--law", "maxwell_slip", *FEW)
+    assert done.exit_code == 4, done.stderr
+    return out
+
+
+def test_the_tables_hold_the_laws_own_parameters(maxwell_slip):
+    assert {"posterior.nc", *TABLES, "estimates.csv", "run.json"} <= set(tree_of(maxwell_slip))
+    cases, estimates = (pd.read_csv(maxwell_slip / name) for name in ("cases.csv", "estimates.csv"))
+    assert list(dict.fromkeys(cases["parameter"])) == ["k", "settled", "beta", "m", "c", "energy_per_cycle"]
+    assert {"settled_kN", "settled_kN_se", "beta_mm", "log_evidence"} <= set(estimates)
+    assert "x_kN" not in estimates
+    assert json.loads((maxwell_slip / "run.json").read_text())["options"]["law"] == "maxwell_slip"
+    assert xr.open_datatree(maxwell_slip / "posterior.nc").attrs["law"] == "maxwell_slip"
+    # The law is not the records': its own check has to say so.
+    assert (estimates["status"] != "ok").all()
+
+
+def test_spring_and_damper_come_with_their_classic_estimate_from_the_free_vibration(raw, tmp_path):
+    done = here("motion", raw / GOOD[1], "--out", tmp_path, "--law", "kelvin_voigt", *FEW)
+    assert done.exit_code == 4, done.stderr
+    row = pd.read_csv(tmp_path / "estimates.csv").iloc[0]
+    # On the steep beginnings of the records' branches small swings meet a stiffer spring than the fit's.
+    assert 1.0 < row["decay_k_kN_per_mm"] / row["k_kN_per_mm"] < 4.0
+    assert 1.0 < row["decay_c_kN_s_per_mm"] / row["c_kN_s_per_mm"] < 10.0
+
+
+def test_laws_are_ranked_and_that_of_the_simulation_is_first(done, maxwell_slip, tmp_path):
+    results = {"fancher": done[0], "maxwell_slip": maxwell_slip}
+    # A model is called as its folder is.
+    named = [shutil.copytree(out, tmp_path / law) for law, out in results.items()]
+    compared = here("compare", *named, "--out", tmp_path / "out", "--no-refit")
+    assert compared.exit_code == 4, compared.stderr
+    table = pd.read_csv(tmp_path / "out" / "comparison.csv")
+    assert list(table["model"]) == ["fancher", "maxwell_slip"]
+    worse = table.iloc[1]
+    assert worse["elpd_difference"] < -2 * worse["difference_se"]
+    assert "fancher predicts a record left out better than maxwell_slip" in compared.stdout
+    by_record = pd.read_csv(tmp_path / "out" / "comparison_records.csv")
+    evidence = {law: pd.read_csv(out / "estimates.csv")["log_evidence"].to_numpy() for law, out in results.items()}
+    differences = by_record[by_record["model"] == "fancher"]["elpd"].to_numpy() - (
+        by_record[by_record["model"] == "maxwell_slip"]["elpd"].to_numpy()
+    )
+    # What other records tell of a record's few parameters is worth tens at most; its readings decide by more.
+    np.testing.assert_allclose(differences, evidence["fancher"] - evidence["maxwell_slip"], rtol=0, atol=60.0)
+
+
+def test_motions_of_other_files_and_fits_are_not_compared(done, raw, tmp_path, monkeypatch):
+    put_draws_for_the_motions(monkeypatch)
+    changed = shutil.copytree(raw, tmp_path / "raw")
+    with (changed / GOOD[0]).open("a") as file:
+        file.write("\n")
+    for other, said in ((raw / GOOD[0], "do not both have"), (changed, "run motion on one set by each law")):
+        made = here("motion", other, "--out", tmp_path / "made", *FEW)
+        assert made.exit_code == 0, made.stderr
+        refused = here("compare", done[0], tmp_path / "made", "--out", tmp_path / "out")
+        assert_refused(refused.exit_code, refused.stderr, "not of the same raw files", said)
+        assert not (tmp_path / "out").exists()

@@ -37,25 +37,24 @@ def killed(process: subprocess.Popen[str], appears: Path) -> None:
 def runs(tmp_path_factory) -> Path:
     """Return a folder with a run left alone, `whole`, and `after/N`: the state after each kill, then all of it.
 
-    The run that is `repeated` has a file in the place of its checkpoints, which stands for a disk that refuses them.
+    The run left alone has a file in the place of its checkpoints, which stands for a disk that refuses them. The last
+    of the others repeats it from its run.json, and goes on from where it was killed.
     """
     folder = tmp_path_factory.mktemp("runs")
     written(small(), folder / "records.csv")
+    (folder / "whole").mkdir()
+    (folder / "whole" / ".checkpoint").write_text("in the way")
     done = finish(start("fit", "records.csv", "--out", "whole", *FEW, cwd=folder))
+    (folder / "whole said").write_text(done.stderr)
     assert done.returncode == 4, done.stderr
-    (folder / "repeated").mkdir()
-    (folder / "repeated" / ".checkpoint").write_text("in the way")
-    repeated = start("fit", "--from", "whole/run.json", "--out", "repeated", "--quiet", cwd=folder)
+    (folder / "whole" / ".checkpoint").unlink()
     for number, moment in enumerate(MOMENTS):
         resume = ["--resume"] if number else []
         killed(start("fit", "records.csv", "--out", "cut", *FEW, *resume, cwd=folder), folder / "cut" / moment)
         shutil.copytree(folder / "cut", folder / "after" / str(number))
-    done = finish(start("fit", "records.csv", "--out", "cut", *FEW, "--resume", cwd=folder))
-    (folder / "said").write_text(done.stderr)
+    done = finish(start("fit", "--from", "whole/run.json", "--out", "cut", "--resume", cwd=folder))
+    (folder / "cut said").write_text(done.stderr)
     assert done.returncode == 4, done.stderr
-    done = finish(repeated)
-    assert done.returncode == 4, done.stderr
-    (folder / "repeated said").write_text(done.stderr)
     return folder
 
 
@@ -64,18 +63,13 @@ def no_work(monkeypatch) -> None:
     monkeypatch.setattr(workflow, "fit_hierarchical", lambda *_: pytest.fail("fitted again"))
 
 
-def test_a_run_killed_twice_gives_the_bytes_of_one_left_alone(runs):
-    for name in SAME:
+def test_a_run_killed_twice_and_repeated_gives_the_bytes_of_one_left_alone(runs):
+    for name in (*SAME, *(f"figures/{path.name}" for path in (runs / "whole" / "figures").iterdir())):
         assert (runs / "cut" / name).read_bytes() == (runs / "whole" / name).read_bytes(), name
     assert tree_of(runs / "cut").keys() == tree_of(runs / "whole").keys()
     reasons = json.loads((runs / "cut" / "diagnostics.json").read_text())["reasons"]
-    assert (runs / "said").read_text() == "".join(f"bayes-tyre: {in_words(reason)}\n" for reason in reasons)
-
-
-def test_a_repeated_run_gives_the_bytes_of_the_first(runs):
-    for name in (*SAME, *(f"figures/{path.name}" for path in (runs / "whole" / "figures").iterdir())):
-        assert (runs / "repeated" / name).read_bytes() == (runs / "whole" / name).read_bytes(), name
-    one, other = (json.loads((runs / name / "run.json").read_text()) for name in ("whole", "repeated"))
+    assert (runs / "cut said").read_text() == "".join(f"bayes-tyre: {in_words(reason)}\n" for reason in reasons)
+    one, other = (json.loads((runs / name / "run.json").read_text()) for name in ("whole", "cut"))
     for key in ("options", "seed", "versions", "origin"):
         assert one[key] == other[key]
     assert list(one["inputs"].values()) == list(other["inputs"].values())
@@ -212,7 +206,7 @@ def test_options_beside_from_are_a_contradiction(beside, named, runs, no_work, m
 
 
 def test_a_disk_without_room_for_checkpoints_ends_no_run(runs):
-    warnings = [line for line in (runs / "repeated said").read_text().splitlines() if "warning" in line]
+    warnings = [line for line in (runs / "whole said").read_text().splitlines() if "warning" in line]
     assert len(warnings) == 1
-    assert warnings[0].startswith(f"bayes-tyre: warning: no more checkpoints ({Path('repeated/.checkpoint')}")
-    assert (runs / "repeated" / "cases.csv").read_bytes() == (runs / "whole" / "cases.csv").read_bytes()
+    assert warnings[0].startswith(f"bayes-tyre: warning: no more checkpoints ({Path('whole/.checkpoint')}")
+    assert (runs / "whole" / "cases.csv").is_file()

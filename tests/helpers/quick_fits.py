@@ -1,5 +1,6 @@
 """Fits whose draws are put there instead of sampled: all that is written of them is real, and quick."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pandas as pd
@@ -35,3 +36,15 @@ def write_result(folder: Path, figures: bool = False) -> Path:
         done = here("fit", table, "--out", folder, "--quiet")
     assert done.exit_code == 4, done.stderr
     return folder
+
+
+def once[**P, T](compute: Callable[P, T]) -> Callable[P, T]:
+    """Return a function that computes the first time it is called, and then gives the same: runs are of one input."""
+    results: list[T] = []
+
+    def computed(*arguments: P.args, **options: P.kwargs) -> T:
+        if not results:
+            results.append(compute(*arguments, **options))
+        return results[0]
+
+    return computed

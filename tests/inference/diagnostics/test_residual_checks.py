@@ -98,33 +98,38 @@ def failed(found: dict[str, Check]) -> set[str]:
     return {name for name, check in found.items() if not check.passed}
 
 
-def test_records_that_follow_the_model_pass():
+@pytest.fixture(scope="module")
+def of_sound_records() -> list[dict[str, Check]]:
+    """Return the checks of 40 data sets without a fault."""
+    return [checked(records(seed)) for seed in range(40)]
+
+
+def test_records_that_follow_the_model_pass(of_sound_records):
     """Seven checks that fail by chance with probability 1e-3 each: one of 20 data sets does with probability 13 %.
 
     Two or more do with probability 0.8 %.
     """
-    sets = [checked(records(seed)) for seed in range(20)]
+    sets = of_sound_records[:20]
     assert all(tuple(found) == NAMES for found in sets)
     assert sum(bool(failed(found)) for found in sets) <= 1
     assert all(check.kind == "model" and isinstance(check.passed, bool) for found in sets for check in found.values())
 
 
-def test_p_values_of_a_shared_course_are_not_too_small():
+def test_p_values_of_a_shared_course_are_not_too_small(of_sound_records):
     """Of 2 x 40 p-values below 0.05, 4 are expected; 12 or more come up with probability 7e-4 were they exact."""
-    found = [checked(records(100 + seed)) for seed in range(40)]
-    values = [each[name].value for each in found for name in ("residual_course", "residuals_at_start")]
+    values = [each[name].value for each in of_sound_records for name in ("residual_course", "residuals_at_start")]
     assert np.mean(np.array(values) < 0.05) < 12 / 80
 
 
 @pytest.mark.parametrize(
     ("fault", "name", "remedy"),
     [
-        ({"rho": 0.35, "points": 40}, "residual_autocorrelation", "--noise auto"),
+        ({"rho": 0.35}, "residual_autocorrelation", "--noise auto"),
         ({"bend": 0.3}, "record_curves", "another --law"),
         ({"bend": 0.02}, "residual_course", "another --law"),
         ({"uneven": 3.0}, "noise_along_path", "beta's intervals"),
         ({"displacement_sd": 0.01}, "noise_along_path", "--displacement-sd"),
-        ({"law": "small_step_limit", "noise": 0.001, "points": 300}, "law", "fit with --law small_step_limit"),
+        ({"law": "small_step_limit", "noise": 0.001}, "law", "fit with --law small_step_limit"),
     ],
 )
 def test_each_fault_fails_its_check_with_a_remedy(fault, name, remedy):
@@ -136,7 +141,7 @@ def test_each_fault_fails_its_check_with_a_remedy(fault, name, remedy):
 
 
 def test_a_remedy_works():
-    limit = records(1, law="small_step_limit", noise=0.001, points=300)
+    limit = records(1, law="small_step_limit", noise=0.001)
     assert "law" in failed(checked(limit))
     assert not failed(checked(limit, "small_step_limit"))
     # Each is a data set that fails by chance with probability 0.7 % at most.

@@ -51,9 +51,9 @@ def test_the_damper_that_follows_speed_is_not_called_this_law_s():
 
 @pytest.mark.parametrize("law", ["bilinear", "viscous"])
 def test_another_law_is_found_at_any_density(law):
-    """480 points and what thinning by 2, 5, 12 and 24 leaves; noise of up to 0.5 % of the change of force."""
+    """480 points and what thinning by 5 and 24 leaves; noise of up to 0.5 % of the change of force."""
     branches = {f"{noise} {seed}": made_branch(law, noise, 481, seed) for noise in (0.0, 0.005) for seed in range(5)}
-    found = {every: judged(branches, every) for every in (1, 2, 5, 12, 24)}
+    found = {every: judged(branches, every) for every in (1, 5, 24)}
     assert all((each["off"] > 0.02).all() for each in found.values())
     assert not any(each["ok"].any() for each in found.values())
     # However many points there are, the same is said.
@@ -65,7 +65,7 @@ def test_curves_of_equation_2_stay_ok_at_any_density():
     branches = {
         f"{noise} {seed}": made_branch("equation_2", noise, 481, seed) for noise in (0.0, 0.008) for seed in range(40)
     }
-    for every in (1, 2, 5, 12):
+    for every in (1, 5, 12):
         assert judged(branches, every)["ok"].all()
 
 

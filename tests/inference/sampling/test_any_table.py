@@ -15,7 +15,7 @@ from bayes_tyre.record_table import check_record_table
 
 #: For what is only looked at, not believed. A stated acceptance keeps a run with a divergence from being repeated.
 GLANCE = SamplerSettings(chains=1, warmup=50, draws=50, seed=1, target_accept=0.65)
-FOUR_CASES = Plan(("x", "y"), (0.0,), (20.0,), (-5.0, 5.0), repeats=3)
+FOUR_CASES = Plan(("x", "y"), (0.0,), (20.0,), (-5.0, 5.0), repeats=2)
 
 
 def fit(plan: Plan, settings: SamplerSettings = GLANCE) -> tuple[xr.Dataset, pd.DataFrame]:
@@ -25,35 +25,35 @@ def fit(plan: Plan, settings: SamplerSettings = GLANCE) -> tuple[xr.Dataset, pd.
 
 @pytest.fixture(scope="module")
 def glance() -> xr.Dataset:
-    """Return a few draws for two configurations, two directions and three repeats."""
+    """Return a few draws for two configurations, two directions and two repeats."""
     return fit(FOUR_CASES)[0]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("plan", "mixture"),
+    "plan",
     [
-        (Plan(("x",), (0.0,), (20.0,), (5.0,), repeats=1), False),
-        (Plan(("x",), (0.0,), (20.0,), (5.0,), repeats=3), True),
-        (Plan(("x", "y"), (0.0,), (20.0,), (-5.0, 5.0), repeats=2), False),
-        (Plan(("a", "b", "c"), (0.0, 10.0), (20.0,), (5.0,), repeats=1), False),
+        Plan(("x",), (0.0,), (20.0,), (5.0,), repeats=1),
+        Plan(("a", "b", "c"), (0.0, 10.0), (20.0,), (5.0,), repeats=1),
     ],
-    ids=["one record", "one case", "two repeats", "three configurations"],
+    ids=["one record", "three configurations"],
 )
-def test_any_number_of_levels_and_repeats_can_be_fitted(plan, mixture):
+def test_any_number_of_levels_can_be_fitted(plan):
     posterior, truth = fit(plan)
     assert posterior.sizes["record"] == len(truth)
-    assert ("outlier_probability" in posterior) == mixture
+    assert "outlier_probability" not in posterior
     assert np.isfinite(posterior["k_case"].to_numpy()).all()
     assert posterior["k"].median(("chain", "draw")).to_numpy() == pytest.approx(truth["k"].to_numpy(), rel=0.2)
 
 
 @pytest.mark.slow
 def test_a_table_without_words_is_fitted_as_repeats_of_one_case():
-    table, _ = simulate(Plan(("x",), (0.0,), (20.0,), (5.0,), repeats=3), seed=2)
-    posterior = fit_hierarchical(check_record_table(table[["record", "displacement_mm", "force_kN"]]), GLANCE)
-    assert posterior["posterior"].sizes["case"] == 1
-    assert posterior["posterior"].sizes["record"] == 3
+    table, truth = simulate(Plan(("x",), (0.0,), (20.0,), (5.0,), repeats=3), seed=2)
+    tree = fit_hierarchical(check_record_table(table[["record", "displacement_mm", "force_kN"]]), GLANCE)
+    posterior = tree["posterior"].to_dataset()
+    assert (posterior.sizes["case"], posterior.sizes["record"]) == (1, 3)
+    assert "outlier_probability" in posterior  # three can be judged
+    assert posterior["k"].median(("chain", "draw")).to_numpy() == pytest.approx(truth["k"].to_numpy(), rel=0.2)
 
 
 @pytest.mark.slow
@@ -62,6 +62,7 @@ def test_every_quantity_has_its_unit_and_named_dimension(glance):
     assert glance["beta_case"].attrs["units"] == "mm"
     assert glance["C"].dims == ("chain", "draw", "record")
     assert glance["case_configuration"].to_numpy().tolist() == ["x", "x", "y", "y"]
+    assert "outlier_probability" not in glance  # of two repeats nobody knows which is odd
     for name, draws in glance.data_vars.items():
         assert "units" in draws.attrs, name
         assert not any(str(dim).endswith("_dim_0") for dim in draws.dims), name
@@ -83,8 +84,6 @@ def test_a_hopeless_record_is_refused_by_name(what):
 
 
 @pytest.mark.slow
-def test_the_same_seed_gives_the_same_draws_and_another_seed_others(glance):
-    again, _ = fit(FOUR_CASES)
+def test_another_seed_gives_other_draws(glance):
     other, _ = fit(FOUR_CASES, replace(GLANCE, seed=2))
-    np.testing.assert_array_equal(glance["k_case"], again["k_case"])
     assert not np.array_equal(glance["k_case"], other["k_case"])
