@@ -32,6 +32,10 @@ COLUMNS = {
 FEW = ["--chains", 2, "--warmup", 150, "--draws", 100, "--workers", 1, "--target-accept", 0.8]
 
 
+def draw_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
+
+
 @pytest.fixture(scope="module")
 def raw(tmp_path_factory):
     """Return a folder of two simulated recordings and one that is no recording."""
@@ -138,6 +142,7 @@ def test_other_options_of_the_hierarchy_use_the_estimates_that_are_kept(done, ra
     shutil.copytree(done[0], out)
     with monkeypatch.context() as kept:
         kept.setattr(motion_estimates, "_done", lambda _: pytest.fail("estimated again"))
+        draw_none(kept)
         other = here("motion", raw, "--out", out, *FEW, "--amplitude", 3, "--resume")
     assert other.exit_code == 4, other.stderr
     assert "option amplitude_mm was 2.0, is 3.0: sampling starts again" in other.stderr
@@ -184,7 +189,7 @@ def maxwell_slip(raw, tmp_path_factory):
     """Return the result of another law than the one that the files were simulated with."""
     out = tmp_path_factory.mktemp("maxwell_slip")
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
+        draw_none(monkeypatch)
         done = here("motion", raw, "--out", out, "--law", "maxwell_slip", *FEW)
     assert done.exit_code == 4, done.stderr
     return out
@@ -202,7 +207,8 @@ def test_the_tables_hold_the_laws_own_parameters(maxwell_slip):
     assert (estimates["status"] != "ok").all()
 
 
-def test_spring_and_damper_come_with_their_classic_estimate_from_the_free_vibration(raw, tmp_path):
+def test_spring_and_damper_come_with_their_classic_estimate_from_the_free_vibration(raw, tmp_path, monkeypatch):
+    draw_none(monkeypatch)
     done = here("motion", raw / GOOD[1], "--out", tmp_path, "--law", "kelvin_voigt", *FEW)
     assert done.exit_code == 4, done.stderr
     row = pd.read_csv(tmp_path / "estimates.csv").iloc[0]
@@ -233,7 +239,8 @@ def test_laws_are_ranked_and_that_of_the_simulation_is_first(done, maxwell_slip,
 
 def test_motions_of_other_files_and_fits_are_not_compared(done, raw, tmp_path, monkeypatch):
     put_draws_for_the_motions(monkeypatch)
-    changed = shutil.copytree(raw, tmp_path / "raw")
+    draw_none(monkeypatch)
+    changed = shutil.copytree(raw, tmp_path / "raw", ignore=shutil.ignore_patterns("*(3).lvm"))
     with (changed / GOOD[0]).open("a") as file:
         file.write("\n")
     for other, said in ((raw / GOOD[0], "do not both have"), (changed, "run motion on one set by each law")):

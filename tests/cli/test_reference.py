@@ -16,7 +16,7 @@ from bayes_tyre.workflow import fit as workflow
 def test_fit_puts_the_reference_below_and_show_and_report_another(monkeypatch, tmp_path):
     put_draws_for_the_sampler(monkeypatch)
     monkeypatch.setattr(workflow, "judge", lambda tree, *_: (tree, undiagnosed(tree)))
-    monkeypatch.setattr(catalogue, "draw", lambda *_: iter(()))
+    monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
     table, _ = simulate(Plan(configurations=("dual", "single"), speeds=(0.0,), loads=(20.0,), points=30), 3)
     path, out = written(table, tmp_path / "records.csv"), tmp_path / "fit"
     done = here("fit", path, "--out", out, "--reference", "dual")

@@ -137,7 +137,11 @@ def residuals_against_displacement(
         ax = figure.add_subplot(grid[i // 2, across])
         _residual_panel(ax, left[left["record"] == record], every[every["record"] == record].iloc[0], appearance)
     _autocorrelation_panel(figure.add_subplot(grid[rows, :]), every, appearance, threshold)
-    layout.legend(figure, [(Line2D([], [], **_POINTS), "residual"), *_entries(appearance, "± sigma", _SIGMA)])
+    bars = [
+        (Patch(**look.shade), f"records, {configuration_label(name)}" if name else "records")
+        for name, look in appearance.items()
+    ]
+    layout.legend(figure, [(Line2D([], [], **_POINTS), "residual"), *_entries(appearance, "± sigma", _SIGMA), *bars])
     note = "Residual: data less the law at the posterior mean. Sigma: posterior mean. In the titles: the residuals'"
     return layout.finish(figure, setting, f"{note} autocorrelation at lag 1, about 0 where the noise is independent.")
 

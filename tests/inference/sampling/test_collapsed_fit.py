@@ -20,7 +20,7 @@ from bayes_tyre.inference.sampling.run import SamplerSettings, sampler_runs
 from bayes_tyre.inference.sampling.summary_error import RECORD_SUMMARIES, SUMMARY_ERROR_MOST, SummaryError
 from bayes_tyre.record_table import check_record_table
 
-pytestmark = pytest.mark.usefixtures("fully_compiled")
+pytestmark = pytest.mark.usefixtures("iterations_fully_compiled")
 
 #: 108 records in 36 cases; the same with one case off by six standard deviations of a remainder, and one of the other
 #: cases' repeats discordant; and the same with noise that hides beta. All of one shape: each sampler is compiled once.

@@ -16,6 +16,7 @@ from support.stored_figure import StoredFigure
 import bayes_tyre as bt
 from bayes_tyre.errors import BadInput
 from bayes_tyre.published import checks, recompute, tables
+from bayes_tyre.report.figures import catalogue
 from bayes_tyre.report.figures.page.colours import Setting
 
 
@@ -38,7 +39,9 @@ def test_a_figure_is_asked_for_by_its_name_and_says_its_notes(tree, tmp_path):
     assert picture.save(tmp_path / "one.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_figure_that_was_written_is_shown_small_and_says_what_its_data_are(tmp_path):
+def test_a_figure_that_was_written_is_shown_small_and_says_what_its_data_are(tmp_path, monkeypatch):
+    monkeypatch.setattr(catalogue, "ALWAYS", {catalogue.CONTRASTS: catalogue.ALWAYS[catalogue.CONTRASTS]})
+    monkeypatch.setattr(catalogue, "OF_RECORDS", {})
     write_result(tmp_path / "fit", figures=True)
     kept = StoredFigure(tmp_path / "fit", "contrasts")
     with (
