@@ -9,7 +9,18 @@ import numpy as np
 import pandas as pd
 import pytest
 from helpers.certified_sets import SETS
-from helpers.command_line import COMMAND, FACTORS, assert_refused, environment, here, installed, small, tree_of, written
+from helpers.command_line import (
+    COMMAND,
+    FACTORS,
+    LONGEST,
+    assert_refused,
+    environment,
+    here,
+    installed,
+    small,
+    tree_of,
+    written,
+)
 from helpers.simulated_records import Plan, simulate
 
 # Compilation and module fixtures: over 10 s for the file from cold.
@@ -233,7 +244,7 @@ def test_progress_is_drawn_where_stderr_is_a_terminal_and_nowhere_else(tmp_path)
         process = subprocess.Popen(command, cwd=tmp_path, env=env, stdout=subprocess.DEVNULL, stderr=its)
         os.close(its)
         drawn["quiet" if quiet else "bar"] = read_all(ours)
-        assert process.wait(timeout=400) == 0
+        assert process.wait(timeout=LONGEST) == 0
     assert "least squares" in drawn["bar"]
     assert "6/6" in drawn["bar"]
     assert drawn["quiet"] == ""

@@ -69,7 +69,7 @@ def test_a_cluster_gives_the_same_bytes_and_what_it_did_outlives_its_scheduler(p
         finally:
             cluster.kill()
     try:
-        stdout, stderr = cut.communicate(timeout=60)
+        stdout, stderr = cut.communicate(timeout=300)
     finally:
         cut.kill()
     assert_refused(cut.returncode, stderr, "the scheduler is lost", "--resume")

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 from helpers.command_line import FEW as FEW_DRAWS
-from helpers.command_line import TABLES, assert_refused, finish, here, small, start, tree_of, written
+from helpers.command_line import LONGEST, TABLES, assert_refused, finish, here, small, start, tree_of, written
 
 from bayes_tyre.report.answer.quantities import in_words
 from bayes_tyre.workflow import fit as workflow
@@ -25,7 +25,7 @@ MOMENTS = (".checkpoint/chunk-000000.npz", "cases.csv")
 
 def killed(process: subprocess.Popen[str], appears: Path) -> None:
     """End a process by SIGKILL as soon as a file is there."""
-    until = time.monotonic() + 400
+    until = time.monotonic() + LONGEST
     while not appears.exists() and process.poll() is None and time.monotonic() < until:
         time.sleep(0.002)
     process.kill()

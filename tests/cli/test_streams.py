@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from helpers.command_line import COMMAND, environment, finish, small, start, start_as, tree_of, written
+from helpers.command_line import COMMAND, LONGEST, environment, finish, small, start, start_as, tree_of, written
 
 # Compilation and module fixtures: over 10 s for the file from cold.
 pytestmark = pytest.mark.slow
@@ -83,13 +83,13 @@ def test_who_stops_reading_the_output_gets_no_complaint(tmp_path):
     process.stdout.close()
     with process.stderr as stderr:
         assert stderr.read() == ""
-    process.wait(timeout=400)
+    process.wait(timeout=LONGEST)
 
 
 def interrupted(command: list[str], cwd: Path, ready: Path) -> subprocess.CompletedProcess[str]:
     """Start a process, send Ctrl-C when a file appears; give how it ended."""
     process = start_as(command, cwd)
-    until = time.monotonic() + 300
+    until = time.monotonic() + LONGEST
     while not ready.exists() and process.poll() is None and time.monotonic() < until:
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)

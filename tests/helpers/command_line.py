@@ -14,6 +14,8 @@ from typer.testing import CliRunner, Result
 from bayes_tyre.cli import app
 
 COMMAND = Path(sys.executable).parent / "bayes-tyre"
+#: s; the longest that a command may take: far beyond what any needs where a machine is several times slower than usual.
+LONGEST = 1200
 COMMANDS = tuple(
     str(command.callback.__name__).replace("_", "-") for command in app.registered_commands if command.callback
 )
@@ -73,7 +75,7 @@ def start_as(
 
 def finish(process: subprocess.Popen[str]) -> subprocess.CompletedProcess[str]:
     try:
-        out, err = process.communicate(timeout=400)
+        out, err = process.communicate(timeout=LONGEST)
     except subprocess.TimeoutExpired:
         process.kill()
         raise
