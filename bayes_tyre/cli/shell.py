@@ -137,8 +137,8 @@ def guarded(command: Callable[..., None], group: str = "") -> Callable[..., None
 
     @functools.wraps(command)
     def run(*args: Any, verbose: bool = False, log_file: Path | None = None, **kwargs: Any) -> None:
-        if memory.address_space() is None:  # where it is limited, what XLA says of memory is wanted
-            # On a busy machine XLA warns that it compiles slowly, in lines that are none of the user's concern.
+        # XLA logs that it compiles slowly on a busy machine; where memory is limited, its log may say what ended a run.
+        if memory.address_space() is None:
             os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
         with logs.logging_to(verbose, log_file):
             memory.within_limit(lambda: explained(*args, **kwargs), name)

@@ -110,8 +110,8 @@ def test_motions_are_written_and_said_in_words(tmp_path, monkeypatch):
 @pytest.mark.usefixtures("fully_compiled")
 def test_a_small_study_of_motions_from_simulation_to_tables(tmp_path, monkeypatch):
     def standing_on_one_rig(*of: Any) -> list[StudyRecord]:
-        """Return two records as they are and one with each of two mismatches that a standing record can have."""
-        tried = {"none", "mass 5 % off", "load in two stages"}
+        """Return two records as they are and one with each of some mismatches that a standing record can have."""
+        tried = {"none", "mass 5 % off", "load in two stages", "stiffness grows 3 %/mm", "first-order lag"}
         records = [record for record in study_records(*of) if record.kind == STATIONARY and record.mismatch in tried]
         rig = records[0].plan.case.configuration
         return [record for record in records if record.plan.case.configuration == rig]
@@ -138,12 +138,16 @@ def test_a_small_study_of_motions_from_simulation_to_tables(tmp_path, monkeypatc
     assert mass.loc["m", "truth"] == pytest.approx(1.05 * rig.axle.effective_mass_kg)
     # Five normal numbers: one beyond 4 standard deviations in 0.03 % of seeds.
     assert (np.abs(np.log(mass["estimate"] / mass["truth"]) / (mass["sd"] / mass["estimate"])) < 4).all()
-    # A load that rises twice: of 1100 residuals the mean square has a standard deviation of 0.04, and 1.3 is what the
-    # status allows.
-    (wrong,) = of.values()
-    assert set(wrong["mismatch"]) == {"load in two stages"}
-    assert (wrong["chi_squared_acceleration"] > 1.3).all()
-    assert wrong["status"].str.contains("acceleration is off by").all()
+    # A load that rises twice, and a stiffness that grows: of 1100 residuals the mean square has a standard deviation
+    # of 0.04, and 1.3 is what the status allows.
+    for name in ("load in two stages", "stiffness grows 3 %/mm"):
+        wrong = of.pop(name)
+        assert (wrong["chi_squared_acceleration"] > 1.3).all()
+        assert wrong["status"].str.contains("acceleration is off by").all()
+    # A lag is in the family of shapes but for its corner: what it does stays within a few per cent, and is counted.
+    (lag,) = of.values()
+    assert set(lag["mismatch"]) == {"first-order lag"}
+    assert lag["error_percent"].abs().max() < 5
     table = pd.read_csv(tmp_path / "motion_study.csv").set_index(["mismatch", "parameter"])
     assert table.loc[("load in two stages", "k"), "doubted"] == 1
     assert "stationary, mismatch load in two stages, 1 records, 1 doubted" in done.stdout
