@@ -1,11 +1,13 @@
 """Every test runs in float64 with jaxtyping checked by beartype; both are set before anything imports jax."""
 
 import gc
+import math
 import os
 import shutil
 import signal
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Generator, Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -30,6 +32,9 @@ os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = "1"
 #: A worker above this drops what it has compiled.
 MOST_BYTES = 3_000_000_000
+#: `.ci/run`, which is ended after 90 minutes, says until when slow tests may begin, in seconds since the epoch.
+SLOW_TESTS_UNTIL = float(os.environ.get("SLOW_TESTS_UNTIL", "inf"))
+IN_SLOW_FILE = pytest.StashKey[bool]()
 # The same examples in every run, however long one takes beside the compiler.
 settings.register_profile("same examples", deadline=None, derandomize=True)
 settings.load_profile("same examples")
@@ -46,9 +51,22 @@ def pytest_unconfigure() -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put files with slow tests first: the last of them would else keep one worker alone at the end."""
+    """Put files with slow tests first: the last of them would else keep one worker alone at the end.
+
+    Where time may run out they come last, so that every fast test is run, and those left over are skipped by name.
+    """
     slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow)
+    slow_first = math.isinf(SLOW_TESTS_UNTIL)
+    items.sort(key=lambda item: (item.path in slow) is not slow_first)
+    for item in items:
+        item.stash[IN_SLOW_FILE] = item.path in slow
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what is left of files with slow tests, whose fast ones share their fits, once time is over."""
+    if time.time() > SLOW_TESTS_UNTIL and item.stash[IN_SLOW_FILE]:
+        pytest.skip(f"the machine is too slow: no time left for {item.path.name}")
 
 
 @pytest.hookimpl(wrapper=True)
