@@ -36,7 +36,15 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
         with zipfile.ZipFile(path) as archive:
             if (torn := archive.testzip()) is not None:
                 raise BadInput(f"{path}: {torn} is not as it was written; remove the file")
-        with np.load(path, allow_pickle=False) as stored:
-            return {name: stored[name] for name in stored.files}
+            # Not np.load, which gives the bytes of an entry that is no array.
+            return {name.removesuffix(".npy"): _read_array(archive, name) for name in archive.namelist()}
     except (OSError, EOFError, ValueError, KeyError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
         raise BadInput(f"{path}: cannot be read as arrays: {reason(error)}; remove the file") from error
+
+
+def _read_array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
+    with archive.open(name) as entry:
+        try:
+            return np.lib.format.read_array(entry, allow_pickle=False)
+        except Exception as error:  # a header is parsed as Python, whose errors are many, and may ask for any memory
+            raise ValueError(f"{name}: {reason(error)}") from error

@@ -26,11 +26,12 @@ from hypothesis import given, seed
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.arrays import write_arrays
 from bayes_tyre.formats.netcdf import read_tree, write_tree
 from bayes_tyre.formats.recordings.raw import read_raw
 from bayes_tyre.formats.tables.column_map import read_column_map
 from bayes_tyre.inference.sampling.checkpoint import Checkpoints
+from bayes_tyre.inference.sampling.nuts import Chunk
+from bayes_tyre.results.provenance import sha256
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.workflow.fit import planned_in, read_priors
 from bayes_tyre.workflow.from_results.next import read_costs
@@ -65,9 +66,10 @@ RUN = {
     "seed": 0,
     "origin": "simulated",
     "versions": {"python": "3.13.0"},
-    "inputs": {"records.csv": "0" * 64},
     "wall_time_s": 1.0,
 }
+IDENTITY = {"inputs": {}, "options": {}}
+FIRST_CHECKPOINT = "chunk-000000.npz"
 PRIORS = b"sd_J = { scale = 0.1 }\nk_group = { median = 1.5 }\n"
 COSTS = b"minutes_per_test = 5\nbudget_minutes = 60\n[setup_minutes]\nspeed_km_h = 3\n[rig]\nspeed_km_h = [0, 15]\n"
 
@@ -125,17 +127,51 @@ def _tree(folder: Path) -> list[bytes]:
     return [write_tree(xr.DataTree.from_dict({"posterior": draws}), folder / "t.nc").read_bytes()]
 
 
+def _run(folder: Path) -> list[bytes]:
+    table = folder / "records.csv"
+    TABLE.to_csv(table, index=False)
+    return [json.dumps(RUN | {"inputs": {table.name: sha256(table)}}).encode()]
+
+
 def _checkpoint(folder: Path) -> list[bytes]:
-    identity = np.frombuffer(json.dumps({"inputs": {}, "options": {}}).encode(), np.uint8)
-    arrays = {"identity": identity, "format": np.array(1), "draws/k": np.ones((2, 3))}
-    return [write_arrays(arrays, folder / "c.npz").read_bytes()]
+    kept = Checkpoints(folder, IDENTITY)
+    kept.save(0, Chunk(np.ones(2), {"k": np.ones((2, 3))}, {"energy": np.ones((2, 3))}))  # pyright: ignore[reportArgumentType]
+    return [(folder / FIRST_CHECKPOINT).read_bytes()]
 
 
 def _read_checkpoint(path: Path) -> object:
-    path.replace(path.with_name("chunk-000000.npz"))
-    checkpoints = Checkpoints(path.parent, {}, lambda _: None)
-    checkpoints.load({"x": np.ones(2)}, [3])  # what does not fit is passed over
-    return checkpoints.identity_found()
+    """Read a checkpoint as a run does that is to be resumed; raise what it passes over."""
+    path.replace(path.with_name(FIRST_CHECKPOINT))
+    passed_over: list[str] = []
+    checkpoints = Checkpoints(path.parent, IDENTITY, passed_over.append)
+    identity, chunks = checkpoints.identity_found(), checkpoints.load(np.ones(2), [3])
+    if not chunks:
+        raise BadInput(passed_over[0])
+    return identity
+
+
+def _arrays_of_checkpoint(folder: Path) -> list[bytes]:
+    with zipfile.ZipFile(io.BytesIO(_checkpoint(folder)[0])) as archive:
+        return [archive.read(name) for name in archive.namelist()]
+
+
+def _read_array(path: Path) -> object:
+    """Read checkpoints in which one array after the other is that of a file; return how many were read."""
+    whole, read, refusal = path.with_suffix(".npz"), 0, BadInput("nothing was read")
+    with zipfile.ZipFile(io.BytesIO(_checkpoint(path.parent)[0])) as old:
+        for exchanged in old.namelist():
+            with zipfile.ZipFile(whole, "w") as new:
+                for part in old.namelist():
+                    new.writestr(part, path.read_bytes() if part == exchanged else old.read(part))
+            try:
+                _read_checkpoint(whole)
+            except BadInput as error:
+                refusal = error
+            else:
+                read += 1
+    if not read:
+        raise refusal
+    return read
 
 
 def _of(*contents: bytes) -> Callable[[Path], list[bytes]]:
@@ -164,8 +200,9 @@ READERS: Mapping[str, Reader] = {
     "priors.toml": Reader("p.toml", read_priors, _of(PRIORS)),
     "cost.toml": Reader("c.toml", read_costs, _of(COSTS)),
     "posterior.nc": Reader("p.nc", read_tree, _tree),
-    "run.json": Reader("run.json", lambda path: planned_in(path, lambda _: None), _of(json.dumps(RUN).encode())),
+    "run.json": Reader("run.json", lambda path: planned_in(path, lambda _: None), _run),
     ".checkpoint": Reader("c.npz", _read_checkpoint, _checkpoint),
+    "an array of .checkpoint": Reader("a.npy", _read_array, _arrays_of_checkpoint),
 }
 
 

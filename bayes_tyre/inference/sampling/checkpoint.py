@@ -131,13 +131,13 @@ class Checkpoints:
         fit = all(
             (leaf.shape, leaf.dtype) == (like.shape, like.dtype) for leaf, like in zip(leaves, shapes, strict=True)
         )
-        if not fit or any(values.shape[1] != length for values in draws.values()):
+        if not fit or any(values.shape[1:2] != (length,) for values in draws.values()):
             raise ValueError(f"{path}: does not fit the model")
         return Chunk(jax.tree.unflatten(form, leaves), draws, statistics)
 
 
 def _of_this_format(arrays: Mapping[str, np.ndarray]) -> bool:
-    return _FORMAT in arrays and int(arrays[_FORMAT]) == FORMAT
+    return np.array_equal(arrays.get(_FORMAT, -1), FORMAT)
 
 
 def _named(arrays: Mapping[str, np.ndarray], kind: str) -> dict[str, np.ndarray]:

@@ -1,8 +1,10 @@
 """Checkpoints: from any of them a run goes on to the same bits; what is torn or another's is never used."""
 
 import errno
+import io
 import os
 import shutil
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -69,12 +71,22 @@ def test_clearing_leaves_no_folder_but_what_others_put_there(tmp_path):
     assert checkpoints.identity_found() is None
 
 
+def entry_exchanged(whole: bytes, content: bytes) -> bytes:
+    exchanged = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(whole)) as old, zipfile.ZipFile(exchanged, "w") as new:
+        for name in old.namelist():
+            new.writestr(name, content if name == "format.npy" else old.read(name))
+    return exchanged.getvalue()
+
+
 SPOILT = {
     "empty": lambda whole: b"",
     "half": lambda whole: whole[: len(whole) // 2],
     "one bit": lambda whole: whole[:900] + bytes([whole[900] ^ 1]) + whole[901:],
     "zeros": lambda whole: bytes(len(whole)),
     "text": lambda whole: b"record,displacement_mm\n",
+    "an entry that is no array": lambda whole: entry_exchanged(whole, b"6"),
+    "a header that is no Python": lambda whole: entry_exchanged(whole, b"\x93NUMPY\x01\x00\x06\x00'descr"),
 }
 
 
