@@ -57,14 +57,14 @@ def _set_compilation_cache() -> None:
     try:
         folder = user_cache_path("bayes-tyre", appauthor=False) / f"jax-{jax.__version__}"
         folder.mkdir(parents=True, exist_ok=True)
-        _remove_truncated(folder)
+        remove_truncated(folder)
     except (OSError, RuntimeError):  # no room, no permission, or no home folder
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
-def _remove_truncated(folder: Path) -> None:
+def remove_truncated(folder: Path) -> None:
     """Remove truncated entries, left by a run that was killed: JAX never replaces an entry that it cannot read.
 
     JAX writes entries in place. Two runs that write at once write the same bytes.

@@ -3,12 +3,11 @@
 import gc
 import math
 import os
-import shutil
 import signal
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Generator, Iterator
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,20 +15,20 @@ import psutil
 import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
+from platformdirs import user_cache_path
 
 os.environ["JAX_ENABLE_X64"] = "1"
 # The number of devices is part of an entry's key in the compilation cache: commands that the tests start find what was
 # compiled here, and the other way round, only where the number is one.
 os.environ["JAX_NUM_CPU_DEVICES"] = "4"
-# Most of the suite's time is compilation, of the same kernels in each worker and each command that the tests start:
-# all are cached, the small ones too, for as long as the run lasts. Workers find the folder in the environment; a
-# developer who names one there keeps it.
-_OWN_CACHE = "JAX_COMPILATION_CACHE_DIR" not in os.environ
-if _OWN_CACHE:
-    os.environ["JAX_COMPILATION_CACHE_DIR"] = tempfile.mkdtemp(prefix="compiled-by-tests-")
+# Most of the suite's time is compilation, of the same kernels in each worker, in each command that the tests start and
+# in the next run: all are cached, the small ones too, in a folder of the user's that all of them find here.
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(user_cache_path("bayes-tyre", appauthor=False) / "tests"))
 os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 # Most take longer to compile than to run here; without LLVM's optimisation compiling takes half as long.
 os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] = "1"
+#: Days after which an entry of that cache is compiled anew.
+CACHED_DAYS = 30
 #: A worker above this drops what it has compiled.
 MOST_BYTES = 3_000_000_000
 #: `.ci/run`, which is ended after 90 minutes, says until when slow tests may begin, in seconds since the epoch.
@@ -44,10 +43,18 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def pytest_unconfigure() -> None:
-    """Remove the run's compilation cache: by the process that made it, the last to end."""
-    if _OWN_CACHE:
-        shutil.rmtree(os.environ["JAX_COMPILATION_CACHE_DIR"], ignore_errors=True)
+def pytest_configure(config: pytest.Config) -> None:
+    """Remove what a killed run left truncated in the compilation cache, and what is old, before the workers start."""
+    if hasattr(config, "workerinput"):
+        return
+    from bayes_tyre.runtime import remove_truncated
+
+    folder = Path(os.environ["JAX_COMPILATION_CACHE_DIR"])
+    folder.mkdir(parents=True, exist_ok=True)
+    remove_truncated(folder)
+    for entry in folder.glob("*-cache"):
+        if entry.stat().st_mtime < time.time() - CACHED_DAYS * 86400:
+            entry.unlink(missing_ok=True)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
