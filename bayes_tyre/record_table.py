@@ -177,7 +177,7 @@ def _check_factors(table: pd.DataFrame, name: str) -> None:
             record, direction, step = first.loc[wrong, ["record", "direction", "step_kN"]].iloc[0]
             raise BadInput(
                 f"{name}: record {record!r}, column step_kN: {step:g} contradicts direction {direction!r}; "
-                "step_kN is signed, positive when loading"
+                "step_kN is signed, positive when loading: negate it where the load falls"
             )
 
 

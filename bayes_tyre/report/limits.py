@@ -40,10 +40,14 @@ def _case(row: dict[str, object]) -> str:
     """Return a case in words, such as ``dual loading at 35 km/h from 30 to 40 kN``, as far as it is given."""
     given = {name: row[name] for name in CASE_FACTORS if row[name] == row[name] and row[name] not in ("", None)}
     sizes = {name: float(str(value)) for name, value in given.items() if name not in ("configuration", "direction")}
-    texts = [str(given[name]) for name in ("configuration", "direction") if name in given]
+    names = [str(given[name]) for name in ("configuration", "direction") if name in given]
+    texts = names or ["all records"]
     if "speed_km_h" in sizes:
         texts.append(f"at {sizes['speed_km_h']:g} km/h")
     if {"initial_load_kN", "step_kN"} <= sizes.keys():
         start = sizes["initial_load_kN"]
         texts.append(f"from {start:g} to {start + sizes['step_kN']:g} kN")
-    return " ".join(texts) or "all records"
+    else:
+        parts = {"initial_load_kN": "from {:g} kN", "step_kN": "in steps of {:+g} kN"}
+        texts += [text.format(sizes[name]) for name, text in parts.items() if name in sizes]
+    return " ".join(texts)

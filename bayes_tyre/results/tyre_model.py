@@ -26,7 +26,10 @@ _SI = {
 #: Columns of slow tests by parameter; points of the curve of a step, and of a straight line.
 _OF_TEST = {name: parameter_column(name) for name in ("k", "C", "x", "beta")} | {"settled": "x_less_k_beta_kN"}
 _POINTS, _LINE = 101, 21
-OF_STEP = "curve of one step: deflection counts from the start of the step (loading positive), force is the whole load"
+OF_STEP = (
+    "curve of one step: deflection counts from the start of the step (loading positive), force is the whole load; "
+    "C belongs to deflection as the records count it"
+)
 OF_CYCLE = "curve of a cycle: deflection and force count from its middle"
 OF_TEST = "curve of a slow test: deflection counts from first touch"
 ONE_WAY = "hysteresis is lost: this is the path of one step, and the way back is another path"

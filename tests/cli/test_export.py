@@ -30,8 +30,8 @@ def a_result(folder: Path, tree, verdict: str = "pass") -> Path:
     return folder
 
 
-def records(*configurations: str):
-    factor_table = grid(configurations, repeats=1, speeds=(0.0,))
+def records(*configurations: str, without: tuple[str, ...] = ()):
+    factor_table = grid(configurations, repeats=1, speeds=(0.0,)).drop(columns=list(without))
     draws = scattered(factor_table, seed=5)
     draws["J"] = draws["J"] * np.sign(factor_table["step_kN"].to_numpy())
     return posterior(draws, factor_table)
@@ -188,6 +188,15 @@ def test_hostile_labels_are_text_and_no_two_cases_share_a_file(tmp_path):
             assert all(ini(text).sections() == ["UNITS", "MODEL", "DIMENSION", "VERTICAL"] for text in files.values())
         if to == "tydex":
             assert all(text.count("\n**END") == 1 for text in files.values())
+
+
+def test_loading_and_unloading_differ_in_their_files_names_where_no_load_does(tmp_path):
+    folder = a_result(tmp_path / "fit", records("single", without=("initial_load_kN",)))
+    names = export(folder, "tydex", tmp_path / "out")
+    assert "single_0_step_kN_10.tdx" in names
+    assert "single_0_step_kN_minus_10.tdx" in names
+    assert not any("energy_per_cycle" in text for text in names.values())
+    assert all("C belongs to deflection as the records count it" in said(text) for text in names.values())
 
 
 def test_what_a_format_needs_and_a_result_has_not_is_refused_and_nothing_written(results, tmp_path):

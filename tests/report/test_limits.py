@@ -20,9 +20,14 @@ def rows(**changes) -> pd.DataFrame:
 def test_a_case_is_named_by_the_factors_that_it_has():
     (whole,) = limit_sentences(rows())
     assert whole == "k of dual loading at 35 km/h from 30 to 40 kN is at least 1.8 kN/mm with probability 0.93"
-    (bare,) = limit_sentences(rows(speed_km_h=np.nan, initial_load_kN=np.nan, direction="", limit="k <= 2.0"))
+    unknown = {"speed_km_h": np.nan, "direction": "", "limit": "k <= 2.0"}
+    (bare,) = limit_sentences(rows(initial_load_kN=np.nan, step_kN=np.nan, **unknown))
     assert bare == "k of dual is at most 2 kN/mm with probability 0.93"
-    nothing = {"configuration": "", "direction": None, "speed_km_h": "", "step_kN": ""}
+    (step,) = limit_sentences(rows(initial_load_kN=np.nan, step_kN=-5.0, **unknown))
+    assert step == "k of dual in steps of -5 kN is at most 2 kN/mm with probability 0.93"
+    (load,) = limit_sentences(rows(step_kN=np.nan, **unknown))
+    assert load == "k of dual from 30 kN is at most 2 kN/mm with probability 0.93"
+    nothing = {"configuration": "", "direction": None, "speed_km_h": "", "initial_load_kN": "", "step_kN": ""}
     assert limit_sentences(rows(**nothing))[0].startswith("k of all records is")
 
 

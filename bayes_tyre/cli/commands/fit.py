@@ -134,5 +134,5 @@ def _check_usage(context: typer.Context, records: list[Path] | None, from_run: P
 def _checked_table(plan: "Plan") -> "pd.DataFrame":
     given = shell.read_records(plan.records, plan.columns)
     if given.suspicions and not plan.units_checked:
-        raise BadInput(f"{given.suspicions[0]}; or say --units-checked")
+        raise BadInput(f"{given.suspicions[0]}, or name the unit in a column map (--columns); or say --units-checked")
     return given.table

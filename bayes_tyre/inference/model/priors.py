@@ -1,5 +1,6 @@
 """Priors as data: a family, its parameters, a unit and a reason for each quantity, and how a user's own are read."""
 
+import difflib
 import json
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -159,7 +160,10 @@ class Priors(Mapping[str, Prior]):
             if name in CONSTANTS:
                 constants[name] = _constant(name, change)
             elif name not in table:
-                raise BadInput(f"priors, {name}: there is no such quantity; docs/reference/priors.md lists all")
+                names = [*table, *constants]
+                near = difflib.get_close_matches(name, names, n=3)
+                rest = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(names)}"
+                raise BadInput(f"priors, {name}: there is no such quantity; {rest}")
             else:
                 prior = change if isinstance(change, Prior) else _read(name, change, table[name])
                 _check_family(name, table[name], prior)

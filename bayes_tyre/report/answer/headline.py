@@ -13,6 +13,7 @@ from bayes_tyre.report.answer.ratios import (
     between_directions,
     matched_cases,
 )
+from bayes_tyre.results.columns import numbers
 
 #: The parameter that "stiffer" is about.
 STIFFNESS = "k"
@@ -114,6 +115,8 @@ def _directions(result: Reported) -> str:
         other = "unloading" if directions[0] == "loading" else "loading"
         return f"All steps are {label(directions[0])}, so {other} cannot be compared."
     ratios = between_directions(result, STIFFNESS)
+    if not ratios and numbers(result.cases, "initial_load_kN").isna().all():
+        return "The records do not say from which load they start, so loading and unloading are not compared."
     if not ratios:
         return "Loading and unloading have neither a span of load nor an initial load in common: they are not compared."
     sentences = [f"{_MATCHED[matching]}, {_loading(ratio)}" for matching, ratio in ratios.items()]

@@ -31,10 +31,9 @@ from bayes_tyre.workflow.load_deflection import CASES, TESTS
 
 _NEEDED = ("test", *CASE_OF_TEST, "status", "origin", "k_kN_per_mm", "flat_ground_low_mm")
 _UNITS = {"LENGTH": "meter", "FORCE": "newton", "ANGLE": "radian", "MASS": "kg", "TIME": "second"}
-_PLACE = (
-    "k, beta and forces are as on flat ground, c and energy_per_cycle at the wheel centre; all of them are of the "
-    "configuration as tested: of dual tyres, of both together"
-)
+_FLAT_GROUND = "k, beta and forces are as on flat ground"
+_AT_WHEEL_CENTRE = ("c", "energy_per_cycle")
+_AS_TESTED = "all of them are of the configuration as tested: of dual tyres, of both together"
 _NOT_KNOWN = {
     "UNLOADED_RADIUS": "no result holds it; --unloaded-radius-mm states it",
     "VERTICAL_DAMPING": "only a result of motion holds it",
@@ -111,7 +110,8 @@ def _names(labels: Sequence[str]) -> list[str]:
     """Return a name for each label that serves as a file's and as an identifier; none twice in any letter case."""
     names: list[str] = []
     for label in labels:
-        name = re.sub(r"[^A-Za-z0-9]+", "_", label).strip("_")[:60]
+        signed = re.sub(r"(?<![A-Za-z0-9)])-(?=\d)", "minus_", label)
+        name = re.sub(r"[^A-Za-z0-9]+", "_", signed).strip("_")[:60]
         name = name if name[:1].isalpha() else f"case_{name}"
         while name.lower() in [other.lower() for other in names]:
             name += "_"
@@ -129,7 +129,9 @@ def _about(model: TyreModel, exported: Exported, level: float) -> list[str]:
     if exported.verdict == "fail":
         lines.append("NOT TO BE TRUSTED: verdict fail; diagnostics.json of the result gives the reasons")
     lines += [f"{name} = {each.value:.6g} {each.unit}, {_interval(each)}" for name, each in model.parameters.items()]
-    return [*lines, _PLACE]
+    elsewhere = [name for name in _AT_WHEEL_CENTRE if name in model.parameters]
+    place = f"{_FLAT_GROUND}, {' and '.join(elsewhere)} at the wheel centre" if elsewhere else _FLAT_GROUND
+    return [*lines, f"{place}; {_AS_TESTED}"]
 
 
 def _interval(one: Value) -> str:

@@ -55,7 +55,8 @@ def test_what_is_given_comes_back_to_the_bit():
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"log_k": {"median": 1.0, "sd_log": 1.0}}, "priors, log_k: there is no such quantity"),
+        ({"k_groupp": {}}, "priors, k_groupp: there is no such quantity; did you mean k_group"),
+        ({"?": {}}, "priors, ?: there is no such quantity; there are k_group, "),
         ({"k_group": 1.8}, "priors, k_group: 1.8 is no prior; give its parameters, such as { median = 1, sd_log = 1 }"),
         ({"k_group": {"median": 1.8}}, "priors, k_group, sd_log: a log_normal prior has median and sd_log"),
         ({"k_group": {"median": 1.8, "sd_log": -1}}, "priors, k_group, sd_log: -1 is not above 0"),

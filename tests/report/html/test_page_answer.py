@@ -89,6 +89,13 @@ def test_records_without_words(away):
     assert second.startswith("The records do not say which steps were loading")
 
 
+def test_without_loads_the_reason_is_that_and_not_that_they_differ(away):
+    no_loads = grid(("only",), 1).drop(columns="initial_load_kN")
+    assert headline(made(away / "no_loads", {"only": 1.5}, factor_table=no_loads))[1] == (
+        "The records do not say from which load they start, so loading and unloading are not compared."
+    )
+
+
 def test_configurations_without_a_case_in_common_are_not_compared(away):
     factor_table = grid(("a", "b"), 1)
     factor_table["speed_km_h"] += np.where(factor_table["configuration"] == "a", 0.0, 5.0)
