@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from bayes_tyre.inference.diagnostics.power_scaling import CONTRACTION_LEAST
 from bayes_tyre.report.figures.page import case_axis, layout
 from bayes_tyre.report.figures.page.colours import INK, PALE, Look, Setting
 from bayes_tyre.report.figures.page.labels import configuration_label, decimals, interval_name, plain, unit_name
@@ -19,8 +20,6 @@ from bayes_tyre.results.figure_data.prior_posterior import PriorPosterior
 
 #: Panels side by side, the height of a row of them (inches), the most panels.
 ACROSS, ROW, MOST_SCALES = 4, 1.35, 60
-#: Contraction below which a posterior is mostly its prior.
-LITTLE = 0.2
 #: So many parameters have a row of full height each; of more, ticks are as few, for some have long numbers.
 _TALL, _FEW = 2, 6
 _PRIOR = {"facecolor": (PALE, 0.35), "edgecolor": PALE, "linewidth": 0.8}
@@ -123,8 +122,8 @@ def prior_and_posterior_of_scales(hyperparameters: list[PriorPosterior], setting
         ax.set_ylabel("density / highest\n(no unit)", fontsize=7)
     layout.legend(figure, [(Patch(**_PRIOR), "prior"), (Line2D([], [], color=INK), "posterior")])
     note = (
-        "Contraction: 1 - (interquartile range of posterior / prior) squared, of the logarithm on logarithmic axes; "
-        f"0: posterior as wide as the prior, 1: determined by the data. Bold: below {LITTLE:g}, the prior decides."
+        "Contraction: 1 - (variance of posterior / prior), of the logarithm on logarithmic axes; 0: posterior as wide "
+        f"as the prior, 1: determined by the data. Bold: below {CONTRACTION_LEAST:g}, weakly identified."
     )
     left_out = "" if len(hyperparameters) == len(shown) else f" The first {len(shown)} of {len(hyperparameters)}."
     return layout.finish(figure, setting, note + left_out)
@@ -133,7 +132,7 @@ def prior_and_posterior_of_scales(hyperparameters: list[PriorPosterior], setting
 def _hyperparameter_panel(ax: Axes, hyperparameter: PriorPosterior) -> None:
     ax.fill_between(hyperparameter.at, hyperparameter.prior, **_PRIOR)
     ax.plot(hyperparameter.at, hyperparameter.posterior, color=INK, linewidth=1.2)
-    little = hyperparameter.contraction < LITTLE
+    little = hyperparameter.contraction < CONTRACTION_LEAST
     ax.set_title(
         f"{plain(hyperparameter.name, 32)}\ncontraction {decimals(hyperparameter.contraction)}",
         fontsize=7,
