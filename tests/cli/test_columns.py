@@ -166,6 +166,24 @@ def test_fit_records_the_map_and_its_run_is_repeated_with_it(monkeypatch, tmp_pa
     assert_refused(done.exit_code, done.stderr, "map.toml: is not the input of one/run.json", "SHA-256 was")
 
 
+def test_a_map_that_was_edited_is_kept(tmp_path):
+    table, out = written(small(), tmp_path / "t.csv"), tmp_path / "map.toml"
+    for _ in range(2):  # what is as it was proposed is no loss
+        assert here("columns", table, "--out", out).exit_code == 0
+    assert not (tmp_path / "map.toml.old").exists()
+    out.write_text("# edited by hand\n")
+    done = here("columns", table, "--out", out)
+    assert done.exit_code == 0
+    assert f"{out}: held another map, which is now {out}.old" in done.stderr
+    assert (tmp_path / "map.toml.old").read_text() == "# edited by hand\n"
+
+
+def test_a_table_without_initial_loads_is_told_what_that_costs(tmp_path):
+    table = written(small().drop(columns="initial_load_kN"), tmp_path / "t.csv")
+    done = here("columns", table)
+    assert "initial_load_kN: no column found for it; loading and unloading are not compared without" in done.stderr
+
+
 def test_a_proposal_that_lacks_a_required_column_asks_for_it_first(tmp_path):
     theirs = small().drop(columns="origin").rename(columns={"force_kN": "Messwert"})
     path = written(theirs, tmp_path / "lab.csv")

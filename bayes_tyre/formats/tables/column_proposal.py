@@ -109,6 +109,9 @@ def _proposal(table: pd.DataFrame, could_be: Mapping[str, str | None], required:
     unplaced += unknown
     missing = [ours for ours in required if ours not in columns and ours not in table]
     unplaced += [f"{ours}: required, and no column found for it{_INSTEAD.get(ours, '')}" for ours in missing]
+    placed = {*columns, *map(str, table.columns)}
+    if required is REQUIRED and "direction" in placed and "initial_load_kN" not in placed:
+        unplaced.append("initial_load_kN: no column found for it; loading and unloading are not compared without")
     command = "lsq" if required is REQUIRED else "load-deflection"
     content = {"columns": columns, **({"values": {"direction": directions}} if directions else {})}
     comments = "".join(f"# not placed: {text}\n" for text in unplaced)

@@ -46,7 +46,8 @@ def test_german_names_units_and_directions_are_placed_and_the_map_reads_the_file
 
 
 def test_a_table_with_our_names_needs_no_map(tmp_path):
-    proposal, column_map = proposed(tmp_path / "a.csv", "record,displacement_mm,force_kN,direction\na,1,2,loading\n")
+    names = "record,displacement_mm,force_kN,direction,initial_load_kN"
+    proposal, column_map = proposed(tmp_path / "a.csv", f"{names}\na,1,2,loading,30\n")
     assert proposal == ("[columns]\n", [], [], "lsq", False)
     assert column_map == ColumnMap()
 
@@ -91,7 +92,10 @@ def test_a_row_of_units_is_left_to_the_reader(tmp_path):
         (
             "Versuch,Weg,Kraft,Richtung\na,1,2,halten\n",
             {"record", "displacement_mm", "force_kN", "direction"},
-            ["direction 'halten': loading or unloading? say so in [values.direction]"],
+            [
+                "direction 'halten': loading or unloading? say so in [values.direction]",
+                "initial_load_kN: no column found for it; loading and unloading are not compared without",
+            ],
         ),
     ],
 )

@@ -21,6 +21,7 @@ def columns(
 
     Columns are placed by English and German names, by their units (N, kN, lbf, m, mm, in, s, ms) and by what the
     directions are called. What could not be placed goes to stderr, and into the map as comments: read it before use.
+    Another map that is there already is kept, under its name and ".old".
 
     Example: bayes-tyre columns tests.xlsx --out map.toml
     """
@@ -35,6 +36,9 @@ def columns(
     if out is None:
         say(proposal.toml.rstrip("\n"), quiet)
         return
+    if out.is_file() and out.read_text(encoding="utf-8", errors="replace") != proposal.toml:
+        old = out.replace(out.with_name(f"{out.name}.old"))
+        warn(f"{out}: held another map, which is now {old}")
     write_text(proposal.toml, out)
     command = f"bayes-tyre {proposal.command} {table} --columns {out} --out results"
     first = f"name your columns for {', '.join(proposal.missing)} in {out}, then " if proposal.missing else ""
