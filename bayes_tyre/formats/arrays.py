@@ -9,7 +9,7 @@ import numpy as np
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import whole_file
-from bayes_tyre.plain_text import reason
+from bayes_tyre.plain_text import NAME, one_line, reason
 
 
 def write_arrays(arrays: Mapping[str, np.ndarray], path: Path) -> Path:
@@ -35,7 +35,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray]:
     try:
         with zipfile.ZipFile(path) as archive:
             if (torn := archive.testzip()) is not None:
-                raise BadInput(f"{path}: {torn} is not as it was written; remove the file")
+                raise BadInput(f"{path}: {one_line(torn, NAME)} is not as it was written; remove the file")
             # Not np.load, which gives the bytes of an entry that is no array.
             return {name.removesuffix(".npy"): _read_array(archive, name) for name in archive.namelist()}
     except (OSError, EOFError, ValueError, KeyError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:

@@ -85,6 +85,7 @@ SPOILT = {
     "one bit": lambda whole: whole[:900] + bytes([whole[900] ^ 1]) + whole[901:],
     "zeros": lambda whole: bytes(len(whole)),
     "text": lambda whole: b"record,displacement_mm\n",
+    "a name that is not printable": lambda whole: b"\x01tatistics".join(whole.rsplit(b"statistics", 1)),
     "an entry that is no array": lambda whole: entry_exchanged(whole, b"6"),
     "a header that is no Python": lambda whole: entry_exchanged(whole, b"\x93NUMPY\x01\x00\x06\x00'descr"),
 }
@@ -100,6 +101,7 @@ def test_a_spoilt_checkpoint_is_told_and_the_one_before_it_used(how, tmp_path):
     assert len(found) == 1
     assert len(said) == 1
     assert str(path) in said[0]
+    assert said[0].isprintable()
     assert said[0].endswith("; the run goes on from the checkpoint before it")
 
 
