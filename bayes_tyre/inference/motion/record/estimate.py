@@ -10,6 +10,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
+from bayes_tyre.inference.motion.record.disturbance.road_roughness import (
+    road_response,
+    wave_count,
+    with_residual_noise,
+    with_road_noise,
+)
 from bayes_tyre.inference.motion.record.evidence import log_evidence
 from bayes_tyre.inference.motion.record.importance_sampling import WeightedDraws, weighted_draws
 from bayes_tyre.inference.motion.record.map_fit import (
@@ -22,12 +28,6 @@ from bayes_tyre.inference.motion.record.map_fit import (
 )
 from bayes_tyre.inference.motion.record.nuts import SETTINGS, effective_draws, sample_motion
 from bayes_tyre.inference.motion.record.parameters import in_units
-from bayes_tyre.inference.motion.record.road_roughness import (
-    road_response,
-    wave_count,
-    with_residual_noise,
-    with_road_noise,
-)
 from bayes_tyre.inference.motion.record.window import Recorded, Window, make_window
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.rig.axle import Rig

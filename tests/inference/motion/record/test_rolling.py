@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from bayes_tyre.inference.motion.record.disturbance.road_noise import road_noise_spectrum
 from bayes_tyre.inference.motion.record.estimate import estimate_motion
 from bayes_tyre.inference.motion.record.pre_step_harmonics import fit_harmonics
-from bayes_tyre.inference.motion.record.road_noise import road_noise_spectrum
 from bayes_tyre.inference.motion.record.window import Recorded, make_window
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.signals.channels import find_channels

@@ -12,10 +12,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from bayes_tyre.inference.motion.record.disturbance.road_noise import HIGHEST_HZ as ROAD_NOISE_HZ
+from bayes_tyre.inference.motion.record.disturbance.road_noise import waves_between, whitening
 from bayes_tyre.inference.motion.record.forward_model import misfit
 from bayes_tyre.inference.motion.record.map_fit import MapEstimate, value_and_jacobian
-from bayes_tyre.inference.motion.record.road_noise import HIGHEST_HZ as ROAD_NOISE_HZ
-from bayes_tyre.inference.motion.record.road_noise import waves_between, whitening
 from bayes_tyre.inference.motion.record.window import RoadResponse, Window
 from bayes_tyre.rig.axle import Rig
 
