@@ -81,4 +81,5 @@ def _log_noise(window: Window) -> float:
     weight = np.asarray(window.weight)
     weight = weight[weight > 0]
     noise = float(np.sum(np.log(weight)) - 0.5 * len(weight) * np.log(2 * np.pi))
-    return noise if window.road is None else noise + float(np.sum(np.log1p(-np.asarray(window.road.shrink))))
+    random = window.disturbance
+    return noise if random is None else noise + float(np.sum(np.log1p(-np.asarray(random.shrink))))

@@ -1,11 +1,11 @@
 """The forward model: from a motion's parameters to the readings of accelerometer, laser and load cell."""
 
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from bayes_tyre.inference.motion.record.load_step import load_share
 from bayes_tyre.inference.motion.record.parameters import MotionParameters, in_units
-from bayes_tyre.inference.motion.record.window import Window
+from bayes_tyre.inference.motion.record.window import UNDISTURBED, Disturbance, Window
 from bayes_tyre.laws.base import ScalarLike, StatefulLaw
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
@@ -14,7 +14,7 @@ from bayes_tyre.rig.motion_step import wheel_centre_per_flat
 
 
 def simulated(
-    rig: Rig, parameters: MotionParameters, window: Window, road_mm: Float[ArrayLike, "*nodes"] = 0.0
+    rig: Rig, parameters: MotionParameters, window: Window, disturbance: Disturbance = UNDISTURBED
 ) -> tuple[Drive, Motion, Array]:
     """Return drive and motion through a window, and the displacement, mm, at which the laser reads its level.
 
@@ -26,14 +26,14 @@ def simulated(
         In physical units.
     window:
         Of the record, with which time starts.
-    road_mm:
-        Displacement of the ground in addition to the runout's harmonics, mm.
+    disturbance:
+        In addition to load and runout.
     """
     time_s = node_times(window)
     F = jnp.asarray(geometry.tyre_load(rig, cylinder_load(parameters, time_s)))
     ground = parameters.ground
     runout = jnp.zeros_like(time_s) if ground is None else ground.displacement_mm(time_s)
-    drive = Drive(time_s, F, runout + road_mm)
+    drive = Drive(time_s, F + disturbance.force_kN, runout + disturbance.road_mm)
     law = parameters.law
     if ground is None or window.rolling is None:
         level = rest_displacement(rig, F[0], k=law.k, offset_kN=jnp.add(law.C, parameters.rest_friction_kN))
@@ -81,10 +81,10 @@ def cylinder_load(parameters: MotionParameters, time_s: Float[Array, " times"]) 
 
 
 def predicted(
-    rig: Rig, parameters: MotionParameters, window: Window, road_mm: Float[ArrayLike, "*nodes"] = 0.0
+    rig: Rig, parameters: MotionParameters, window: Window, disturbance: Disturbance = UNDISTURBED
 ) -> Float[Array, "3 blocks"]:
     """Return the block means that the sensors would read without noise: m/s^2 (up), mm, kN of the cylinder."""
-    drive, motion, level = simulated(rig, parameters, window, road_mm)
+    drive, motion, level = simulated(rig, parameters, window, disturbance)
     readings = jnp.stack(
         [
             parameters.acceleration_m_per_s2 - lever(rig) * motion.acceleration_m_per_s2,
@@ -107,21 +107,21 @@ def residuals(rig: Rig, standard: Float[Array, " parameters"], window: Window) -
 
     Half their sum of squares is the negative log posterior density but for a constant.
     """
-    road = window.road
-    if road is None:
+    random = window.disturbance
+    if random is None:
         return jnp.concatenate([misfit(rig, standard, window).ravel(), standard])
-    difference = (misfit(rig, standard, window, road.mean_mm) - road.response).ravel()
-    # The directions that the road explains are scaled to unit variance: noise and road together are white.
-    difference = difference - road.directions @ (road.shrink * (difference @ road.directions))
+    difference = (misfit(rig, standard, window, random.mean) - random.response).ravel()
+    # The directions that the disturbance explains are scaled to unit variance: noise and it together are white.
+    difference = difference - random.directions @ (random.shrink * (difference @ random.directions))
     return jnp.concatenate([difference, standard])
 
 
 def misfit(
-    rig: Rig, standard: Float[Array, " parameters"], window: Window, road_mm: Float[ArrayLike, "*nodes"] = 0.0
+    rig: Rig, standard: Float[Array, " parameters"], window: Window, disturbance: Disturbance = UNDISTURBED
 ) -> Float[Array, "3 blocks"]:
     """Return predictions less readings, in standard deviations of their noise; the accelerometer's are whitened."""
     parameters = in_units(rig, standard, jnp.asarray(window.prior), window.rolling, window.law)
-    difference = (predicted(rig, parameters, window, road_mm) - window.readings) * window.weight
-    if window.road is None or window.road.whitening is None:
+    difference = (predicted(rig, parameters, window, disturbance) - window.readings) * window.weight
+    if window.disturbance is None or window.disturbance.whitening is None:
         return difference
-    return difference.at[0].set(window.road.whitening @ difference[0])
+    return difference.at[0].set(window.disturbance.whitening @ difference[0])

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
 from bayes_tyre.inference.motion.record.block_noise import (
@@ -66,17 +66,37 @@ class Recorded(NamedTuple):
     bodies: tuple[tuple[float, int], ...] = ()
 
 
-class RoadResponse(NamedTuple):
-    """The response of the readings to the road's roughness (`road_roughness`).
+class Disturbance(NamedTuple):
+    """What acts on the axle beside load, runout and law, at the nodes of the integration, shape (nodes,).
 
     Attributes
     ----------
-    mean_mm:
-        Estimate of the road's height at the nodes, about which the response is linearised, shape (nodes,).
+    road_mm:
+        Displacement of the ground in addition to the runout's harmonics, mm, positive where it compresses the tyre.
+    force_kN:
+        Force on the wheel centre that neither load cell nor law know, kN, down positive; 0 at the window's start.
+    """
+
+    road_mm: Float[ArrayLike, "*nodes"] = 0.0
+    force_kN: Float[ArrayLike, "*nodes"] = 0.0
+
+
+UNDISTURBED = Disturbance()
+
+
+class DisturbanceResponse(NamedTuple):
+    """The response of the readings to a random disturbance, a sum of columns (`disturbance.response`).
+
+    Attributes
+    ----------
+    mean:
+        Estimate of the disturbance, about which the response is linearised.
+    size:
+        Standard deviation of its weights, as a factor: of a road mm, of a force the share of the load's step.
     weights:
-        Of its waves (`road_roughness`), shape (columns,).
+        Of its columns, shape (columns,).
     response:
-        Of the readings to the estimated road, in standard deviations of their noise, shape (3, blocks).
+        Of the readings to the estimated disturbance, in standard deviations of their noise, shape (3, blocks).
     directions:
         Orthonormal directions of the standardised readings, shape (3 blocks, directions).
     shrink:
@@ -86,7 +106,8 @@ class RoadResponse(NamedTuple):
         (`road_noise`).
     """
 
-    mean_mm: Float[Array, "*records nodes"]
+    mean: Disturbance
+    size: Float[Array, "*records"]
     weights: Float[Array, "*records columns"]
     response: Float[Array, "*records 3 blocks"]
     directions: Float[Array, "*records readings directions"]
@@ -109,8 +130,10 @@ class Window(NamedTuple):
         Weights of the motion's nodes in a block that give the mean of its samples, shape (nodes,).
     prior:
         Means and standard deviations of the parameters, shape (2, parameters).
-    rolling, road:
+    rolling:
         For a rolling tyre.
+    disturbance:
+        A rolling tyre's road; the force that the law leaves out of a stationary one's record, if any.
     law:
         Force law that is fitted.
     """
@@ -121,7 +144,7 @@ class Window(NamedTuple):
     node_weights: Float[Array, "*records nodes"]
     prior: Float[Array, "*records 2 parameters"]
     rolling: Rolling | None = None
-    road: RoadResponse | None = None
+    disturbance: DisturbanceResponse | None = None
     law: MotionLaw = FANCHER
 
 

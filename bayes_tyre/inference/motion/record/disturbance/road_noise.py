@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from bayes_tyre.inference.motion.record.forward_model import misfit, node_times
-from bayes_tyre.inference.motion.record.window import Window
+from bayes_tyre.inference.motion.record.window import Disturbance, Window
 from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.rig.axle import Rig
 
@@ -56,7 +56,7 @@ def whitening(
     rig: Rig,
     window: Window,
     standard: Float[Array, " parameters"],
-    mean_mm: Float[Array, " nodes"],
+    mean: Disturbance,
     density_mm2_Hz: Float[Array, ""],
     numbers: tuple[int, int],
     period_windows: float,
@@ -69,7 +69,7 @@ def whitening(
         Geometry; static.
     window:
         Of the record, its accelerometer's noise white.
-    standard, mean_mm:
+    standard, mean:
         MotionParameters and road that a first fit found.
     density_mm2_Hz:
         Spectral density of the road's displacement times f^2.
@@ -79,10 +79,12 @@ def whitening(
     frequency, waves = waves_between(window, *numbers, period_windows)
 
     def response(wave: Array) -> Array:
-        return jax.jvp(lambda b: misfit(rig, standard, window, mean_mm + b * wave)[0], (0.0,), (1.0,))[1]
+        return jax.jvp(
+            lambda b: misfit(rig, standard, window, mean._replace(road_mm=mean.road_mm + b * wave))[0], (0.0,), (1.0,)
+        )[1]
 
     responses = jax.vmap(response, out_axes=1)(waves)
-    residual = misfit(rig, standard, window, mean_mm)[0]
+    residual = misfit(rig, standard, window, mean)[0]
     white, shares = road_noise_spectrum(window.block_s, residual, responses, frequency, density_mm2_Hz)
     scaled = responses * jnp.sqrt(density_mm2_Hz * jnp.tile(shares, 2))
     lower = jnp.linalg.cholesky(white * jnp.eye(len(residual)) + scaled @ scaled.T)
