@@ -50,7 +50,7 @@ def force_columns(rig: Rig, window: Window, standard: Float[Array, " parameters"
     window:
         Of the record.
     standard:
-        MotionParameters near the MAP estimate.
+        Standardised parameters near the MAP estimate.
     """
     parameters = in_units(rig, standard, window.prior, window.rolling, window.law)
     time_s = node_times(window)

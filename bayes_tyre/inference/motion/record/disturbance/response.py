@@ -56,7 +56,7 @@ def disturbance_response(
     window:
         Of the record; its `disturbance`, if any, is of the same columns.
     standard:
-        MotionParameters near the MAP estimate.
+        Standardised parameters near the MAP estimate.
     among:
         Columns, with the factors and sizes to choose from.
     """

@@ -70,7 +70,7 @@ def whitening(
     window:
         Of the record, its accelerometer's noise white.
     standard, mean:
-        MotionParameters and road that a first fit found.
+        Standardised parameters and road that a first fit found.
     density_mm2_Hz:
         Spectral density of the road's displacement times f^2.
     numbers, period_windows:

@@ -39,7 +39,7 @@ def road_response(rig: Rig, window: Window, standard: Float[Array, " parameters"
     window:
         Of the record.
     standard:
-        MotionParameters near the MAP estimate.
+        Standardised parameters near the MAP estimate.
     waves:
         Number of frequencies (`wave_count`).
     """
