@@ -1,6 +1,7 @@
 """How large a compressed file is unpacked, found before it is: a few bytes can claim to hold any number."""
 
 import io
+import mmap
 import struct
 import zlib
 from pathlib import Path
@@ -18,6 +19,8 @@ _PIECE = 1 << 16
 #: Of MATLAB files: bytes of the header, and types of data.
 _MAT_HEADER, _VARIABLE, _COMPRESSED = 128, 14, 15
 _MAT_KINDS = {*range(1, 8), 9, *range(12, 19)}
+#: How a global heap of HDF5 begins: its name and version.
+_HEAP = b"GCOL\x01\0\0\0"
 
 
 def check_unpacked(path: Path, size: int) -> None:
@@ -41,9 +44,20 @@ def limit_of(path: Path) -> int:
 
 
 def check_hdf5(path: Path) -> None:
-    """Refuse an HDF5 file (netCDF, MATLAB 7.3) whose arrays are too large; see `check_unpacked`."""
+    """Refuse an HDF5 file (netCDF, MATLAB 7.3) whose arrays are too large (`check_unpacked`), or damaged.
+
+    HDF5 2.0 never ends where free space among texts and references has no length.
+
+    Raises
+    ------
+    BadInput
+        With the size and the limit.
+    OSError
+        If it is damaged, as h5py does.
+    """
     import h5py  # slow to import, and text tables have no use for it
 
+    _check_heaps(path)
     size = 0
 
     def add(_: str, item: object) -> None:
@@ -53,6 +67,22 @@ def check_hdf5(path: Path) -> None:
     with h5py.File(path, "r") as file:
         file.visititems(add)
     check_unpacked(path, int(size))
+
+
+def _check_heaps(path: Path) -> None:
+    """Walk the global heaps of an HDF5 file as HDF5 does: a header of 16 bytes each, then objects one after another."""
+    if path.stat().st_size == 0:
+        return
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        heap = -1
+        while (heap := content.find(_HEAP, heap + 1)) >= 0:
+            end = heap + int.from_bytes(content[heap + 8 : heap + 16], "little")
+            at = heap + 16
+            while at + 16 <= min(end, len(content)):
+                number, length = struct.unpack("<H6xQ", content[at : at + 16])
+                if number == length == 0:
+                    raise OSError(f"free space at byte {at} has no length: the file is damaged")
+                at += 16 + length + -length % 8 if number else length
 
 
 def check_mat_5(path: Path) -> None:

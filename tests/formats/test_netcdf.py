@@ -50,6 +50,19 @@ def test_a_spoilt_file_is_refused_in_one_line(spoil, tree, tmp_path):
     assert message.isprintable()
 
 
+def test_free_space_without_length_on_which_hdf5_never_ends_is_refused(tree, tmp_path):
+    path = write_tree(tree, tmp_path / "posterior.nc")
+    whole = path.read_bytes()
+    at = whole.index(b"GCOL") + 16
+    while number := int.from_bytes(whole[at : at + 2], "little"):
+        length = int.from_bytes(whole[at + 8 : at + 16], "little")
+        at += 16 + length + -length % 8
+    assert number == 0
+    path.write_bytes(whole[: at + 8] + bytes(8) + whole[at + 16 :])
+    with pytest.raises(BadInput, match=rf"posterior\.nc: .* free space at byte {at} has no length: .*; run fit again"):
+        read_tree(path)
+
+
 def test_a_missing_file_and_a_folder_are_refused(tmp_path):
     with pytest.raises(BadInput, match="no such file; name a folder that fit wrote"):
         read_tree(tmp_path / "posterior.nc")
