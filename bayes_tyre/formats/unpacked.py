@@ -1,4 +1,4 @@
-"""How large a compressed file is unpacked, found before it is: a few bytes can claim to hold any number."""
+"""What a file would do to the library that reads it, found before: unpack to any size, end the process, never end."""
 
 import io
 import mmap

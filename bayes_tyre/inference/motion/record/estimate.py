@@ -42,9 +42,8 @@ PARETO_K_MOST, EFFECTIVE_LEAST = 0.7, 50.0
 #: A mean square of the residuals above 1 by more than the first, or a lag-1 autocorrelation above the second, indicates
 #: a misfit. For 1100 white residuals a channel the standard deviations are 0.04 and 0.03.
 MISFIT_MOST, CORRELATION_MOST = 0.3, 0.2
-#: Above this share of the load's step the force that load and law leave out indicates a misfit. In simulated records of
-#: other load shapes it stays below, and intervals hold; of other laws it is above, and x and beta are not those of the
-#: law (docs/validation.md).
+#: Above this share of the load's step the force that load and law leave out indicates a misfit. In simulated records
+#: without a mismatch it is 0; of other laws it is above, and x and beta are not those of the law (docs/validation.md).
 DISCREPANCY_MOST = 7e-4
 #: Tolerance of the last fit with a disturbance, in prior standard deviations: reversals of friction leave kinks.
 DISTURBED_TOLERANCE = 1e-4

@@ -86,7 +86,7 @@ def test_mean_is_the_force_that_the_readings_show(fitted, columns):
     assert np.linalg.norm(left) < 0.5 * np.linalg.norm(force)
 
 
-def test_size_is_zero_without_a_force_and_about_right_with_one(fitted, columns):
+def test_size_is_below_its_limit_without_a_force_and_about_right_with_one(fitted, columns):
     found = {
         size: [
             float(disturbance_response(RIG, shaken(fitted, columns, size, seed)[0], fitted[1], columns).size)
@@ -126,7 +126,7 @@ def test_a_law_that_relaxes_is_reported():
     assert "load and law leave out a force of" in estimate.status
 
 
-def test_a_beam_under_the_sensors_leaves_the_estimate_without_a_force():
+def test_a_beam_under_the_sensors_is_reported_and_a_force_kept_only_with_a_fit_that_converged():
     _, rig, record = simulated("beam mode at 60 Hz", 0)
     estimate = estimate_motion(rig, record, sampler=None)
     assert estimate.window.disturbance is None or estimate.map_estimate.converged
