@@ -1,6 +1,9 @@
 """Text from files and libraries made safe to show: on one line, printable, not too long."""
 
 import re
+import shlex
+import shutil
+import sys
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -8,6 +11,7 @@ from pathlib import Path
 #: Most characters of a label in a table, of a name in a message, and of a library's error; most names in a list.
 LABEL, NAME, REASON, LISTED = 30, 60, 200, 6
 _COMMENT = 76
+_PROGRAM = "bayes-tyre"
 #: White space but the plain space.
 _BREAKS = re.compile(r"[^\S ]+")
 
@@ -51,6 +55,14 @@ def listed(names: Sequence[str], most: int = LISTED, show: Callable[[str], str] 
     """Return names as a list of at most `most`, and how many more there are."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(map(show, names[:most])) + more
+
+
+def command_line(*words: str) -> str:
+    """Return a command of ours as the user can type it: by the path that ran this one, where no shell would find it."""
+    typed = Path(sys.argv[0])
+    found = shutil.which(_PROGRAM)
+    by_name = typed.stem != _PROGRAM or (found is not None and Path(found).resolve() == typed.resolve())
+    return shlex.join([_PROGRAM if by_name else path_text(typed), *words])
 
 
 def path_text(path: Path) -> str:

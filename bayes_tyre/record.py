@@ -57,10 +57,12 @@ class Case(NamedTuple):
             names.append(self.direction)
         speed = f"({self.speed_km_h:g})" if "speed_km_h" in given else ""
         if {"initial_load_kN", "step_kN"} <= given.keys():
-            loads = f"{self.initial_load_kN:g}-{self.initial_load_kN + self.step_kN:g}"
+            names.append(f"{speed}{self.initial_load_kN:g}-{self.initial_load_kN + self.step_kN:g}")
         else:
-            loads = " ".join(f"{name} {given[name]:g}" for name in ("initial_load_kN", "step_kN") if name in given)
-        return " ".join([*names, *([speed + loads] if speed + loads else [])]) or "all records"
+            words = {"initial_load_kN": "load", "step_kN": "step"}
+            loads = [f"{word} {given[name]:g} kN" for name, word in words.items() if name in given]
+            names += [part for part in (speed, *loads) if part]
+        return " ".join(names) or "all records"
 
     def record(self, repeat: int) -> str:
         """Return the source's name for a record of the case, such as ``S(0)30-20(1)`` (S = single, D = dual)."""

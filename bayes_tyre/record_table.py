@@ -87,8 +87,9 @@ def check_columns(table: pd.DataFrame, name: str, unit: str, required: Sequence[
         present = one_line(", ".join(map(str, table.columns)), REASON)
         needs = f"a {unit} table needs {', '.join(required)}"
         raise BadInput(
-            f"{name}: missing column {', '.join(missing)}; found {present}; {needs}: rename yours, or give a map with "
-            "--columns; `bayes-tyre columns FILE --out map.toml` proposes one"
+            f"{name}: missing column {', '.join(missing)}; found {present}; {needs}: rename yours, or name them "
+            "in a map (--columns), under [columns], or under [constants] what is the same in every row; `bayes-tyre "
+            "columns FILE --out map.toml` proposes one"
         )
     repeated = table.columns[table.columns.duplicated()]
     if len(repeated):
@@ -177,7 +178,8 @@ def _check_factors(table: pd.DataFrame, name: str) -> None:
             record, direction, step = first.loc[wrong, ["record", "direction", "step_kN"]].iloc[0]
             raise BadInput(
                 f"{name}: record {record!r}, column step_kN: {step:g} contradicts direction {direction!r}; "
-                "step_kN is signed, positive when loading: negate it where the load falls"
+                "step_kN is signed, positive when loading: negate it where the load falls, or put step_kN = { name = "
+                '"step_kN", unsigned = true } under [columns] of a column map (--columns)'
             )
 
 

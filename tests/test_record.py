@@ -14,7 +14,7 @@ def test_a_label_says_what_is_known_of_a_case():
     assert Case("single", "unloading", 0.0, nan, nan).label == "single unloading (0)"
     assert Case("", "loading", nan, nan, nan).label == "loading"
     assert Case("", "", nan, nan, nan).label == "all records"
-    assert Case("x", "", nan, 30.0, nan).label == "x initial_load_kN 30"
+    assert Case("x", "", nan, 30.0, nan).label == "x load 30 kN"
 
 
 def test_a_parameter_s_column_has_its_unit():

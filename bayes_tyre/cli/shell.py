@@ -3,7 +3,6 @@
 import functools
 import inspect
 import os
-import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,7 +20,7 @@ from bayes_tyre.cli.messages import note as note  # commands import these two fr
 from bayes_tyre.cli.messages import warn as warn
 from bayes_tyre.errors import BadInput, CutShort, out_of_memory
 from bayes_tyre.formats.run_lock import sole_run
-from bayes_tyre.plain_text import listed, path_text
+from bayes_tyre.plain_text import command_line, listed, path_text
 
 if TYPE_CHECKING:
     from bayes_tyre.inference.diagnostics.verdict import Diagnostics
@@ -178,8 +177,8 @@ def _resume_advice(command: Callable[..., None]) -> tuple[str, ...]:
     """Return how to resume an interrupted command; nothing for commands that cannot be resumed."""
     if "resume" not in inspect.signature(command).parameters:
         return ()
-    call = ["bayes-tyre", *(option for option in sys.argv[1:] if option != RESUME), RESUME]
-    return (f"resume with: {shlex.join(call)}",)
+    call = command_line(*(option for option in sys.argv[1:] if option != RESUME), RESUME)
+    return (f"resume with: {call}",)
 
 
 def stages(quiet: bool) -> "Stages":
@@ -243,7 +242,7 @@ def conclude(diagnostics: "Diagnostics", answered: "Diagnostics", out: Path, qui
     from bayes_tyre.report.answer.quantities import in_words
 
     say(f"wrote {out}: verdict {diagnostics.verdict}", quiet)
-    say(f"next: {shlex.join(['bayes-tyre', 'report', path_text(out)])}", quiet)
+    say(f"next: {command_line('report', path_text(out))}", quiet)
     for reason in diagnostics.reasons[0 if quiet else len(answered.reasons) :]:
         fault(in_words(reason))
     if diagnostics.verdict != "pass":

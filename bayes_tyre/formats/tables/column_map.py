@@ -39,10 +39,14 @@ class _Strict(BaseModel):
 
 
 class TheirColumn(_Strict):
-    """A column of the file by its name, stripped of spaces around it, and its unit; None: as the file says, or ours."""
+    """A column of the file by its name, stripped of spaces around it.
+
+    `unit` None: as the file says, or ours. `unsigned`: steps without a sign, which the direction gives them.
+    """
 
     name: Annotated[str, AfterValidator(str.strip)]
     unit: str | None = None
+    unsigned: bool = False
 
 
 def _named(value: object) -> object:
@@ -67,6 +71,8 @@ class ColumnMap(_Strict):
     def _check(self) -> "ColumnMap":
         for ours, their in self.columns.items():
             _check_unit(ours, their.unit, f"columns.{ours}")
+            if their.unsigned and ours != "step_kN":
+                raise ValueError(f"columns.{ours}: unsigned is for step_kN alone")
         theirs = Counter(their.name for their in self.columns.values())
         if twice := [name for name, count in theirs.items() if count > 1]:
             raise ValueError(f"columns: {quoted(twice[0])} stands for two columns")
@@ -107,6 +113,8 @@ class ColumnMap(_Strict):
         table = table.assign(**self.constants)
         if "direction" in table and self.values.direction:
             table["direction"] = self._directions(table, path)
+        if "step_kN" in self.columns and self.columns["step_kN"].unsigned:
+            table["step_kN"] = self._signed_steps(table, path)
         table.attrs[NOTES] = notes
         return table
 
@@ -145,6 +153,13 @@ class ColumnMap(_Strict):
             )
         return ours
 
+    def _signed_steps(self, table: pd.DataFrame, path: Path) -> pd.Series:
+        """Return the steps with the sign that the direction gives them; what is no number stays, to be refused."""
+        if not {"step_kN", "direction"} <= {*table}:
+            raise BadInput(f"{path}: steps are unsigned by the map, and need a column direction; add it to the map")
+        falls = table["direction"] == "unloading"
+        return _divided(table["step_kN"], np.where(falls, -1.0, 1.0))
+
 
 def _check_unit(column: str, unit: str | None, where: str) -> float:
     """Return the divisor that turns a unit of a column into ours."""
@@ -154,8 +169,8 @@ def _check_unit(column: str, unit: str | None, where: str) -> float:
     return 1.0 if unit is None else accepted[unit]
 
 
-def _divided(cells: pd.Series, divisor: float) -> pd.Series:
-    """Return numbers divided; what is no number stays, to be refused by its own text."""
+def _divided(cells: pd.Series, divisor: float | np.ndarray) -> pd.Series:
+    """Return numbers divided, by one number or by one each; what is no number stays, to be refused by its own text."""
     numbers = pd.to_numeric(cells, errors="coerce")
     return (numbers / divisor).astype(object).where(numbers.notna(), cells) if numbers.hasnans else numbers / divisor
 

@@ -98,14 +98,18 @@ def _is_slow(table: pd.DataFrame, could_be: Mapping[str, str | None]) -> bool:
 def _proposal(table: pd.DataFrame, could_be: Mapping[str, str | None], required: Sequence[str]) -> Proposal:
     columns: dict[str, object] = {}
     unplaced: list[str] = []
+    directions, unknown = _directions(table, could_be)
     for name, ours in could_be.items():
         unit = _unit(name, table)
         if ours is None or (why := _why_not(ours, unit, [*could_be.values()])):
             unplaced.append(f"column {quoted(name)}: {'stays as a further column' if ours is None else why}")
-        elif name != ours:
-            plain = unit in ("", OUR_UNITS.get(ours, unit)) or table.attrs.get(UNITS_ROW, {}).get(name)
-            columns[ours] = name if plain else {"name": name, "unit": unit}
-    directions, unknown = _directions(table, could_be)
+            continue
+        plain = unit in ("", OUR_UNITS.get(ours, unit)) or table.attrs.get(UNITS_ROW, {}).get(name)
+        further = {} if plain or name == ours else {"unit": unit}
+        if ours == "step_kN" and _unloads(table, could_be, directions) and _are_unsigned(table[name]):
+            further["unsigned"] = True
+        if further or name != ours:
+            columns[ours] = {"name": name, **further} if further else name
     unplaced += unknown
     missing = [ours for ours in required if ours not in columns and ours not in table]
     unplaced += [f"{ours}: required, and no column found for it{_INSTEAD.get(ours, '')}" for ours in missing]
@@ -148,6 +152,16 @@ def _our_by_unit(unit: str, could_be: Mapping[str, str | None]) -> str | None:
     ours = next((one for one in ("displacement_mm", "force_kN", "time_s") if unit in UNITS[OUR_UNITS[one]]), None)
     taken = {"force_kN", "load_kN"} if ours == "force_kN" else {ours}
     return None if taken & {*could_be.values()} else ours
+
+
+def _are_unsigned(steps: pd.Series) -> bool:
+    return bool((pd.to_numeric(steps, errors="coerce") > 0).all())
+
+
+def _unloads(table: pd.DataFrame, could_be: Mapping[str, str | None], directions: Mapping[str, str]) -> bool:
+    """Return whether some row of a table is of unloading."""
+    theirs = {label for name, ours in could_be.items() if ours == "direction" for label in _labels(table[name])}
+    return "unloading" in {directions.get(label, label) for label in theirs}
 
 
 def _labels(cells: pd.Series) -> list[str]:

@@ -1,6 +1,5 @@
 """The short table that a run ends with: k, beta and more by configuration and direction, and how far to trust them."""
 
-import shlex
 import textwrap
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +16,7 @@ from rich.text import Text
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.structured_text import read_json
 from bayes_tyre.formats.tables.table_files import read_table
-from bayes_tyre.plain_text import one_line, path_text
+from bayes_tyre.plain_text import command_line, one_line, path_text
 from bayes_tyre.report.answer.caveats import caveats_of
 from bayes_tyre.report.answer.headline import headline, small
 from bayes_tyre.report.answer.load import Reported, read_reported
@@ -156,7 +155,7 @@ def _doubts(folder: Path, result: Reported | None, width: int) -> Iterator[str]:
 
 
 def _next(folder: Path) -> str:
-    return shlex.join(["bayes-tyre", "report", path_text(folder)])
+    return command_line("report", path_text(folder))
 
 
 def limitations(folder: Path) -> list[str]:

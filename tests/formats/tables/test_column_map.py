@@ -147,6 +147,7 @@ def test_a_bad_cell_below_units_is_named_by_its_own_text_and_line(tmp_path):
         ('[columns]\nforce_kN = { name = "F", unit = "mm" }', "'mm' is no unit of force_kN"),
         ('[columns]\nrecord = { name = "F", unit = "N" }', "'N' is no unit of record"),
         ('[columns]\nforce_kN = { spalte = "F" }', "columns.force_kN"),
+        ('[columns]\nforce_kN = { name = "F", unsigned = true }', "columns.force_kN: unsigned is for step_kN alone"),
         ('[columns]\nrecord = "V"\nrepeat = "V"', "'V' stands for two columns"),
         ('[constants]\nrepeat = "one"', "constants.repeat: 'one' is no number"),
         ("[constants]\nconfiguration = 3", "constants.configuration: 3.0 is no text"),
@@ -174,6 +175,7 @@ def test_a_map_that_cannot_be_is_refused_in_one_line(toml, said, tmp_path):
         ("V,Weg,Kraft", 'record = "V"\nforce_kN = "F"', "no column 'F', which the column map calls force_kN; found V,"),
         ("V,Weg,force_kN,F", 'force_kN = "F"', "column 'force_kN' stands beside the one that the column map calls so"),
         ("V,Weg,Kraft (N)", 'force_kN = "Kraft (N)"', "is taken for kN, its name says 'N'; give its unit in the map"),
+        ("V,Weg,Stufe", 'step_kN = { name = "Stufe", unsigned = true }', "unsigned by the map, and need a column direction"),
         ("V,Weg,time_s", "[constants]\ntime_s = 1", "column time_s is in the file and among the constants"),
     ],
 )
@@ -183,6 +185,13 @@ def test_a_file_that_the_map_does_not_fit_is_refused(header, toml, said, tmp_pat
         read(path, mapped(tmp_path, toml if toml.startswith("[") else f"[columns]\n{toml}"))
     assert str(caught.value).startswith(f"{path}: ")
     assert said in str(caught.value)
+
+
+def test_steps_without_a_sign_get_that_of_their_direction(tmp_path):
+    path = write(tmp_path / "a.csv", "Art,Stufe\nauf,5000\nab,2500\nab,x\n")
+    toml = '[columns]\ndirection = "Art"\nstep_kN = { name = "Stufe", unit = "N", unsigned = true }\n'
+    table = read(path, mapped(tmp_path, f'{toml}[values.direction]\nauf = "loading"\nab = "unloading"\n'))
+    assert table["step_kN"].tolist() == [5.0, -2.5, "x"]
 
 
 def test_a_direction_that_is_neither_is_refused_by_its_line(tmp_path):

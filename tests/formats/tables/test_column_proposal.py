@@ -112,6 +112,19 @@ def test_a_column_is_one_of_directions_by_its_values(tmp_path):
     assert tomllib.loads(proposal.toml)["columns"]["direction"] == "Art"
 
 
+@pytest.mark.parametrize(
+    ("steps", "expected"),
+    [((5, 10), {"name": "Stufe", "unsigned": True}), ((5, -10), "Stufe"), ((5, ""), "Stufe")],
+)
+def test_steps_are_unsigned_where_none_falls_though_a_load_does(steps, expected, tmp_path):
+    rows = f"a,1,2,Belastung,{steps[0]}\nb,1,2,Entlastung,{steps[1]}\n"
+    proposal, _ = proposed(tmp_path / "a.csv", f"Versuch,Weg,Kraft,Art,Stufe\n{rows}")
+    assert tomllib.loads(proposal.toml)["columns"]["step_kN"] == expected
+    upward = rows.replace("Entlastung", "Belastung")
+    proposal, _ = proposed(tmp_path / "b.csv", f"Versuch,Weg,Kraft,Art,Stufe\n{upward}")
+    assert tomllib.loads(proposal.toml)["columns"]["step_kN"] == "Stufe"
+
+
 @pytest.mark.parametrize(("loads", "command"), [((10, 10), "lsq"), ((10, 20), "load-deflection")])
 def test_a_load_that_varies_in_a_test_without_a_force_is_of_a_slow_test(loads, command, tmp_path):
     text = f"Versuch,Weg,Last\na,1,{loads[0]}\na,2,{loads[1]}\n"

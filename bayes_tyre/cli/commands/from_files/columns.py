@@ -29,6 +29,7 @@ def columns(
     from bayes_tyre.formats.files import write_text
     from bayes_tyre.formats.tables.column_proposal import layout_by_vocabulary, propose
     from bayes_tyre.formats.tables.table_files import read_table
+    from bayes_tyre.plain_text import command_line, path_text
 
     proposal = propose(read_table(table, layout_by_vocabulary()))
     for text in proposal.unplaced:
@@ -40,7 +41,7 @@ def columns(
         old = out.replace(out.with_name(f"{out.name}.old"))
         warn(f"{out}: held another map, which is now {old}")
     write_text(proposal.toml, out)
-    command = f"bayes-tyre {proposal.command} {table} --columns {out} --out results"
+    command = command_line(proposal.command, path_text(table), "--columns", path_text(out), "--out", "results")
     first = f"name your columns for {', '.join(proposal.missing)} in {out}, then " if proposal.missing else ""
     say(f"wrote {out}", quiet)
     if not proposal.states_origin:
