@@ -17,6 +17,8 @@ from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre import __all__ as __all__
 from bayes_tyre.errors import BadInput as BadInput
+from bayes_tyre.formats.run_lock import sole_run
+from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.diagnostics import verdict as diagnostics
 from bayes_tyre.inference.diagnostics.attempts import FAILED, Attempt, Attempts, checks_in, with_checks
 from bayes_tyre.inference.diagnostics.judge import judge, with_failures
@@ -44,6 +46,8 @@ from bayes_tyre.results.derived import with_derived
 from bayes_tyre.results.posterior import Posterior
 from bayes_tyre.results.prediction import Prediction
 from bayes_tyre.runtime import prepare_jax
+from bayes_tyre.workflow.execution.resume import Callbacks
+from bayes_tyre.workflow.fit import Plan, fit_table
 from bayes_tyre.workflow.from_results.predict import read_result
 from bayes_tyre.workflow.record_tables import read_given
 
@@ -130,6 +134,7 @@ def fit(
     seed: int | None = None,
     units_checked: bool = False,
     progress: bool = True,
+    out: str | Path | None = None,
 ) -> Posterior:
     """Return the posterior of all records together, by NUTS, with its verdict.
 
@@ -150,6 +155,9 @@ def fit(
         Whether you vouch for units that look wrong, such as forces in N.
     progress:
         Whether to show how far each stage is, in a notebook or on a terminal.
+    out:
+        Folder to write the result into, as `bayes-tyre fit` does, and the records as `records.csv`; the commands
+        (`report`, `show`, `export` and the others) then take it. None: nothing is written.
 
     Returns
     -------
@@ -172,6 +180,8 @@ def fit(
     if not units_checked and (suspicions := suspicious_units(table)):
         raise BadInput(f"{suspicions[0]}; or say units_checked=True")
     prepare_jax(max(settings.chains, _DEVICES))
+    if out is not None:
+        return _fit_into(Path(out), table, settings, model, units_checked, progress)
     prepared = prepare_records(table, model)
     with Stages(progress) as stages:
         tree = fit_hierarchical(table, _with_bars(settings, stages), model, prepared)
@@ -181,6 +191,20 @@ def fit(
             lambda tree, attempt: identify_records(tree, prepared, model, attempt),
             used_points(table, model.region),
         )
+
+
+def _fit_into(
+    out: Path, table: pd.DataFrame, settings: SamplerSettings, model: ModelSettings, units_checked: bool, progress: bool
+) -> Posterior:
+    """Return the posterior as the command `fit` would write it, read from the folder that it is written into."""
+    records = out / "records.csv"
+    with sole_run(out), Stages(progress) as stages:
+        write_table(table, records)
+        watched = _with_bars(settings, stages)
+        callbacks = Callbacks(watched.on_note, on_progress=watched.on_progress, on_stage=watched.on_stage)
+        plan = Plan((records,), settings, model, units_checked=units_checked)
+        fit_table(table, plan, out, ("fit", "called", "from", "Python"), callbacks)
+    return read_posterior(out)
 
 
 def fit_published(

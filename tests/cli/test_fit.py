@@ -31,6 +31,7 @@ from helpers.hand_made_posteriors import posterior, scattered
 from helpers.quick_fits import once
 from helpers.simulated_records import Plan, simulate
 
+import bayes_tyre as bt
 from bayes_tyre.inference.diagnostics import power_scaling
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import find_factors
@@ -81,6 +82,18 @@ def test_fit_ends_with_0_and_says_pass_everywhere_when_it_may_be_trusted(sampled
     shown = here("show", tmp_path / "out")
     assert shown.exit_code == 0
     assert "80 % interval" in shown.stdout
+
+
+def test_a_fit_in_python_writes_what_the_command_does_and_is_repeated_by_it(sampled, tmp_path):
+    posterior = bt.fit(sampled, draws=50, seed=3, out=tmp_path / "python")
+    assert {name for name in tree_of(tmp_path / "python") if not name.endswith("/")} == FIT_FILES | {"records.csv"}
+    assert posterior.attrs["verdict"] == bt.diagnose(posterior).verdict == "pass"
+    again = here("fit", "--from", tmp_path / "python" / "run.json", "--out", tmp_path / "command")
+    assert (again.exit_code, again.stderr) == (0, "")
+    by_python, by_command = tree_of(tmp_path / "python"), tree_of(tmp_path / "command")
+    assert {name for name, content in by_command.items() if content != by_python[name]} == {"run.json"}
+    shown = here("show", tmp_path / "python")
+    assert (shown.exit_code, "Configuration dual" in shown.stdout) == (0, True)
 
 
 def test_a_table_without_words_is_fitted_and_shown(tmp_path, monkeypatch):

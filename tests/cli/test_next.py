@@ -198,3 +198,13 @@ def test_a_damaged_posterior_is_refused(motions, tmp_path, damage, said):
     done = asked(damaged, "k single (0)20-30", tmp_path / "out")
     assert_refused(done.exit_code, done.stderr, f"{damaged / 'posterior.nc'}: {said}", "run fit or motion again")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_posterior_without_draws_is_refused(motions, tmp_path):
+    damaged = shutil.copytree(motions, tmp_path / "damaged")
+    tree = read_tree(motions / "posterior.nc")
+    write_tree(tree.drop_nodes("posterior"), damaged / "posterior.nc")
+    for done in (asked(damaged, "k", tmp_path / "out"), here("show", damaged, "--limit", "k >= 1.8")):
+        assert_refused(
+            done.exit_code, done.stderr, f"{damaged / 'posterior.nc'}: holds no draws; run fit or motion again"
+        )

@@ -105,7 +105,7 @@ def _proposal(table: pd.DataFrame, could_be: Mapping[str, str | None], required:
             unplaced.append(f"column {quoted(name)}: {'stays as a further column' if ours is None else why}")
             continue
         plain = unit in ("", OUR_UNITS.get(ours, unit)) or table.attrs.get(UNITS_ROW, {}).get(name)
-        further = {} if plain or name == ours else {"unit": unit}
+        further: dict[str, object] = {} if plain or name == ours else {"unit": unit}
         if ours == "step_kN" and _unloads(table, could_be, directions) and _are_unsigned(table[name]):
             further["unsigned"] = True
         if further or name != ours:

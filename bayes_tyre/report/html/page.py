@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import json
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
@@ -201,6 +202,13 @@ def _priors(given: dict[str, Any]) -> str:
     return ", ".join(f"{name} {text}" for name, text in texts.items()) or "the defaults"
 
 
+def _option(value: object) -> str:
+    """Return the value of an option as a reader expects it: yes and no, lists and mappings as JSON has them."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, dict | list) else str(value)
+
+
 def _parameters(prior: dict[str, Any]) -> str:
     family, *parameters = prior.items()
     return f"{family[1]} ({', '.join(f'{name} {value:g}' for name, value in parameters)})"
@@ -208,11 +216,12 @@ def _parameters(prior: dict[str, Any]) -> str:
 
 def _made(result: Reported) -> dict[str, str]:
     run, checks = result.run, result.diagnostics
+    options = {name: value for name, value in run["options"].items() if name != "priors"}
     figures = {name: checks[key] for key, name in CHECKS.items() if isinstance(checks.get(key), int | float)}
     return {
         "command": run["command"],
         "seed": str(run["seed"]),
-        "options": ", ".join(f"{name} {value}" for name, value in run["options"].items() if name != "priors"),
+        "options": ", ".join(f"{name} {_option(value)}" for name, value in options.items() if value is not None),
         "priors": _priors(run["options"].get("priors", {})),
         **{f"SHA-256 of {label(Path(path).name, 60)}": str(digest) for path, digest in run["inputs"].items()},
         "versions": ", ".join(f"{name} {used}" for name, used in run["versions"].items()),

@@ -77,8 +77,9 @@ def read_posterior(folder: Path) -> tuple[Path, xr.DataTree, str]:
         raise BadInput(f"{diagnostics}: holds no verdict; run fit again")
     path = folder / "posterior.nc"
     tree = read_tree(path)
-    draws = tree["posterior"].data_vars if "posterior" in tree.children else {}
-    for name in (name for name, values in draws.items() if values.dtype.kind not in "biuf"):
+    if "posterior" not in tree.children:
+        raise BadInput(f"{path}: holds no draws; run fit or motion again")
+    for name in (name for name, values in tree["posterior"].data_vars.items() if values.dtype.kind not in "biuf"):
         raise BadInput(f"{path}: {name} holds no numbers; run fit or motion again")
     return path, tree, verdict
 

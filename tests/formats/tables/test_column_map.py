@@ -175,7 +175,7 @@ def test_a_map_that_cannot_be_is_refused_in_one_line(toml, said, tmp_path):
         ("V,Weg,Kraft", 'record = "V"\nforce_kN = "F"', "no column 'F', which the column map calls force_kN; found V,"),
         ("V,Weg,force_kN,F", 'force_kN = "F"', "column 'force_kN' stands beside the one that the column map calls so"),
         ("V,Weg,Kraft (N)", 'force_kN = "Kraft (N)"', "is taken for kN, its name says 'N'; give its unit in the map"),
-        ("V,Weg,Stufe", 'step_kN = { name = "Stufe", unsigned = true }', "unsigned by the map, and need a column direction"),
+        ("V,Weg,Stufe", 'step_kN = { name = "Stufe", unsigned = true }', "by the map, and need a column direction"),
         ("V,Weg,time_s", "[constants]\ntime_s = 1", "column time_s is in the file and among the constants"),
     ],
 )

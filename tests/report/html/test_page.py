@@ -1,6 +1,7 @@
 """The page itself, without a browser: labels are text, nothing is loaded from outside, the same bytes each time."""
 
 import dataclasses
+import html
 import re
 from html import unescape
 
@@ -61,6 +62,13 @@ def test_a_folder_that_holds_no_result_of_a_fit_is_refused(two, away, tmp_path, 
     (tmp_path / name).write_text(content)
     with pytest.raises(BadInput, match=said):
         read_reported(tmp_path, "x")
+
+
+def test_options_stand_as_a_reader_knows_them_and_not_as_python_has_them(two):
+    options = {"limit": None, "units_checked": True, "columns": {"columns": {"force_kN": {"unit": "N"}}}}
+    page = html.unescape(page_of(dataclasses.replace(two, run={**two.run, "options": options})))
+    assert 'units_checked yes, columns {"columns": {"force_kN": {"unit": "N"}}}' in page
+    assert "limit None" not in page
 
 
 def test_what_no_record_shows_is_said_once_with_what_it_would_do_to_k(two, away):
