@@ -142,7 +142,8 @@ def _rows(record: StudyRecord, seed: int) -> list[dict[str, object]]:
             for row in _parameter_rows(truth, None)
         ]
     fit = {"method": estimate.method, "pareto_k": estimate.pareto_k, **_residual_statistics(estimate)}
-    fit |= {"discrepancy_percent": 100 * estimate.discrepancy_share}
+    shares = {"discrepancy": estimate.discrepancy_share, "load_departure": estimate.load_departure_share}
+    fit |= {f"{name}_percent": 100 * share for name, share in shares.items()}
     fit |= {"cpu_seconds": time.process_time() - began, "status": estimate.status or "ok", "origin": ORIGIN}
     return [{**factors, "seed": record_seed, **row, **fit} for row in _parameter_rows(truth, estimate)]
 

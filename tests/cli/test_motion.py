@@ -26,7 +26,8 @@ PARAMETERS = ["k", "x", "beta", "m", "c", "energy_per_cycle"]
 UNITS = {"k": "kN/mm", "x": "kN", "beta": "mm", "m": "kg", "c": "kN s/mm", "energy_per_cycle": "J"}
 COLUMNS = {
     *("k_kN_per_mm", "k_kN_per_mm_se", "x_kN", "x_kN_se", "beta_mm", "beta_mm_se", "m_kg", "m_kg_se"),
-    *("c_kN_s_per_mm", "c_kN_s_per_mm_se", "discrepancy_kN", "discrepancy_percent", "pareto_k", "status", "origin"),
+    *("c_kN_s_per_mm", "c_kN_s_per_mm_se", "discrepancy_kN", "discrepancy_percent", "load_departure_percent"),
+    *("pareto_k", "status", "origin"),
     *("record", *FACTORS),
 }
 #: Too few draws for a verdict of `pass`, which asks for 100 effective ones a chain.

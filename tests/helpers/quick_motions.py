@@ -27,6 +27,7 @@ def estimated(task: Task) -> Done:
         "displacement_mm": 10.0,
         "discrepancy_kN": 0.0,
         "discrepancy_percent": 0.0,
+        "load_departure_percent": 0.0,
         "method": "importance",
         "pareto_k": 0.1,
         "status": "ok",

@@ -38,7 +38,7 @@ from bayes_tyre.workflow.raw.raw_records import attempted, origin_of_raw, usable
 #: Spring and damper from the free vibration after the load's step, beside those fitted to the whole motion.
 _BY_DECAY = ("decay_k_kN_per_mm", "decay_c_kN_s_per_mm")
 #: The force that load and law leave out: its standard deviation, and that in per cent of the load's step.
-_DISCREPANCY = ("discrepancy_kN", "discrepancy_percent")
+_DISCREPANCY = ("discrepancy_kN", "discrepancy_percent", "load_departure_percent")
 OK = "ok"
 #: Before the name of the law in the method that a task names.
 BY_LAW = "motion on "
@@ -131,7 +131,7 @@ def _columns(rig: Rig, estimate: MotionEstimate, unknowns: MotionParameters) -> 
     applied = geometry.tyre_load(rig, unknowns.load_kN.mean())
     row["displacement_mm"] = float(rest_displacement(rig, applied, k=values[0], offset_kN=unknowns.law.C))
     share = estimate.discrepancy_share
-    discrepancy = share * float(load_step_kN(rig, unknowns)), 100 * share
+    discrepancy = share * float(load_step_kN(rig, unknowns)), 100 * share, 100 * estimate.load_departure_share
     row |= dict(zip(_DISCREPANCY, discrepancy, strict=True))
     row |= {"method": estimate.method, "pareto_k": float(estimate.pareto_k), "status": estimate.status or OK}
     row |= {"log_evidence": estimate.log_evidence, _EFFECTIVE: estimate.effective_draws}

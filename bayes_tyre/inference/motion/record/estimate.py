@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
 from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import force_columns, load_step_kN
+from bayes_tyre.inference.motion.record.disturbance.load_departure import load_departure, with_load_departure
 from bayes_tyre.inference.motion.record.disturbance.response import disturbance_response
 from bayes_tyre.inference.motion.record.disturbance.road_roughness import (
     road_response,
@@ -47,6 +48,10 @@ MISFIT_MOST, CORRELATION_MOST = 0.3, 0.2
 DISCREPANCY_MOST = 7e-4
 #: Tolerance of the last fit with a disturbance, in prior standard deviations: reversals of friction leave kinks.
 DISTURBED_TOLERANCE = 1e-4
+#: Squared step, in posterior standard deviations, at which such a fit of a stationary record has converged (`AT_PEAK`).
+#: Its response is linear about one motion, and reversals of friction near rest are kinks that stop the solver before.
+#: What is drawn about the point is weighted by its density.
+FORCED_AT_PEAK = 0.1
 #: Fits of a stationary record with the force that load and law leave out, each about the force of the one before.
 FORCE_ROUNDS = 3
 
@@ -75,6 +80,9 @@ class MotionEstimate:
     discrepancy_share:
         Standard deviation of the force that load and law leave out, while the tyre moves fastest, as a share of the
         load's step; 0 where the readings do not ask for one, NaN for a rolling record.
+    load_departure_share:
+        Standard deviation of the load's departure from the shape of its step, as a share of the step, by the load cell;
+        0 where its readings do not ask for one, NaN for a rolling record.
     status:
         Empty, or why the estimate is not to be trusted as it stands.
     """
@@ -90,6 +98,7 @@ class MotionEstimate:
     effective_draws: float
     log_evidence: float
     discrepancy_share: float
+    load_departure_share: float
     status: str
 
     @property
@@ -133,6 +142,7 @@ def estimate_motion(
         effective_draws=draws.effective,
         log_evidence=log_evidence(window, estimate, weighted if draws.method == "importance" else None),
         discrepancy_share=_discrepancy_share(window),
+        load_departure_share=_load_departure_share(window),
         status="; ".join([*_reasons(rig, window, estimate), *[_untrusted(weighted)] * (draws.method == "laplace")]),
     )
 
@@ -166,11 +176,14 @@ def _posterior_draws(
     return _PosteriorDraws(draws, weighted.weights, method, weighted.effective)
 
 
-def fit_window(rig: Rig, window: Window) -> tuple[Window, MapEstimate]:
+type _Fit = tuple[Window, MapEstimate]
+
+
+def fit_window(rig: Rig, window: Window) -> _Fit:
     """Return a window, with the response to road roughness where the tyre rolls, and its MAP estimate."""
     starts = starting_points(rig, window)
     if window.rolling is None:
-        return _with_force(rig, window, fit_map(rig, window, starts))
+        return _fit_stationary(rig, window, starts)
     standard, waves = rough_map(rig, window, starts), wave_count(window)
     road = road_response(rig, window, standard, waves)
     window = window._replace(disturbance=road)
@@ -181,23 +194,31 @@ def fit_window(rig: Rig, window: Window) -> tuple[Window, MapEstimate]:
     return window, jax.tree.map(np.asarray, refine_map(rig, window, rough.standard, DISTURBED_TOLERANCE))
 
 
-def _with_force(rig: Rig, window: Window, estimate: MapEstimate) -> tuple[Window, MapEstimate]:
-    """Return window and estimate with the force that load and law leave out.
+def _fit_stationary(rig: Rig, window: Window, starts: Float[np.ndarray, "starts parameters"]) -> _Fit:
+    """Return window and estimate with the forces that the load's shape and the law leave out.
 
-    As given where there is none, and where the fit does not converge with it: far from the true motion its linear
-    response says nothing.
+    A force that only the motion shows is kept where the fit converges with it: far from the true motion its linear
+    response says nothing. The load's departure from its shape is kept in any case, for the load cell shows it.
     """
-    among = force_columns(rig, window, estimate.standard)
-    forced, refined = window, estimate
-    for _ in range(FORCE_ROUNDS):
-        force = disturbance_response(rig, forced, refined.standard, among)
-        if not force.size > 0:
+    departure = load_departure(rig, window)
+    departs = bool(departure.size > 0)
+    if departs:
+        window = with_load_departure(window, departure)
+        starts = starts + np.asarray(departure.standard)
+    kept = window, fit_map(rig, window, starts)
+    among, further = force_columns(rig, window, kept[1].standard), departure.columns if departs else None
+    none = among._replace(sizes=jnp.zeros_like(among.sizes))
+    forced, refined = kept
+    # With the cell's estimate of a departure the first fit is far from the motion, and a force would take that up.
+    for possible in (*[none] * departs, *[among] * FORCE_ROUNDS):
+        force = disturbance_response(rig, forced, refined.standard, possible, further)
+        if not (departs or force.size > 0):
             break
         forced = forced._replace(disturbance=force)
-        refined = refine_map(rig, forced, refined.standard, DISTURBED_TOLERANCE)
-    if refined.converged:
-        window, estimate = forced, refined
-    return window, jax.tree.map(np.asarray, estimate)
+        refined = refine_map(rig, forced, refined.standard, DISTURBED_TOLERANCE, FORCED_AT_PEAK)
+        if refined.converged or departs:
+            kept = forced, refined
+    return kept[0], jax.tree.map(np.asarray, kept[1])
 
 
 def weights_trusted(weighted: WeightedDraws) -> bool:
@@ -263,6 +284,12 @@ def _discrepancy_share(window: Window) -> float:
     if window.rolling is not None:
         return float("nan")
     return 0.0 if window.disturbance is None else float(window.disturbance.size)
+
+
+def _load_departure_share(window: Window) -> float:
+    if window.rolling is not None:
+        return float("nan")
+    return 0.0 if window.disturbance is None else float(jnp.asarray(window.disturbance.load_size))
 
 
 def _untrusted(weighted: WeightedDraws) -> str:

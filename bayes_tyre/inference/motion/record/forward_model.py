@@ -30,7 +30,7 @@ def simulated(
         In addition to load and runout.
     """
     time_s = node_times(window)
-    F = jnp.asarray(geometry.tyre_load(rig, cylinder_load(parameters, time_s)))
+    F = jnp.asarray(geometry.tyre_load(rig, cylinder_load(parameters, time_s) + disturbance.load_kN))
     ground = parameters.ground
     runout = jnp.zeros_like(time_s) if ground is None else ground.displacement_mm(time_s)
     drive = Drive(time_s, F + disturbance.force_kN, runout + disturbance.road_mm)
@@ -89,7 +89,7 @@ def predicted(
         [
             parameters.acceleration_m_per_s2 - lever(rig) * motion.acceleration_m_per_s2,
             parameters.laser_mm + lever(rig) * (motion.displacement_mm - level),
-            cylinder_load(parameters, jnp.asarray(drive.time_s)),
+            cylinder_load(parameters, jnp.asarray(drive.time_s)) + disturbance.load_kN,
         ]
     )
     return block_means(readings, jnp.asarray(window.node_weights))

@@ -122,10 +122,17 @@ def rough_map(rig: Rig, window: Window, starts: Float[ArrayLike, "starts paramet
 
 @functools.partial(jax.jit, static_argnums=0)
 def refine_map(
-    rig: Rig, window: Window, standard: Float[Array, " parameters"], tolerance: ScalarLike = TOLERANCE
+    rig: Rig,
+    window: Window,
+    standard: Float[Array, " parameters"],
+    tolerance: ScalarLike = TOLERANCE,
+    at_peak: ScalarLike = AT_PEAK,
 ) -> MapEstimate:
-    """Return the result of the last stage from a nearby point; `tolerance` in prior standard deviations."""
-    return _map_estimate(window, _solve(rig, window, standard, MAX_STEPS, tolerance))
+    """Return the result of the last stage from a nearby point.
+
+    `tolerance` is in prior standard deviations, `at_peak` in squared posterior ones (`AT_PEAK`).
+    """
+    return _map_estimate(window, _solve(rig, window, standard, MAX_STEPS, tolerance), at_peak)
 
 
 class _Solved(NamedTuple):
@@ -165,13 +172,13 @@ def _staged(
     return jax.tree.map(lambda values: values[-1], stages)
 
 
-def _map_estimate(window: Window, last: _Solved) -> MapEstimate:
+def _map_estimate(window: Window, last: _Solved, at_peak: ScalarLike = AT_PEAK) -> MapEstimate:
     """Return the estimate and its statistics from the end point of the last stage."""
     residual, jacobian = last.residuals, last.jacobian
     finite = jnp.all(jnp.isfinite(residual)) & jnp.all(jnp.isfinite(jacobian))
     # The last rows are the prior's: the matrix has full rank.
     covariance, gradient = jnp.linalg.inv(jacobian.T @ jacobian), jacobian.T @ residual
-    at_peak = gradient @ covariance @ gradient < AT_PEAK
+    near = gradient @ covariance @ gradient < at_peak
     weight = jnp.asarray(window.weight)
     residual = residual[: weight.size].reshape(weight.shape)
     squares = jnp.sum(residual**2, axis=1)
@@ -181,7 +188,7 @@ def _map_estimate(window: Window, last: _Solved) -> MapEstimate:
         chi_squared=squares / jnp.sum(weight > 0, axis=1),
         correlation=jnp.sum(residual[:, 1:] * residual[:, :-1], axis=1) / squares,
         steps=last.steps,
-        converged=(last.done | at_peak) & finite,
+        converged=(last.done | near) & finite,
     )
 
 

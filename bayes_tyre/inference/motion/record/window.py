@@ -75,10 +75,13 @@ class Disturbance(NamedTuple):
         Displacement of the ground in addition to the runout's harmonics, mm, positive where it compresses the tyre.
     force_kN:
         Force on the wheel centre that neither load cell nor law know, kN, down positive; 0 at the window's start.
+    load_kN:
+        Cylinder's load in addition to its step's shape, kN, which the load cell reads; 0 at the window's start.
     """
 
     road_mm: Float[ArrayLike, "*nodes"] = 0.0
     force_kN: Float[ArrayLike, "*nodes"] = 0.0
+    load_kN: Float[ArrayLike, "*nodes"] = 0.0
 
 
 UNDISTURBED = Disturbance()
@@ -104,6 +107,8 @@ class DisturbanceResponse(NamedTuple):
     whitening:
         Matrix that whitens the accelerometer's residuals, shape (blocks, blocks); None before it is estimated
         (`road_noise`).
+    load_size:
+        Standard deviation of the load's departure from its shape, as a share of its step (`load_departure`).
     """
 
     mean: Disturbance
@@ -113,6 +118,7 @@ class DisturbanceResponse(NamedTuple):
     directions: Float[Array, "*records readings directions"]
     shrink: Float[Array, "*records directions"]
     whitening: Float[Array, "*records blocks blocks"] | None = None
+    load_size: Float[ArrayLike, "*records"] = 0.0
 
 
 class Window(NamedTuple):
@@ -133,7 +139,7 @@ class Window(NamedTuple):
     rolling:
         For a rolling tyre.
     disturbance:
-        A rolling tyre's road; the force that the law leaves out of a stationary one's record, if any.
+        A rolling tyre's road; the forces that law and load's shape leave out of a stationary one's record, if any.
     law:
         Force law that is fitted.
     """
@@ -146,6 +152,11 @@ class Window(NamedTuple):
     rolling: Rolling | None = None
     disturbance: DisturbanceResponse | None = None
     law: MotionLaw = FANCHER
+
+    @property
+    def mean_disturbance(self) -> Disturbance:
+        """The estimate of what acts on the axle beside load, runout and law."""
+        return UNDISTURBED if self.disturbance is None else self.disturbance.mean
 
 
 def make_window(rig: Rig, samples: Recorded, law: MotionLaw = FANCHER) -> Window:

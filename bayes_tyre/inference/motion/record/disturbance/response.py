@@ -15,7 +15,8 @@ from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.motion.record.forward_model import misfit
 from bayes_tyre.inference.motion.record.map_fit import value_and_jacobian
-from bayes_tyre.inference.motion.record.window import UNDISTURBED, Disturbance, DisturbanceResponse, Window
+from bayes_tyre.inference.motion.record.window import Disturbance, DisturbanceResponse, Window
+from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.rig.axle import Rig
 
 
@@ -42,7 +43,11 @@ class Columns(NamedTuple):
 
 @functools.partial(jax.jit, static_argnums=0)
 def disturbance_response(
-    rig: Rig, window: Window, standard: Float[Array, " parameters"], among: Columns
+    rig: Rig,
+    window: Window,
+    standard: Float[Array, " parameters"],
+    among: Columns,
+    further: Disturbance | None = None,
 ) -> DisturbanceResponse:
     """Return the readings' response to a disturbance of the most probable size; that to size 0 is not a number.
 
@@ -59,18 +64,47 @@ def disturbance_response(
         Standardised parameters near the MAP estimate.
     among:
         Columns, with the factors and sizes to choose from.
+    further:
+        Columns of a disturbance of known size, with weights of standard deviation 1; its weights follow the others'.
     """
     given = window.disturbance
-    mean = UNDISTURBED if given is None else given.mean
+    mean = window.mean_disturbance
     responses = _responses(rig, window, standard, mean, among.columns)
-    residual, jacobian = value_and_jacobian(rig, standard, window._replace(disturbance=_fixed(window, mean)))
+    known = jnp.zeros((len(responses), 0)) if further is None else _responses(rig, window, standard, mean, further)
+    residual, jacobian = value_and_jacobian(rig, standard, window._replace(disturbance=fixed(window, mean)))
     if given is not None:
-        residual = residual.at[: len(responses)].add(-responses @ given.weights)
+        residual = residual.at[: len(responses)].add(-jnp.concatenate([responses, known], axis=1) @ given.weights)
+    if further is None:
+        factor, size = most_probable(among, responses, residual, jacobian)
+    else:
+        directions, shrink, _ = _whitening(known)
+        whitened = (_readings_whitened(each, directions, shrink) for each in (residual, jacobian))
+        factor, size = most_probable(among, _whiten(responses, directions, shrink), *whitened)
+    unit = conditional(jnp.concatenate([responses @ (size * factor), known], axis=1), residual, jacobian)
+    weights = jnp.concatenate([size * (factor @ unit.weights[: len(factor)]), unit.weights[len(factor) :]])
+    response = (jnp.concatenate([responses, known], axis=1) @ weights).reshape(window.readings.shape)
+    columns = among.columns if further is None else jax.tree.map(lambda *c: jnp.concatenate(c), among.columns, further)
+    estimate = jax.tree.map(lambda columns: weights @ columns, columns)
+    kept = {} if given is None else {"whitening": given.whitening, "load_size": given.load_size}
+    return DisturbanceResponse(estimate, size, weights, response, unit.directions, unit.shrink, **kept)
+
+
+def most_probable(
+    among: Columns, responses: Float[Array, "readings columns"], residual: Array, jacobian: Array
+) -> tuple[Float[Array, "columns columns"], Float[Array, ""]]:
+    """Return the factor and the size of the greatest restricted likelihood, penalties included.
+
+    Parameters
+    ----------
+    among:
+        Factors and sizes to choose from.
+    responses:
+        Of the standardised readings to the columns.
+    residual, jacobian:
+        Of the fit: the readings' rows, then those of the prior.
+    """
     padded = jnp.concatenate([responses, jnp.zeros((residual.size - len(responses), responses.shape[1]))])
-    padded, rest = (
-        padded - jacobian @ _least_squares(jacobian, padded),
-        residual - jacobian @ _least_squares(jacobian, residual),
-    )
+    padded, rest = (each - jacobian @ _least_squares(jacobian, each) for each in (padded, residual))
 
     def objective(factor: Array) -> Array:
         left, singular_values, _ = _singular(padded @ factor)
@@ -79,19 +113,28 @@ def disturbance_response(
 
     objectives = jax.vmap(objective)(among.factors)
     choice, at = jnp.unravel_index(jnp.argmin(objectives), objectives.shape)
-    factor, size = among.factors[choice], among.sizes[at]
-    directions, singular_values, loadings = _singular(size * (responses @ factor))
+    return among.factors[choice], among.sizes[at]
+
+
+class Conditional(NamedTuple):
+    """A disturbance given the readings: its weights' estimate, and how the readings' covariance has grown.
+
+    `directions` and `shrink` as in `DisturbanceResponse`.
+    """
+
+    weights: Float[Array, " columns"]
+    directions: Float[Array, "readings columns"]
+    shrink: Float[Array, " columns"]
+
+
+def conditional(responses: Float[Array, "readings columns"], residual: Array, jacobian: Array) -> Conditional:
+    """Return a disturbance given the readings; its weights have standard deviation 1, the rest as `most_probable`."""
+    directions, shrink, (singular_values, loadings) = _whitening(responses)
     # The parameters are estimated jointly with the disturbance.
-    shrink = 1 - 1 / jnp.sqrt(1 + singular_values**2)
-    rows = jnp.concatenate([_whiten(jacobian[: len(responses)], directions, shrink), jacobian[len(responses) :]])
-    rest = jnp.concatenate([_whiten(residual[: len(responses)], directions, shrink), residual[len(responses) :]])
+    rows, rest = (_readings_whitened(each, directions, shrink) for each in (jacobian, residual))
     moved = (residual - jacobian @ _least_squares(rows, rest))[: len(responses)]
-    unit = loadings.T @ (singular_values / (1 + singular_values**2) * (directions.T @ moved))
-    weights = -size * (factor @ unit)
-    response = (responses @ weights).reshape(window.readings.shape)
-    estimate = jax.tree.map(lambda columns: weights @ columns, among.columns)
-    whitening = None if given is None else given.whitening
-    return DisturbanceResponse(estimate, size, weights, response, directions, shrink, whitening)
+    weights = -loadings.T @ (singular_values / (1 + singular_values**2) * (directions.T @ moved))
+    return Conditional(weights, directions, shrink)
 
 
 def _least_squares(rows: Array, residual: Array) -> Array:
@@ -110,15 +153,32 @@ def _singular(columns: Float[Array, "rows columns"]) -> tuple[Array, Array, Arra
     return columns @ vectors / singular_values, singular_values, vectors.T
 
 
+def _whitening(responses: Float[Array, "readings columns"]) -> tuple[Array, Array, tuple[Array, Array]]:
+    """Return what whitens readings with a response to weights of standard deviation 1; singular values, loadings."""
+    directions, singular_values, loadings = _singular(responses)
+    return directions, 1 - 1 / jnp.sqrt(1 + singular_values**2), (singular_values, loadings)
+
+
 def _whiten(residual: Array, directions: Array, shrink: Array) -> Array:
     return residual - directions @ ((shrink * (directions.T @ residual).T).T)
 
 
-def _fixed(window: Window, mean: Disturbance) -> DisturbanceResponse:
+def _readings_whitened(rows: Array, directions: Array, shrink: Array) -> Array:
+    """Return rows with those of the readings whitened; those of the prior follow them."""
+    readings = len(directions)
+    return jnp.concatenate([_whiten(rows[:readings], directions, shrink), rows[readings:]])
+
+
+def fixed(
+    window: Window, mean: Disturbance, weights: Float[ArrayLike, "*columns"] = 0.0, load_size: ScalarLike = 0.0
+) -> DisturbanceResponse:
     """Return the response to a disturbance that is known: residuals are the noise alone."""
     whitening = None if window.disturbance is None else window.disturbance.whitening
     nothing, none = jnp.zeros_like(window.readings), jnp.zeros(1)
-    return DisturbanceResponse(mean, none[0], none, nothing, jnp.zeros((window.readings.size, 1)), none, whitening)
+    directions = jnp.zeros((window.readings.size, 1))
+    return DisturbanceResponse(
+        mean, none[0], jnp.asarray(weights), nothing, directions, none, whitening, jnp.asarray(load_size)
+    )
 
 
 def _responses(

@@ -44,7 +44,7 @@ def road_response(rig: Rig, window: Window, standard: Float[Array, " parameters"
         Number of frequencies (`wave_count`).
     """
     road = waves_between(window, 1, waves + 1, PERIOD_WINDOWS)[1] / jnp.sqrt(_SHARE)
-    columns = Disturbance(road, jnp.zeros_like(road))
+    columns = Disturbance(road, jnp.zeros_like(road), jnp.zeros_like(road))
     among = Columns(columns, jnp.eye(len(road))[None], jnp.geomspace(*ROUGHNESS_MM, _GRID))
     return disturbance_response(rig, window, standard, among)
 

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.mismatched_motions import simulated
 from helpers.recorded_motions import RIG, recorded
 
 from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import force_columns
@@ -11,15 +12,8 @@ from bayes_tyre.inference.motion.record.disturbance.response import disturbance_
 from bayes_tyre.inference.motion.record.estimate import DISCREPANCY_MOST, estimate_motion
 from bayes_tyre.inference.motion.record.forward_model import misfit, predicted, residuals
 from bayes_tyre.inference.motion.record.parameters import in_units
-from bayes_tyre.inference.motion.record.window import Disturbance, Recorded
-from bayes_tyre.rig.axle import load_rig
-from bayes_tyre.signals.factors import RecordFactors
-from bayes_tyre.signals.process import prepare
-from bayes_tyre.simulate.draw import draw_truth
+from bayes_tyre.inference.motion.record.window import Disturbance
 from bayes_tyre.simulate.plan import quick_plan
-from bayes_tyre.studies.motion_machine import recorded_on
-from bayes_tyre.studies.motion_mismatch import MISMATCHES
-from bayes_tyre.studies.motion_study import study_records
 
 pytestmark = [pytest.mark.usefixtures("fully_compiled"), pytest.mark.slow]
 
@@ -78,6 +72,29 @@ def test_density_is_that_of_readings_with_the_forces_covariance(fitted, columns)
     assert log_determinant == pytest.approx(np.linalg.slogdet(covariance)[1], rel=1e-5)
 
 
+def test_density_with_a_load_beside_the_force_is_that_of_both_covariances(fitted, columns):
+    window, _ = shaken(fitted, columns, SIZE, seed=5)
+    standard = fitted[1]
+    none, waves = jnp.zeros((3, columns.columns.force_kN.shape[1])), columns.columns.force_kN[10:61:25]
+    load = Disturbance(none, none, 0.05 * waves)
+    random = disturbance_response(RIG, window, standard, of_size(columns, SIZE), load)
+    at = standard + 0.01 * np.random.default_rng(6).standard_normal(len(standard))
+    whitened = residuals(RIG, at, window._replace(disturbance=random))[: window.readings.size]
+    run = jax.jit(lambda force, load: misfit(RIG, standard, window, Disturbance(0.0, force, load)).ravel())
+    step, nothing = 1e-4, jnp.zeros_like(waves[0])
+    G = np.stack(
+        [(run(step * one, nothing) - run(-step * one, nothing)) / (2 * step) for one in columns.columns.force_kN]
+        + [(run(nothing, step * one) - run(nothing, -step * one)) / (2 * step) for one in load.load_kN],
+        axis=1,
+    )
+    scaled = np.concatenate([SIZE * G[:, :-3] @ np.asarray(columns.factors[1]), G[:, -3:]], axis=1)
+    covariance = np.eye(len(G)) + scaled @ scaled.T
+    difference = misfit(RIG, at, window, random.mean).ravel() - G @ np.asarray(random.weights)
+    expected = difference @ np.linalg.solve(covariance, difference)
+    assert float(whitened @ whitened) == pytest.approx(float(expected), rel=1e-5)
+    assert -2 * float(jnp.sum(jnp.log1p(-random.shrink))) == pytest.approx(np.linalg.slogdet(covariance)[1], rel=1e-5)
+
+
 def test_mean_is_the_force_that_the_readings_show(fitted, columns):
     window, force = shaken(fitted, columns, 0.01, seed=3)
     random = disturbance_response(RIG, window, fitted[1], of_size(columns, 0.01))
@@ -98,16 +115,6 @@ def test_size_is_below_its_limit_without_a_force_and_about_right_with_one(fitted
     # Sixty directions stand above the noise: the standard error of the size's logarithm is 0.10, and of four
     # values one is beyond a factor of 1.6 in 0.002 % of seeds. Of none, one in 140 would be above zero at all.
     assert all(SIZE / 1.6 < size < 1.6 * SIZE for size in found[SIZE])
-
-
-def simulated(mismatch, number):
-    """Return truth, rig and recording of a record of the study of motions, by an integrator that is not the fit's."""
-    record = study_records(0, 0, 0, number + 1, standing_only=True)[number]
-    rig = load_rig(record.plan.case.configuration)
-    truth = MISMATCHES[mismatch].change(draw_truth(record.plan, rig, 20 + number), rig)
-    raw = recorded_on(MISMATCHES[mismatch].machine, truth, rig)
-    factors = RecordFactors(record.plan.record, record.plan.case, record.plan.repeat)
-    return truth, rig, Recorded(*prepare(raw, rig, factors).for_motion())
 
 
 def test_intervals_hold_the_truth_where_the_load_has_another_shape():

@@ -1,0 +1,109 @@
+"""The load's departure from the shape of its step (`load_step`), by the load cell's own readings.
+
+A valve that rings or a step in two stages has no place in the family of shapes, and the motion would take it up. The
+departure is a normal process (`matern_process`) beside the shape, its size estimated from the load cell alone, before
+anything else is fitted. Where the readings ask for one, the first fit of the motion takes the cell's estimate of it;
+later ones integrate it out, together with the force that the law leaves out.
+"""
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import lineax as lx
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from bayes_tyre.inference.motion.record.disturbance.matern_process import (
+    correlation_factors,
+    knots_from,
+    sizes_and_penalties,
+)
+from bayes_tyre.inference.motion.record.disturbance.response import Columns, conditional, fixed, most_probable
+from bayes_tyre.inference.motion.record.forward_model import block_means, cylinder_load, node_times
+from bayes_tyre.inference.motion.record.parameters import in_units, parameter_names
+from bayes_tyre.inference.motion.record.window import Disturbance, Window
+from bayes_tyre.rig.axle import Rig
+
+#: The parameters that the load cell reads.
+LOAD_PARAMETERS = (
+    *("load_before_kN", "load_after_kN", "ramp_start_s", "log_rise"),
+    *("shape_bend_onset", "shape_bend_end", "shape_even", "shape_odd"),
+)
+#: The departure's standard deviation falls by a factor of e in so long after the step's end, s: a load settles.
+SETTLES_S = 0.1
+_STEPS, _TOLERANCE = 100, 1e-6
+
+
+class LoadDeparture(NamedTuple):
+    """What the load cell says of the load's shape.
+
+    Attributes
+    ----------
+    size:
+        Standard deviation of the departure, as a share of the load's step; 0: the readings do not ask for one.
+    standard:
+        Standardised parameters, those of the load as the cell says and the others 0, shape (parameters,).
+    columns:
+        Of the departure's disturbance, with weights of standard deviation 1, shape (knots, nodes).
+    weights:
+        Their estimate, shape (knots,).
+    """
+
+    size: Float[Array, ""]
+    standard: Float[Array, " parameters"]
+    columns: Disturbance
+    weights: Float[Array, " knots"]
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def load_departure(rig: Rig, window: Window) -> LoadDeparture:
+    """Return the load's departure from the shape of its step, by restricted maximum likelihood from the load cell.
+
+    Parameters
+    ----------
+    rig:
+        Geometry; static.
+    window:
+        Of the record.
+    """
+    names = parameter_names(window.law)
+    at = jnp.array([names.index(name) for name in LOAD_PARAMETERS])
+    time_s, weight, node_weights = node_times(window), window.weight[2], jnp.asarray(window.node_weights)
+
+    def parameters(values: Array) -> Array:
+        return jnp.zeros(window.prior.shape[-1]).at[at].set(values)
+
+    def residual(values: Array) -> Array:
+        load = cylinder_load(in_units(rig, parameters(values), window.prior, window.rolling, window.law), time_s)
+        read = block_means(load[None], node_weights)[0]
+        return jnp.concatenate([(read - window.readings[2]) * weight, values])
+
+    solver = optx.LevenbergMarquardt(_TOLERANCE, _TOLERANCE, linear_solver=lx.Normal(lx.Cholesky()))
+    start = jnp.zeros(len(LOAD_PARAMETERS))
+    solution = optx.least_squares(lambda y, _: residual(y), solver, start, max_steps=_STEPS, throw=False)
+    standard = parameters(solution.value)
+    shape = in_units(rig, standard, window.prior, window.rolling, window.law)
+    knots = knots_from(window, shape.start_s)
+    settling = jnp.exp(-jnp.maximum(knots.time_s - shape.start_s - shape.rise_s, 0.0) / SETTLES_S)
+    sd = jnp.abs(shape.load_kN[1] - shape.load_kN[0]) * settling
+    factors = sd[:, None] * correlation_factors(knots)
+    none = jnp.zeros_like(knots.functions)
+    among = Columns(Disturbance(none, none, knots.functions), factors, *sizes_and_penalties())
+    responses = weight[:, None] * block_means(knots.functions, node_weights).T
+    left, jacobian = residual(solution.value), jax.jacfwd(residual)(solution.value)
+    factor, size = most_probable(among, responses, left, jacobian)
+    unit = Disturbance(none, none, size * factor.T @ knots.functions)
+    weights = conditional(responses @ (size * factor), left, jacobian).weights
+    return LoadDeparture(size, standard, unit, weights)
+
+
+def with_load_departure(window: Window, departure: LoadDeparture) -> Window:
+    """Return the window with the load cell's estimate of the departure as a known disturbance.
+
+    Its weights stand behind those of a force, which are 0.
+    """
+    mean = jax.tree.map(lambda columns: departure.weights @ columns, departure.columns)
+    weights = jnp.concatenate([jnp.zeros_like(departure.weights), departure.weights])
+    return window._replace(disturbance=fixed(window, mean, weights, departure.size))
