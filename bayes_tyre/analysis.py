@@ -17,6 +17,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre import __all__ as __all__
 from bayes_tyre.errors import BadInput as BadInput
+from bayes_tyre.formats.constant_data import put_together
 from bayes_tyre.formats.run_lock import sole_run
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.diagnostics import verdict as diagnostics
@@ -244,7 +245,7 @@ def read_posterior(folder: str | Path) -> Posterior:
 
 def diagnose(posterior: xr.DataTree) -> Diagnostics:
     """Return whether a posterior may be trusted: the verdict, its reasons and the figures behind them."""
-    return with_failures(diagnostics.diagnose(posterior), checks_in(posterior, FAILED))
+    return with_failures(diagnostics.diagnose(put_together(posterior)), checks_in(posterior, FAILED))
 
 
 def with_log_likelihood(
@@ -269,7 +270,7 @@ def with_log_likelihood(
     """
     prepare_jax(_DEVICES)
     model = _with_priors(model, priors)
-    return Posterior.of(log_likelihood.with_log_likelihood(posterior, check_record_table(records), model))
+    return Posterior.of(log_likelihood.with_log_likelihood(put_together(posterior), check_record_table(records), model))
 
 
 def _with_priors(model: ModelSettings | None, priors: Mapping[str, object] | None) -> ModelSettings:
@@ -311,17 +312,17 @@ def _verdict(posterior: xr.DataTree) -> str:
 
 def cases(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
     """Return k (kN/mm) and beta (mm) of each case: the columns of `cases.csv`."""
-    return summary.cases(posterior, _verdict(posterior), interval)
+    return summary.cases(put_together(posterior), _verdict(posterior), interval)
 
 
 def contrasts(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
     """Return ratios of k and of beta between configurations and directions: the columns of `contrasts.csv`."""
-    return ratios.contrasts(posterior, _verdict(posterior), interval)
+    return ratios.contrasts(put_together(posterior), _verdict(posterior), interval)
 
 
 def repeats(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
     """Return the parameters of each record and whether it is discordant: the columns of `repeats.csv`."""
-    return summary.repeats(posterior, _verdict(posterior), interval)
+    return summary.repeats(put_together(posterior), _verdict(posterior), interval)
 
 
 def figure(
@@ -353,7 +354,8 @@ def figure(
     table = None if records is None else check_record_table(records)
     from_tables = posterior.attrs["origin"] in ("published", "reconstructed")
     printed = tables.case_means() if from_tables else None
-    return NotebookFigure(chosen_figure(Result(posterior, _verdict(posterior), table, printed, interval), name))
+    result = Result(put_together(posterior), _verdict(posterior), table, printed, interval)
+    return NotebookFigure(chosen_figure(result, name))
 
 
 def predict(
@@ -392,9 +394,10 @@ def predict(
     BadInput
         For a posterior without records, and a case that it does not hold.
     """
-    query = parse_query([case] if isinstance(case, str) else case, prediction.predictable_cases(posterior))
+    verdict, tree = _verdict(posterior), put_together(posterior)
+    query = parse_query([case] if isinstance(case, str) else case, prediction.predictable_cases(tree))
     grid = None if displacement_mm is None else np.asarray(displacement_mm, dtype=float).ravel()
-    return prediction.predict(posterior, query, grid, verdict=_verdict(posterior), of=of, interval=interval, seed=seed)
+    return prediction.predict(tree, query, grid, verdict=verdict, of=of, interval=interval, seed=seed)
 
 
 def equation_2(

@@ -5,6 +5,7 @@ from pathlib import Path
 import xarray as xr
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.constant_data import put_together, set_apart
 from bayes_tyre.formats.files import whole_file
 from bayes_tyre.formats.unpacked import check_hdf5
 from bayes_tyre.plain_text import reason
@@ -16,9 +17,9 @@ def write_tree(tree: xr.DataTree, path: Path) -> Path:
     """Write a DataTree as netCDF, whole or not at all, the same tree as the same bytes; return the path.
 
     The bytes are made in memory first: where a disk refuses what HDF5 itself writes, HDF5 ends the process. The time
-    at which ArviZ made a group is left out.
+    at which ArviZ made a group is left out. Factors are in the group `constant_data` (`formats.constant_data`).
     """
-    timeless = tree.copy()
+    timeless = set_apart(tree).copy()
     for group in timeless.subtree:
         group.attrs.pop("created_at", None)
     with whole_file(path) as beside, beside.open("wb") as file:
@@ -41,7 +42,7 @@ def read_tree(path: Path) -> xr.DataTree:
     try:
         check_hdf5(path)
         with xr.open_datatree(path, engine=ENGINE) as tree:
-            return tree.load()
+            return put_together(tree.load())
     except (BadInput, MemoryError):
         raise
     except Exception as error:  # HDF5 raises several kinds of error

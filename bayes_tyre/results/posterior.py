@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from bayes_tyre.formats.constant_data import put_together, set_apart
 from bayes_tyre.inference.sampling.group_means import group_means
 from bayes_tyre.record import RECORD_UNITS
 
@@ -24,7 +25,8 @@ class Posterior(xr.DataTree):
 
     @classmethod
     def of(cls, tree: xr.DataTree) -> "Posterior":
-        """Return a tree as such a posterior; its data are not copied."""
+        """Return a tree as such a posterior, factors in `constant_data`; its data are not copied."""
+        tree = set_apart(tree)
         return cls(tree.to_dataset(), dict(tree.children), name=tree.name)
 
     def __repr__(self) -> str:
@@ -58,7 +60,7 @@ class Posterior(xr.DataTree):
 
 def means_table(tree: xr.DataTree) -> pd.DataFrame:
     """Return the mean parameters over the cases as text, a row a parameter and direction, a column a configuration."""
-    means = group_means(tree)
+    means = group_means(put_together(tree))
     tails = [(1.0 - INTERVAL) / 2.0, 0.5, (1.0 + INTERVAL) / 2.0]
     factors = [means[name].fillna("").to_numpy() for name in ("configuration", "direction")]
     cells: dict[str, dict[tuple[str, str], str]] = {}

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from bayes_tyre.formats.constant_data import put_together
 from bayes_tyre.inference.sampling.datatree import CASE_PARAMETERS, tree_cases
 from bayes_tyre.record import CASE_FACTORS, RECORD_UNITS, parameter_column
 
@@ -75,7 +76,7 @@ def level_means(tree: xr.DataTree, printed: pd.DataFrame | None = None, interval
         `by`, `level`, `configuration`, `cases` (how many are averaged), `parameter`, `unit`, `median`, `lower`,
         `upper`, `interval`, `printed` (NaN where not given). A word with one level has no rows.
     """
-    posterior = tree["posterior"].to_dataset()
+    posterior = put_together(tree)["posterior"].to_dataset()
     factor_table = pd.DataFrame(tree_cases(posterior), columns=list(CASE_FACTORS))
     numbers = list(CASE_FACTORS[2:])
     factor_table[numbers] = factor_table[numbers].astype(float)  # NaN where the data did not have the word

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 import pandas as pd
 import xarray as xr
 
+from bayes_tyre.formats.constant_data import put_together
 from bayes_tyre.inference.diagnostics.verdict import diagnose
 from bayes_tyre.inference.sampling.datatree import tree_cases
 from bayes_tyre.record import CASE_FACTORS
@@ -19,7 +20,7 @@ _SHOWN = (
 
 def setting(tree: xr.DataTree) -> Setting:
     """Return what figures of a posterior share; its verdict is judged where it does not carry one."""
-    configurations = {case.configuration or "" for case in tree_cases(tree["posterior"].to_dataset())}
+    configurations = {case.configuration or "" for case in tree_cases(put_together(tree)["posterior"].to_dataset())}
     verdict = tree.attrs.get("verdict") or diagnose(tree).verdict
     return Setting(tree.attrs["origin"], verdict, tuple(sorted(configurations)))
 

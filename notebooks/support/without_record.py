@@ -5,6 +5,7 @@ import pandas as pd
 import xarray as xr
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.constant_data import put_together
 from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST, smooth_log_weights
 from bayes_tyre.inference.diagnostics.record_marginal import hyperparameters, record_density, standard_points
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
@@ -45,7 +46,10 @@ def case_without(tree: xr.DataTree, table: pd.DataFrame, record: str, interval: 
     names = records.batch.records
     if record not in names:
         raise BadInput(f"record {record!r} is not in the table; name one of {', '.join(names[:3])}, ...")
-    one, posterior = records.only(np.array([name == record for name in names]), model), tree["posterior"].to_dataset()
+    one, posterior = (
+        records.only(np.array([name == record for name in names]), model),
+        put_together(tree)["posterior"].to_dataset(),
+    )
     case, estimates = one.factors.of_record, estimate_records(one.batch, model.noise)
     of, z = hyperparameters(posterior, one.factors, case), standard_points(5, seed=0)
     density = record_density(one.likelihood, one.data, estimates, of, z)

@@ -13,6 +13,7 @@ from helpers.quick_fits import drawn
 from helpers.reported_motions import write_motions
 from helpers.reported_results import printed_factors
 
+from bayes_tyre.formats.constant_data import set_apart
 from bayes_tyre.formats.netcdf import read_tree, write_tree
 
 FACTORS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN"]
@@ -200,11 +201,12 @@ def test_a_damaged_posterior_is_refused(motions, tmp_path, damage, said):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_posterior_without_draws_is_refused(motions, tmp_path):
+@pytest.mark.parametrize(
+    ("group", "said"), [("posterior", "holds no draws"), ("constant_data", "does not say what its cases are")]
+)
+def test_a_posterior_without_a_group_of_its_own_is_refused(group, said, motions, tmp_path):
     damaged = shutil.copytree(motions, tmp_path / "damaged")
-    tree = read_tree(motions / "posterior.nc")
-    write_tree(tree.drop_nodes("posterior"), damaged / "posterior.nc")
+    whole = set_apart(read_tree(motions / "posterior.nc"))
+    write_tree(whole.drop_nodes(group), damaged / "posterior.nc")
     for done in (asked(damaged, "k", tmp_path / "out"), here("show", damaged, "--limit", "k >= 1.8")):
-        assert_refused(
-            done.exit_code, done.stderr, f"{damaged / 'posterior.nc'}: holds no draws; run fit or motion again"
-        )
+        assert_refused(done.exit_code, done.stderr, f"{damaged / 'posterior.nc'}: {said}", "run fit or motion")

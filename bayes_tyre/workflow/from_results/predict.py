@@ -79,7 +79,10 @@ def read_posterior(folder: Path) -> tuple[Path, xr.DataTree, str]:
     tree = read_tree(path)
     if "posterior" not in tree.children:
         raise BadInput(f"{path}: holds no draws; run fit or motion again")
-    for name in (name for name, values in tree["posterior"].data_vars.items() if values.dtype.kind not in "biuf"):
+    draws = tree["posterior"]
+    if "case" in draws.dims and "case_configuration" not in draws.coords:
+        raise BadInput(f"{path}: does not say what its cases are; run fit or motion again")
+    for name in (name for name, values in draws.data_vars.items() if values.dtype.kind not in "biuf"):
         raise BadInput(f"{path}: {name} holds no numbers; run fit or motion again")
     return path, tree, verdict
 
