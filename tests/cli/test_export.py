@@ -193,8 +193,8 @@ def test_hostile_labels_are_text_and_no_two_cases_share_a_file(tmp_path):
 def test_loading_and_unloading_differ_in_their_files_names_where_no_load_does(tmp_path):
     folder = a_result(tmp_path / "fit", records("single", without=("initial_load_kN",)))
     names = export(folder, "tydex", tmp_path / "out")
-    assert "single_0_step_kN_10.tdx" in names
-    assert "single_0_step_kN_minus_10.tdx" in names
+    assert "single_0_step_10_kN.tdx" in names
+    assert "single_0_step_minus_10_kN.tdx" in names
     assert not any("energy_per_cycle" in text for text in names.values())
     assert all("C belongs to deflection as the records count it" in said(text) for text in names.values())
 
