@@ -20,6 +20,8 @@ from bayes_tyre.workflow.load_deflection import _cases, _tests
 
 HOSTILE = ('a\n**END "quoted" $ [VERTICAL] ü', "A **end quoted vertical")
 
+SECTIONS = ["MDI_HEADER", "UNITS", "MODEL", "DIMENSION", "VERTICAL"]
+
 
 def a_result(folder: Path, tree, verdict: str = "pass") -> Path:
     """Write what `export` reads of a result."""
@@ -86,7 +88,7 @@ def test_a_fit_as_property_files_holds_the_medians_of_its_table_and_omits_what_i
     table = summary.cases(records("single"), "pass").query("parameter == 'k'")
     for name, row in zip(sorted(files), table.to_dict("records"), strict=True):
         made = ini(files[name])
-        assert made.sections() == ["UNITS", "MODEL", "DIMENSION", "VERTICAL"]
+        assert made.sections() == SECTIONS
         assert float(made["VERTICAL"]["VERTICAL_STIFFNESS"]) == pytest.approx(1e6 * row["median"])
         assert list(made["VERTICAL"]) == ["vertical_stiffness"]
         assert dict(made["DIMENSION"]) == {}
@@ -185,7 +187,7 @@ def test_hostile_labels_are_text_and_no_two_cases_share_a_file(tmp_path):
         assert len({name.lower() for name in files}) == (8 if to == "modelica" else 4)
         assert all(Path(name).stem.isidentifier() for name in files)
         if to == "tir":
-            assert all(ini(text).sections() == ["UNITS", "MODEL", "DIMENSION", "VERTICAL"] for text in files.values())
+            assert all(ini(text).sections() == SECTIONS for text in files.values())
         if to == "tydex":
             assert all(text.count("\n**END") == 1 for text in files.values())
 

@@ -30,6 +30,7 @@ from bayes_tyre.workflow.from_results.predict import errors_name, read_posterior
 from bayes_tyre.workflow.load_deflection import CASES, TESTS
 
 _NEEDED = ("test", *CASE_OF_TEST, "status", "origin", "k_kN_per_mm", "flat_ground_low_mm")
+_HEADER = {"FILE_TYPE": "tir", "FILE_VERSION": 3.0, "FILE_FORMAT": "ASCII"}
 _UNITS = {"LENGTH": "meter", "FORCE": "newton", "ANGLE": "radian", "MASS": "kg", "TIME": "second"}
 _FLAT_GROUND = "k, beta and forces are as on flat ground"
 _AT_WHEEL_CENTRE = ("c", "energy_per_cycle")
@@ -148,8 +149,9 @@ def _tir(model: TyreModel, name: str, about: list[str], radius_mm: float | None)
         curves = {"DEFLECTION_LOAD_CURVE": ("pen fz", _rows(model.curves.spline))}
         about = [*about, model.curves.about, model.curves.lost]
     lost = ["hysteresis is lost: a tyre property file has no field for it"]
+    lost += ["no tyre model by itself: put the sections below into the file of yours, whose [MODEL] names its kind"]
     unknown = [f"left out: {key}: {why}" for key, why in not_in_tir(model, radius_mm).items()]
-    sections = {"UNITS": _UNITS, "MODEL": {}, "DIMENSION": radius, "VERTICAL": vertical}
+    sections = {"MDI_HEADER": _HEADER, "UNITS": _UNITS, "MODEL": {}, "DIMENSION": radius, "VERTICAL": vertical}
     return {f"{name}.tir": simulator.property_file(sections, [*about, *lost, *unknown], curves)}
 
 
