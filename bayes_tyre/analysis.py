@@ -172,6 +172,11 @@ def fit(
     BadInput
         For a record table that cannot be right or whose units look wrong, and for a record that cannot be fitted: none
         is dropped.
+
+    Warns
+    -----
+    UserWarning
+        Where the verdict is ``fail``.
     """
     given = {"chains": chains, "warmup": warmup, "draws": draws, "seed": seed}
     settings = settings or SamplerSettings(longest=LONGEST if draws is None else 1)
@@ -187,11 +192,12 @@ def fit(
     with Stages(progress) as stages:
         tree = fit_hierarchical(table, _with_bars(settings, stages), model, prepared)
         stages.begin("diagnostics")
-        return _judged(
+        posterior = _judged(
             tree,
             lambda tree, attempt: identify_records(tree, prepared, model, attempt),
             used_points(table, model.region),
         )
+    return _warned_of(posterior)
 
 
 def _fit_into(
@@ -205,7 +211,14 @@ def _fit_into(
         callbacks = Callbacks(watched.on_note, on_progress=watched.on_progress, on_stage=watched.on_stage)
         plan = Plan((records,), settings, model, units_checked=units_checked)
         fit_table(table, plan, out, ("fit", "called", "from", "Python"), callbacks)
-    return read_posterior(out)
+    return _warned_of(read_posterior(out))
+
+
+def _warned_of(posterior: Posterior) -> Posterior:
+    """Return the posterior; warn of a verdict that is not `pass`: draws do not show it."""
+    if posterior.attrs["verdict"] != "pass":
+        warnings.warn("verdict fail: the numbers are not to be trusted; bt.diagnose(posterior) says why", stacklevel=3)
+    return posterior
 
 
 def fit_published(
@@ -227,7 +240,8 @@ def fit_published(
     with Stages(progress) as stages:
         tree = fit_printed_means(printed, _with_bars(settings, stages), all_priors)
         stages.begin("diagnostics")
-        return _judged(tree, lambda tree, attempt: identify_published(tree, printed, all_priors, attempt))
+        posterior = _judged(tree, lambda tree, attempt: identify_published(tree, printed, all_priors, attempt))
+    return _warned_of(posterior)
 
 
 def read_posterior(folder: str | Path) -> Posterior:

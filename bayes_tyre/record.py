@@ -64,6 +64,13 @@ class Case(NamedTuple):
             names += [part for part in (speed, *loads) if part]
         return " ".join(names) or "all records"
 
+    @property
+    def conditions(self) -> str:
+        """The case in words, as far as its factors are given: ``dual, unloading, 25 km/h, load 30 kN, step -10 kN``."""
+        units = {"speed_km_h": "{:g} km/h", "initial_load_kN": "load {:g} kN", "step_kN": "step {:g} kN"}
+        given = {name: value for name, value in self._asdict().items() if value == value and value not in (None, "")}
+        return ", ".join(units.get(name, "{}").format(value) for name, value in given.items())
+
     def record(self, repeat: int) -> str:
         """Return the source's name for a record of the case, such as ``S(0)30-20(1)`` (S = single, D = dual)."""
         loads = f"{self.initial_load_kN:g}-{self.initial_load_kN + self.step_kN:g}"

@@ -17,6 +17,13 @@ def test_a_label_says_what_is_known_of_a_case():
     assert Case("x", "", nan, 30.0, nan).label == "x load 30 kN"
 
 
+def test_conditions_are_the_case_in_words():
+    nan = float("nan")
+    words = "single, unloading, 0 km/h, load 30 kN, step -10 kN"
+    assert Case("single", "unloading", 0.0, 30.0, -10.0).conditions == words
+    assert Case("", "loading", nan, 30.0, nan).conditions == "loading, load 30 kN"
+
+
 def test_a_parameter_s_column_has_its_unit():
     assert [parameter_column(name) for name in (*LAW_PARAMETERS, *AXLE_PARAMETERS)] == [
         *("k_kN_per_mm", "x_kN", "settled_kN", "beta_mm", "n"),

@@ -67,12 +67,16 @@ class Curves(NamedTuple):
 
 
 class TyreModel(NamedTuple):
-    """A case, or a slow test: its label, its parameters by name, its curves if it has any, and a slow test's status."""
+    """A case, or a slow test: its label, its parameters by name, its curves if it has any.
+
+    A slow test has a status, a case its conditions in words.
+    """
 
     label: str
     parameters: Mapping[str, Value]
     curves: Curves | None = None
     status: str = ""
+    conditions: str = ""
 
 
 def of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:
@@ -102,7 +106,7 @@ def of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:
             path = _curve(sign * u + 0.0, force, level)
             curves = Curves(path, Curve(*(column[::sign] for column in path)), OF_STEP, ONE_WAY)
         values = {name: _value(each, RECORD_UNITS[name], level) for name, each in draws.items()}
-        models.append(TyreModel(case.label, values, curves))
+        models.append(TyreModel(case.label, values, curves, conditions=case.conditions))
     return models
 
 

@@ -6,6 +6,7 @@ As a program (`make soak`) it makes 50 fits and 500 tables: ``python -m helpers.
 import gc
 import sys
 import time
+import warnings
 from collections.abc import Callable
 
 import psutil
@@ -39,7 +40,8 @@ def soak(fits: int, tables: int, plan: Plan = SMALL, say: Callable[[str], None] 
     """
     settings, after = bt.SamplerSettings(2, 130, 170, target_accept=0.65), list[float]()
     for number in range(fits):
-        bt.fit(simulate(plan, number)[0], settings, progress=False)
+        with warnings.catch_warnings(category=UserWarning, action="ignore"):  # so few draws are not to be trusted
+            bt.fit(simulate(plan, number)[0], settings, progress=False)
         for table in range(number * tables // fits, (number + 1) * tables // fits):
             bt.fit_least_squares(simulate(plan, table)[0])
         after.append(resident_mb())

@@ -20,6 +20,7 @@ BFMI_LEAST = 0.3
 #: interval is wrong for it. The probability that a case stands apart is not mentioned at all: R-hat and ESS of the case
 #: follow it.
 PROBABILITY_ERROR_MOST = 0.02
+_LISTED = " under by_parameter in diagnostics.json"
 _MORE = "raise --warmup and --draws"
 
 
@@ -128,17 +129,15 @@ def _agreement(posterior: xr.Dataset, figures: Figures) -> Check:
     value, where = worst(figures.r_hat, largest=True)
     bad = sum(bool((figure > R_HAT_MOST).any()) for figure in figures.r_hat.data_vars.values())
     chain = f"chain {discordant_chain(posterior, where)} most" if where else "all of them"
-    finding = (
-        f"{where}: R-hat {value:.3f} is above {R_HAT_MOST}{_others(bad, ' in by_parameter')}: chains disagree, {chain}"
-    )
+    finding = f"{where}: R-hat {value:.3f} is above {R_HAT_MOST}{_others(bad, _LISTED)}: chains disagree, {chain}"
     return Check("r_hat", "sampling", value <= R_HAT_MOST, value, R_HAT_MOST, where, finding, _MORE)
 
 
 def _enough(kind: str, ess: xr.Dataset, least: int) -> Check:
     value, where = worst(ess, largest=False)
     bad = sum(bool((figure < least).any()) for figure in ess.data_vars.values())
-    more = _others(bad, " in by_parameter")
-    finding = f"{where}: {kind} ESS {value:.0f} is below {ESS_LEAST_PER_CHAIN} a chain{more}"
+    more = _others(bad, _LISTED)
+    finding = f"{where}: {kind} ESS {value:.0f} is below {least}, {ESS_LEAST_PER_CHAIN} for each chain{more}"
     return Check(f"ess_{kind}", "sampling", value >= least, value, float(least), where, finding, _MORE)
 
 

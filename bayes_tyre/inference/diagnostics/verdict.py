@@ -56,6 +56,15 @@ class Diagnostics(NamedTuple):
     by_chain: list[dict[str, Any]] = []  # noqa: RUF012
     checks: list[dict[str, Any]] = []  # noqa: RUF012
 
+    def __repr__(self) -> str:
+        """Return verdict, reasons and limitations, a line each, and what else there is."""
+        lines = [f"verdict: {self.verdict}", *(f"reason: {reason}" for reason in self.reasons)]
+        lines += [f"limitation: {limitation}" for limitation in self.limitations]
+        return "\n".join([*lines, f"also: {', '.join(name for name in self._fields if name not in _SHOWN)}"])
+
+
+_SHOWN = ("verdict", "reasons", "limitations")
+
 
 def diagnose(tree: xr.DataTree) -> Diagnostics:
     """Return the verdict on a posterior, from every quantity it holds.

@@ -15,6 +15,7 @@ from bayes_tyre.formats.files import prepare_folder, write_text
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.formats.tydex.write import MeasuredChannel, Tydex, tydex_text
 from bayes_tyre.record import ORIGIN_UNKNOWN
+from bayes_tyre.report.answer.quantities import in_words
 from bayes_tyre.results.tyre_model import (
     OF_TEST,
     ONE_WAY,
@@ -126,10 +127,13 @@ def _about(model: TyreModel, exported: Exported, level: float) -> list[str]:
     values = of_draws if exported.verdict else "least-squares estimates"
     verdict = f"; verdict: {exported.verdict}" if exported.verdict else ""
     lines = [f"bayes-tyre {version('bayes-tyre')}: fitted, not a measurement", f"case: {model.label}"]
+    lines += [f"tested: {model.conditions}; loads are the cylinder's"] if model.conditions else []
     lines += [f"data: {exported.origin}; values: {values}{verdict}", *([model.status] if model.status else [])]
     if exported.verdict == "fail":
         lines.append("NOT TO BE TRUSTED: verdict fail; diagnostics.json of the result gives the reasons")
-    lines += [f"{name} = {each.value:.6g} {each.unit}, {_interval(each)}" for name, each in model.parameters.items()]
+    lines += [
+        f"{in_words(name)} = {one.value:.6g} {one.unit}, {_interval(one)}" for name, one in model.parameters.items()
+    ]
     elsewhere = [name for name in _AT_WHEEL_CENTRE if name in model.parameters]
     place = f"{_FLAT_GROUND}, {' and '.join(elsewhere)} at the wheel centre" if elsewhere else _FLAT_GROUND
     return [*lines, f"{place}; {_AS_TESTED}"]

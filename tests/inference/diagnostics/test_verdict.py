@@ -112,7 +112,8 @@ def test_slow_chains_fail_by_effective_draws_though_they_agree():
     assert found.r_hat_max <= 1.01
     assert found.ess_bulk_min < 100 * CHAINS
     bulk = next(reason for reason in found.reasons if "bulk ESS" in reason)
-    assert bulk.startswith(f"k_case[single (0)30-20]: bulk ESS {found.ess_bulk_min:.0f} is below 100 a chain")
+    least = f"below {100 * CHAINS}, 100 for each chain"
+    assert bulk.startswith(f"k_case[single (0)30-20]: bulk ESS {found.ess_bulk_min:.0f} is {least}")
     assert "raise --warmup and --draws" in bulk
 
 
@@ -308,3 +309,10 @@ def test_diagnostics_can_be_written_as_json(chains, tmp_path):
         None if chains == 1 else found.by_parameter["k_case"]["r_hat_max"]
     )
     assert [chain["chain"] for chain in read["by_chain"]] == list(range(chains))
+
+
+def test_a_verdict_is_printed_as_lines():
+    lines = repr(diagnose(tree())).splitlines()
+    assert lines[0] == "verdict: pass"
+    assert all(line.startswith("limitation: ") for line in lines[1:-1])
+    assert lines[-1].startswith("also: r_hat_max, ess_bulk_min")
