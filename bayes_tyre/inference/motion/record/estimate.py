@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
 from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import force_columns, load_step_kN
 from bayes_tyre.inference.motion.record.disturbance.load_departure import load_departure, with_load_departure
+from bayes_tyre.inference.motion.record.disturbance.matern_process import MOST_SHARE
 from bayes_tyre.inference.motion.record.disturbance.response import disturbance_response
 from bayes_tyre.inference.motion.record.disturbance.road_roughness import (
     road_response,
@@ -121,7 +122,7 @@ def estimate_motion(
     law:
         Of the tyre.
     sampler:
-        NUTS settings for a stationary record whose weights are unreliable, a minute or two; None: no NUTS.
+        NUTS settings for a record without a disturbance whose weights are unreliable, a minute or two; None: no NUTS.
     """
     window, estimate = fit_window(rig, make_window(rig, recorded, law=law))
     weighted = weighted_draws(rig, estimate.standard, estimate.covariance, window)
@@ -161,11 +162,12 @@ def _posterior_draws(
 ) -> _PosteriorDraws:
     """Return the weighted draws, or draws by NUTS where the weights are unreliable and the motion fits its record.
 
-    NUTS is not used for a rolling record: it has many times the parameters and would take most of an hour.
+    NUTS is not used for a record with a random disturbance, which a rolling one always has: it would take most of an
+    hour.
     """
     prior = jnp.asarray(window.prior)
     method = "importance" if weights_trusted(weighted) else "laplace"
-    use_nuts = window.rolling is None and not _reasons(rig, window, estimate) and np.isfinite(weighted.pareto_k)
+    use_nuts = window.disturbance is None and not _reasons(rig, window, estimate) and np.isfinite(weighted.pareto_k)
     if sampler is not None and method == "laplace" and use_nuts:
         standard, divergent = sample_motion(rig, window, estimate, sampler)
         logs = np.asarray(log_parameters(rig, standard, prior, window.law))
@@ -197,8 +199,8 @@ def fit_window(rig: Rig, window: Window) -> _Fit:
 def _fit_stationary(rig: Rig, window: Window, starts: Float[np.ndarray, "starts parameters"]) -> _Fit:
     """Return window and estimate with the forces that the load's shape and the law leave out.
 
-    A force that only the motion shows is kept where the fit converges with it: far from the true motion its linear
-    response says nothing. The load's departure from its shape is kept in any case, for the load cell shows it.
+    A force that only the motion shows is kept where it is small and the fit converges with it: far from the true motion
+    its linear response says nothing. The load's departure from its shape is kept in any case: the load cell shows it.
     """
     departure = load_departure(rig, window)
     departs = bool(departure.size > 0)
@@ -216,7 +218,7 @@ def _fit_stationary(rig: Rig, window: Window, starts: Float[np.ndarray, "starts 
             break
         forced = forced._replace(disturbance=force)
         refined = refine_map(rig, forced, refined.standard, DISTURBED_TOLERANCE, FORCED_AT_PEAK)
-        if refined.converged or departs:
+        if departs or (refined.converged and force.size < MOST_SHARE):
             kept = forced, refined
     return kept[0], jax.tree.map(np.asarray, kept[1])
 

@@ -3,7 +3,8 @@
 A valve that rings or a step in two stages has no place in the family of shapes, and the motion would take it up. The
 departure is a normal process (`matern_process`) beside the shape, its size estimated from the load cell alone, before
 anything else is fitted. Where the readings ask for one, the first fit of the motion takes the cell's estimate of it;
-later ones integrate it out, together with the force that the law leaves out.
+later ones integrate it out, together with the force that the law leaves out. What moves with the accelerometer is the
+inertia of a mass on the cell, and no departure.
 """
 
 import functools
@@ -31,6 +32,8 @@ LOAD_PARAMETERS = (
     *("load_before_kN", "load_after_kN", "ramp_start_s", "log_rise"),
     *("shape_bend_onset", "shape_bend_end", "shape_even", "shape_odd"),
 )
+#: Standard deviation of the mass between load cell and axle, kg: the cell reads its inertia, which is no load.
+CELL_KG = 10.0
 #: The departure's standard deviation falls by a factor of e in so long after the step's end, s: a load settles.
 SETTLES_S = 0.1
 _STEPS, _TOLERANCE = 100, 1e-6
@@ -73,15 +76,15 @@ def load_departure(rig: Rig, window: Window) -> LoadDeparture:
     time_s, weight, node_weights = node_times(window), window.weight[2], jnp.asarray(window.node_weights)
 
     def parameters(values: Array) -> Array:
-        return jnp.zeros(window.prior.shape[-1]).at[at].set(values)
+        return jnp.zeros(window.prior.shape[-1]).at[at].set(values[:-1])
 
     def residual(values: Array) -> Array:
         load = cylinder_load(in_units(rig, parameters(values), window.prior, window.rolling, window.law), time_s)
-        read = block_means(load[None], node_weights)[0]
+        read = block_means(load[None], node_weights)[0] + values[-1] * CELL_KG * 1e-3 * window.readings[0]
         return jnp.concatenate([(read - window.readings[2]) * weight, values])
 
     solver = optx.LevenbergMarquardt(_TOLERANCE, _TOLERANCE, linear_solver=lx.Normal(lx.Cholesky()))
-    start = jnp.zeros(len(LOAD_PARAMETERS))
+    start = jnp.zeros(len(LOAD_PARAMETERS) + 1)
     solution = optx.least_squares(lambda y, _: residual(y), solver, start, max_steps=_STEPS, throw=False)
     standard = parameters(solution.value)
     shape = in_units(rig, standard, window.prior, window.rolling, window.law)
