@@ -95,8 +95,12 @@ def load_departure(rig: Rig, window: Window) -> LoadDeparture:
     none = jnp.zeros_like(knots.functions)
     among = Columns(Disturbance(none, none, knots.functions), factors, *sizes_and_penalties())
     responses = weight[:, None] * block_means(knots.functions, node_weights).T
-    left, jacobian = residual(solution.value), jax.jacfwd(residual)(solution.value)
+    jacobian = jax.jacfwd(residual)(solution.value)
+    _, needed = most_probable(among, responses, residual(solution.value), jacobian)
+    # The mass only keeps what it explains from asking for a departure; where there is one, it takes up all.
+    left, jacobian = residual(solution.value.at[-1].set(0.0)), jacobian[:, :-1]
     factor, size = most_probable(among, responses, left, jacobian)
+    size = jnp.where(needed > 0, size, 0.0)
     unit = Disturbance(none, none, size * factor.T @ knots.functions)
     weights = conditional(responses @ (size * factor), left, jacobian).weights
     return LoadDeparture(size, standard, unit, weights)
