@@ -29,6 +29,7 @@ import pandas as pd
 import xarray as xr
 
 import bayes_tyre as bt
+from bayes_tyre.formats.constant_data import put_together
 from bayes_tyre.inference.sampling.datatree import tree_cases
 from bayes_tyre.report.figures.page.colours import Setting
 from bayes_tyre.report.figures.page.notebook_display import NotebookFigure
@@ -36,9 +37,9 @@ from bayes_tyre.report.figures.tests_to_run import width_against_tests
 from bayes_tyre.results.next_tests.candidates import candidates, new_cases
 from bayes_tyre.results.next_tests.forecast import Forecast, forecast
 from bayes_tyre.results.next_tests.goals import parse_goal
-from bayes_tyre.results.next_tests.plan import Costs, choose_tests, planned
 
 # %%
+from bayes_tyre.results.next_tests.plan import Costs, choose_tests, planned
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import thesis_plan
 from bayes_tyre.workflow.execution.batch import Machines
@@ -57,6 +58,7 @@ GOAL, ALIKE = "k dual / single", Costs(minutes_per_test=1.0)
 
 
 def forecast_of(posterior: xr.DataTree) -> Forecast:
+    posterior = put_together(posterior)
     cases = tree_cases(posterior["posterior"].to_dataset())
     possible = candidates(posterior, new_cases(cases, {}))
     return forecast(possible, parse_goal(GOAL, possible.cases, len(cases), possible.parameters))
