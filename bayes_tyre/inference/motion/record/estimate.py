@@ -218,7 +218,7 @@ def _fit_stationary(rig: Rig, window: Window, starts: Float[np.ndarray, "starts 
             break
         forced = forced._replace(disturbance=force)
         refined = refine_map(rig, forced, refined.standard, DISTURBED_TOLERANCE, FORCED_AT_PEAK)
-        if departs or (refined.converged and force.size < MOST_SHARE):
+        if force.size < MOST_SHARE and (departs or refined.converged):
             kept = forced, refined
     return kept[0], jax.tree.map(np.asarray, kept[1])
 
