@@ -18,6 +18,7 @@ from jaxtyping import Array, ArrayLike, Float
 from bayes_tyre import __all__ as __all__
 from bayes_tyre.errors import BadInput as BadInput
 from bayes_tyre.formats.constant_data import put_together
+from bayes_tyre.formats.files import check_folder
 from bayes_tyre.formats.run_lock import sole_run
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.diagnostics import verdict as diagnostics
@@ -187,7 +188,7 @@ def fit(
         raise BadInput(f"{suspicions[0]}; or say units_checked=True")
     prepare_jax(max(settings.chains, _DEVICES))
     if out is not None:
-        return _fit_into(Path(out), table, settings, model, units_checked, progress)
+        return _with_warning(_fit_into(Path(out), table, settings, model, units_checked, progress))
     prepared = prepare_records(table, model)
     with Stages(progress) as stages:
         tree = fit_hierarchical(table, _with_bars(settings, stages), model, prepared)
@@ -197,13 +198,14 @@ def fit(
             lambda tree, attempt: identify_records(tree, prepared, model, attempt),
             used_points(table, model.region),
         )
-    return _warned_of(posterior)
+    return _with_warning(posterior)
 
 
 def _fit_into(
     out: Path, table: pd.DataFrame, settings: SamplerSettings, model: ModelSettings, units_checked: bool, progress: bool
 ) -> Posterior:
     """Return the posterior as the command `fit` would write it, read from the folder that it is written into."""
+    check_folder(out)
     records = out / "records.csv"
     with sole_run(out), Stages(progress) as stages:
         write_table(table, records)
@@ -211,11 +213,11 @@ def _fit_into(
         callbacks = Callbacks(watched.on_note, on_progress=watched.on_progress, on_stage=watched.on_stage)
         plan = Plan((records,), settings, model, units_checked=units_checked)
         fit_table(table, plan, out, ("fit", "called", "from", "Python"), callbacks)
-    return _warned_of(read_posterior(out))
+    return read_posterior(out)
 
 
-def _warned_of(posterior: Posterior) -> Posterior:
-    """Return the posterior; warn of a verdict that is not `pass`: draws do not show it."""
+def _with_warning(posterior: Posterior) -> Posterior:
+    """Return the posterior, and warn the caller of `fit` where the verdict is not `pass`: draws do not show it."""
     if posterior.attrs["verdict"] != "pass":
         warnings.warn("verdict fail: the numbers are not to be trusted; bt.diagnose(posterior) says why", stacklevel=3)
     return posterior
@@ -241,7 +243,7 @@ def fit_published(
         tree = fit_printed_means(printed, _with_bars(settings, stages), all_priors)
         stages.begin("diagnostics")
         posterior = _judged(tree, lambda tree, attempt: identify_published(tree, printed, all_priors, attempt))
-    return _warned_of(posterior)
+    return _with_warning(posterior)
 
 
 def read_posterior(folder: str | Path) -> Posterior:

@@ -21,7 +21,7 @@ from bayes_tyre.inference.motion.record.evidence import log_constant
 from bayes_tyre.inference.motion.record.forward_model import predicted, residuals
 from bayes_tyre.inference.motion.record.likelihood import hierarchy_moments, likelihood_of
 from bayes_tyre.inference.motion.record.parameters import MotionParameters, in_units
-from bayes_tyre.inference.motion.record.window import UNDISTURBED, Recorded, Window
+from bayes_tyre.inference.motion.record.window import Recorded, Window
 from bayes_tyre.record import FACTORS, parameter_column
 from bayes_tyre.results.figure_data.motion_traces import COLUMNS, places, readings_table
 from bayes_tyre.rig import geometry
@@ -37,8 +37,9 @@ from bayes_tyre.workflow.raw.raw_records import attempted, origin_of_raw, usable
 
 #: Spring and damper from the free vibration after the load's step, beside those fitted to the whole motion.
 _BY_DECAY = ("decay_k_kN_per_mm", "decay_c_kN_s_per_mm")
-#: The force that load and law leave out: its standard deviation, and that in per cent of the load's step.
-_DISCREPANCY = ("discrepancy_kN", "discrepancy_percent", "load_departure_percent")
+#: What the model leaves out: standard deviation of the force that load and law do, that in per cent of the load's step,
+#: and that of the load's departure from its shape.
+_LEFT_OUT = ("discrepancy_kN", "discrepancy_percent", "load_departure_percent")
 OK = "ok"
 #: Before the name of the law in the method that a task names.
 BY_LAW = "motion on "
@@ -65,7 +66,7 @@ def columns(law: MotionLaw) -> list[str]:
     """
     values = [column for name in parameter_columns(law) for column in (name, f"{name}_se")]
     values += _BY_DECAY if law is KELVIN_VOIGT else ()
-    statistics = ["displacement_mm", *_DISCREPANCY, "method", "pareto_k", "log_evidence", "status", "origin"]
+    statistics = ["displacement_mm", *_LEFT_OUT, "method", "pareto_k", "log_evidence", "status", "origin"]
     return ["record", *FACTORS, *values, *statistics]
 
 
@@ -107,8 +108,7 @@ def _fitted(
 ) -> tuple[Float[Array, "3 blocks"], Float[Array, "3 blocks"]]:
     """Return the sensor readings that the fitted motion predicts, and the residuals that were checked."""
     unknowns = in_units(rig, standard, window.prior, window.rolling, window.law)
-    random = window.disturbance
-    expected = predicted(rig, unknowns, window, UNDISTURBED if random is None else random.mean)
+    expected = predicted(rig, unknowns, window, window.mean_disturbance)
     return expected, residuals(rig, standard, window)[: expected.size].reshape(expected.shape)
 
 
@@ -131,8 +131,8 @@ def _columns(rig: Rig, estimate: MotionEstimate, unknowns: MotionParameters) -> 
     applied = geometry.tyre_load(rig, unknowns.load_kN.mean())
     row["displacement_mm"] = float(rest_displacement(rig, applied, k=values[0], offset_kN=unknowns.law.C))
     share = estimate.discrepancy_share
-    discrepancy = share * float(load_step_kN(rig, unknowns)), 100 * share, 100 * estimate.load_departure_share
-    row |= dict(zip(_DISCREPANCY, discrepancy, strict=True))
+    left_out = share * float(load_step_kN(rig, unknowns)), 100 * share, 100 * estimate.load_departure_share
+    row |= dict(zip(_LEFT_OUT, left_out, strict=True))
     row |= {"method": estimate.method, "pareto_k": float(estimate.pareto_k), "status": estimate.status or OK}
     row |= {"log_evidence": estimate.log_evidence, _EFFECTIVE: estimate.effective_draws}
     moments = estimate.log_mean, estimate.log_covariance

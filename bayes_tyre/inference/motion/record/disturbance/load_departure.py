@@ -8,6 +8,7 @@ inertia of a mass on the cell, and no departure.
 """
 
 import functools
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -71,22 +72,8 @@ def load_departure(rig: Rig, window: Window) -> LoadDeparture:
     window:
         Of the record.
     """
-    names = parameter_names(window.law)
-    at = jnp.array([names.index(name) for name in LOAD_PARAMETERS])
-    time_s, weight, node_weights = node_times(window), window.weight[2], jnp.asarray(window.node_weights)
-
-    def parameters(values: Array) -> Array:
-        return jnp.zeros(window.prior.shape[-1]).at[at].set(values[:-1])
-
-    def residual(values: Array) -> Array:
-        load = cylinder_load(in_units(rig, parameters(values), window.prior, window.rolling, window.law), time_s)
-        read = block_means(load[None], node_weights)[0] + values[-1] * CELL_KG * 1e-3 * window.readings[0]
-        return jnp.concatenate([(read - window.readings[2]) * weight, values])
-
-    solver = optx.LevenbergMarquardt(_TOLERANCE, _TOLERANCE, linear_solver=lx.Normal(lx.Cholesky()))
-    start = jnp.zeros(len(LOAD_PARAMETERS) + 1)
-    solution = optx.least_squares(lambda y, _: residual(y), solver, start, max_steps=_STEPS, throw=False)
-    standard = parameters(solution.value)
+    residual, values, standard = _fitted_shape(rig, window)
+    weight, node_weights = window.weight[2], jnp.asarray(window.node_weights)
     shape = in_units(rig, standard, window.prior, window.rolling, window.law)
     knots = knots_from(window, shape.start_s)
     settling = jnp.exp(-jnp.maximum(knots.time_s - shape.start_s - shape.rise_s, 0.0) / SETTLES_S)
@@ -95,15 +82,38 @@ def load_departure(rig: Rig, window: Window) -> LoadDeparture:
     none = jnp.zeros_like(knots.functions)
     among = Columns(Disturbance(none, none, knots.functions), factors, *sizes_and_penalties())
     responses = weight[:, None] * block_means(knots.functions, node_weights).T
-    jacobian = jax.jacfwd(residual)(solution.value)
-    _, needed = most_probable(among, responses, residual(solution.value), jacobian)
+    jacobian = jax.jacfwd(residual)(values)
+    _, needed = most_probable(among, responses, residual(values), jacobian)
     # The mass only keeps what it explains from asking for a departure; where there is one, it takes up all.
-    left, jacobian = residual(solution.value.at[-1].set(0.0)), jacobian[:, :-1]
+    left, jacobian = residual(values.at[-1].set(0.0)), jacobian[:, :-1]
     factor, size = most_probable(among, responses, left, jacobian)
     size = jnp.where(needed > 0, size, 0.0)
     unit = Disturbance(none, none, size * factor.T @ knots.functions)
     weights = conditional(responses @ (size * factor), left, jacobian).weights
     return LoadDeparture(size, standard, unit, weights)
+
+
+def _fitted_shape(rig: Rig, window: Window) -> tuple[Callable[[Array], Array], Array, Array]:
+    """Return the load cell's residuals as a function, their least-squares values, and these as a motion's parameters.
+
+    The values are `LOAD_PARAMETERS`, standardised, and the mass on the cell in units of `CELL_KG`.
+    """
+    names, time_s = parameter_names(window.law), node_times(window)
+    at = jnp.array([names.index(name) for name in LOAD_PARAMETERS])
+
+    def parameters(values: Array) -> Array:
+        return jnp.zeros(window.prior.shape[-1]).at[at].set(values[:-1])
+
+    def residual(values: Array) -> Array:
+        load = cylinder_load(in_units(rig, parameters(values), window.prior, window.rolling, window.law), time_s)
+        inertia_kN = values[-1] * CELL_KG * 1e-3 * window.readings[0]
+        read = block_means(load[None], jnp.asarray(window.node_weights))[0] + inertia_kN
+        return jnp.concatenate([(read - window.readings[2]) * window.weight[2], values])
+
+    solver = optx.LevenbergMarquardt(_TOLERANCE, _TOLERANCE, linear_solver=lx.Normal(lx.Cholesky()))
+    start = jnp.zeros(len(LOAD_PARAMETERS) + 1)
+    values = optx.least_squares(lambda y, _: residual(y), solver, start, max_steps=_STEPS, throw=False).value
+    return residual, values, parameters(values)
 
 
 def with_load_departure(window: Window, departure: LoadDeparture) -> Window:

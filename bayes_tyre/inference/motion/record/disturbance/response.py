@@ -71,9 +71,10 @@ def disturbance_response(
     mean = window.mean_disturbance
     responses = _responses(rig, window, standard, mean, among.columns)
     known = jnp.zeros((len(responses), 0)) if further is None else _responses(rig, window, standard, mean, further)
+    all_responses = jnp.concatenate([responses, known], axis=1)
     residual, jacobian = value_and_jacobian(rig, standard, window._replace(disturbance=fixed(window, mean)))
     if given is not None:
-        residual = residual.at[: len(responses)].add(-jnp.concatenate([responses, known], axis=1) @ given.weights)
+        residual = residual.at[: len(responses)].add(-all_responses @ given.weights)
     if further is None:
         factor, size = most_probable(among, responses, residual, jacobian)
     else:
@@ -82,7 +83,7 @@ def disturbance_response(
         factor, size = most_probable(among, _whiten(responses, directions, shrink), *whitened)
     unit = conditional(jnp.concatenate([responses @ (size * factor), known], axis=1), residual, jacobian)
     weights = jnp.concatenate([size * (factor @ unit.weights[: len(factor)]), unit.weights[len(factor) :]])
-    response = (jnp.concatenate([responses, known], axis=1) @ weights).reshape(window.readings.shape)
+    response = (all_responses @ weights).reshape(window.readings.shape)
     columns = among.columns if further is None else jax.tree.map(lambda *c: jnp.concatenate(c), among.columns, further)
     estimate = jax.tree.map(lambda columns: weights @ columns, columns)
     kept = {} if given is None else {"whitening": given.whitening, "load_size": given.load_size}
