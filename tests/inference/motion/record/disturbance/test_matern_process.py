@@ -33,7 +33,8 @@ def test_a_load_that_rings_is_known_between_the_knots(window):
         return np.sin(2 * np.pi * 18 * (time_s - START_S))
 
     between = np.asarray(ringing(knots.time_s) @ knots.functions)
-    straight = np.interp(time_s, [START_S, *knots.time_s], [0.0, *ringing(knots.time_s)])
+    at = np.asarray(knots.time_s)
+    straight = np.interp(time_s, np.append(START_S, at), np.append(0.0, ringing(at)))
     off, off_straight = (np.max(np.abs(each - ringing(time_s))[after]) for each in (between, straight))
     assert off < off_straight / 2
     assert np.all(between[time_s <= START_S] == 0)
