@@ -28,7 +28,9 @@ from helpers.disturbed import (
 def chaos(
     folder: Path, names: tuple[str, ...], until: Callable[[int], bool], seed: int, say: Callable[[str], None] = print
 ) -> Counter[str]:
-    """Disturb commands at random moments until told to stop; return how often each was. Quick ones come more often.
+    """Disturb commands at random moments until told to stop; return how often each was.
+
+    Each comes once, then the quick ones more often.
 
     Parameters
     ----------
@@ -43,7 +45,7 @@ def chaos(
     alone = {name: left_alone(COMMANDS[name], folder) for name in names}
     often = np.array([alone[name].seconds ** -0.5 for name in names])
     while not until(counts.total()):
-        name = str(rng.choice(names, p=often / often.sum()))
+        name = names[counts.total()] if counts.total() < len(names) else str(rng.choice(names, p=often / often.sum()))
         command, seconds = COMMANDS[name], alone[name].seconds
         if rng.random() < 0.3:
             most = int(10 ** rng.uniform(2, 6))
