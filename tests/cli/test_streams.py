@@ -1,5 +1,6 @@
 """What else reaches stderr: warnings in one line each, nothing unasked, and Ctrl-C."""
 
+import os
 import shlex
 import signal
 import subprocess
@@ -139,13 +140,15 @@ app(prog_name="bayes-tyre")
 
 
 def test_ctrl_c_while_the_installed_fit_samples_ends_it(records, tmp_path):
-    process = start("fit", records, "--out", "out", "--draws", 1_000_000, "--chains", 1, cwd=tmp_path)
+    arguments = ["fit", str(records), "--out", "out", "--draws", "1000000", "--chains", "1"]
+    on_the_path = environment() | {"PATH": f"{COMMAND.parent}{os.pathsep}{os.environ['PATH']}"}
+    process = start_as([str(COMMAND), *arguments], tmp_path, on_the_path)
     assert process.stdout is not None
     said = process.stdout.readline()
     time.sleep(1)
     process.send_signal(signal.SIGINT)
     done = finish(process)
-    call = shlex.join(["bayes-tyre", *map(str, process.args[1:]), "--resume"])  # pyright: ignore[reportIndexIssue]
+    call = shlex.join(["bayes-tyre", *arguments, "--resume"])
     assert (done.returncode, done.stderr) == (130, INTERRUPTED.replace("run the command again", f"resume with: {call}"))
     assert said.startswith("fitting 6 records")
     left = {name for name in tree_of(tmp_path) if not name.endswith("/")}
