@@ -114,7 +114,7 @@ def test_the_proposed_map_reads_the_file_and_units_are_said(write, expected, tmp
     assert done.exit_code == 0
     left = "column 'Reifengröße': stays as a further column"
     assert f"bayes-tyre: warning: {path}: {left}\n" in done.stderr
-    assert f"next: bayes-tyre lsq {path} --columns {tmp_path / 'map.toml'} --out results" in done.stdout
+    assert f"next: bayes-tyre lsq {path} --columns {tmp_path / 'map.toml'} --out results/lsq" in done.stdout
     shown = here("columns", path)
     assert shown.stdout == (tmp_path / "map.toml").read_text(encoding="utf-8")
     assert f"# not placed: {left}\n" in shown.stdout
@@ -189,6 +189,6 @@ def test_a_proposal_that_lacks_a_required_column_asks_for_it_first(tmp_path):
     path = written(theirs, tmp_path / "lab.csv")
     done = here("columns", path, "--out", tmp_path / "map.toml")
     assert f"next: name your columns for force_kN in {tmp_path / 'map.toml'}, then bayes-tyre lsq" in done.stdout
-    assert 'put origin = "measured" under [constants]' in done.stdout
+    assert 'put origin = "measured" into the map' in done.stdout
     stated = written(small(), tmp_path / "stated.csv")
     assert "origin" not in here("columns", stated, "--out", tmp_path / "map.toml").stdout

@@ -45,6 +45,12 @@ _UMLAUTS = {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss"}
 _INSTEAD = {
     name: f'; if the whole file is one {name}, write {name} = "NAME" under [constants]' for name in ("record", "test")
 }
+#: Ends a map where no column says whether the rows were measured; reading it back changes nothing.
+_ORIGIN = """
+# No column states the origin of the data. Of measurements, take the two # below away:
+#[constants]
+#origin = "measured"
+"""
 _SLOW = ("test", "load_kN", "displacement_mm")
 
 
@@ -119,7 +125,9 @@ def _proposal(table: pd.DataFrame, could_be: Mapping[str, str | None], required:
     command = "lsq" if required is REQUIRED else "load-deflection"
     content = {"columns": columns, **({"values": {"direction": directions}} if directions else {})}
     comments = "".join(f"# not placed: {text}\n" for text in unplaced)
-    return Proposal(comments + tomli_w.dumps(content), unplaced, missing, command, "origin" in could_be.values())
+    states_origin = "origin" in could_be.values()
+    toml = comments + tomli_w.dumps(content) + ("" if states_origin else _ORIGIN)
+    return Proposal(toml, unplaced, missing, command, states_origin)
 
 
 def _why_not(ours: str, unit: str, all_ours: Sequence[str | None]) -> str:

@@ -38,6 +38,8 @@ REMEDIES = {
 _MAY_BE_OPEN = ("beta", "J")
 #: Most elements that a sentence names.
 _NAMED = 3
+#: Width of a posterior over its prior's from which on a quantity is weakly identified.
+_WIDEST = np.sqrt(1 - CONTRACTION_LEAST)
 #: Least credible noise of a load cell, kN: a millinewton.
 NOISE_LEAST_KN = 1e-6
 
@@ -156,17 +158,21 @@ def _weakly_identified(parameters: dict[str, pd.DataFrame], hyperparameters: pd.
     for name, table in parameters.items():
         weak = table[table["contraction"] < CONTRACTION_LEAST]
         if len(weak) and not name.endswith("_group"):
-            least = weak["contraction"].min()
-            yield (
-                f"{_listed(weak['element'])}: weakly identified: contraction {least:.3f} (below "
-                f"{CONTRACTION_LEAST}), the posterior is little more than the prior; {REMEDIES[_parameter(name)]}"
-            )
+            yield f"{_listed(weak['element'])}: weakly identified: {_width(weak)}; {REMEDIES[_parameter(name)]}"
     weak = hyperparameters[hyperparameters["contraction"] < CONTRACTION_LEAST]
     if len(weak):
         yield (
-            f"{_listed(weak['element'])}: weakly identified: contraction {weak['contraction'].min():.3f} "
-            f"(below {CONTRACTION_LEAST}); measure more cases or levels if the hyperparameters matter"
+            f"{_listed(weak['element'])}: weakly identified: {_width(weak)}; "
+            "measure more cases or levels if the hyperparameters matter"
         )
+
+
+def _width(weak: pd.DataFrame) -> str:
+    """Return how wide the posterior still is as the prior was: a standard deviation, as the eye compares two curves."""
+    contraction = weak["contraction"].min()
+    if contraction <= 0:
+        return "the posterior is as wide as the prior, the data say nothing"
+    return f"the posterior is {np.sqrt(1 - contraction):.0%} as wide as the prior (over {_WIDEST:.0%})"
 
 
 def _prior_sensitive(parameters: pd.DataFrame, hyperparameters: pd.DataFrame) -> Iterator[str]:
@@ -178,6 +184,6 @@ def _prior_sensitive(parameters: pd.DataFrame, hyperparameters: pd.DataFrame) ->
         sensitive = sensitive.sort_values("prior_sensitivity", ascending=False, kind="stable")
         if len(sensitive):
             yield (
-                f"{_listed(sensitive['element'])}: prior-sensitive: sensitivity up to "
-                f"{sensitive['prior_sensitivity'].iloc[0]:.3f} (above {SENSITIVE}); {remedy}"
+                f"{_listed(sensitive['element'])}: prior-sensitive: a wider or narrower prior would move them "
+                f"(power scaling: {sensitive['prior_sensitivity'].iloc[0]:.2f}, over {SENSITIVE}); {remedy}"
             )

@@ -46,10 +46,18 @@ def test_german_names_units_and_directions_are_placed_and_the_map_reads_the_file
 
 
 def test_a_table_with_our_names_needs_no_map(tmp_path):
+    names = "record,displacement_mm,force_kN,direction,initial_load_kN,origin"
+    proposal, column_map = proposed(tmp_path / "a.csv", f"{names}\na,1,2,loading,30,measured\n")
+    assert proposal == ("[columns]\n", [], [], "lsq", True)
+    assert column_map == ColumnMap()
+
+
+def test_a_map_of_a_table_without_an_origin_ends_with_how_to_state_it(tmp_path):
     names = "record,displacement_mm,force_kN,direction,initial_load_kN"
     proposal, column_map = proposed(tmp_path / "a.csv", f"{names}\na,1,2,loading,30\n")
-    assert proposal == ("[columns]\n", [], [], "lsq", False)
-    assert column_map == ColumnMap()
+    assert (column_map, proposal.states_origin) == (ColumnMap(), False)
+    stated = proposal.toml.replace("\n#[", "\n[").replace("\n#origin", "\norigin")
+    assert tomllib.loads(stated) == {"columns": {}, "constants": {"origin": "measured"}}
 
 
 def test_a_row_of_units_is_left_to_the_reader(tmp_path):
@@ -103,7 +111,7 @@ def test_what_is_not_clear_is_left_to_the_user_and_said(text, columns, unplaced,
     proposal, column_map = proposed(tmp_path / "a.csv", text)
     assert column_map.columns.keys() == columns
     assert proposal.unplaced == unplaced
-    comments = [line.removeprefix("# not placed: ") for line in proposal.toml.splitlines() if line.startswith("#")]
+    comments = [line.removeprefix("# not placed: ") for line in proposal.toml.splitlines() if "# not" in line]
     assert comments == unplaced
 
 

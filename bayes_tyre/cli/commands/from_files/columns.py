@@ -41,9 +41,10 @@ def columns(
         old = out.replace(out.with_name(f"{out.name}.old"))
         warn(f"{out}: held another map, which is now {old}")
     write_text(proposal.toml, out)
-    command = command_line(proposal.command, path_text(table), "--columns", path_text(out), "--out", "results")
+    results = f"results/{proposal.command}"
+    command = command_line(proposal.command, path_text(table), "--columns", path_text(out), "--out", results)
     first = f"name your columns for {', '.join(proposal.missing)} in {out}, then " if proposal.missing else ""
     say(f"wrote {out}", quiet)
     if not proposal.states_origin:
-        say('no column states the origin: of measurements, put origin = "measured" under [constants] in the map', quiet)
+        say('no column states the origin: of measurements, put origin = "measured" into the map, as it ends', quiet)
     say(f"next: {first}{command}", quiet)

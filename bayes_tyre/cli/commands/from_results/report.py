@@ -52,8 +52,11 @@ def report(
     from bayes_tyre.runtime import prepare_jax
 
     prepare_jax()
+    from bayes_tyre.plain_text import path_text
     from bayes_tyre.workflow.from_results.report import letterhead, write_report
 
+    if not kept_figures:
+        say(f"drawing the figures of {', '.join(path_text(folder) for folder in folders)}", quiet)
     head = letterhead(title, order, operator, logo)
     with progress("report", len(folders), quiet) as advance:
         how = {"kept_figures": kept_figures, "reference": reference}
