@@ -69,4 +69,5 @@ def means_table(tree: xr.DataTree) -> pd.DataFrame:
         for configuration, direction, (lower, median, upper) in zip(*factors, by_group, strict=True):
             row = f"{name}, {RECORD_UNITS[str(name)]}", str(direction or "")
             cells.setdefault(str(configuration or ""), {})[row] = f"{median:.4g} [{lower:.4g}, {upper:.4g}]"
-    return pd.DataFrame(cells).fillna("")
+    # As the terminal has them: what the others are compared with comes first.
+    return pd.DataFrame(cells)[sorted(cells, reverse=True)].fillna("")

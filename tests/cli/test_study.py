@@ -142,7 +142,7 @@ def test_a_small_study_of_motions_from_simulation_to_tables(tmp_path, monkeypatc
     stages = of.pop("load in two stages").set_index("parameter")
     assert (stages["load_departure_percent"] > 1).all()
     assert (np.abs(np.log(stages["estimate"] / stages["truth"]) / (stages["sd"] / stages["estimate"])) < 4).all()
-    # A stiffness that grows is a force that the law leaves out: the residuals are explained, and the status says by what.
+    # A stiffness that grows is a force that the law leaves out: residuals are explained, and the status says by what.
     grows = of.pop("stiffness grows 3 %/mm").set_index("parameter")
     assert (grows["discrepancy_percent"] > 0.07).all()
     assert grows["status"].str.contains("leave out a force").all()
