@@ -63,7 +63,7 @@ def read_records(*paths: str | Path, columns: str | Path | None = None) -> pd.Da
     Parameters
     ----------
     paths:
-        `.csv`, `.parquet`, `.xlsx` or `.mat` files, or folders of them.
+        `.csv`, `.parquet`, `.xlsx`, `.mat` or `.tdx` files, or folders of them.
     columns:
         A column map in TOML, of other names and units; what a file's own row of units converts is warned of.
 

@@ -8,6 +8,7 @@ from helpers.simulated_records import Plan, simulate
 from scipy import stats
 
 from bayes_tyre.inference.diagnostics import log_densities
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import prior_sites
 from bayes_tyre.inference.model.likelihood.compressed import compress
@@ -41,7 +42,8 @@ def test_the_prior_is_that_of_the_top_level_on_the_scale_it_is_spread_on():
     found = log_densities.log_prior(draws, prior_sites(find_factors(factor_table)))
     expected = stats.norm.logpdf(np.log(draws["k_group"].to_numpy()), 0.0, 1.0)
     np.testing.assert_allclose(found["k_group"], expected, rtol=1e-12)
-    np.testing.assert_allclose(found["sd_J"], stats.halfnorm.logpdf(draws["sd_J"], scale=2.0), rtol=1e-12)
+    (scale,) = PRIORS["sd_J"].parameters
+    np.testing.assert_allclose(found["sd_J"], stats.halfnorm.logpdf(draws["sd_J"], scale=scale), rtol=1e-12)
     # A case about its words and a record about its case are no priors.
     assert set(found.data_vars) == {
         *("k_group", "beta_group", "sd_log_k_case", "sd_log_beta_case", "sd_J", "sigma_typical")

@@ -19,6 +19,7 @@ from bayes_tyre.inference.diagnostics.power_scaling import (
     identify_records,
     sensitivity,
 )
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.models import published_model, records_model
 from bayes_tyre.inference.model.prepared_records import prepare_records
@@ -117,7 +118,7 @@ def of_records():
     draws["beta_case"] = draws["beta_case"] * np.exp(
         2.2 * rng.standard_normal(draws["beta_case"].shape) * (np.arange(4) == 2)
     )
-    draws["sd_J"] = np.abs(2.0 * rng.standard_normal((*SHAPE[:1], 250)))
+    draws["sd_J"] = np.abs(PRIORS["sd_J"].parameters[0] * rng.standard_normal((*SHAPE[:1], 250)))
     records = prepare_records(table, ModelSettings())
     return identify_records(posterior(draws, factor_table), records, ModelSettings())
 
