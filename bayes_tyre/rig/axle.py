@@ -128,6 +128,13 @@ class Signs(Section):
     load_positive_into_rollers: bool = True
 
 
+class Sensors(Section):
+    """How late the displacement sensor reads, behind accelerometer and load cell: ms, and how well that is known."""
+
+    displacement_delay_ms: NotNegative = 0.0
+    displacement_delay_sd_ms: NotNegative = 2.0
+
+
 class Rig(Section):
     """One axle and the ground under its tyre; `data/rigs/README.md` explains every key.
 
@@ -143,6 +150,7 @@ class Rig(Section):
     calibration: Calibration = Calibration()
     channels: Channels = Channels()
     signs: Signs = Signs()
+    sensors: Sensors = Sensors()
 
     @model_validator(mode="after")
     def _whole(self) -> "Rig":

@@ -25,6 +25,7 @@ def estimated(task: Task) -> Done:
     values = dict(zip(motion_estimates.parameter_columns(), (k, settled + k * beta, beta, m, c), strict=True))
     statistics = {
         "displacement_mm": 10.0,
+        "displacement_delay_ms": 0.0,
         "discrepancy_kN": 0.0,
         "discrepancy_percent": 0.0,
         "load_departure_percent": 0.0,

@@ -30,7 +30,10 @@ def test_a_rig_of_ones_own_and_its_defaults(tmp_path, single_text):
     assert rig.name == "mine"
     assert rig.channels == load_rig("single").channels
     assert rig.signs.load_positive_into_rollers
+    assert (rig.sensors.displacement_delay_ms, rig.sensors.displacement_delay_sd_ms) == (0, 2)
     assert load_rig(str(own)) == rig
+    own.write_text(f"{single_text}\n[sensors]\ndisplacement_delay_ms = 1.5\ndisplacement_delay_sd_ms = 0\n")
+    assert load_rig(own).sensors.displacement_delay_ms == 1.5
 
 
 def test_channels_by_number(tmp_path, single_text):

@@ -41,7 +41,8 @@ def simulated(
     else:
         level = rest_displacement(rig, F[0], k=law.k, offset_kN=law.C)
         read = (window.rolling.start_laser_mm - parameters.laser_mm) / lever(rig)
-        d = level + read + ground.start_offset_mm
+        late = parameters.laser_delay_s * jnp.asarray(ground.start_velocity_mm_per_s)
+        d = level + read + late + ground.start_offset_mm
         compression = d + jnp.asarray(drive.runout_mm)[0]
         flat = law.k * geometry.flat_ground_displacement(rig, compression) + law.C + parameters.rest_friction_kN
         start = Start(d, ground.start_velocity_mm_per_s, flat * wheel_centre_per_flat(rig, compression))
@@ -88,11 +89,21 @@ def predicted(
     readings = jnp.stack(
         [
             parameters.acceleration_m_per_s2 - lever(rig) * motion.acceleration_m_per_s2,
-            parameters.laser_mm + lever(rig) * (motion.displacement_mm - level),
+            parameters.laser_mm + lever(rig) * (_seen_late(motion, parameters.laser_delay_s) - level),
             cylinder_load(parameters, jnp.asarray(drive.time_s)) + disturbance.load_kN,
         ]
     )
     return block_means(readings, jnp.asarray(window.node_weights))
+
+
+def _seen_late(motion: Motion, delay_s: ScalarLike) -> Float[Array, " nodes"]:
+    """Return the displacement, mm, that a laser shows which is late by less than a tenth of the ringing's period.
+
+    To second order in the delay T: what is only late shows T^2 / 2 of the acceleration, a first-order lag T^2; what
+    averages and filters lies between.
+    """
+    acceleration_mm_per_s2 = 1e3 * motion.acceleration_m_per_s2
+    return motion.displacement_mm - delay_s * motion.velocity_mm_per_s + 0.75 * delay_s**2 * acceleration_mm_per_s2
 
 
 def block_means(nodes: Float[Array, "channels nodes"], weights: Float[Array, " per_block"]) -> Array:

@@ -40,6 +40,7 @@ RECORD_PRIORS: dict[str, NormalPrior] = {
         0.0, 0.15, "about 1 % of the step at its middle: what the bends leave of the usual shapes"
     ),
     "shape_odd": NormalPrior(0.0, 0.15, "as the even one"),
+    "laser_delay_s": NormalPrior(np.nan, np.nan, "the rig file's: a laser averages, filters and sends"),
 }
 
 
@@ -65,6 +66,8 @@ class MotionParameters(NamedTuple):
         Readings of laser and accelerometer at rest before the step.
     start_s, rise_s, shape:
         Of the load's step (`load_share`), from the start of the window.
+    laser_delay_s:
+        How late the laser reads, behind accelerometer and load cell.
     ground:
         Under a rolling tyre; None for a stationary one. For a rolling tyre `rest_friction_kN` is the friction at the
         window's start, and `laser_mm` the reading on the middle line with no runout.
@@ -80,6 +83,7 @@ class MotionParameters(NamedTuple):
     start_s: Array
     rise_s: Array
     shape: Array
+    laser_delay_s: Array
     ground: Ground | None = None
 
 
@@ -126,6 +130,7 @@ def in_units(
         start_s=value[at["ramp_start_s"]],
         rise_s=jnp.exp(value[at["log_rise"]]),
         shape=value[at["shape_bend_onset"] : at["shape_bend_onset"] + SHAPE_TERMS],
+        laser_delay_s=value[at["laser_delay_s"]],
         ground=None if rolling is None else ground_in_units(value[len(names) :], rolling),
     )
 
@@ -138,17 +143,20 @@ def prior_moments(
     Parameters
     ----------
     rig:
-        Effective mass and its relative standard deviation.
+        Effective mass and delay of the laser, with their standard deviations.
     levels:
         Mean and standard deviation of the record's own levels and ramp, by name; NaN keeps that of `RECORD_PRIORS`.
     law:
         Force law of the tyre; its parameters come first.
     """
-    axle = rig.axle
-    mass = {"log_m": (np.log(axle.effective_mass_kg), axle.effective_mass_relative_sd)}
+    axle, sensors = rig.axle, rig.sensors
+    of_rig = {
+        "log_m": (np.log(axle.effective_mass_kg), axle.effective_mass_relative_sd),
+        "laser_delay_s": (1e-3 * sensors.displacement_delay_ms, 1e-3 * sensors.displacement_delay_sd_ms),
+    }
     priors = [*(TYRE_PRIORS[name] for name in law.tyre_parameters), *RECORD_PRIORS.values()]
     table, names = np.array([[prior.mean, prior.sd] for prior in priors]), parameter_names(law)
-    for name, (mean, sd) in (mass | levels).items():
+    for name, (mean, sd) in (of_rig | levels).items():
         row = names.index(name)
         table[row] = mean, table[row, 1] if np.isnan(sd) else sd
     return table.T
