@@ -129,10 +129,12 @@ class Signs(Section):
 
 
 class Sensors(Section):
-    """How late the displacement sensor reads, behind accelerometer and load cell: ms, and how well that is known."""
+    """How late displacement sensor and load cell read behind the accelerometer: ms, and how well that is known."""
 
-    displacement_delay_ms: NotNegative = 0.0
+    displacement_delay_ms: FiniteFloat = 0.0
     displacement_delay_sd_ms: NotNegative = 2.0
+    load_delay_ms: FiniteFloat = 0.0
+    load_delay_sd_ms: NotNegative = 2.0
 
 
 class Rig(Section):

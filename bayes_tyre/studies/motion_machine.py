@@ -40,8 +40,8 @@ class Machine(NamedTuple):
         A load that rings after its step: first peak (share of the step), frequency and decay time.
     laser_lag_s, laser_average_s:
         Time constant of the laser's first-order lag, and the time over which it averages.
-    load_cell_kg:
-        Mass between load cell and axle, whose inertia the cell reads.
+    load_cell_kg, load_cell_lag_s:
+        Mass between load cell and axle, whose inertia the cell reads, and the time constant of its amplifier's filter.
     beam_Hz, beam_share, beam_damping:
         A second mode under both sensors, driven by the axle's acceleration: frequency, share of the axle's movement
         that its inertia follows, share of critical damping.
@@ -61,6 +61,7 @@ class Machine(NamedTuple):
     laser_lag_s: float = 0.0
     laser_average_s: float = 0.0
     load_cell_kg: float = 0.0
+    load_cell_lag_s: float = 0.0
     beam_Hz: float = 60.0
     beam_share: float = 0.0
     beam_damping: float = 0.02
@@ -85,8 +86,9 @@ def recorded_on(machine: Machine, truth: Truth, rig: Rig) -> RawSignals:
     path = travelled(machine, truth, rig)
     load = load_of(machine, truth, path.time_s)
     at_load = rig.axle.support_to_load_mm / rig.axle.support_to_wheel_centre_mm * path.acceleration_m_per_s2
-    read = load + machine.load_cell_kg * at_load * 1e-3
-    seen = _as_laser(machine, path.displacement_mm, truth.plan.rate_Hz)
+    at_cell, rate_Hz = load + machine.load_cell_kg * at_load * 1e-3, truth.plan.rate_Hz
+    read = _late(at_cell, rate_Hz, machine.load_cell_lag_s)
+    seen = _late(path.displacement_mm, rate_Hz, machine.laser_lag_s, machine.laser_average_s)
     return channels(truth, rig, path.time_s, seen, path.acceleration_m_per_s2, read)
 
 
@@ -199,14 +201,14 @@ def _equations(
     return (d, 0.0, 0.0, 0.0, 0.0, *[truth.rest_friction_kN / frictions] * frictions), rate
 
 
-def _as_laser(machine: Machine, displacement_mm: Values, rate_Hz: float) -> Values:
-    """Return a displacement as a laser shows it that averages and lags."""
-    first = displacement_mm[0]
-    shown = displacement_mm - first
-    length = max(1, round(machine.laser_average_s * rate_Hz))
+def _late(values: Values, rate_Hz: float, lag_s: float, average_s: float = 0.0) -> Values:
+    """Return values as a sensor shows them that averages and lags."""
+    first = values[0]
+    shown = values - first
+    length = max(1, round(average_s * rate_Hz))
     if length > 1:
         shown = lfilter(np.full(length, 1 / length), 1.0, shown)
-    if machine.laser_lag_s > 0:
-        decay = math.exp(-1 / (rate_Hz * machine.laser_lag_s))
+    if lag_s > 0:
+        decay = math.exp(-1 / (rate_Hz * lag_s))
         shown = lfilter([1 - decay], [1.0, -decay], shown)
     return first + np.asarray(shown)

@@ -66,4 +66,5 @@ MISMATCHES: dict[str, Mismatch] = {
     "speed label 2 % off": Mismatch(change=_turns, rolling_only=True),
     "road's slope 0.5": Mismatch(change=_road, rolling_only=True),
     "three together": Mismatch(Machine(overshoot=0.06, laser_lag_s=1.5e-3, laser_average_s=2e-3, relaxing=0.08)),
+    "load cell filter 3 ms": Mismatch(Machine(load_cell_lag_s=3e-3)),
 }

@@ -26,6 +26,7 @@ def estimated(task: Task) -> Done:
     statistics = {
         "displacement_mm": 10.0,
         "displacement_delay_ms": 0.0,
+        "load_delay_ms": 0.0,
         "discrepancy_kN": 0.0,
         "discrepancy_percent": 0.0,
         "load_departure_percent": 0.0,

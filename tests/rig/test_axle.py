@@ -5,7 +5,7 @@ from pydantic import ValidationError
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
-from bayes_tyre.rig.axle import Rollers, Tyre, load_rig
+from bayes_tyre.rig.axle import Rollers, Sensors, Tyre, load_rig
 from bayes_tyre.rig.sensors import columns_of, sensors_of
 
 
@@ -32,8 +32,8 @@ def test_a_rig_of_ones_own_and_its_defaults(tmp_path, single_text):
     assert rig.signs.load_positive_into_rollers
     assert (rig.sensors.displacement_delay_ms, rig.sensors.displacement_delay_sd_ms) == (0, 2)
     assert load_rig(str(own)) == rig
-    own.write_text(f"{single_text}\n[sensors]\ndisplacement_delay_ms = 1.5\ndisplacement_delay_sd_ms = 0\n")
-    assert load_rig(own).sensors.displacement_delay_ms == 1.5
+    own.write_text(f"{single_text}\n[sensors]\ndisplacement_delay_ms = 1.5\nload_delay_sd_ms = 0\n")
+    assert load_rig(own).sensors == Sensors(displacement_delay_ms=1.5, load_delay_sd_ms=0.0)
 
 
 def test_channels_by_number(tmp_path, single_text):

@@ -40,7 +40,8 @@ _BY_DECAY = ("decay_k_kN_per_mm", "decay_c_kN_s_per_mm")
 #: What the model leaves out: standard deviation of the force that load and law do, that in per cent of the load's step,
 #: and that of the load's departure from its shape.
 _LEFT_OUT = ("discrepancy_kN", "discrepancy_percent", "load_departure_percent")
-_DELAY = "displacement_delay_ms"
+#: How late the sensors read, behind the accelerometer.
+_DELAYS = ("displacement_delay_ms", "load_delay_ms")
 OK = "ok"
 #: Before the name of the law in the method that a task names.
 BY_LAW = "motion on "
@@ -60,14 +61,14 @@ def parameter_columns(law: MotionLaw = FANCHER) -> tuple[str, ...]:
 def columns(law: MotionLaw) -> list[str]:
     """Return the columns of `estimates.csv`.
 
-    `displacement_mm` is the middle of the step at the wheel centre, which a cycle goes about; `displacement_delay_ms`
-    how late its sensor reads; `log_evidence` the log density of the readings under the law, by which laws may be compared record by record. A spring and a damper have
+    `displacement_mm` is the middle of the step at the wheel centre, which a cycle goes about; `displacement_delay_ms` and
+    `load_delay_ms` how late the sensors read; `log_evidence` the log density of the readings under the law, by which laws may be compared record by record. A spring and a damper have
     two more, at the wheel centre: their classic estimate from the free vibration (`rig.motion_decay`), empty where the
     tyre rolls or hardly vibrates.
     """
     values = [column for name in parameter_columns(law) for column in (name, f"{name}_se")]
     values += _BY_DECAY if law is KELVIN_VOIGT else ()
-    statistics = ["displacement_mm", _DELAY, *_LEFT_OUT, "method", "pareto_k", "log_evidence", "status", "origin"]
+    statistics = ["displacement_mm", *_DELAYS, *_LEFT_OUT, "method", "pareto_k", "log_evidence", "status", "origin"]
     return ["record", *FACTORS, *values, *statistics]
 
 
@@ -131,7 +132,8 @@ def _columns(rig: Rig, estimate: MotionEstimate, unknowns: MotionParameters) -> 
         row |= {name: float(value), f"{name}_se": float(value * of_log)}
     applied = geometry.tyre_load(rig, unknowns.load_kN.mean())
     row["displacement_mm"] = float(rest_displacement(rig, applied, k=values[0], offset_kN=unknowns.law.C))
-    row[_DELAY] = 1e3 * float(unknowns.laser_delay_s)
+    delays_s = unknowns.laser_delay_s, unknowns.load_delay_s
+    row |= {name: 1e3 * float(delay_s) for name, delay_s in zip(_DELAYS, delays_s, strict=True)}
     share = estimate.discrepancy_share
     left_out = share * float(load_step_kN(rig, unknowns)), 100 * share, 100 * estimate.load_departure_share
     row |= dict(zip(_LEFT_OUT, left_out, strict=True))

@@ -90,7 +90,7 @@ def predicted(
         [
             parameters.acceleration_m_per_s2 - lever(rig) * motion.acceleration_m_per_s2,
             parameters.laser_mm + lever(rig) * (_seen_late(motion, parameters.laser_delay_s) - level),
-            cylinder_load(parameters, jnp.asarray(drive.time_s)) + disturbance.load_kN,
+            cylinder_load(parameters, jnp.asarray(drive.time_s) - parameters.load_delay_s) + disturbance.load_kN,
         ]
     )
     return block_means(readings, jnp.asarray(window.node_weights))

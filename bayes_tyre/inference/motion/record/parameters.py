@@ -41,6 +41,7 @@ RECORD_PRIORS: dict[str, NormalPrior] = {
     ),
     "shape_odd": NormalPrior(0.0, 0.15, "as the even one"),
     "laser_delay_s": NormalPrior(np.nan, np.nan, "the rig file's: a laser averages, filters and sends"),
+    "load_delay_s": NormalPrior(np.nan, np.nan, "the rig file's: a load cell's amplifier filters"),
 }
 
 
@@ -66,8 +67,8 @@ class MotionParameters(NamedTuple):
         Readings of laser and accelerometer at rest before the step.
     start_s, rise_s, shape:
         Of the load's step (`load_share`), from the start of the window.
-    laser_delay_s:
-        How late the laser reads, behind accelerometer and load cell.
+    laser_delay_s, load_delay_s:
+        How late laser and load cell read, behind the accelerometer.
     ground:
         Under a rolling tyre; None for a stationary one. For a rolling tyre `rest_friction_kN` is the friction at the
         window's start, and `laser_mm` the reading on the middle line with no runout.
@@ -84,6 +85,7 @@ class MotionParameters(NamedTuple):
     rise_s: Array
     shape: Array
     laser_delay_s: Array
+    load_delay_s: Array
     ground: Ground | None = None
 
 
@@ -131,6 +133,7 @@ def in_units(
         rise_s=jnp.exp(value[at["log_rise"]]),
         shape=value[at["shape_bend_onset"] : at["shape_bend_onset"] + SHAPE_TERMS],
         laser_delay_s=value[at["laser_delay_s"]],
+        load_delay_s=value[at["load_delay_s"]],
         ground=None if rolling is None else ground_in_units(value[len(names) :], rolling),
     )
 
@@ -143,7 +146,7 @@ def prior_moments(
     Parameters
     ----------
     rig:
-        Effective mass and delay of the laser, with their standard deviations.
+        Effective mass and delays of the sensors, with their standard deviations.
     levels:
         Mean and standard deviation of the record's own levels and ramp, by name; NaN keeps that of `RECORD_PRIORS`.
     law:
@@ -153,6 +156,7 @@ def prior_moments(
     of_rig = {
         "log_m": (np.log(axle.effective_mass_kg), axle.effective_mass_relative_sd),
         "laser_delay_s": (1e-3 * sensors.displacement_delay_ms, 1e-3 * sensors.displacement_delay_sd_ms),
+        "load_delay_s": (1e-3 * sensors.load_delay_ms, 1e-3 * sensors.load_delay_sd_ms),
     }
     priors = [*(TYRE_PRIORS[name] for name in law.tyre_parameters), *RECORD_PRIORS.values()]
     table, names = np.array([[prior.mean, prior.sd] for prior in priors]), parameter_names(law)
