@@ -197,9 +197,8 @@ def test_the_ten_lines_of_the_readme_give_what_it_shows(tmp_path):
     (example,) = re.findall(r"```pycon\n(.*?)```", section, flags=re.DOTALL)
     assert example.count(">>> ") <= 10
     # And what the command's posterior holds beside the draws.
-    beside = (
-        ">>> sorted(posterior.children)\n['constant_data', 'convergence', 'derived', 'identifiability', 'posterior', 'sample_stats']\n"
-    )
+    groups = ["constant_data", "convergence", "derived", "identifiability", "posterior", "sample_stats"]
+    beside = f">>> sorted(posterior.children)\n{groups}\n"
     (tmp_path / "example.txt").write_text(example + beside, encoding="utf-8")
     script = "import doctest; print(doctest.testfile('example.txt', False, optionflags=doctest.ELLIPSIS))"
     said = alone(script, tmp_path)

@@ -88,8 +88,8 @@ def motion(
         typer.Option(
             min=0,
             help="This many further records of each kind with each mismatch: shapes and ringing of the load, lag of "
-            "laser and load cell, mass on the load cell, beam mode, relaxation, other friction, growing stiffness, mass, three "
-            "together; rolling ones with another speed or road too.",
+            "laser and load cell, mass on the load cell, beam mode, relaxation, other friction, growing stiffness, "
+            "mass, three together; rolling ones with another speed or road too.",
         ),
     ] = 0,
     standing_only: Annotated[

@@ -61,10 +61,10 @@ def parameter_columns(law: MotionLaw = FANCHER) -> tuple[str, ...]:
 def columns(law: MotionLaw) -> list[str]:
     """Return the columns of `estimates.csv`.
 
-    `displacement_mm` is the middle of the step at the wheel centre, which a cycle goes about; `displacement_delay_ms` and
-    `load_delay_ms` how late the sensors read; `log_evidence` the log density of the readings under the law, by which laws may be compared record by record. A spring and a damper have
-    two more, at the wheel centre: their classic estimate from the free vibration (`rig.motion_decay`), empty where the
-    tyre rolls or hardly vibrates.
+    `displacement_mm` is the middle of the step at the wheel centre, which a cycle goes about; `displacement_delay_ms`
+    and `load_delay_ms` how late the sensors read; `log_evidence` the log density of the readings under the law, by
+    which laws may be compared record by record. A spring and a damper have two more, at the wheel centre: their classic
+    estimate from the free vibration (`rig.motion_decay`), empty where the tyre rolls or hardly vibrates.
     """
     values = [column for name in parameter_columns(law) for column in (name, f"{name}_se")]
     values += _BY_DECAY if law is KELVIN_VOIGT else ()

@@ -87,7 +87,8 @@ def test_the_models_density_changes_by_the_ratio_of_the_priors(factors):
         return sum(float(np.sum(site["fn"].log_prob(site["value"]))) for site in sites)
 
     sd_J, weight = values["sd_J"], values["discordant_weight"]
-    expected = stats.lognorm.logpdf(sd_J, 0.2, scale=3.0) - stats.halfnorm.logpdf(sd_J, scale=PRIORS["sd_J"].parameters[0])
+    (usual,) = PRIORS["sd_J"].parameters
+    expected = stats.lognorm.logpdf(sd_J, 0.2, scale=3.0) - stats.halfnorm.logpdf(sd_J, scale=usual)
     expected += stats.beta.logpdf(weight, 2, 5) - stats.beta.logpdf(weight, 1, 19)
     assert density(OWN) - density(PRIORS) == pytest.approx(expected, abs=1e-9)
     # Group means are normal on the logarithm, in coordinates of their own.

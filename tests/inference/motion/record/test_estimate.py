@@ -50,7 +50,7 @@ def test_parameters_come_back(fitted):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("channel, delay", [("laser_mm", "laser_delay_s"), ("load_kN", "load_delay_s")])
+@pytest.mark.parametrize(("channel", "delay"), [("laser_mm", "laser_delay_s"), ("load_kN", "load_delay_s")])
 def test_a_sensor_that_reads_late_is_found_out(channel, delay):
     late_s = 2e-3
     plan = next(plan for plan in quick_plan() if plan.case.configuration == "single" and plan.repeat == 1)
