@@ -14,7 +14,7 @@ RATE_HZ = 1e5
 @pytest.mark.parametrize(("lag_ms", "average_ms"), [(2.0, 0.0), (0.0, 4.0), (1.0, 2.0)])
 @pytest.mark.parametrize("ringing_Hz", [8.0, 18.0])
 def test_a_laser_that_lags_or_averages_is_late_by_the_sum_of_both(lag_ms, average_ms, ringing_Hz):
-    """A delay of 2 ms in all, made sample by sample: 2 % of the amplitude at 18 Hz is the third order, and how it lags."""
+    """A delay of 2 ms in all, made sample by sample; 2 % of the amplitude at 18 Hz: third order, kind of lag."""
     time_s = np.arange(0, 0.5, 1 / RATE_HZ)
     omega = 2 * np.pi * ringing_Hz
     displacement = np.sin(omega * time_s)
