@@ -137,6 +137,13 @@ class Sensors(Section):
     load_delay_sd_ms: NotNegative = 2.0
 
 
+class SecondMode(Section):
+    """A second mode of the rig, such as its beam's bending: its frequency (Hz), and how well that is known."""
+
+    frequency_Hz: Positive
+    frequency_relative_sd: Share = 0.1
+
+
 class Rig(Section):
     """One axle and the ground under its tyre; `data/rigs/README.md` explains every key.
 
@@ -153,6 +160,7 @@ class Rig(Section):
     channels: Channels = Channels()
     signs: Signs = Signs()
     sensors: Sensors = Sensors()
+    second_mode: SecondMode | None = None
 
     @model_validator(mode="after")
     def _whole(self) -> "Rig":

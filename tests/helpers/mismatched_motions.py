@@ -1,21 +1,30 @@
 """Records of the study of motions with one mismatch, simulated by an integrator that is not the fit's."""
 
+from collections.abc import Callable
+
 from bayes_tyre.inference.motion.record.window import Recorded
 from bayes_tyre.rig.axle import Rig, load_rig
 from bayes_tyre.signals.factors import RecordFactors
 from bayes_tyre.signals.process import prepare
 from bayes_tyre.simulate.draw import draw_truth
 from bayes_tyre.simulate.truth import Truth
-from bayes_tyre.studies.motion_machine import recorded_on
+from bayes_tyre.studies.motion_machine import Machine, recorded_on
 from bayes_tyre.studies.motion_mismatch import MISMATCHES
 from bayes_tyre.studies.motion_study import study_records
 
 
 def simulated(mismatch: str, number: int) -> tuple[Truth, Rig, Recorded]:
-    """Return truth, rig and recording of a standing record."""
+    """Return truth, rig and recording of a standing record with a mismatch."""
+    return simulated_on(MISMATCHES[mismatch].machine, number, MISMATCHES[mismatch].change)
+
+
+def simulated_on(
+    machine: Machine, number: int, change: Callable[[Truth, Rig], Truth] = lambda truth, _: truth
+) -> tuple[Truth, Rig, Recorded]:
+    """Return truth, rig and recording of a standing record on a machine."""
     record = study_records(0, 0, 0, number + 1, standing_only=True)[number]
     rig = load_rig(record.plan.case.configuration)
-    truth = MISMATCHES[mismatch].change(draw_truth(record.plan, rig, 20 + number), rig)
-    raw = recorded_on(MISMATCHES[mismatch].machine, truth, rig)
+    truth = change(draw_truth(record.plan, rig, 20 + number), rig)
+    raw = recorded_on(machine, truth, rig)
     factors = RecordFactors(record.plan.record, record.plan.case, record.plan.repeat)
     return truth, rig, Recorded(*prepare(raw, rig, factors).for_motion())

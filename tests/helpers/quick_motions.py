@@ -27,6 +27,8 @@ def estimated(task: Task) -> Done:
         "displacement_mm": 10.0,
         "displacement_delay_ms": 0.0,
         "load_delay_ms": 0.0,
+        "second_mode_Hz": np.nan,
+        "second_mode_share": np.nan,
         "discrepancy_kN": 0.0,
         "discrepancy_percent": 0.0,
         "load_departure_percent": 0.0,

@@ -22,7 +22,8 @@ def estimated(bad: int, rejected: int) -> Estimated:
     nothing = np.zeros((len(FACTORS), 5))
     motions = Motions(FACTORS, np.zeros((len(FACTORS), 5, 5)), nothing, nothing, nothing)
     rows = pd.DataFrame({"file": ["f"] * rejected, "reason": ["r"] * rejected})
-    return Estimated(FACTORS.assign(status=status), motions, rows, [], [])
+    table = FACTORS.assign(status=status, second_mode_Hz=np.nan)
+    return Estimated(table, motions, rows, [], [])
 
 
 def test_nothing_is_said_where_all_is_well():
@@ -38,6 +39,15 @@ def test_estimates_that_failed_their_check_are_named_and_half_of_them_fail_the_v
     assert "3 times as wide" in said[-1]
     assert found.limitations[0] == "said before"
     assert [row["kind"] for row in found.checks if not row["passed"]] == ["data"] * (found.verdict == "fail")
+
+
+def test_a_second_mode_that_the_sensors_show_is_said():
+    made = estimated(0, 0)
+    made.table.loc[:1, "second_mode_Hz"] = 59.0, 61.0
+    found = with_estimates(SOUND, made)
+    assert found.verdict == "pass"
+    first, second = made.table["record"][:2]
+    assert found.limitations[-1].startswith(f"{first}, {second}: the sensors show a second mode of the rig, at 60 Hz")
 
 
 def test_files_without_an_estimate_are_counted():

@@ -32,7 +32,14 @@ from bayes_tyre.workflow.execution.batch import Machines, run_batch
 from bayes_tyre.workflow.execution.resume import Callbacks, open_checkpoints
 from bayes_tyre.workflow.execution.task_cache import TaskCache
 from bayes_tyre.workflow.fit import sampler_options
-from bayes_tyre.workflow.raw.motion_estimates import BY_LAW, OK, estimate_file, read_estimates, shown_motions
+from bayes_tyre.workflow.raw.motion_estimates import (
+    BY_LAW,
+    MODE_HZ,
+    OK,
+    estimate_file,
+    read_estimates,
+    shown_motions,
+)
 from bayes_tyre.workflow.raw.process_tasks import Settings, plan_tasks
 from bayes_tyre.workflow.raw.raw_records import REJECTED, none_usable, rejected
 from bayes_tyre.workflow.result_folder import write_fit
@@ -248,6 +255,12 @@ def with_estimates(diagnostics: Diagnostics, estimated: Estimated) -> Diagnostic
     if len(estimated.rejected):
         limitations.append(
             f"{len(estimated.rejected)} files have no estimate and are not in the result: see {REJECTED}"
+        )
+    shaken = estimated.table[estimated.table[MODE_HZ].notna()]
+    if len(shaken):
+        limitations.append(
+            f"{listed(shaken['record'].tolist(), _NAMED)}: the sensors show a second mode of the rig, at "
+            f"{shaken[MODE_HZ].median():.0f} Hz, which was fitted too; if the rig has none, look at the channels"
         )
     if bad.empty:
         return diagnostics._replace(limitations=tuple(limitations))

@@ -42,6 +42,8 @@ _BY_DECAY = ("decay_k_kN_per_mm", "decay_c_kN_s_per_mm")
 _LEFT_OUT = ("discrepancy_kN", "discrepancy_percent", "load_departure_percent")
 #: How late the sensors read, behind the accelerometer.
 _DELAYS = ("displacement_delay_ms", "load_delay_ms")
+#: A second mode of the rig, of a record that shows one: frequency, and share of the axle's movement that drives it.
+MODE_HZ, _MODE_SHARE = "second_mode_Hz", "second_mode_share"
 OK = "ok"
 #: Before the name of the law in the method that a task names.
 BY_LAW = "motion on "
@@ -62,13 +64,25 @@ def columns(law: MotionLaw) -> list[str]:
     """Return the columns of `estimates.csv`.
 
     `displacement_mm` is the middle of the step at the wheel centre, which a cycle goes about; `displacement_delay_ms`
-    and `load_delay_ms` how late the sensors read; `log_evidence` the log density of the readings under the law, by
-    which laws may be compared record by record. A spring and a damper have two more, at the wheel centre: their classic
+    and `load_delay_ms` are how late the sensors read, `second_mode_Hz` and `second_mode_share` a second mode of the rig
+    that they show, empty where there is none; `log_evidence` is the log density of the readings under the law, by which
+    laws may be compared record by record. A spring and a damper have two more, at the wheel centre: their classic
     estimate from the free vibration (`rig.motion_decay`), empty where the tyre rolls or hardly vibrates.
     """
     values = [column for name in parameter_columns(law) for column in (name, f"{name}_se")]
     values += _BY_DECAY if law is KELVIN_VOIGT else ()
-    statistics = ["displacement_mm", *_DELAYS, *_LEFT_OUT, "method", "pareto_k", "log_evidence", "status", "origin"]
+    statistics = [
+        "displacement_mm",
+        *_DELAYS,
+        MODE_HZ,
+        _MODE_SHARE,
+        *_LEFT_OUT,
+        "method",
+        "pareto_k",
+        "log_evidence",
+        "status",
+        "origin",
+    ]
     return ["record", *FACTORS, *values, *statistics]
 
 
@@ -134,6 +148,8 @@ def _columns(rig: Rig, estimate: MotionEstimate, unknowns: MotionParameters) -> 
     row["displacement_mm"] = float(rest_displacement(rig, applied, k=values[0], offset_kN=unknowns.law.C))
     delays_s = unknowns.laser_delay_s, unknowns.load_delay_s
     row |= {name: 1e3 * float(delay_s) for name, delay_s in zip(_DELAYS, delays_s, strict=True)}
+    mode = (np.nan, np.nan) if unknowns.mode is None else (unknowns.mode.frequency_Hz, unknowns.mode.share)
+    row |= {MODE_HZ: float(mode[0]), _MODE_SHARE: float(mode[1])}
     share = estimate.discrepancy_share
     left_out = share * float(load_step_kN(rig, unknowns)), 100 * share, 100 * estimate.load_departure_share
     row |= dict(zip(_LEFT_OUT, left_out, strict=True))

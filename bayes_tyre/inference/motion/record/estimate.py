@@ -32,6 +32,7 @@ from bayes_tyre.inference.motion.record.map_fit import (
 )
 from bayes_tyre.inference.motion.record.nuts import SETTINGS, effective_draws, sample_motion
 from bayes_tyre.inference.motion.record.parameters import in_units
+from bayes_tyre.inference.motion.record.second_mode import SHOWS, mode_priors
 from bayes_tyre.inference.motion.record.window import Recorded, Window, make_window
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.rig.axle import Rig
@@ -207,7 +208,7 @@ def _fit_stationary(rig: Rig, window: Window, starts: Float[np.ndarray, "starts 
     if departs:
         window = with_load_departure(window, departure)
         starts = starts + np.asarray(departure.standard)
-    kept = window, fit_map(rig, window, starts)
+    kept = window, _ = _with_second_mode(rig, window, fit_map(rig, window, starts))
     among, further = force_columns(rig, window, kept[1].standard), departure.columns if departs else None
     none = among._replace(sizes=jnp.zeros_like(among.sizes))
     forced, refined = kept
@@ -221,6 +222,21 @@ def _fit_stationary(rig: Rig, window: Window, starts: Float[np.ndarray, "starts 
         if force.size < MOST_SHARE and (departs or refined.converged):
             kept = forced, refined
     return kept[0], jax.tree.map(np.asarray, kept[1])
+
+
+def _with_second_mode(rig: Rig, window: Window, estimate: MapEstimate) -> _Fit:
+    """Return window and estimate with a second mode where what is left of the acceleration shows one.
+
+    It is kept where it explains what showed it. A mode that the rig file states is fitted from the beginning.
+    """
+    if rig.second_mode is not None or not float(estimate.ringing_power) > SHOWS:
+        return window, estimate
+    prior = mode_priors(float(estimate.ringing_Hz))
+    extended = window._replace(prior=jnp.concatenate([jnp.asarray(window.prior), prior], axis=1))
+    start = jnp.concatenate([jnp.asarray(estimate.standard), jnp.zeros(prior.shape[1])])
+    refined = refine_map(rig, extended, start)
+    gone = bool(refined.converged) and float(refined.ringing_power) < SHOWS
+    return (extended, refined) if gone else (window, estimate)
 
 
 def weights_trusted(weighted: WeightedDraws) -> bool:

@@ -5,6 +5,7 @@ from jaxtyping import Array, Float
 
 from bayes_tyre.inference.motion.record.load_step import load_share
 from bayes_tyre.inference.motion.record.parameters import MotionParameters, in_units
+from bayes_tyre.inference.motion.record.second_mode import shown_with
 from bayes_tyre.inference.motion.record.window import UNDISTURBED, Disturbance, Window
 from bayes_tyre.laws.base import ScalarLike, StatefulLaw
 from bayes_tyre.rig import geometry
@@ -86,11 +87,16 @@ def predicted(
 ) -> Float[Array, "3 blocks"]:
     """Return the block means that the sensors would read without noise: m/s^2 (up), mm, kN of the cylinder."""
     drive, motion, level = simulated(rig, parameters, window, disturbance)
+    time_s, load_kN = jnp.asarray(drive.time_s), jnp.asarray(disturbance.load_kN)
+    if parameters.mode is not None:
+        motion = shown_with(parameters.mode, motion, time_s[1])
+    if load_kN.ndim:
+        load_kN = load_kN - parameters.load_delay_s * jnp.gradient(load_kN) / time_s[1]
     readings = jnp.stack(
         [
             parameters.acceleration_m_per_s2 - lever(rig) * motion.acceleration_m_per_s2,
             parameters.laser_mm + lever(rig) * (_seen_late(motion, parameters.laser_delay_s) - level),
-            cylinder_load(parameters, jnp.asarray(drive.time_s) - parameters.load_delay_s) + disturbance.load_kN,
+            cylinder_load(parameters, time_s - parameters.load_delay_s) + load_kN,
         ]
     )
     return block_means(readings, jnp.asarray(window.node_weights))

@@ -14,6 +14,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int
 from bayes_tyre.inference.motion.record.forward_model import residuals
 from bayes_tyre.inference.motion.record.parameters import in_units, parameter_names
 from bayes_tyre.inference.motion.record.runout import ground_start
+from bayes_tyre.inference.motion.record.second_mode import largest_peak
 from bayes_tyre.inference.motion.record.window import Window
 from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.rig import geometry
@@ -50,6 +51,8 @@ class MapEstimate(NamedTuple):
         Lag-1 autocorrelation of the residuals of each, shape (3,).
     steps:
         Of the last stage.
+    ringing_Hz, ringing_power:
+        Frequency and power of the largest peak in the spectrum of what is left of the acceleration (`second_mode`).
     converged:
         False where the solver ran out of steps before convergence, or met numbers that are not finite.
     """
@@ -59,6 +62,8 @@ class MapEstimate(NamedTuple):
     chi_squared: Float[Array, "*records 3"]
     correlation: Float[Array, "*records 3"]
     steps: Int[Array, "*records"]
+    ringing_Hz: Float[Array, "*records"]
+    ringing_power: Float[Array, "*records"]
     converged: Bool[Array, "*records"]
 
 
@@ -182,12 +187,15 @@ def _map_estimate(window: Window, last: _Solved, at_peak: ScalarLike = AT_PEAK) 
     weight = jnp.asarray(window.weight)
     residual = residual[: weight.size].reshape(weight.shape)
     squares = jnp.sum(residual**2, axis=1)
+    ringing_Hz, ringing_power = largest_peak(residual[0], window.block_s)
     return MapEstimate(
         standard=last.standard,
         covariance=covariance,
         chi_squared=squares / jnp.sum(weight > 0, axis=1),
         correlation=jnp.sum(residual[:, 1:] * residual[:, :-1], axis=1) / squares,
         steps=last.steps,
+        ringing_Hz=ringing_Hz,
+        ringing_power=ringing_power,
         converged=(last.done | near) & finite,
     )
 

@@ -10,6 +10,7 @@ from jaxtyping import Array, ArrayLike, Float
 from bayes_tyre.inference.motion.laws import FANCHER, TYRE_PRIORS, MotionLaw, NormalPrior
 from bayes_tyre.inference.motion.record.load_step import SHAPE_TERMS
 from bayes_tyre.inference.motion.record.runout import Ground, Rolling, ground_in_units
+from bayes_tyre.inference.motion.record.second_mode import SecondMode, mode_in_units
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
@@ -46,7 +47,10 @@ RECORD_PRIORS: dict[str, NormalPrior] = {
 
 
 def parameter_names(law: MotionLaw) -> tuple[str, ...]:
-    """Return the names of the parameters of a motion on a law, in order; those of a rolling tyre's ground follow."""
+    """Return the names of the parameters of a motion on a law, in order.
+
+    Those of a rolling tyre's ground follow, or those of a second mode of a rig with a stationary tyre (`second_mode`).
+    """
     return (*(f"log_{name}" for name in law.tyre_parameters), *RECORD_PRIORS)
 
 
@@ -72,6 +76,8 @@ class MotionParameters(NamedTuple):
     ground:
         Under a rolling tyre; None for a stationary one. For a rolling tyre `rest_friction_kN` is the friction at the
         window's start, and `laser_mm` the reading on the middle line with no runout.
+    mode:
+        A second mode that the sensors show, of a stationary tyre; None without one.
     """
 
     law: Any
@@ -87,6 +93,7 @@ class MotionParameters(NamedTuple):
     laser_delay_s: Array
     load_delay_s: Array
     ground: Ground | None = None
+    mode: SecondMode | None = None
 
 
 def in_units(
@@ -115,6 +122,7 @@ def in_units(
     at = {name: index for index, name in enumerate(names)}
     mean, sd = jnp.asarray(prior)
     value = mean + sd * standard
+    further = value[len(names) :]
     k, m, ratio = (jnp.exp(value[at[name]]) for name in ("log_k", "log_m", "log_damping_ratio"))
     rest = jnp.zeros(())
     if law.has_friction:
@@ -134,7 +142,8 @@ def in_units(
         shape=value[at["shape_bend_onset"] : at["shape_bend_onset"] + SHAPE_TERMS],
         laser_delay_s=value[at["laser_delay_s"]],
         load_delay_s=value[at["load_delay_s"]],
-        ground=None if rolling is None else ground_in_units(value[len(names) :], rolling),
+        ground=None if rolling is None else ground_in_units(further, rolling),
+        mode=mode_in_units(further) if rolling is None and len(further) else None,
     )
 
 

@@ -17,6 +17,7 @@ from bayes_tyre.inference.motion.record.block_noise import (
 from bayes_tyre.inference.motion.record.parameters import prior_moments
 from bayes_tyre.inference.motion.record.pre_step_harmonics import fit_harmonics
 from bayes_tyre.inference.motion.record.runout import Rolling, ground_priors
+from bayes_tyre.inference.motion.record.second_mode import mode_priors
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 
@@ -169,7 +170,7 @@ def make_window(rig: Rig, samples: Recorded, law: MotionLaw = FANCHER) -> Window
     Parameters
     ----------
     rig:
-        Effective mass.
+        Effective mass, sensors, and a second mode that a stationary tyre's record is fitted with.
     samples:
         A recording.
     law:
@@ -202,6 +203,8 @@ def make_window(rig: Rig, samples: Recorded, law: MotionLaw = FANCHER) -> Window
     if rolls:
         rolling, rolling_levels, prior = _rolling(rig, samples, channels[:, : samples.pre_step], first)
         record_levels |= rolling_levels
+    elif mode := rig.second_mode:
+        prior = mode_priors(mode.frequency_Hz, mode.frequency_relative_sd)
     law_prior = prior_moments(rig, record_levels, law)
     prior = law_prior if prior is None else np.concatenate([law_prior, prior], axis=1)
     nodes = block_weights(length, substeps_of(length * dt_s))

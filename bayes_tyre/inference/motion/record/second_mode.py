@@ -1,0 +1,98 @@
+"""A second mode of the rig, such as its beam's bending: both motion sensors show it beside the axle's motion.
+
+``b'' + 2 zeta omega b' + omega^2 b = -share d''``: the axle's acceleration drives it, as the inertia of what bends.
+The tyre does not feel it. A rig file describes it, or the free vibration shows it: a peak in the spectrum of what a fit
+without it leaves of the acceleration.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from bayes_tyre.inference.motion.laws import NormalPrior
+from bayes_tyre.laws.base import ScalarLike
+from bayes_tyre.rig.motion import Motion
+
+#: Frequencies that are searched for a mode, Hz: above the ringing of the axle on its tyre, below the blocks' own.
+SEARCHED_HZ = (25.0, 150.0)
+#: Power of a peak that shows a mode, where white residuals have 1: the largest of some 70 is above it in 1e-11 of them.
+SHOWS = 30.0
+#: Relative standard deviation of a frequency that was read from a spectrum: a tenth of it is a lobe of 0.5 s at 60 Hz.
+READ_SD = 0.05
+#: Priors of the parameters, which follow all others of a stationary record.
+MODE_PRIORS: dict[str, NormalPrior] = {
+    "log_mode_Hz": NormalPrior(np.nan, READ_SD, "the rig file's, or the peak of the spectrum"),
+    "log_mode_damping_ratio": NormalPrior(np.log(0.02), 0.7, "0.5 to 8 % of critical: welded and bolted steel"),
+    "mode_share": NormalPrior(0.0, 0.5, "of the axle's movement that the inertia of what bends follows"),
+}
+
+
+class SecondMode(NamedTuple):
+    """A second mode: frequency, share of critical damping, and share of the axle's movement that drives it."""
+
+    frequency_Hz: Array
+    damping_ratio: Array
+    share: Array
+
+
+def mode_priors(frequency_Hz: float, relative_sd: float = READ_SD) -> Float[np.ndarray, "2 3"]:
+    """Return means and standard deviations of the priors of a mode about a frequency."""
+    table = np.array([[prior.mean, prior.sd] for prior in MODE_PRIORS.values()])
+    table[0] = np.log(frequency_Hz), relative_sd
+    return table.T
+
+
+def mode_in_units(value: Float[Array, " 3"]) -> SecondMode:
+    """Return a mode in physical units from the values of its parameters on the scale of their priors."""
+    return SecondMode(jnp.exp(value[0]), jnp.exp(value[1]), value[2])
+
+
+def shown_with(mode: SecondMode, motion: Motion, dt_s: ScalarLike) -> Motion:
+    """Return a motion as sensors on a rig with a second mode show it, at rest in the beginning.
+
+    By the trapezoidal rule, for the stiffness at which this has the mode's frequency at these nodes.
+
+    Parameters
+    ----------
+    mode:
+        The mode.
+    motion:
+        Of the axle, at nodes.
+    dt_s:
+        Spacing of the nodes, s.
+    """
+    half = 0.5 * jnp.asarray(dt_s)
+    omega = jnp.tan(2 * jnp.pi * mode.frequency_Hz * half) / half
+    restoring = jnp.stack([omega**2, 2 * mode.damping_ratio * omega])
+    rates = jnp.stack([jnp.array([0.0, 1.0]), -restoring])
+    onward = jnp.linalg.inv(jnp.eye(2) - half * rates)
+    matrix = onward @ (jnp.eye(2) + half * rates)
+    driven = -1e3 * mode.share * motion.acceleration_m_per_s2
+    kicks = half * (driven[1:] + driven[:-1])[:, None] * onward[:, 1]
+
+    def step(state: Array, kick: Array) -> tuple[Array, Array]:
+        state = matrix @ state + kick
+        return state, state
+
+    _, states = jax.lax.scan(step, jnp.zeros(2), kicks)
+    bend, speed = jnp.concatenate([jnp.zeros((1, 2)), states]).T
+    return Motion(
+        motion.displacement_mm + bend,
+        motion.velocity_mm_per_s + speed,
+        motion.acceleration_m_per_s2 + 1e-3 * (driven - restoring @ jnp.stack([bend, speed])),
+        motion.tyre_force_kN,
+    )
+
+
+def largest_peak(residual: Float[Array, " blocks"], block_s: ScalarLike) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Return frequency (Hz) and power of the largest peak among `SEARCHED_HZ` of residuals of unit variance."""
+    padded = 4 * residual.shape[0]
+    power = jnp.abs(jnp.fft.rfft(residual, padded)) ** 2 / residual.shape[0]
+    frequency = jnp.arange(len(power)) / (padded * jnp.asarray(block_s))
+    low, high = SEARCHED_HZ
+    searched = jnp.where((frequency >= low) & (frequency <= high), power, 0.0)
+    place = jnp.argmax(searched)
+    return frequency[place], searched[place]
