@@ -91,7 +91,7 @@ def predicted(
     if parameters.mode is not None:
         motion = shown_with(parameters.mode, motion, time_s[1])
     if load_kN.ndim:
-        load_kN = load_kN - parameters.load_delay_s * jnp.gradient(load_kN) / time_s[1]
+        load_kN = load_kN - parameters.load_delay_s * jnp.asarray(jnp.gradient(load_kN)) / time_s[1]
     readings = jnp.stack(
         [
             parameters.acceleration_m_per_s2 - lever(rig) * motion.acceleration_m_per_s2,

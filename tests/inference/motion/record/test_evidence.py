@@ -45,7 +45,8 @@ def blind_window() -> Window:
 def test_evidence_of_no_readings_is_one():
     window, n = blind_window(), len(NAMES)
     wide = 1.3 * jnp.eye(n)
-    estimate = MapEstimate(jnp.zeros(n), jnp.eye(n), jnp.zeros(3), jnp.zeros(3), jnp.array(1), jnp.array(True))
+    nothing, found = jnp.zeros(3), (jnp.array(1), jnp.zeros(()), jnp.ones(()), jnp.array(True))
+    estimate = MapEstimate(jnp.zeros(n), jnp.eye(n), nothing, nothing, *found)
     assert log_evidence(window, estimate, None) == pytest.approx(0.0, abs=1e-12)
     weighted = weighted_draws(RIG, np.zeros(n), wide, window)
     # 400 draws that are too wide by sqrt(1.3) and 1.1 in each of 17 directions: some 100 effective, so a standard
