@@ -87,22 +87,30 @@ def predicted(
 ) -> Float[Array, "3 blocks"]:
     """Return the block means that the sensors would read without noise: m/s^2 (up), mm, kN of the cylinder."""
     drive, motion, level = simulated(rig, parameters, window, disturbance)
-    time_s, load_kN = jnp.asarray(drive.time_s), jnp.asarray(disturbance.load_kN)
+    time_s = jnp.asarray(drive.time_s)
     if parameters.mode is not None:
         motion = shown_with(parameters.mode, motion, time_s[1])
-    if load_kN.ndim:
-        load_kN = load_kN - parameters.load_delay_s * jnp.asarray(jnp.gradient(load_kN)) / time_s[1]
     readings = jnp.stack(
         [
             parameters.acceleration_m_per_s2 - lever(rig) * motion.acceleration_m_per_s2,
-            parameters.laser_mm + lever(rig) * (_seen_late(motion, parameters.laser_delay_s) - level),
-            cylinder_load(parameters, time_s - parameters.load_delay_s) + load_kN,
+            parameters.laser_mm + lever(rig) * (_shown_late(motion, parameters.laser_delay_s) - level),
+            _load_shown_late(parameters, time_s, jnp.asarray(disturbance.load_kN)),
         ]
     )
     return block_means(readings, jnp.asarray(window.node_weights))
 
 
-def _seen_late(motion: Motion, delay_s: ScalarLike) -> Float[Array, " nodes"]:
+def _load_shown_late(
+    parameters: MotionParameters, time_s: Float[Array, " nodes"], departure_kN: Float[Array, "*nodes"]
+) -> Float[Array, " nodes"]:
+    """Return the load, kN, that a load cell shows which is late: its step exactly, the departure to first order."""
+    step = cylinder_load(parameters, time_s - parameters.load_delay_s)
+    if not departure_kN.ndim:
+        return step + departure_kN
+    return step + departure_kN - parameters.load_delay_s * jnp.asarray(jnp.gradient(departure_kN)) / time_s[1]
+
+
+def _shown_late(motion: Motion, delay_s: ScalarLike) -> Float[Array, " nodes"]:
     """Return the displacement, mm, that a laser shows which is late by less than a tenth of the ringing's period.
 
     To second order in the delay T: what is only late shows T^2 / 2 of the acceleration, a first-order lag T^2; what

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from bayes_tyre.inference.motion.record.forward_model import _seen_late
+from bayes_tyre.inference.motion.record.forward_model import _shown_late
 from bayes_tyre.rig.motion import Motion
 
 RATE_HZ = 1e5
@@ -28,7 +28,7 @@ def test_a_laser_that_lags_or_averages_is_late_by_the_sum_of_both(lag_ms, averag
     velocity, acceleration = omega * np.cos(omega * time_s), -(omega**2) * displacement
     motion = Motion(*map(jnp.asarray, (displacement, velocity, 1e-3 * acceleration, np.zeros_like(time_s))))
     settled = time_s > 0.05
-    late = np.asarray(_seen_late(motion, 2e-3))
+    late = np.asarray(_shown_late(motion, 2e-3))
     most = 0.02 * (ringing_Hz / 18.0) ** 2
     assert np.abs(late - shown)[settled].max() < most
     # Without the delay it is off by ten times as much.
