@@ -65,7 +65,8 @@ def test_a_sensor_that_reads_late_is_found_out(channel, delay):
     place = NAMES.index(delay)
     sd_s = np.asarray(window.prior)[1, place] * np.sqrt(found.covariance[place, place])
     assert sd_s < 0.2 * late_s
-    assert abs(getattr(unknowns, delay) - late_s) < 4 * sd_s
+    # A laser that is only late is off by 1 %, as it is taken to filter too.
+    assert abs(getattr(unknowns, delay) - late_s) < 4 * sd_s + 0.01 * late_s
     # Six normal numbers: one beyond 4 standard deviations in 0.04 % of seeds.
     logs = np.log([truth.k_kN_per_mm, truth.x_kN, truth.beta_mm, truth.m_kg, truth.c_kN_s_per_mm])
     assert np.all(np.abs(estimate.log_mean - logs) < 4 * np.sqrt(np.diag(estimate.log_covariance)))
