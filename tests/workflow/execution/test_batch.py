@@ -1,8 +1,10 @@
 """Batches: cached as they are done, resumed, on a cluster that loses workers, in bounded memory."""
 
 import logging
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helpers import dying_work
@@ -113,7 +115,7 @@ def test_no_more_results_are_held_than_are_out_whatever_their_number(tmp_path):
 
 
 @contextmanager
-def local_cluster():
+def local_cluster() -> Iterator[Any]:
     """Yield a scheduler with two worker processes of one thread."""
     from dask import config
     from distributed import LocalCluster

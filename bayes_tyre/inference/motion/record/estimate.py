@@ -31,7 +31,7 @@ from bayes_tyre.inference.motion.record.map_fit import (
     starting_points,
 )
 from bayes_tyre.inference.motion.record.nuts import SETTINGS, effective_draws, sample_motion
-from bayes_tyre.inference.motion.record.parameters import in_units
+from bayes_tyre.inference.motion.record.parameters import in_units, parameter_names
 from bayes_tyre.inference.motion.record.second_mode import SHOWS, mode_priors
 from bayes_tyre.inference.motion.record.window import Recorded, Window, make_window
 from bayes_tyre.inference.sampling.run import SamplerSettings
@@ -249,9 +249,10 @@ def log_parameters(
     rig: Rig, standard: Float[Array, "*draws parameters"], prior: Array, law: MotionLaw = FANCHER
 ) -> Float[Array, "*draws p"]:
     """Return the logarithms of the law's `reported_parameters` at standardised parameters."""
+    own = len(parameter_names(law))  # a rolling tyre's ground or a second mode follows
 
     def logs(standard: Array) -> Array:
-        parameters = in_units(rig, standard, prior, law=law)
+        parameters = in_units(rig, standard[:own], prior[:, :own], law=law)
         tyre = (getattr(parameters.law, name) for name in law.reported)
         values = (*tyre, parameters.m_kg, parameters.c_kN_s_per_mm)
         return jnp.log(jnp.stack([jnp.asarray(value) for value in values]))
@@ -290,7 +291,7 @@ def _reasons(rig: Rig, window: Window, estimate: MapEstimate) -> list[str]:
                 f"{name} is off by {np.sqrt(square):.2g} times its noise, lag-1 autocorrelation {correlation:.2g}"
             )
     if (share := _discrepancy_share(window)) > DISCREPANCY_MOST:
-        parameters = in_units(rig, jnp.asarray(estimate.standard), window.prior, law=window.law)
+        parameters = in_units(rig, jnp.asarray(estimate.standard), window.prior, window.rolling, window.law)
         reasons.append(
             f"load and law leave out a force of {share * float(load_step_kN(rig, parameters)):.2g} kN, "
             f"{100 * share:.2g} % of the load's step (at most {100 * DISCREPANCY_MOST:g} %)"

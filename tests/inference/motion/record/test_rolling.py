@@ -7,8 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from bayes_tyre.inference.motion.laws import FANCHER
 from bayes_tyre.inference.motion.record.disturbance.road_noise import road_noise_spectrum
 from bayes_tyre.inference.motion.record.estimate import estimate_motion
+from bayes_tyre.inference.motion.record.parameters import parameter_names
 from bayes_tyre.inference.motion.record.pre_step_harmonics import fit_harmonics
 from bayes_tyre.inference.motion.record.window import Recorded, make_window
 from bayes_tyre.rig.axle import load_rig
@@ -111,7 +113,7 @@ def test_a_rolling_window_has_an_unknown_for_every_name():
     window = make_window(RIG, record)
     harmonics = sum(harmonics for _, harmonics in record.bodies)
     # Displacement and velocity at the start, a turn for each body, a sine and a cosine for each harmonic.
-    assert window.prior.shape[1] == 17 + 2 + len(record.bodies) + 2 * harmonics
+    assert window.prior.shape[1] == len(parameter_names(FANCHER)) + 2 + len(record.bodies) + 2 * harmonics
     assert np.isfinite(window.prior).all()
 
 
