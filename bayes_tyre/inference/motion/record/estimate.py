@@ -208,10 +208,10 @@ def _fit_stationary(rig: Rig, window: Window, starts: Float[np.ndarray, "starts 
     if departs:
         window = with_load_departure(window, departure)
         starts = starts + np.asarray(departure.standard)
-    kept = window, _ = _with_second_mode(rig, window, fit_map(rig, window, starts))
-    among, further = force_columns(rig, window, kept[1].standard), departure.columns if departs else None
+    window, estimate = _with_second_mode(rig, window, fit_map(rig, window, starts))
+    among, further = force_columns(rig, window, estimate.standard), departure.columns if departs else None
     none = among._replace(sizes=jnp.zeros_like(among.sizes))
-    forced, refined = kept
+    kept = forced, refined = window, estimate
     # With the cell's estimate of a departure the first fit is far from the motion, and a force would take that up.
     for possible in (*[none] * departs, *[among] * FORCE_ROUNDS):
         force = disturbance_response(rig, forced, refined.standard, possible, further)
