@@ -149,7 +149,10 @@ def test_the_page_is_printed_beside_it(tmp_path, quick):
     made = write_made(tmp_path / "made", {"x": 1.0}, factor_table=printed_factors("x"))
     done = here("report", made, "--pdf", "--out", tmp_path / "page.html")
     assert (done.exit_code, done.stderr) == (0, "")
-    assert done.stdout == f"wrote {tmp_path / 'page.html'}\nwrote {tmp_path / 'page.pdf'}\n"
+    written = [tmp_path / name for name in ("page.html", "page.pdf")]
+    assert done.stdout.splitlines() == [f"drawing the figures of {made}", *(f"wrote {path}" for path in written)]
+        done.stdout == f"drawing the figures of {made}\nwrote {tmp_path / 'page.html'}\nwrote {tmp_path / 'page.pdf'}\n"
+    )
     printed = (tmp_path / "page.pdf").read_bytes()
     assert printed.startswith(b"%PDF-")
     assert len(re.findall(rb"/Type\s*/Page\b", printed)) > 1

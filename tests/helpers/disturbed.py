@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
+import pandas as pd
 from helpers.command_line import COMMAND, FEW, environment, finish, small, start_as, written
 from helpers.short_recordings import write_recordings
 
@@ -167,7 +168,7 @@ def _kept(name: str, content: bytes, alone: dict[str, bytes]) -> Path:
 
 
 def written_by(folder: Path, out: str = "out") -> dict[str, bytes]:
-    """Return the files below `out` by name; of `run.json` without the time that the run took and its command."""
+    """Return the files below `out` by name, without the time that a run took (and `run.json` without its command)."""
     files = {}
     for path in sorted((folder / out).rglob("*")) if (folder / out).exists() else ():
         name = str(path.relative_to(folder / out))
@@ -178,6 +179,8 @@ def written_by(folder: Path, out: str = "out") -> dict[str, bytes]:
             run = json.loads(files[name])
             kept = {key: value for key, value in run.items() if key not in ("wall_time_s", "command")}
             files[name] = json.dumps(kept).encode()
+        if path.suffix == ".csv" and b",seconds," in files[name].partition(b"\n")[0]:
+            files[name] = pd.read_csv(path, dtype=str).drop(columns="seconds").to_csv(index=False).encode()
     return files
 
 
