@@ -20,7 +20,7 @@ from bayes_tyre.rig.motion import Motion
 SEARCHED_HZ = (25.0, 150.0)
 #: Power of a peak that shows a mode, where white residuals have 1: the largest of some 70 is above it in 1e-11 of them.
 SHOWS = 30.0
-#: Relative standard deviation of a frequency that was read from a spectrum: a tenth of it is a lobe of 0.5 s at 60 Hz.
+#: Relative standard deviation of a frequency read from a spectrum: at 60 Hz it is more than the 2 Hz that 0.5 s tell.
 READ_SD = 0.05
 #: Priors of the parameters, which follow all others of a stationary record.
 MODE_PRIORS: dict[str, NormalPrior] = {
