@@ -185,5 +185,5 @@ def _prior_sensitive(parameters: pd.DataFrame, hyperparameters: pd.DataFrame) ->
         if len(sensitive):
             yield (
                 f"{_listed(sensitive['element'])}: prior-sensitive: a wider or narrower prior would move them "
-                f"(power scaling: {sensitive['prior_sensitivity'].iloc[0]:.2f}, over {SENSITIVE}); {remedy}"
+                f"(power scaling: {sensitive['prior_sensitivity'].iloc[0]:.3f}, over {SENSITIVE}); {remedy}"
             )
