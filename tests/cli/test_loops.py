@@ -94,7 +94,7 @@ def test_show_and_report_take_the_folder(folder):
     assert "of the 19 further rows 18: the curve is not Equation 2" in shown.stdout
     assert "closed cycles (data: measured): 19 rows, 16 not ok" in shown.stdout
     done = here("report", folder)
-    assert (done.exit_code, done.stdout) == (0, f"drawing the figures of {folder}\nwrote {folder / 'report.html'}\n")
+    assert (done.exit_code, done.stdout) == (0, f"wrote {folder / 'report.html'}\n")
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert page.count("data:image/png;base64,") == 1
     assert len(re.findall(r"<tr>", page)) == 2 + 39 + 19

@@ -175,7 +175,10 @@ def test_the_page_goes_into_the_first_folder_or_where_out_says(tmp_path, quick):
     )
     done = here("report", one, two)
     assert (done.exit_code, done.stderr) == (0, "")
-    assert done.stdout == f"drawing the figures of {one}, {two}\nwrote {one / 'report.html'}\n"
+    assert done.stdout == "".join(
+        f"{line}\n"
+        for line in (f"drawing the figures of {one}", f"drawing the figures of {two}", f"wrote {one / 'report.html'}")
+    )
     assert not (two / "report.html").exists()
     for out, path in (("page.html", "page.html"), ("deep/down", "deep/down/report.html")):
         assert here("report", one, "--out", tmp_path / out, "--quiet").stdout == ""

@@ -65,6 +65,7 @@ def write_report(
     folders: Sequence[Path],
     out: Path | None,
     on_note: Callable[[str], None] = lambda _: None,
+    on_drawing: Callable[[Path], None] = lambda _: None,
     on_progress: Callable[[int], None] = lambda _: None,
     *,
     kept_figures: bool = False,
@@ -82,6 +83,8 @@ def write_report(
         What `fit` or `motion` wrote, or one that `lsq` or `load-deflection` wrote; and where the page goes (`target`).
     on_note:
         Called with what the user should know, a line each.
+    on_drawing:
+        Called with a folder before its figures are drawn.
     on_progress:
         Called with 1 after each folder.
     kept_figures:
@@ -113,6 +116,7 @@ def write_report(
             parts.append(Part(result, list(stored_figures(folder / "figures", set()))))
         else:
             attempts = Attempts()
+            on_drawing(folder)
             parts.append(_drawn(folder, result, tree, on_note, attempts))
             warnings += [f"{result.name}: {check.reason}" for check in attempts.failed]
         inputs = frozenset(result.run["inputs"].values())

@@ -55,12 +55,19 @@ def report(
     from bayes_tyre.plain_text import path_text
     from bayes_tyre.workflow.from_results.report import letterhead, write_report
 
-    if not kept_figures:
-        say(f"drawing the figures of {', '.join(path_text(folder) for folder in folders)}", quiet)
     head = letterhead(title, order, operator, logo)
     with progress("report", len(folders), quiet) as advance:
-        how = {"kept_figures": kept_figures, "reference": reference}
-        paths, warnings = write_report(folders, out, lambda text: note(text, quiet), advance, **how, head=head, pdf=pdf)
+        paths, warnings = write_report(
+            folders,
+            out,
+            lambda text: note(text, quiet),
+            lambda folder: say(f"drawing the figures of {path_text(folder)}", quiet),
+            advance,
+            kept_figures=kept_figures,
+            reference=reference,
+            head=head,
+            pdf=pdf,
+        )
     for path in paths:
         say(f"wrote {path}", quiet)
     for warning in warnings:
