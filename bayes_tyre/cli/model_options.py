@@ -68,6 +68,30 @@ NoiseOption = Annotated[
 NoiseWindowOption = Annotated[
     int, typer.Option(min=1, help="Length (samples) of a moving average that was applied to the noise alone; 1: none.")
 ]
+SpecimenOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="COLUMN",
+        help="Column that says which tyre of its configuration a record was made on: k and beta then differ from tyre "
+        "to tyre, and intervals are those of the type of tyre.",
+    ),
+]
+DayOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="COLUMN",
+        help="Column that says on which day, or after which mounting, a record was made: what its records share is "
+        "then no difference between cases.",
+    ),
+]
+CovariateOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="COLUMN",
+        help="Column of numbers, such as a pressure or a temperature, that k and beta may change with; cases are given "
+        "at its mean. May be repeated.",
+    ),
+]
 PriorsOption = Annotated[
     Path | None,
     typer.Option(

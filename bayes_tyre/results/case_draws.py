@@ -7,6 +7,7 @@ import xarray as xr
 from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.model.record_levels import LEVELS
 from bayes_tyre.record import CASE_FACTORS
 
 
@@ -49,8 +50,9 @@ def of_repeat(posterior: xr.Dataset, case: int, rng: np.random.Generator, discor
     """Return the draws of a repeat of a case that was not measured.
 
     k and beta scatter about the case's as repeats do at its speed, as a discordant repeat as often as the posterior
-    holds one possible (with the posterior's tails, where repeats are a Student-t); F_i, J and d_i are those of one of
-    the case's records; sigma is that of a new record.
+    holds one possible (with the posterior's tails, where repeats are a Student-t), and as specimens and days do, where
+    the model has these: it is made on another tyre, on another day, at the mean of the covariates. F_i, J and d_i are
+    those of one of the case's records; sigma is that of a new record.
 
     Raises
     ------
@@ -64,12 +66,21 @@ def of_repeat(posterior: xr.Dataset, case: int, rng: np.random.Generator, discor
     speed = float(posterior["case_speed_km_h"].to_numpy()[case])
     k, beta = (
         flat(posterior[f"{name}_case"].isel(case=case))
-        * np.exp(widening * scatter_of_repeats(posterior, name, speed) * rng.standard_normal(draws))
+        * np.exp(
+            np.hypot(widening * scatter_of_repeats(posterior, name, speed), _scatter_of_levels(posterior, name))
+            * rng.standard_normal(draws)
+        )
         for name in ("k", "beta")
     )
     spread = _scalar(posterior, "sd_log_sigma") if "sd_log_sigma" in posterior else 0.0  # one record: no spread
     sigma = _scalar(posterior, "sigma_typical") * np.exp(spread * rng.standard_normal(draws))
     return CaseDraws(F_i[one], J[one], k, beta, d_i[one], sigma)
+
+
+def _scatter_of_levels(posterior: xr.Dataset, parameter: str) -> Float[np.ndarray, "#draws"]:
+    """Return the standard deviation of a specimen and a day that were not measured; 0 where the model has neither."""
+    sds = (f"sd_log_{parameter}_{level}" for level in LEVELS)
+    return np.sqrt(sum((flat(posterior[sd]) ** 2 for sd in sds if sd in posterior), np.zeros(1)))
 
 
 def _widening(

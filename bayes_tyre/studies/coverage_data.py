@@ -21,6 +21,8 @@ SD = {
     "beta": {"group": 0.20, "speed": 0.15, "load": 0.15, "remainder": 0.12, "repeat": 0.10},
 }
 TYPICAL_K = {"single": 1.6, "dual": 2.2}
+#: Standard deviations of the logarithms between tyres of one type, where there are several.
+SD_OF_TYRES = {"k": 0.06, "beta": 0.15}
 #: Size of every step, kN; travel and displacement at the start, mm; offset of the envelope, kN, and its relative sd.
 STEP_KN, TRAVEL_MM, START_MM, OFFSET_KN, SD_OFFSET = 10.0, 5.0, 10.0, 1.0, 0.1
 #: What `uneven_noise` calls near the start, mm.
@@ -51,6 +53,9 @@ class Kind:
         Degrees of freedom of Student's t by which repeats scatter about their case; infinity: normal.
     case_apart:
         Factor on k of the last case, which no effect of its factors explains.
+    tyres:
+        How many of each configuration there are, which differ by `SD_OF_TYRES`: repeats take turns on them. The true
+        values of a case are those of the average tyre.
     options:
         Of the model, as `bayes_tyre.inference.model.settings.ModelSettings` names them.
     """
@@ -69,6 +74,7 @@ class Kind:
     hardening_per_mm: float = 0.0
     repeat_freedom: float = np.inf
     case_apart: float = 1.0
+    tyres: int = 1
     options: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -92,6 +98,8 @@ KINDS = {
     "few_points": Kind(points=10, sigma_kN=0.3),
     "coarse_force": Kind(sigma_kN=1.5),
     "hardening": Kind(hardening_per_mm=0.02),
+    "several_tyres": Kind(tyres=3, options={"specimen": "tyre"}),
+    "several_tyres_as_one": Kind(tyres=3),
     "case_apart": Kind(speeds_km_h=(0.0, 15.0, 25.0, 35.0), case_apart=1.25),
 }
 
@@ -116,7 +124,7 @@ def simulate(kind: Kind, seed: int, number: int) -> tuple[pd.DataFrame, pd.DataF
     displacement = START_MM + u + kind.displacement_noise_mm * rng.standard_normal(u.shape)
     if kind.step_of_reading_mm:
         displacement = kind.step_of_reading_mm * np.round(displacement / kind.step_of_reading_mm)
-    factors = truth[["record", *Case._fields, "repeat"]]
+    factors = truth[["record", *Case._fields, "repeat", "tyre"]]
     table = factors.loc[factors.index.repeat(kind.points)].reset_index(drop=True).assign(origin="simulated")
     return table.assign(displacement_mm=displacement.ravel(), force_kN=force.ravel()), truth
 
@@ -151,6 +159,11 @@ def _repeats(kind: Kind, cases: pd.DataFrame, rng: np.random.Generator) -> pd.Da
         if np.isfinite(kind.repeat_freedom):
             scatter /= np.sqrt(rng.chisquare(kind.repeat_freedom, len(records)) / kind.repeat_freedom)
         records[name] = records[f"{name}_case"] * np.exp(sd["repeat"] * scatter)
+    records["tyre"] = (records["repeat"] - 1) % kind.tyres + 1
+    if kind.tyres > 1:
+        of_tyres = rng.spawn(1)[0]  # kinds of one design keep their other random numbers
+        for name, sd in SD_OF_TYRES.items():
+            records[name] *= np.exp(sd * _effects(records["configuration"] + records["tyre"].astype(str), of_tyres))
     J = OFFSET_KN * np.exp(SD_OFFSET * rng.standard_normal(len(records)))
     records["J"], records["F_i"] = np.sign(records["step_kN"]) * J, records["initial_load_kN"]
     return records

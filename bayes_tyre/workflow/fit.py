@@ -37,8 +37,8 @@ from bayes_tyre.workflow.result_folder import write_fit
 _SAMPLER = ("chains", "warmup", "draws")
 #: Missing in a `run.json` of an earlier version, and then None.
 _TARGET, _COLUMNS, _LONGEST = "target_accept", "columns", "longest"
-#: Options that a `run.json` has only where they were given.
-_IF_GIVEN = ("limit", "reference", "record_draws")
+#: Options that a `run.json` has only where they were given: of the plan, and of the model.
+_IF_GIVEN, _LEVELS = ("limit", "reference", "record_draws"), ("specimen", "day", "covariates")
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,11 @@ class Plan:
         """What `run.json` says of it, beside the seed and the input."""
         return {
             **sampler_options(self.sampler),
-            **{field.name: getattr(self.model, field.name) for field in fields(ModelSettings)},
+            **{
+                field.name: value
+                for field in fields(ModelSettings)
+                if (value := getattr(self.model, field.name)) or field.name not in _LEVELS
+            },
             "priors": self.model.priors.given(),
             **{"interval": self.interval, "units_checked": self.units_checked},
             _COLUMNS: None if self.columns is None else read_column_map(self.columns).options,

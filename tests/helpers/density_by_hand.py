@@ -30,7 +30,7 @@ def log_density(values: Values, data: RecordData, factors: Factors, repeats: str
         How repeats scatter, and whether noise is autoregressive.
     """
     total = sum(PRIORS[name].scipy().logpdf(values[name]) for name in PRIORS if name in values and above(name))
-    total += _terms(values, factors)
+    total += _terms(values, factors) + _levels(values, factors)
     scatter = np.stack([scatter_of(name, values, factors) for name in PARAMETERS])
     if factors.speed.varies:
         for i, name in enumerate(PARAMETERS):
@@ -94,7 +94,8 @@ def numbers_of(values: Values, factors: Factors) -> Numbers:
     scatter = np.stack([scatter_of(name, values, factors) for name in PARAMETERS])
     remainder = np.array([[values.get(f"sd_log_{name}_case", 0.0)] for name in PARAMETERS])
     weight, apart = np.asarray(values.get("discordant_weight", 0.0)), APART_WEIGHT * can_stand_apart(factors)
-    return Numbers(values["log_records"], case_means(values, factors), scatter, remainder, weight, apart)
+    records = values["log_records"] - offsets(values, factors)
+    return Numbers(records, case_means(values, factors), scatter, remainder, weight, apart)
 
 
 def _terms(values: Values, factors: Factors) -> float:
@@ -110,8 +111,30 @@ def _terms(values: Values, factors: Factors) -> float:
     return float(total)
 
 
+def offsets(values: Values, factors: Factors) -> np.ndarray:
+    """Return what specimen, day and covariates add to the logarithms of each record's values."""
+    total, levels = np.zeros(values["log_records"].shape), factors.levels
+    for record, i in np.ndindex(*total.shape):
+        for name, level in levels.groupings.items():
+            total[record, i] += values[f"log_{name}"][i, level.of_record[record]]
+        if levels.covariates is not None:
+            total[record, i] += float(levels.covariates.values[record] @ values["log_covariate"][i])
+    return total
+
+
+def _levels(values: Values, factors: Factors) -> float:
+    total = 0.0
+    for i, parameter in enumerate(PARAMETERS):
+        for name in factors.levels.groupings:
+            total += stats.norm.logpdf(values[f"log_{name}"][i], 0.0, values[f"sd_log_{parameter}_{name}"]).sum()
+        if factors.levels.covariates is not None:
+            prior = PRIORS[f"log_{parameter}_covariate"].parameters
+            total += stats.norm.logpdf(values["log_covariate"][i], *prior).sum()
+    return float(total)
+
+
 def _repeats(values: Values, factors: Factors, scatter: np.ndarray, repeats: str) -> float:
-    records, of_record = values["log_records"], factors.of_record
+    records, of_record = values["log_records"] - offsets(values, factors), factors.of_record
     if repeats == "mixture" or (repeats == "normal" and can_stand_apart(factors)):
         numbers = numbers_of(values, factors)
         each = (by_hand(numbers, factors, case) for case in range(len(factors.cases)))

@@ -32,6 +32,9 @@ def fit(
     repeats: model_options.RepeatsOption = "mixture",
     noise: model_options.NoiseOption = "auto",
     noise_window: model_options.NoiseWindowOption = 1,
+    specimen: model_options.SpecimenOption = None,
+    day: model_options.DayOption = None,
+    covariate: model_options.CovariateOption = None,
     priors: model_options.PriorsOption = None,
     chains: shell.Chains = 4,
     warmup: shell.Warmup = 600,
@@ -92,6 +95,9 @@ def fit(
         sampler,
         law,
         displacement_sd,
+        specimen,
+        day,
+        tuple(covariate or ()),
     )
     draws_per_chain, longest = shell.draws_and_longest(draws)
     settings = SamplerSettings(chains, warmup, draws_per_chain, seed, target_accept=target_accept, longest=longest)

@@ -203,7 +203,7 @@ def with_noise_of_records(posterior: xr.Dataset, priors: Priors, seed: int) -> x
 def densities_of_records(posterior: xr.Dataset, records: PreparedRecords, model: ModelSettings) -> RecordDensity:
     """Return the density of records under a posterior's hyperparameters; shape (draws, records)."""
     estimates = estimate_records(records.batch, model.correlation, records.whitening, law=model.law)
-    draws = hyperparameters(posterior, records.factors, records.factors.of_record)
+    draws = hyperparameters(posterior, records.factors)
     z = standard_points(unknowns(model.correlation), seed=0)
     return record_density(records.likelihood, records.data, estimates, draws, z, model.priors.discordant_widening)
 

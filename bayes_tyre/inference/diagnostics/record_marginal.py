@@ -41,7 +41,8 @@ class Hyperparameters(NamedTuple):
     Attributes
     ----------
     log_case, log_scatter:
-        Shape (draws, records, 2): logarithms of k (kN/mm) and beta (mm) of each record's case, and of the scatter.
+        Shape (draws, records, 2): logarithms of k (kN/mm) and beta (mm) of each record's case, with what its specimen,
+        day and covariates add; and of the scatter.
     mean_J:
         Shape (draws, records): mean of J (kN) of each record's configuration and direction.
     sd_J, log_sigma, sd_log_sigma:
@@ -64,21 +65,23 @@ class Hyperparameters(NamedTuple):
     sd_atanh_rho: Float[Array, "*draws"] | None
 
 
-def hyperparameters(posterior: xr.Dataset, factors: Factors, records: np.ndarray) -> Hyperparameters:
-    """Return the populations that records of some cases are drawn from.
+def hyperparameters(posterior: xr.Dataset, factors: Factors) -> Hyperparameters:
+    """Return the populations that records are drawn from.
 
     Parameters
     ----------
     posterior:
         Dims chain, draw, case, ...; for displacement as it was measured.
     factors:
-        What the posterior was fitted with.
-    records:
-        Shape (records,): the case of each record.
+        Of these records; the posterior was fitted with the same cases and levels.
     """
+    records = factors.of_record
     by_case, scatter = [], []
     for parameter in ("k", "beta"):
         by_case.append(np.log(_flat(posterior[f"{parameter}_case"]))[:, records])
+        if factors.levels.names:
+            effects = {name: _flat(posterior[f"log_{parameter}_{name}"]) for name in factors.levels.names}
+            by_case[-1] = by_case[-1] + factors.levels.offset(effects.__getitem__)
         name = f"sd_log_{parameter}_repeat"
         if f"{name}_by_speed" in posterior:
             scatter.append(_flat(posterior[f"{name}_by_speed"])[:, factors.speed.of_case[records]])

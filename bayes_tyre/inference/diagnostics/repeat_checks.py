@@ -11,7 +11,7 @@ from scipy import stats
 from bayes_tyre.inference.diagnostics.course_checks import CHANCE, case_of_records
 from bayes_tyre.inference.diagnostics.sampling_checks import Check
 from bayes_tyre.inference.model.hyperparameters import APART_REPEATS, JUDGEABLE_REPEATS
-from bayes_tyre.inference.sampling.datatree import case_parameters
+from bayes_tyre.inference.sampling.datatree import case_parameters, record_offset
 from bayes_tyre.plain_text import listed
 
 #: Fewest degrees of freedom that the scatter of repeats is estimated from.
@@ -41,7 +41,9 @@ def repeat_checks(posterior: xr.Dataset) -> Iterator[Check]:
     case = case_of_records(posterior)
     for parameter in case_parameters(posterior):
         if parameter in posterior:
-            yield _cases_and_repeats(posterior, parameter, case)
+            # As if on the average specimen and day, as the case is.
+            own = posterior[parameter] * np.exp(-record_offset(posterior, parameter))
+            yield _cases_and_repeats(posterior.assign({parameter: own}), parameter, case)
 
 
 class _Agreement(NamedTuple):

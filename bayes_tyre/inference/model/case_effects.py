@@ -24,7 +24,11 @@ from bayes_tyre.inference.model.hyperparameters import (
     of_each,
 )
 from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.model.record_levels import COVARIATE
 from bayes_tyre.inference.model.terms import effects_in_terms, find_terms
+
+#: Site of what specimen, day and covariates add to the logarithms of the records' values.
+OFFSET = "record_offset"
 
 
 def sample_linear_predictor(
@@ -70,6 +74,27 @@ def sample_scatter_by_speed(
     scatter = jnp.exp(jnp.asarray(numpyro.sample(f"log_sd_{of}_by_speed", by_speed)))
     deterministic_each(f"sd_log_*_{of}_by_speed", parameters, scatter)
     return {f"sd_log_{name}_{of}_by_speed": value for name, value in zip(parameters, scatter, strict=True)}
+
+
+def sample_offset(
+    factors: Factors,
+    hyperparameters: Hyperparameters,
+    parameters: Sequence[str] = PARAMETERS,
+    priors: Priors = PRIORS,
+) -> Float[Array, "records parameters"]:
+    """Sample what specimen, day and covariates add to the logarithms of each record's values."""
+    levels, effects = factors.levels, dict[str, Array]()
+    for name, level in levels.groupings.items():
+        sd = of_each(f"sd_log_*_{name}", parameters, hyperparameters)
+        fn = dist.Normal(0.0, sd).expand((len(parameters), len(level.labels))).to_event(2)
+        effects[name] = jnp.asarray(numpyro.sample(f"log_{name}", fn))
+    if levels.covariates is not None:
+        mean, sd = np.transpose([priors[f"log_{parameter}_{COVARIATE}"].parameters for parameter in parameters])
+        fn = dist.Normal(mean[:, None], sd[:, None]).expand((len(parameters), len(levels.covariates.names)))
+        effects[COVARIATE] = jnp.asarray(numpyro.sample(f"log_{COVARIATE}", fn.to_event(2)))
+    for name, values in effects.items():
+        deterministic_each(f"log_*_{name}", parameters, values)
+    return deterministic(OFFSET, jnp.asarray(levels.offset(effects.__getitem__)).T)
 
 
 def scatter_of_cases(
@@ -122,6 +147,8 @@ class CaseDistribution(NamedTuple):
     apart_weight, apart_widening:
         Probability that a case stands apart, 0 in a model without such cases; and how many times `remainder` its
         standard deviation then is.
+    offset:
+        What its specimen, day and covariates add to each record, beside what it has of its case.
 
     Source: the contaminated normal of Tukey (1960), "A survey of sampling from contaminated distributions".
     """
@@ -131,6 +158,7 @@ class CaseDistribution(NamedTuple):
     scatter: Float[Array, "parameters cases"]
     apart_weight: float
     apart_widening: float
+    offset: Float[Array | np.ndarray, "#records #parameters"]
 
     def remainders(self) -> tuple[Float[np.ndarray, " kinds"], Float[Array, "kinds parameters #cases"]]:
         """Return log probability, and standard deviation about the linear predictor, of each kind of case.
@@ -158,7 +186,8 @@ def sample_case_distribution(
 ) -> CaseDistribution:
     """Sample what the cases are distributed by."""
     with_scatter = {**hyperparameters, **sample_scatter_by_speed(factors, hyperparameters, parameters)}
+    offset = sample_offset(factors, with_scatter, parameters, priors) if factors.levels.names else np.zeros((1, 1))
     mean = sample_linear_predictor(factors, with_scatter, parameters, priors)
     remainder, scatter = (of(factors, with_scatter, parameters) for of in (case_remainder, scatter_of_cases))
     weight = apart_weight(factors, parameters, priors)
-    return CaseDistribution(mean, remainder, scatter, weight, priors.apart_widening)
+    return CaseDistribution(mean, remainder, scatter, weight, priors.apart_widening, offset)

@@ -61,6 +61,18 @@ PRIORS = Priors(
         },
         "sd_log_k_case": Prior(dist.LogNormal, (np.log(0.08), 0.8), "", "1.6 to 38 %: what the factors leave over"),
         "sd_log_beta_case": Prior(dist.LogNormal, (np.log(0.2), 0.8), "", "4 to 96 %: what the factors leave over"),
+        **{
+            f"sd_log_{name}_{level}": Prior(dist.HalfNormal, (scale,), "", reason)
+            for name, scale in (("k", 0.05), ("beta", 0.15))
+            for level, reason in (
+                ("specimen", "tyres of one type: k within some 10 %, beta less alike"),
+                ("day", "another day, or the tyre mounted again: temperature, pressure, adjustment"),
+            )
+        },
+        "log_k_covariate": Prior(
+            dist.Normal, (0.0, 0.2), "", "k changes by up to 40 % over a standard deviation of a pressure or the like"
+        ),
+        "log_beta_covariate": Prior(dist.Normal, (0.0, 0.5), "", "beta by up to a factor of e"),
         "sd_log_k_repeat": Prior(
             dist.LogNormal,
             (np.log(0.06), 0.8),

@@ -9,6 +9,7 @@ import pandas as pd
 from jaxtyping import Bool, Float, Int
 from scipy.linalg import helmert, null_space
 
+from bayes_tyre.inference.model.record_levels import NO_LEVELS, RecordLevels
 from bayes_tyre.record import CASE_FACTORS, Case
 
 #: A slope over the initial force is given per this many kN: the distance of the source's nominal loads.
@@ -75,6 +76,8 @@ class Factors:
         and x initial load.
     of_record:
         Shape (records,): the case of each record.
+    levels:
+        What records share across cases.
     """
 
     cases: tuple[Case, ...]
@@ -86,6 +89,11 @@ class Factors:
     configuration_speed: Factor
     configuration_load: Factor
     of_record: Int[np.ndarray, " records"]
+    levels: RecordLevels = NO_LEVELS
+
+    def only(self, mask: Bool[np.ndarray, " records"]) -> "Factors":
+        """Return the factors of some of the records; all cases and levels stay."""
+        return replace(self, of_record=self.of_record[mask], levels=self.levels.only(mask))
 
     @property
     def repeats(self) -> Int[np.ndarray, " cases"]:

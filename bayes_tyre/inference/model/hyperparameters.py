@@ -15,6 +15,7 @@ from numpyro import distributions as dist  # not `import numpyro.distributions`:
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.model.record_levels import COVARIATE
 
 #: Sampled values by name: hyperparameters, and what else is one for the level below.
 Hyperparameters = Mapping[str, Array]
@@ -30,7 +31,7 @@ JUDGEABLE_REPEATS = 3
 #: stand apart: one repeat may be discordant instead, and of few cases that differ any may be the one.
 APART_REPEATS, APART_SPARE_CASES = 2, 6
 #: Names that end so are sampled where their level is, in coordinates that follow what is below it.
-_PLACED = ("_group", "_typical")
+_PLACED = ("_group", "_typical", "_covariate")
 #: Sites that every record's prior goes through, whatever its factors.
 _OF_RECORDS = ("J_group", "sd_J", "sigma_typical")
 
@@ -59,7 +60,14 @@ def _case_sites(factors: Factors, parameters: Sequence[str], repeats: str) -> tu
         sites += [f"{parameter}_group", f"sd_log_{parameter}_repeat", *effect_scales(parameter, factors)]
         sites += [f"sd_log_{parameter}_repeat_over_speeds"] * factors.speed.varies
         sites += [f"sd_log_{parameter}_case"] * factors.has_remainder(parameter)
+        sites += level_sites(parameter, factors)
     return (*sites, *(of_repeats if factors.repeats.max() >= JUDGEABLE_REPEATS else ()))
+
+
+def level_sites(parameter: str, factors: Factors) -> list[str]:
+    """Return the names of what the effects of specimens and days, and slopes on covariates, are distributed by."""
+    slopes = [] if factors.levels.covariates is None else [f"log_{parameter}_{COVARIATE}"]
+    return [*(f"sd_log_{parameter}_{name}" for name in factors.levels.groupings), *slopes]
 
 
 def apart_weight(factors: Factors, parameters: Sequence[str], priors: Priors) -> float:

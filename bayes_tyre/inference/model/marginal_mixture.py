@@ -136,7 +136,7 @@ class RepeatsOfCases(dist.Distribution):
         cases = jnp.moveaxis(self.about.draw_cases(of_case, sample_shape), -1, -2)[..., self.of_record, :]
         discordant = jax.random.bernoulli(which, self.weight, (*sample_shape, len(self.of_record), 1))
         sd = jnp.where(discordant, self.widening, 1.0) * self.about.scatter.T[self.of_record]
-        return cases + sd * jax.random.normal(of_repeat, cases.shape)
+        return cases + self.about.offset + sd * jax.random.normal(of_repeat, cases.shape)
 
     @override
     def log_prob(self, value: ArrayLike) -> Float[Array, ""]:
@@ -146,7 +146,7 @@ class RepeatsOfCases(dist.Distribution):
     def given(self, value: Float[Array, "records parameters"]) -> ChoicePosterior:
         """Return the density of the repeats' values, and what they leave open of their cases."""
         members, scatter = self.members, self.about.scatter
-        deviation = (value - self.about.mean.T[self.of_record]).T
+        deviation = (value - self.about.offset - self.about.mean.T[self.of_record]).T
         own = jnp.where(jnp.asarray(members.present), deviation[:, members.records], 0.0)
         widenings = np.where(members.choices, self.widening, 1.0)
         # Axes: choices, parameters, cases, repeats. A repeat counts as so many usual ones.

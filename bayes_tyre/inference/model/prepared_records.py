@@ -30,6 +30,7 @@ from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood, Likel
 from bayes_tyre.inference.model.noise.displacement_errors import converter_step_mm, displacement_errors
 from bayes_tyre.inference.model.noise.displacement_noise import displacement_noise_mm
 from bayes_tyre.inference.model.noise.uneven_noise import uneven_noise
+from bayes_tyre.inference.model.record_levels import find_levels
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.record_data import RecordData, record_data
 from bayes_tyre.record import FORCE_PER_KG, MASS_SD
@@ -101,7 +102,7 @@ class PreparedRecords(NamedTuple):
 
     def only(self, mask: Bool[np.ndarray, " records"], model: ModelSettings) -> "PreparedRecords":
         """Return some of the records; their factors keep all cases, and their noise is what all records show of it."""
-        factors = replace(self.factors, of_record=self.factors.of_record[mask])
+        factors = self.factors.only(mask)
         factor_table = self.factor_table[mask].reset_index(drop=True)
         whitening = None if self.whitening is None else whitening_of(self.whitening, mask)
         return _prepared(self.measured.only(mask), self.batch.only(mask), factor_table, factors, whitening, model)
@@ -119,6 +120,9 @@ def prepare_records(table: pd.DataFrame, model: ModelSettings) -> PreparedRecord
     travel = np.abs(batch.displacement_mm - batch.displacement_mm[:, :1]).max(axis=1)
     factor_table = record_factors(table).assign(travel_mm=travel)
     factors = find_factors(factor_table, batch.force_kN[:, 0] if model.initial_load == "actual" else None)
+    configurations = [factors.cases[case].configuration for case in factors.of_record]
+    groupings = {"specimen": model.specimen, "day": model.day}
+    factors = replace(factors, levels=find_levels(table, configurations, groupings, model.covariates))
     return prepare_batch(batch, factor_table, factors, model)
 
 

@@ -1,5 +1,6 @@
 """Options of the hierarchical model of records."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +47,11 @@ class ModelSettings:
         Of the hyperparameters, and the constants of the mixtures of repeats and of cases.
     law:
         Force law of the records: ``equation_2``, or ``small_step_limit``, the limit of Equation 1 for small steps.
+    specimen, day:
+        Columns of the record table that say which specimen of its configuration a record was made on, and on which day
+        or mounting: records that share one share an unknown deviation of k and beta. None: not modelled.
+    covariates:
+        Columns of numbers, such as a pressure, with a slope each of the logarithms of k and beta.
     sampler:
         ``collapsed``: records integrated out by summaries of them, wherever these are good enough; or ``joint``:
         records sampled beside what they share, the reference.
@@ -67,6 +73,9 @@ class ModelSettings:
     sampler: str = "collapsed"
     law: str = EQUATION_2
     displacement_sd: float | None = None
+    specimen: str | None = None
+    day: str | None = None
+    covariates: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         for name, allowed in (

@@ -12,6 +12,7 @@ import xarray as xr
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import INTERACTIONS, Factors
 from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.model.record_levels import COVARIATE, LEVELS
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.record_data import EQUATION_2
 from bayes_tyre.record import (
@@ -46,6 +47,10 @@ def _quantities() -> dict[str, tuple[str | None, str]]:
             quantities[f"log_{name}_{factor}"] = (factor, "")
             quantities[f"sd_log_{name}_{factor}"] = (None, "")
         quantities[f"sd_log_{name}_case"] = (None, "")
+        for level in LEVELS:
+            quantities[f"log_{name}_{level}"] = (level, "")
+            quantities[f"sd_log_{name}_{level}"] = (None, "")
+        quantities[f"log_{name}_{COVARIATE}"] = (COVARIATE, "")
         for of in ("repeat", "published"):
             quantities[f"sd_log_{name}_{of}"] = (None, "")
             quantities[f"sd_log_{name}_{of}_over_speeds"] = (None, "")
@@ -106,6 +111,7 @@ def to_datatree(
     arrays = {name: np.asarray(draws[name]) for name in QUANTITIES if name in draws}
     arrays |= {name: arrays[name][..., free[dim]] for name in arrays if (dim := QUANTITIES[name][0]) in free}
     groupings = {name: getattr(factors, name).labels for name in ("group", "speed", "load", "step")}
+    groupings |= factors.levels.labels
     groupings |= {name: tuple(compress(getattr(factors, name).labels, free[name])) for name in INTERACTIONS}
     coordinates = {"case": [case.label for case in factors.cases], "record": list(factor_table["record"]), **groupings}
     tree = arviz_base.from_dict(
@@ -174,7 +180,25 @@ def _with_words(posterior: xr.Dataset, factors: Factors, factor_table: pd.DataFr
             posterior = posterior.assign_coords(
                 {f"{dim}_{word}": (dim, np.asarray(table[word].tolist())) for word in columns}
             )
+    if "record" not in posterior.dims:
+        return posterior
+    for name, level in factors.levels.groupings.items():
+        posterior = posterior.assign_coords({f"record_{name}": ("record", np.asarray(level.labels)[level.of_record])})
+    if (covariates := factors.levels.covariates) is not None:
+        posterior = posterior.assign_coords({f"record_{COVARIATE}": (("record", COVARIATE), covariates.values)})
     return posterior
+
+
+def record_offset(posterior: xr.Dataset, parameter: str) -> xr.DataArray | float:
+    """Return what specimen, day and covariates add to the logarithm of each record's k or beta; 0 without any."""
+    parts: list[xr.DataArray | float] = [
+        posterior[f"log_{parameter}_{level}"].sel({level: posterior[f"record_{level}"]})
+        for level in LEVELS
+        if f"record_{level}" in posterior.coords
+    ]
+    if f"record_{COVARIATE}" in posterior.coords:
+        parts.append((posterior[f"log_{parameter}_{COVARIATE}"] * posterior[f"record_{COVARIATE}"]).sum(COVARIATE))
+    return sum(parts, 0.0)
 
 
 def tree_cases(posterior: xr.Dataset) -> list[Case]:

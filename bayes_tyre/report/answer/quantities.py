@@ -15,12 +15,14 @@ _NAMES = {
 _LEVELS = {
     **{"speed": "{} km/h", "load": "initial load {} kN", "step": "step {} kN", "direction_step": "steps of {} kN"},
     **{"configuration_speed": "{} km/h", "configuration_load": "{} kN of initial load"},
+    **{"specimen": "specimen {}", "day": "day {}", "covariate": "one standard deviation of {}"},
 }
 _OVER = {
     **{"speed": "between speeds", "load": "between initial loads", "step": "between steps"},
     **{"direction_step": "between steps of one direction", "case": "between cases", "repeat": "between repeats"},
     **{"configuration_speed": "between speeds of one configuration", "published": "of printed values"},
     **{"configuration_load": "between initial loads of one configuration"},
+    **{"specimen": "between specimens", "day": "between days"},
     **{"repeat_over_speeds": "of repeats, over speeds", "published_over_speeds": "of printed values, over speeds"},
 }
 _BY_SPEED = {"repeat_by_speed": "between repeats", "published_by_speed": "of printed values"}

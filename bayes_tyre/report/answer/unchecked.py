@@ -13,6 +13,21 @@ class Unchecked(NamedTuple):
     effect: str
 
 
+#: What the records do not show unless a column says which of them share it, by the option that names the column.
+_LEVELS = {
+    "specimen": Unchecked(
+        "Other tyres of a type",
+        "The intervals are of the tyres that were tested, not of all tyres of their type. fit --specimen COLUMN, with "
+        "a column that says which tyre each record was made on, puts into them what tyres differ by.",
+    ),
+    "day": Unchecked(
+        "Another day, or the tyre mounted again",
+        "Repeats made one after the other agree better than a test reproduces. fit --day COLUMN, with a column that "
+        "says the day or the mounting of each record, puts into the intervals what days differ by.",
+    ),
+}
+
+
 def unchecked(result: Reported) -> list[Unchecked]:
     """Return what the records cannot show of themselves: calibration, processing, smoothing."""
     one = f"1{PERCENT}"
@@ -21,7 +36,10 @@ def unchecked(result: Reported) -> list[Unchecked]:
         Unchecked("Lever arms and the load cell's factor", force),
         Unchecked("The displacement gauge", _gauge(result)),
     ]
-    if result.of_motions or "published" in result.origins:  # of printed numbers the caveats say it
+    if "published" in result.origins:  # of printed numbers the caveats say it
+        return rows
+    rows += [row for level, row in _LEVELS.items() if not result.run["options"].get(level)]
+    if result.of_motions:
         return rows
     return [
         *rows,

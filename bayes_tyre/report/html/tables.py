@@ -79,6 +79,9 @@ def means_table(results: Sequence[Reported]) -> Table:
     tables = []
     for result in results:
         rows = result.summary[result.summary["parameter"].str.endswith(MEAN)]
+        rows = rows.sort_values(
+            "configuration", ascending=False, kind="stable"
+        )  # as the tables of cases and the terminal
         tables.append(rows.assign(parameter=rows["parameter"].str.removesuffix(MEAN)))
     return _table("means", "Averages over the test cases", results, tables, CASE_FACTORS[:2], _values)
 

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.factors import INTERACTIONS
 from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.model.record_levels import LEVELS as LEVELS_OF_RECORDS
 from bayes_tyre.inference.sampling.datatree import as_measured, case_parameters, priors_of, tree_cases
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import AXLE_PARAMETERS, LAW_PARAMETERS, Case
@@ -88,6 +89,11 @@ def candidates(tree: xr.DataTree, new: Sequence[Case], seed: int = 0) -> Candida
     measured = [name for name in (*LAW_PARAMETERS, *AXLE_PARAMETERS) if f"sd_log_{name}_repeat" in posterior]
     if not measured or "record" not in posterior.dims:
         raise BadInput("the posterior has no repeats, so it does not say what one more would add; fit a record table")
+    if grouped := [level for level in LEVELS_OF_RECORDS if f"record_{level}" in posterior.coords]:
+        raise BadInput(
+            f"was fitted with --{grouped[0]}: what a test adds depends on the {grouped[0]} it is made on, which is not "
+            f"forecast; fit without --{grouped[0]}"
+        )
     cases, parameters = tree_cases(posterior), tuple(dict.fromkeys((*measured, *case_parameters(posterior))))
     log_values = _log(posterior, [f"{name}_case" for name in parameters])
     predicted = np.zeros((len(log_values), len(new), len(parameters)))

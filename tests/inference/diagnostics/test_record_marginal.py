@@ -126,7 +126,7 @@ def test_every_prior_that_acts_on_a_single_record_is_in_the_density(repeats):
     posterior = posterior.assign(k_case=of_cases, beta_case=of_cases)
 
     def populations(posterior: xr.Dataset) -> np.ndarray:
-        leaves = jax.tree.leaves(hyperparameters(posterior, factors, factors.of_record))
+        leaves = jax.tree.leaves(hyperparameters(posterior, factors))
         return np.concatenate([np.ravel(leaf) for leaf in leaves])
 
     for name in of_records:

@@ -47,16 +47,21 @@ def levels_of(*repeats: int) -> Factors:
     return find_factors(pd.DataFrame({"configuration": [f"case {case}" for case in cases]}))
 
 
+def offset_of(numbers: Numbers) -> np.ndarray:
+    """Return what specimens and days might add to the records: any numbers, for the density is about them."""
+    return np.random.default_rng(2).normal(0.0, 0.3, numbers.records.shape)
+
+
 def repeats_of(numbers: Numbers, factors: Factors) -> RepeatsOfCases:
     members = find_members(factors, "mixture", apart=True)
     assert members is not None
     mean, scatter, remainder, weight = map(jnp.asarray, numbers[1:5])
-    about = CaseDistribution(mean, remainder, scatter, numbers.apart_weight, APART_WIDENING)
+    about = CaseDistribution(mean, remainder, scatter, numbers.apart_weight, APART_WIDENING, offset_of(numbers))
     return RepeatsOfCases(about, weight, DISCORDANT_WIDENING, factors.of_record, members)
 
 
 def summed(numbers: Numbers, factors: Factors) -> ChoicePosterior:
-    return repeats_of(numbers, factors).given(jnp.asarray(numbers.records))
+    return repeats_of(numbers, factors).given(jnp.asarray(numbers.records + offset_of(numbers)))
 
 
 @settings(max_examples=25)

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pandas as pd
 import pytest
 from helpers import density_by_hand
 from helpers.repeats_by_hand import case_by_hand
@@ -46,6 +47,11 @@ KINDS = {
     "student": (SEVERAL, ModelSettings(repeats="student", noise="iid")),
     "normal": (SEVERAL, ModelSettings(repeats="normal", likelihood="direct", noise="iid")),
     "one record": (ONE, ModelSettings(noise="ar1")),
+    "specimens, days and a pressure": (
+        CROSSED,
+        ModelSettings(noise="iid", specimen="tyre", day="day", covariates=("pressure_bar", "temperature_C")),
+    ),
+    "student about specimens": (SEVERAL, ModelSettings(repeats="student", noise="iid", specimen="tyre")),
 }
 SEEDS = (1, 2, 3)
 
@@ -53,7 +59,11 @@ SEEDS = (1, 2, 3)
 def test_kinds_whose_cases_may_stand_apart_are_among_them():
     of = {name: find_factors(record_factors(simulate(plan, 1)[0])) for name, (plan, _) in KINDS.items()}
     apart = {name for name, factors in of.items() if density_by_hand.can_stand_apart(factors)}
-    assert apart == {"mixture", "a remainder of k alone, of cases that may stand apart"}
+    assert apart == {
+        "mixture",
+        "a remainder of k alone, of cases that may stand apart",
+        "specimens, days and a pressure",
+    }
     assert not of["a remainder of k alone, of cases that may stand apart"].spare_cases("beta")
 
 
@@ -81,11 +91,24 @@ class Case(NamedTuple):
         return density_by_hand.log_density(values, records.data, records.factors, self.repeats, self.settings.noise)
 
 
+def with_levels(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the table with what records may share across cases."""
+    number, random = table.groupby("record", sort=False).ngroup().to_numpy(), np.random.default_rng(4)
+    pressure, temperature = random.uniform(7.0, 9.0, number.max() + 1), random.uniform(10.0, 30.0, number.max() + 1)
+    return table.assign(
+        tyre=[f"T{n % 3}" for n in number],
+        day=[f"day {n % 4}" for n in number],
+        pressure_bar=pressure[number],
+        temperature_C=temperature[number],
+    )
+
+
 @cache
 def made(kind: str) -> Case:
     plan, settings = KINDS[kind]
     # The last record is shorter: padding counts for nothing.
-    records = prepare_records(check_record_table(simulate(plan, 2)[0].iloc[:-3]), settings)
+    table = with_levels(check_record_table(simulate(plan, 2)[0].iloc[:-3]))
+    records = prepare_records(table, settings)
     approximation = laplace_approximation(records.batch, records.factors, settings.noise)
     return Case(records, settings, approximation)
 

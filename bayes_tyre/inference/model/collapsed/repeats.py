@@ -173,7 +173,8 @@ class CollapsedRepeats(NamedTuple):
             first = jnp.moveaxis(of_records, 0, -1)[..., self.members.records.T]
             return jnp.where(present, first, 0.0)
 
-        centre, slope, precision = (arranged(part) for part in self.estimates)
+        less_offset = self.estimates._replace(centre=self.estimates.centre - self.about.offset)
+        centre, slope, precision = (arranged(part) for part in less_offset)
         return centre, slope, precision
 
 
@@ -214,7 +215,7 @@ class CollapsedPosterior(NamedTuple):
 
         def side(sign: float) -> Array:
             drawn = jnp.take_along_axis(self.cases.draw(sign * case_z), choice[None, None], axis=1)[:, 0]
-            above = (mean + drawn)[:, repeats.of_record]
+            above = (mean + drawn)[:, repeats.of_record] + repeats.about.offset.T
             records = NormalPosterior(repeats.estimates.slope_at(above.T).T, precision, scatter)
             return jnp.moveaxis(above + jax.vmap(records.draw)(sign * record_z), 1, -1)
 

@@ -205,7 +205,7 @@ class RecordsReparam(Reparam):
         numpyro.deterministic(f"{name}_auxiliary", auxiliary)
         cases = about.mean.at[rest].set(auxiliary) if len(rest) else about.mean
         scatter = jnp.where(discordant[:, None], fn.widening, 1.0) * about.scatter.T[fn.of_record]
-        records = self._placed(name, cases.T[fn.of_record], scatter).value
+        records = self._placed(name, cases.T[fn.of_record] + about.offset, scatter).value
         posterior = fn.given(records)
         numpyro.factor(f"{name}_density", posterior.log_density)
         if len(rest):

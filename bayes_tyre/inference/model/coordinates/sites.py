@@ -13,7 +13,7 @@ from numpyro import distributions as dist  # not `import numpyro.distributions`:
 from numpyro.distributions import biject_to
 from numpyro.infer.reparam import Reparam
 
-from bayes_tyre.inference.model.case_effects import case_remainder, scatter_of_cases, with_remainder
+from bayes_tyre.inference.model.case_effects import OFFSET, case_remainder, scatter_of_cases, with_remainder
 from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, RecordEstimates
 from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates, find_kinds
 from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian, Reparameterised, reparameterise_by_slope
@@ -33,6 +33,7 @@ from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS, Hyperparameters, by_family, family_of, prior_sites
 from bayes_tyre.inference.model.models import log_published, published_model, records_model
 from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.model.record_levels import COVARIATE, RecordLevels
 from bayes_tyre.inference.model.terms import find_terms
 
 #: Repeats that a case without any counts as in its coordinates: an estimate without weight.
@@ -108,21 +109,29 @@ def case_coordinates(
     def variance(values: Hyperparameters) -> Float[Array, "parameters cases"]:
         return (scatter_of_cases(factors, values, parameters) ** 2 + estimates.variance) / repeats
 
+    def middle(values: Hyperparameters) -> Float[Array, "parameters cases"]:
+        if OFFSET not in values:
+            return estimates.middle
+        total = jnp.zeros(estimates.middle.shape).at[:, factors.of_record].add(values[OFFSET].T)
+        return estimates.middle - total / repeats
+
     kinds = find_kinds(terms.design, factors)
     wider = jnp.where(estimates.apart, priors.apart_widening, 1.0)
 
     def of_terms(values: Hyperparameters) -> Reparam:
         of_cases = variance(values) + (wider * case_remainder(factors, values, parameters)) ** 2
-        return TermsReparam(terms, kinds.estimate(estimates.middle, of_cases))
+        return TermsReparam(terms, kinds.estimate(middle(values), of_cases))
 
     return {
         "log_sd_repeat_by_speed": lambda _: NormalReparam(estimates.log_scatter),
         "terms": of_terms,
         "log_cases": lambda values: CasesReparam(
-            Gaussian(*(of[rest].reshape(-1, 1) for of in (estimates.middle, 1.0 / variance(values)))),
+            Gaussian(*(of[rest].reshape(-1, 1) for of in (middle(values), 1.0 / variance(values)))),
             wider[rest].reshape(-1, 1),
         ),
-        "log_records": lambda values: RecordsReparam(placed_by(values), estimates, variance(values), rest),
+        "log_records": lambda values: RecordsReparam(
+            placed_by(values), estimates._replace(middle=middle(values)), variance(values), rest
+        ),
         "choice_z": lambda _: DrawnReparam(),
         "kind_z": lambda _: DrawnReparam(),
         "case_z": lambda _: DrawnReparam(),
@@ -159,13 +168,38 @@ def record_coordinates(approximation: LaplaceApproximation, factors: Factors, pr
             value = value + 0.5 * (jnp.log1p(-(estimates.rho**2)) - jnp.log1p(-(values["rho"] ** 2)))
         return Gaussian(value, 2.0 * estimates.points)
 
+    def of_records(values: Hyperparameters) -> Gaussian:
+        """Return what the records' estimates have beside their case's; of discordant ones next to nothing."""
+        off = estimates.centre[:, 2:] - approximation.cases.middle.T[factors.of_record]
+        variance = (scatter_of_cases(factors, values) ** 2 + approximation.cases.variance).T[factors.of_record]
+        weight = jnp.where(approximation.cases.discordant[:, None], _ALMOST_NONE, 1.0)
+        return Gaussian(off, weight / variance)
+
     return {
         **case_coordinates(factors, approximation.cases, placed_by, priors=priors),
+        **_level_coordinates(factors.levels, of_records),
         "J_group": of_mean_J,
         "offsets_z": lambda _: DrawnReparam(),
         **_noise_coordinates("atanh_rho", atanh_rho),
         **_noise_coordinates("log_sigma", log_sigma),
     }
+
+
+def _level_coordinates(levels: RecordLevels, of_records: Callable[[Hyperparameters], Gaussian]) -> Coordinates:
+    """Return the coordinates of effects of specimens and days, and of slopes on covariates, each as if alone."""
+    columns = {name: np.eye(len(level.labels))[level.of_record] for name, level in levels.groupings.items()}
+    if levels.covariates is not None:
+        columns[COVARIATE] = levels.covariates.values
+
+    def of_effects(column: Float[np.ndarray, "records levels"]) -> Callable[[Hyperparameters], Reparam]:
+        def coordinates(values: Hyperparameters) -> Reparam:
+            estimate = of_records(values)
+            precision = estimate.precision.T @ column**2 + _ALMOST_NONE
+            return NormalReparam(Gaussian((estimate.precision * estimate.value).T @ column / precision, precision))
+
+        return coordinates
+
+    return {f"log_{name}": of_effects(column) for name, column in columns.items()}
 
 
 def _noise_coordinates(name: str, estimate: Callable[[Hyperparameters], Gaussian]) -> Coordinates:

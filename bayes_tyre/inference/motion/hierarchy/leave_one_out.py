@@ -102,9 +102,9 @@ def leave_one_motion_out(
     def exactly(record: int) -> float:
         others = np.arange(len(motions.factor_table)) != record
         # Its case stays in the model, even without records.
-        without = replace(factors, of_record=factors.of_record[others])
+        without = factors.only(others)
         fitted = fit_motions(_chosen(motions, others), refit, repeats, without, priors)
-        alone = replace(factors, of_record=factors.of_record[~others])
+        alone = factors.only(~others)
         refitted = densities(thinned(fitted), _chosen(motions, ~others), alone, repeats, priors.discordant_widening)
         density = refitted[:, 0]
         return float(np.logaddexp.reduce(density) - np.log(len(density)))

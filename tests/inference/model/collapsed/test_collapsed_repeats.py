@@ -41,6 +41,7 @@ def made(seed: int, discordant: bool = True, remainder: float = 0.3, apart: bool
         jnp.asarray(random.uniform(0.05, 0.4, (2, cases))),
         APART_WEIGHT if apart else 0.0,
         APART_WIDENING,
+        random.normal(0.0, 0.3, (records, 2)),
     )
     weight = jnp.asarray(WEIGHT if discordant else 0.0)
     return CollapsedRepeats(about, estimates, weight, WIDENING, factors.of_record, members_of(factors, discordant))
@@ -65,7 +66,9 @@ def by_hand(
         odd = sum(choice)
         log = odd * np.log(WEIGHT) + (len(choice) - odd) * np.log1p(-WEIGHT) if discordant else 0.0
         logs.append(log + sum(kind) * np.log(apart or 1.0) + (2 - sum(kind)) * np.log1p(-apart))
-        normals.append((np.tile(mean[:, case], len(members)), covariance))
+        normals.append(
+            (np.concatenate([mean[:, case] + repeats.about.offset[record] for record in members]), covariance)
+        )
     return np.array(logs), normals
 
 
