@@ -194,6 +194,48 @@ def test_the_target_acceptance_is_handed_on_and_recorded(sampled, tmp_path, monk
     assert here("fit", path, "--out", tmp_path / "four", "--target-accept", 1.2).exit_code == 2
 
 
+def with_tyres(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the records as made on two tyres of each configuration, each record at a pressure of its own."""
+    number = table.groupby("record", sort=False).ngroup()
+    return table.assign(tyre="T" + (number % 2 + 1).astype(str), pressure_bar=8.0 + 0.1 * number)
+
+
+def test_specimens_and_a_covariate_are_fitted_recorded_and_shown(tmp_path):
+    table = simulate(Plan(configurations=("dual", "single"), speeds=(0.0,), loads=(20.0,), points=20), 3)[0]
+    with_tyres(table).to_csv(tmp_path / "records.csv", index=False)
+    out = tmp_path / "out"
+    done = here(
+        "fit", tmp_path / "records.csv", "--specimen", "tyre", "--covariate", "pressure_bar", "--out", out, *FEW
+    )
+    assert done.exit_code == 4, done.stderr  # so few draws fall short
+    run = json.loads((out / "run.json").read_text(encoding="utf-8"))
+    assert {name: run["options"].get(name) for name in ("specimen", "day", "covariates")} == {
+        "specimen": "tyre",
+        "day": None,
+        "covariates": ["pressure_bar"],
+    }
+    parameters = set(pd.read_csv(out / "summary.csv")["parameter"])
+    tyres = [f"{configuration} T{n}" for configuration in ("dual", "single") for n in (1, 2)]
+    assert {f"log_{name}_specimen[{tyre}]" for name in ("k", "beta") for tyre in tyres} <= parameters
+    assert {f"sd_log_{name}_specimen" for name in ("k", "beta")} <= parameters
+    assert {f"log_{name}_covariate[pressure_bar]" for name in ("k", "beta")} <= parameters
+    assert set(pd.read_csv(out / "repeats.csv")["tyre"]) == {"T1", "T2"}
+    planned = workflow.planned_in(out / "run.json", lambda _: None)
+    assert (planned.model.specimen, planned.model.covariates) == ("tyre", ["pressure_bar"])
+    page = here("report", out, "--kept-figures")
+    assert page.exit_code == done.exit_code
+    text = (out / "report.html").read_text(encoding="utf-8")
+    assert "Other tyres of a type" not in text
+    assert "--day COLUMN" in text
+
+
+def test_a_column_that_is_not_there_is_refused_by_its_name(tmp_path):
+    with_tyres(small()).to_csv(tmp_path / "records.csv", index=False)
+    done = here("fit", tmp_path / "records.csv", "--specimen", "tire", "--out", tmp_path / "out", *FEW)
+    assert_refused(done.exit_code, done.stderr, str(tmp_path / "records.csv"), "column tire", "--specimen")
+    assert not (tmp_path / "out" / "run.json").exists()
+
+
 def test_units_that_were_checked_are_fitted(sampled, tmp_path, monkeypatch):
     monkeypatch.setattr(result_folder, "_write_figures", lambda *_: None)
     path = written(sampled.assign(force_kN=sampled["force_kN"] * 1000), tmp_path / "records.csv")

@@ -114,6 +114,20 @@ def test_an_unknown_scale_of_displacement_widens_the_curve_and_moves_its_start_w
     assert made.parameters[0]["C_kN"]["sd"] == pytest.approx(0.0, abs=1e-9)  # pyright: ignore[reportIndexIssue]
 
 
+def test_a_repeat_that_was_not_measured_is_on_another_tyre_on_another_day():
+    u, draws = [3.0], 2000
+    plain, other = (
+        predict(single_case(**levels), "single (0)20-30", u=u, of="repeat").curves
+        for levels in (
+            {},
+            {"sd_log_k_specimen": fixed(0.1, draws=draws), "sd_log_k_day": fixed(0.05, draws=draws)},
+        )
+    )
+    widths = [float((curve["upper"] - curve["lower"]).iloc[0]) for curve in (plain, other)]
+    # k u is 5.4 kN; of its logarithm 5 % of repeats, and 10 and 5 % more. A quantile of 4000 draws is off by 3 %.
+    assert widths[1] / widths[0] == pytest.approx(np.sqrt(0.05**2 + 0.1**2 + 0.05**2) / 0.05, rel=0.15)
+
+
 def test_without_displacements_the_curve_runs_as_far_as_the_records_of_the_case():
     factor_table = grid()
     tree = posterior(scattered(factor_table, seed=21), factor_table.assign(travel_mm=np.arange(1.0, 25.0)))

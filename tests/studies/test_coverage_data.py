@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from bayes_tyre.laws.fancher import equation_2_offset, small_step_limit_offset
@@ -106,6 +107,17 @@ def test_repeats_scatter_normally_or_with_heavy_tails():
     # 600 repeats: 0.04 of normal ones are beyond four standard deviations, 17 of t(3); either side fails in 1 of 1000.
     assert np.sum(np.abs(scatter(Kind())) > 4.0) <= 1
     assert np.sum(np.abs(scatter(KINDS["heavy_tailed_repeats"])) > 4.0) >= 6
+
+
+def test_repeats_take_turns_on_the_tyres_of_a_configuration():
+    several, one = (simulate(kind, 0, 0)[1] for kind in (KINDS["several_tyres"], Kind()))
+    apart = np.log(several["k"] / one["k"])
+    of_tyre = apart.groupby([several["configuration"], several["tyre"]]).agg(["mean", "std"])
+    assert len(of_tyre) == 6
+    assert of_tyre["std"].max() < 1e-12
+    # The standard deviation of six of 6 % is between 2.2 and 10.6 % in all but 1 of 100 seeds.
+    assert 0.02 < of_tyre["mean"].std() < 0.11
+    pd.testing.assert_series_equal(several["k_case"], one["k_case"])
 
 
 def test_the_case_apart_is_the_last_one():

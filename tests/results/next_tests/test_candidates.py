@@ -209,3 +209,13 @@ def test_a_posterior_without_repeats_is_refused():
     only = {"k_case": fixed(np.ones(8)), "beta_case": fixed(np.ones(8)), "sd_log_k_repeat": fixed(0.1)}
     with pytest.raises(BadInput, match="fit a record table"):
         candidates(posterior(only, printed), ())
+
+
+@pytest.mark.parametrize("level", ["specimen", "day"])
+def test_a_fit_of_several_specimens_or_days_is_not_forecast_from(level):
+    tree = exact().tree
+    of_records = tree["posterior"].to_dataset()
+    grouped = of_records.assign_coords({f"record_{level}": ("record", ["1"] * of_records.sizes["record"])})
+    tree["posterior"] = xr.DataTree(grouped)
+    with pytest.raises(BadInput, match=f"was fitted with --{level}: .* fit without --{level}"):
+        candidates(tree, [])
