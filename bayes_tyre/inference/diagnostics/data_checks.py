@@ -40,6 +40,8 @@ _MAY_BE_OPEN = ("beta", "J")
 _NAMED = 3
 #: Width of a posterior over its prior's from which on a quantity is weakly identified.
 _WIDEST = np.sqrt(1 - CONTRACTION_LEAST)
+#: What it means for the answer if a hyperparameter is poorly known, and what to do.
+_OF_HYPERPARAMETERS = "the intervals of cases and ratios allow for that; measure more cases or levels if these quantities themselves matter"
 #: Least credible noise of a load cell, kN: a millinewton.
 NOISE_LEAST_KN = 1e-6
 
@@ -156,29 +158,32 @@ def _listed(elements: pd.Series) -> str:
 
 def _weakly_identified(parameters: dict[str, pd.DataFrame], hyperparameters: pd.DataFrame) -> Iterator[str]:
     for name, table in parameters.items():
-        weak = table[table["contraction"] < CONTRACTION_LEAST]
-        if len(weak) and not name.endswith("_group"):
-            yield f"{_listed(weak['element'])}: weakly identified: {_width(weak)}; {REMEDIES[_parameter(name)]}"
-    weak = hyperparameters[hyperparameters["contraction"] < CONTRACTION_LEAST]
-    if len(weak):
-        yield (
-            f"{_listed(weak['element'])}: weakly identified: {_width(weak)}; "
-            "measure more cases or levels if the hyperparameters matter"
-        )
+        if not name.endswith("_group") and (weak := _weak(table)):
+            yield f"{weak}; {REMEDIES[_parameter(name)]}"
+    if weak := _weak(hyperparameters):
+        yield f"{weak}; {_OF_HYPERPARAMETERS}"
 
 
-def _width(weak: pd.DataFrame) -> str:
-    """Return how wide the posterior still is as the prior was: a standard deviation, as the eye compares two curves."""
-    contraction = weak["contraction"].min()
-    if contraction <= 0:
-        return "the posterior is as wide as the prior, the data say nothing"
-    return f"the posterior is {np.sqrt(1 - contraction):.0%} as wide as the prior (over {_WIDEST:.0%})"
+def _weak(table: pd.DataFrame) -> str:
+    """Return which quantities are weakly identified, the worst first, and how wide their posteriors still are.
+
+    The width is that of a standard deviation, as the eye compares two curves.
+    """
+    weak = table[table["contraction"] < CONTRACTION_LEAST].sort_values("contraction", kind="stable")
+    if weak.empty:
+        return ""
+    widest, narrowest = (f"{np.sqrt(max(1 - contraction, 0)):.0%}" for contraction in weak["contraction"].iloc[[0, -1]])
+    width = widest if widest == narrowest else f"{widest} down to {narrowest}"
+    return (
+        f"{_listed(weak['element'])}: weakly identified: the posterior is {width} as wide as the prior (over "
+        f"{_WIDEST:.0%})"
+    )
 
 
 def _prior_sensitive(parameters: pd.DataFrame, hyperparameters: pd.DataFrame) -> Iterator[str]:
     for table, remedy in (
         (parameters, "say so where you quote them, and measure more repeats or cases"),
-        (hyperparameters, "measure more cases or levels if the hyperparameters matter"),
+        (hyperparameters, _OF_HYPERPARAMETERS),
     ):
         sensitive = table[table["decided_by"].isin(["prior", "both"])]
         sensitive = sensitive.sort_values("prior_sensitivity", ascending=False, kind="stable")

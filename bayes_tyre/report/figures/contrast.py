@@ -46,7 +46,7 @@ def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting, about: str = ""
         rows[column] = texts(contrasts, column)
     for column in ("median", "lower", "upper", "interval", "p_greater_than_1"):
         rows[column] = numbers(contrasts, column)
-    rows["of_case"] = ~rows["initial_load_kN"].isna() | ~rows["step_kN"].isna()
+    rows["of_case"] = rows[list(CASE_FACTORS[2:])].notna().any(axis=1)
     between_directions = rows["contrast"].str.contains("loading")
     rows = rows[rows["parameter"].isin(list(AXIS_NAMES)) & ~(between_directions & rows["of_case"])]
     listed = rows.drop_duplicates(["contrast", "matching", *CASE_FACTORS]).reset_index(drop=True)

@@ -32,6 +32,16 @@ def test_cases_of_contrasts_between_directions_are_left_to_the_table():
     assert texts == more
 
 
+def test_cases_that_differ_by_speed_alone_are_named_by_it():
+    table = contrasts()
+    same = table[table["matching"] == "same case"]
+    averages, cases = same[same["step_kN"].isna()], same[same["step_kN"].notna()].drop_duplicates("parameter")
+    without_loads = cases.assign(speed_km_h=25.0, initial_load_kN=np.nan, step_kN=np.nan)
+    left, _ = contrasts_by_case(pd.concat([averages, without_loads]), MEASURED).get_axes()
+    labels = [tick.get_text() for tick in left.get_yticklabels()]
+    assert labels[1:] == ["average", "loading (25)"]
+
+
 @pytest.mark.parametrize(
     ("p", "shown"), [(4000.5 / 4001, ">= 0.9998"), (0.5 / 4001, "<= 0.0002"), (0.994, "0.99"), (0.5, "0.50")]
 )
