@@ -31,6 +31,7 @@ from bayes_tyre.inference.least_squares.table import FitSettings
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.prepared_records import prepare_records, used_points
 from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.datatree import model_of
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_published as fit_printed_means
 from bayes_tyre.inference.sampling.run import LONGEST, SamplerSettings
@@ -179,6 +180,8 @@ def fit(
     UserWarning
         Where the verdict is ``fail``.
     """
+    if not isinstance(settings, SamplerSettings | None):
+        raise BadInput("the second argument is how much to sample; options of the model go by name: model=...")
     given = {"chains": chains, "warmup": warmup, "draws": draws, "seed": seed}
     settings = settings or SamplerSettings(longest=LONGEST if draws is None else 1)
     settings = replace(settings, **{name: value for name, value in given.items() if value is not None})
@@ -272,24 +275,34 @@ def with_log_likelihood(
 ) -> Posterior:
     """Return the posterior with ArviZ's group `log_likelihood`, a record an observation: `az.loo` then works on it.
 
+    It keeps about 500 of the draws, of the group `posterior` as well.
+
     Parameters
     ----------
     posterior:
         Of records.
-    records, model, priors:
-        As they were given to `fit`.
+    records:
+        As they were given to `fit`, in any order.
+    model, priors:
+        Those of the posterior, which knows them: there is no need to give them.
 
     Raises
     ------
     BadInput
-        For records that are not those of the posterior.
+        For records, a model or priors that are not those of the posterior.
     """
     prepare_jax(_DEVICES)
-    model = _with_priors(model, priors)
-    return Posterior.of(log_likelihood.with_log_likelihood(put_together(posterior), check_record_table(records), model))
+    tree = put_together(posterior)
+    if model is not None or priors is not None:
+        fitted = model_of(tree)
+        given = replace(model, priors=fitted.priors) if model is not None and priors is None else model or fitted
+        log_likelihood.check_same_model(tree, _with_priors(given, priors))
+    return Posterior.of(log_likelihood.with_log_likelihood(tree, check_record_table(records)))
 
 
 def _with_priors(model: ModelSettings | None, priors: Mapping[str, object] | None) -> ModelSettings:
+    if not isinstance(model, ModelSettings | None):
+        raise BadInput(f"model is {model!r}; give options of the model: model=ModelSettings(law='small_step_limit')")
     model = model or ModelSettings()
     return replace(model, priors=model.priors.changed(priors or {}))
 

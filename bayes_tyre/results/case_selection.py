@@ -120,11 +120,8 @@ def _opposite(one: Case, other: Case) -> bool:
     return alike and _same(size, size_of_other) and sign_of(one) * sign_of(other) == -1
 
 
-def choose(query: CaseQuery, cases: Sequence[Case]) -> Choice:
-    """Return the cases that match, and with each its opposite: same factors, a step of the same size the other way.
-
-    Only the factor `direction` keeps the opposite out: a label and a signed `step_kN` name a case, and who asks for
-    a case wants to see it loading and unloading.
+def matching_cases(query: CaseQuery, cases: Sequence[Case]) -> list[int]:
+    """Return the indices of the cases that match.
 
     Raises
     ------
@@ -139,6 +136,21 @@ def choose(query: CaseQuery, cases: Sequence[Case]) -> Choice:
             f"no case matches {case_list(asked)}; there are {len(cases)}: {case_list([case.label for case in cases])}; "
             "name one of them, or factors such as configuration=LABEL,speed_km_h=0"
         )
+    return matching
+
+
+def choose(query: CaseQuery, cases: Sequence[Case]) -> Choice:
+    """Return the cases that match, and with each its opposite: same factors, a step of the same size the other way.
+
+    Only the factor `direction` keeps the opposite out: a label and a signed `step_kN` name a case, and who asks for
+    a case wants to see it loading and unloading.
+
+    Raises
+    ------
+    BadInput
+        If no case matches.
+    """
+    matching = matching_cases(query, cases)
     opposite = {i: [j for j, other in enumerate(cases) if _opposite(cases[i], other)] for i in matching}
     if "direction" in query.factor_values:
         return Choice(tuple(matching), ())

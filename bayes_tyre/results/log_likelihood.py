@@ -8,37 +8,68 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.leave_one_out import as_measured, densities_of_records, thinned
 from bayes_tyre.inference.model.prepared_records import prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.datatree import OPTIONS, RECORDS_DIGEST, attributes_of, model_of
 
 GROUP, VARIABLE = "log_likelihood", "record_force"
 
 
-def with_log_likelihood(tree: xr.DataTree, table: pd.DataFrame, model: ModelSettings) -> xr.DataTree:
+def with_log_likelihood(tree: xr.DataTree, table: pd.DataFrame) -> xr.DataTree:
     """Return the posterior with a group `log_likelihood`: the log density of each record, dims chain, draw, record.
 
-    A record is one observation, as in `compare`: its own k, beta and noise are integrated out. The group has about 500
-    draws, evenly spaced among those of the posterior.
+    A record is one observation, as in `compare`: its own k, beta and noise are integrated out. It takes time, so about
+    500 draws are kept, evenly spaced, of `posterior` as well: ArviZ compares the numbers of both.
 
     Parameters
     ----------
-    tree, table, model:
-        The posterior, the checked record table that it was fitted to, and the model's settings.
+    tree, table:
+        The posterior, and the checked record table that it was fitted to, its records in any order.
 
     Raises
     ------
     BadInput
         For records that are not those of the posterior.
     """
-    posterior = as_measured(thinned(tree))
-    records = prepare_records(table, model)
-    names = records.batch.records
-    if "record" not in posterior.dims or [*map(str, posterior["record"].to_numpy())] != [*names]:
-        raise BadInput("these are not the records that the posterior was fitted to; give the same table")
-    densities = densities_of_records(posterior, records, model)
+    posterior = thinned(tree)
+    if "record" not in posterior.dims:
+        raise BadInput("the posterior is of no records, so none can be left out; fit a record table")
+    names, model = [str(name) for name in posterior["record"].to_numpy()], model_of(tree)
+    records = prepare_records(_in_order(table, names), model)
+    if tree.attrs.get(RECORDS_DIGEST, records.digest) != records.digest:
+        raise BadInput("the readings are not those that the posterior was fitted to; give the same table")
+    densities = densities_of_records(as_measured(posterior), records, model)
     sizes = posterior.sizes["chain"], posterior.sizes["draw"], len(names)
     group = xr.Dataset(
         {VARIABLE: (("chain", "draw", "record"), np.asarray(densities.log_density).reshape(sizes))},
-        {**{name: posterior[name] for name in ("chain", "draw")}, "record": list(names)},
+        {**{name: posterior[name] for name in ("chain", "draw")}, "record": names},
     )
     with_group = tree.copy()
-    with_group[GROUP] = xr.DataTree(group)
+    with_group["posterior"], with_group[GROUP] = xr.DataTree(posterior), xr.DataTree(group)
     return with_group
+
+
+def _in_order(table: pd.DataFrame, names: list[str]) -> pd.DataFrame:
+    """Return a table with its records in the order of a posterior's."""
+    by_name = {str(name): rows for name, rows in table.groupby("record", sort=False)}
+    if set(by_name) != set(names):
+        other = min(set(by_name) ^ set(names))
+        raise BadInput(
+            f"these are not the records that the posterior was fitted to: {other!r} is in one of them only; give the "
+            "same table"
+        )
+    return pd.concat([by_name[name] for name in names], ignore_index=True)
+
+
+def check_same_model(tree: xr.DataTree, model: ModelSettings) -> None:
+    """Refuse a model that is not the one that a posterior of records was fitted with.
+
+    Raises
+    ------
+    BadInput
+        Naming the first option that differs.
+    """
+    fitted, given = attributes_of(model_of(tree)), attributes_of(model)
+    for name in OPTIONS:
+        if name in tree.attrs and fitted[name] != given[name]:
+            raise BadInput(f"the posterior was fitted with {name} {fitted[name]}, not {given[name]}; leave model out")
+    if fitted["priors"] != given["priors"]:
+        raise BadInput("the posterior was fitted with other priors; leave priors out")

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.load_deflection.table import law_loop
 from bayes_tyre.inference.sampling.datatree import case_parameters, is_of_motions, law_of, tree_cases
+from bayes_tyre.inference.sampling.group_means import named_group_means
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import CASE_FACTORS, RECORD_UNITS, parameter_column
 from bayes_tyre.results.case_draws import of_case, travel_mm
@@ -28,7 +29,7 @@ _OF_TEST = {name: parameter_column(name) for name in ("k", "C", "x", "beta")} | 
 _POINTS, _LINE = 101, 21
 OF_STEP = (
     "curve of one step: deflection counts from the start of the step (loading positive), force is the whole load; "
-    "C belongs to deflection as the records count it"
+    "C is the envelope's force where the records' displacement is 0, not where this curve starts"
 )
 OF_CYCLE = "curve of a cycle: deflection and force count from its middle"
 OF_TEST = "curve of a slow test: deflection counts from first touch"
@@ -107,6 +108,23 @@ def of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:
             curves = Curves(path, Curve(*(column[::sign] for column in path)), OF_STEP, ONE_WAY)
         values = {name: _value(each, RECORD_UNITS[name], level) for name, each in draws.items()}
         models.append(TyreModel(case.label, values, curves, conditions=case.conditions))
+    return models
+
+
+def means_of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:
+    """Return the means over the cases of each configuration and direction, as `summary.csv` has them: no curves."""
+    means, cases = named_group_means(tree), tree_cases(tree["posterior"].to_dataset())
+    models = []
+    for i, label in enumerate(means["mean_of"].to_numpy()):
+        values = {
+            str(name).removesuffix("_mean"): _value(
+                draws.isel(mean_of=i).to_numpy().ravel(), RECORD_UNITS[str(name).removesuffix("_mean")], level
+            )
+            for name, draws in means.data_vars.items()
+        }
+        group = tuple(means[name].to_numpy()[i] for name in CASE_FACTORS[:2])
+        count = sum((case.configuration, case.direction) == group for case in cases)
+        models.append(TyreModel(f"{label} mean", values, conditions=f"mean over {count} cases of {label}"))
     return models
 
 

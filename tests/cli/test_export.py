@@ -113,6 +113,30 @@ def test_quantiles_add_files_and_the_radius_is_in_metres(results, tmp_path):
     assert "quantile 0.025 of the posterior" in said(files[names[0]])
 
 
+@pytest.mark.parametrize("asked", ["single (0)20-30", "(0)20-30", "direction=loading,speed_km_h=0"])
+def test_cases_that_are_asked_for_are_exported_alone(asked, results, tmp_path):
+    files = export(results["fit"], "tir", tmp_path / "out", "--case", asked)
+    assert list(files) == ["single_0_20_30.tir"]
+
+
+@pytest.mark.parametrize(("result", "text"), [("fit", "no case matches"), ("slow", "leave --case out")])
+def test_a_case_that_is_not_there_is_refused(result, text, results, tmp_path):
+    done = here("export", results[result], "--to", "tir", "--out", tmp_path / "out", "--case", "triple")
+    assert_refused(done.exit_code, done.stderr, str(results[result]), text)
+    assert not (tmp_path / "out").exists()
+
+
+def test_means_are_those_that_a_fit_prints(results, tmp_path):
+    files = export(results["fit"], "tir", tmp_path / "out", "--means")
+    assert sorted(files) == ["single_loading_mean.tir", "single_unloading_mean.tir"]
+    table = summary.summary(records("single"), "pass").query("parameter == 'k_mean'")
+    for name, row in zip(sorted(files), table.to_dict("records"), strict=True):
+        assert float(ini(files[name])["VERTICAL"]["VERTICAL_STIFFNESS"]) == pytest.approx(1e6 * row["median"])
+        text = said(files[name])
+        assert f"95 % interval {1e6 * row['lower']:.6g} to {1e6 * row['upper']:.6g}" in text
+        assert f"mean over 1 cases of single {row['direction']}" in text
+
+
 def test_a_motion_gives_the_damping(results, tmp_path):
     made = ini(export(results["motion"], "tir", tmp_path / "out")["single_0_20_30.tir"])
     assert float(made["VERTICAL"]["VERTICAL_DAMPING"]) == pytest.approx(1500.0)
@@ -198,7 +222,9 @@ def test_loading_and_unloading_differ_in_their_files_names_where_no_load_does(tm
     assert "single_0_step_10_kN.tdx" in names
     assert "single_0_step_minus_10_kN.tdx" in names
     assert not any("energy_per_cycle" in text for text in names.values())
-    assert all("C belongs to deflection as the records count it" in said(text) for text in names.values())
+    assert all(
+        "C is the envelope's force where the records' displacement is 0" in said(text) for text in names.values()
+    )
 
 
 def test_what_a_format_needs_and_a_result_has_not_is_refused_and_nothing_written(results, tmp_path):
@@ -249,6 +275,9 @@ def test_load_deflection_of_an_older_version_or_without_any_stiffness_is_refused
     [
         ("--to", "tydex", "--unloaded-radius-mm", "500"),
         ("--to", "tir", "--unloaded-radius-mm", "-1"),
+        ("--to", "tir", "--unloaded-radius-mm", "0.4987"),  # metres
+        ("--to", "tydex", "--means"),
+        ("--to", "tir", "--means", "--case", "single (0)20-30"),
         ("--to", "tir", "--quantiles", "0,1"),
         ("--to", "tir", "--quantiles", "a"),
         ("--to", "mf"),
@@ -272,6 +301,6 @@ def test_the_command_ends_with_the_range_of_k_and_with_what_the_files_lack(resul
         if line.startswith("VERTICAL_STIFFNESS")
     ]
     assert f"k of {len(stiffness)} cases: {min(stiffness):.4g} to {max(stiffness):.4g} N/m" in done.stdout
-    assert f"use the case nearest to what you simulate; means over cases: k_mean in {results[result]}" in done.stdout
+    assert "use the case nearest to what you simulate, or the means over cases: --means" in done.stdout
     for key in ("UNLOADED_RADIUS", "VERTICAL_DAMPING"):
         assert (f"not in the files: {key}: " in done.stdout) is lacks

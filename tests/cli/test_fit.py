@@ -221,7 +221,7 @@ def test_specimens_and_a_covariate_are_fitted_recorded_and_shown(tmp_path):
     assert {f"log_{name}_covariate[pressure_bar]" for name in ("k", "beta")} <= parameters
     assert set(pd.read_csv(out / "repeats.csv")["tyre"]) == {"T1", "T2"}
     planned = workflow.planned_in(out / "run.json", lambda _: None)
-    assert (planned.model.specimen, planned.model.covariates) == ("tyre", ["pressure_bar"])
+    assert (planned.model.specimen, planned.model.covariates) == ("tyre", ("pressure_bar",))
     page = here("report", out, "--kept-figures")
     assert page.exit_code == done.exit_code
     text = (out / "report.html").read_text(encoding="utf-8")

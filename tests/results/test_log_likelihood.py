@@ -2,6 +2,7 @@
 
 import arviz_base
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from arviz_stats import ELPDData
@@ -35,22 +36,41 @@ def smoothed(posterior) -> LeaveOneOut:
 
 
 def test_arviz_leaves_records_out_as_compare_does(posterior, smoothed):
-    tree = bt.with_log_likelihood(posterior, TABLE, MODEL)
+    # The model is the posterior's own, and the records may come in any order.
+    backwards = pd.concat([rows for _, rows in sorted(TABLE.groupby("record"), reverse=True)])
+    tree = bt.with_log_likelihood(posterior, backwards)
     assert tree[GROUP][VARIABLE].dims == ("chain", "draw", "record")
     assert [*tree[GROUP]["record"].to_numpy()] == [*posterior["posterior"]["record"].to_numpy()]
+    assert tree["posterior"].sizes["draw"] == tree[GROUP].sizes["draw"]  # ArviZ takes the ratio of both
     of_arviz = loo(tree, reff=1.0)
     assert isinstance(of_arviz, ELPDData)
     assert of_arviz.elpd == pytest.approx(smoothed.elpd.elpd, rel=1e-9)
     assert GROUP not in posterior.children  # what is given is not changed
     assert arviz_base.extract(tree, group=GROUP).sizes["record"] == len(np.unique(TABLE["record"]))
+    assert of_arviz.se == pytest.approx(smoothed.elpd.se, rel=1e-9)
+    np.testing.assert_allclose(of_arviz.pareto_k, smoothed.pareto_k)
+
+
+def test_what_is_not_the_posterior_s_own_is_refused(posterior):
     with pytest.raises(BadInput, match="not the records that the posterior was fitted to"):
-        bt.with_log_likelihood(posterior, TABLE[TABLE["record"] != TABLE["record"].iloc[0]], MODEL)
+        bt.with_log_likelihood(posterior, TABLE[TABLE["record"] != TABLE["record"].iloc[0]])
+    with pytest.raises(BadInput, match="the readings are not those that the posterior was fitted to"):
+        bt.with_log_likelihood(posterior, TABLE.assign(force_kN=TABLE["force_kN"] + 0.5))
+    for model, said in (
+        (bt.ModelSettings(), "repeats normal, not mixture"),
+        (bt.ModelSettings(repeats="normal", law="small_step_limit"), "law equation_2, not small_step_limit"),
+        (bt.ModelSettings(repeats="normal", noise="iid"), "noise auto, not iid"),
+    ):
+        with pytest.raises(BadInput, match=f"fitted with {said}; leave model out"):
+            bt.with_log_likelihood(posterior, TABLE, model)
+    with pytest.raises(BadInput, match="other priors; leave priors out"):
+        bt.with_log_likelihood(posterior, TABLE, MODEL, {"discordant_widening": 20.0})
 
 
 def test_the_records_above_the_largest_k_are_fitted_without(posterior, smoothed, monkeypatch):
     assert not smoothed.refitted.any()
     record, refitted, told = int(smoothed.pareto_k.argmax()), [], []
-    monkeypatch.setattr(leave_out, "PARETO_K_MOST", float(np.sort(smoothed.pareto_k)[-2:].mean()))
+    monkeypatch.setattr(leave_out, "good_k", lambda _: float(np.sort(smoothed.pareto_k)[-2:].mean()))
     monkeypatch.setattr(leave_out, "_refit_without", lambda record, *_: refitted.append(record) or 70.0)
     exact = leave_one_record_out(posterior, TABLE, MODEL, OF_STANDING, told.append)
     assert refitted == [record]
@@ -64,7 +84,8 @@ def test_the_records_above_the_largest_k_are_fitted_without(posterior, smoothed,
 
 def test_importance_sampling_and_a_fit_without_the_record_agree(smoothed):
     # The record with the largest k that importance sampling is said to handle.
-    handled = int(np.where(smoothed.pareto_k <= leave_out.PARETO_K_MOST, smoothed.pareto_k, -1.0).argmax())
+    good = leave_out.good_k(smoothed.elpd)
+    handled = int(np.where(smoothed.pareto_k <= good, smoothed.pareto_k, -1.0).argmax())
     again = leave_out._refit_without(handled, prepare_records(TABLE, MODEL), OF_STANDING, MODEL)
     # Two Monte Carlo estimates of one number of the order of 70. 600 draws each leave some 0.15; k up to 0.7 a few.
     assert again == pytest.approx(smoothed.elpd.elpd_i.to_numpy()[handled], abs=0.6)

@@ -121,7 +121,10 @@ def _proposal(table: pd.DataFrame, could_be: Mapping[str, str | None], required:
     unplaced += [f"{ours}: required, and no column found for it{_INSTEAD.get(ours, '')}" for ours in missing]
     placed = {*columns, *map(str, table.columns)}
     if required is REQUIRED and "direction" in placed and "initial_load_kN" not in placed:
-        unplaced.append("initial_load_kN: no column found for it; loading and unloading are not compared without")
+        unplaced.append(
+            "initial_load_kN: no column found for it; loading and unloading are not compared without: add one to the "
+            "table, or put it under [constants] where all records start from one load"
+        )
     command = "lsq" if required is REQUIRED else "load-deflection"
     content = {"columns": columns, **({"values": {"direction": directions}} if directions else {})}
     comments = "".join(f"# not placed: {text}\n" for text in unplaced)

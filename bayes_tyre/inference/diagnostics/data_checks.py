@@ -41,7 +41,10 @@ _NAMED = 3
 #: Width of a posterior over its prior's from which on a quantity is weakly identified.
 _WIDEST = np.sqrt(1 - CONTRACTION_LEAST)
 #: What it means for the answer if a hyperparameter is poorly known, and what to do.
-_OF_HYPERPARAMETERS = "the intervals of cases and ratios allow for that; measure more cases or levels if these quantities themselves matter"
+_OF_HYPERPARAMETERS = (
+    "the intervals of cases and ratios allow for that; measure more cases or levels if these quantities themselves "
+    "matter"
+)
 #: Least credible noise of a load cell, kN: a millinewton.
 NOISE_LEAST_KN = 1e-6
 

@@ -1,5 +1,6 @@
 """From a checked record table to what the model of records takes, made once for all that needs it."""
 
+import hashlib
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -88,6 +89,17 @@ class PreparedRecords(NamedTuple):
     factors: Factors
     whitening: Whitening | None
     likelihood: Likelihood
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the records' names and of the readings that the model uses, whatever the order of the records."""
+        found = hashlib.sha256()
+        for i in np.argsort(self.measured.records):
+            present = self.measured.present[i]
+            found.update(self.measured.records[i].encode())
+            for readings in (self.measured.displacement_mm, self.measured.force_kN):
+                found.update(np.ascontiguousarray(readings[i][present]).tobytes())
+        return found.hexdigest()
 
     def arguments(self, model: ModelSettings) -> dict[str, Any]:
         """Return the arguments of `bayes_tyre.inference.model.models.records_model`."""

@@ -78,6 +78,13 @@ class ModelSettings:
     covariates: Sequence[str] = ()
 
     def __post_init__(self) -> None:
+        if not isinstance(self.priors, Priors):
+            raise BadInput(
+                "priors of ModelSettings are a Priors; give what you change to fit: fit(records, priors={...})"
+            )
+        if isinstance(self.covariates, str):
+            raise BadInput(f"covariates are several columns; give [{self.covariates!r}]")
+        object.__setattr__(self, "covariates", tuple(self.covariates))  # a list, as run.json has it, has no hash
         for name, allowed in (
             *(("region", REGIONS), ("initial_load", INITIAL_LOADS), ("likelihood", LIKELIHOODS)),
             *(("repeats", REPEATS), ("noise", NOISE), ("sampler", SAMPLERS), ("law", tuple(LAWS))),

@@ -28,6 +28,14 @@ from bayes_tyre.record import (
 #: Parameters that every case has; those that a case of motions on Fancher's law has.
 CASE_PARAMETERS = ("k", "beta")
 MOTION_CASE_PARAMETERS = ("k", "x", "beta", *AXLE_PARAMETERS, ENERGY)
+#: Options of a model that decide its posterior, beside its priors and how it is sampled; and those that are words.
+OPTIONS = (
+    *("region", "initial_load", "repeats", "noise", "noise_window", "displacement_sd", "law"),
+    *(*LEVELS, "covariates"),
+)
+_WORDS = ("region", "initial_load", "repeats", "noise", "law")
+#: Attribute of a posterior's root: which records it was fitted to (`PreparedRecords.digest`).
+RECORDS_DIGEST = "records_sha256"
 #: Powers with which k and beta follow a factor on displacement.
 _POWERS = {"k": -1.0, "beta": 1.0}
 
@@ -212,17 +220,21 @@ def law_of(tree: xr.DataTree) -> str:
     return str(tree.attrs.get("law", EQUATION_2))
 
 
+def attributes_of(model: ModelSettings) -> dict[str, str]:
+    """Return what a posterior says of the model that it was fitted with, as attributes of its root."""
+    options = {name: json.dumps(getattr(model, name)) for name in OPTIONS if name not in _WORDS}
+    words = {name: getattr(model, name) for name in _WORDS}
+    return words | options | {"priors": model.priors.to_json()}
+
+
 def model_of(tree: xr.DataTree) -> ModelSettings:
     """Return the model of a posterior of records, as far as it says; noise that it does not speak of is independent."""
-    displacement_sd = str(tree.attrs.get("displacement_sd", None))
-    return ModelSettings(
-        repeats=str(tree.attrs.get("repeats", "mixture")),
-        noise=str(tree.attrs.get("noise", "iid")),
-        noise_window=int(tree.attrs.get("noise_window", 1)),
-        displacement_sd=None if displacement_sd == "None" else float(displacement_sd),
-        law=law_of(tree),
-        priors=priors_of(tree),
-    )
+    said = {name: str(tree.attrs[name]) for name in OPTIONS if name in tree.attrs}
+    # An earlier version wrote Python's None.
+    texts = {name: "null" if text == "None" else text for name, text in said.items() if name not in _WORDS}
+    options = {name: json.loads(text) for name, text in texts.items()}
+    words = {name: text for name, text in said.items() if name in _WORDS}
+    return ModelSettings(**{"noise": "iid"} | words | options, priors=priors_of(tree))
 
 
 def priors_of(tree: xr.DataTree) -> Priors:

@@ -20,7 +20,7 @@ from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.collapsed_fit import sample_collapsed
-from bayes_tyre.inference.sampling.datatree import scale_displacement, to_datatree
+from bayes_tyre.inference.sampling.datatree import RECORDS_DIGEST, attributes_of, scale_displacement, to_datatree
 from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.run import (
     RUNS,
@@ -85,10 +85,7 @@ def fit_prepared(
 
     `chains`, of `joint_chains`, may be those of other records of the same factors and number of points.
     """
-    attributes = {
-        name: str(getattr(model, name)) for name in ("repeats", "noise", "noise_window", "displacement_sd", "law")
-    }
-    attributes |= {"model": "records", "priors": model.priors.to_json()}
+    attributes = {"model": "records", RECORDS_DIGEST: records.digest, **attributes_of(model)}
     draws, runs = None, ()
     if collapses(records, model):
         draws, runs, error = sample_collapsed(records, settings, model)

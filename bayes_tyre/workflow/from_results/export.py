@@ -14,8 +14,10 @@ from bayes_tyre.formats import simulator
 from bayes_tyre.formats.files import prepare_folder, write_text
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.formats.tydex.write import MeasuredChannel, Tydex, tydex_text
+from bayes_tyre.inference.sampling.datatree import tree_cases
 from bayes_tyre.record import ORIGIN_UNKNOWN
 from bayes_tyre.report.answer.quantities import in_words
+from bayes_tyre.results.case_selection import matching_cases, parse_query
 from bayes_tyre.results.tyre_model import (
     OF_TEST,
     ONE_WAY,
@@ -23,6 +25,7 @@ from bayes_tyre.results.tyre_model import (
     Curves,
     TyreModel,
     Value,
+    means_of_posterior,
     of_load_deflection,
     of_posterior,
 )
@@ -52,20 +55,29 @@ class Exported(NamedTuple):
     verdict: str
 
 
-def read_models(folder: Path, level: float = 0.5) -> Exported:
+def read_models(folder: Path, level: float = 0.5, cases: Sequence[str] = (), *, means: bool = False) -> Exported:
     """Return the cases of a result of `fit`, `motion` or `load-deflection`, at a quantile of the posterior.
+
+    `cases` are labels or factors of those wanted (`bayes_tyre.results.case_selection.parse_query`); none: all. `means`
+    are those over the cases of each configuration and direction instead.
 
     Raises
     ------
     BadInput
-        If the folder holds no such result, or estimates alone where another quantile than the median is asked for.
+        If the folder holds no such result, or estimates alone where another quantile than the median, some of the cases
+        or means are asked for; or if no case matches.
     """
     if (folder / "posterior.nc").exists() or not (folder / TESTS).is_file():
         path, tree, verdict = read_posterior(folder)
         with errors_name(path):
-            return Exported(of_posterior(tree, level), str(tree.attrs.get("origin", ORIGIN_UNKNOWN)), verdict)
-    if level != 0.5:
-        raise BadInput(f"{folder}: holds estimates and no posterior; leave --quantiles out")
+            models = means_of_posterior(tree, level) if means else of_posterior(tree, level)
+            if cases:
+                all_cases = tree_cases(tree["posterior"].to_dataset())
+                models = [models[i] for i in matching_cases(parse_query(cases, all_cases), all_cases)]
+            return Exported(models, str(tree.attrs.get("origin", ORIGIN_UNKNOWN)), verdict)
+    for given, option in ((level != 0.5, "--quantiles"), (cases, "--case"), (means, "--means")):
+        if given:
+            raise BadInput(f"{folder}: holds estimates and no posterior; leave {option} out")
     rows = read_table(folder / TESTS)
     if missing := [column for column in _NEEDED if column not in rows]:
         raise BadInput(f"{folder / TESTS}: lacks column {missing[0]}; run load-deflection again")
@@ -85,19 +97,26 @@ def read_models(folder: Path, level: float = 0.5) -> Exported:
 
 
 def write_export(
-    folder: Path, to: str, out: Path, *, quantiles: Sequence[float] = (), radius_mm: float | None = None
+    folder: Path,
+    to: str,
+    out: Path,
+    *,
+    quantiles: Sequence[float] = (),
+    radius_mm: float | None = None,
+    cases: Sequence[str] = (),
+    means: bool = False,
 ) -> tuple[Exported, list[Path]]:
     """Write the files of every case into `out`; return what was exported at the median, and the paths.
 
-    `to` is a name of `TARGETS`. Each quantile gives every case further files, whose names end with it. `radius_mm` is
-    the tyre's unloaded radius, mm, where it is known.
+    `to` is a name of `TARGETS`; `cases` and `means` are as `read_models` has them. Each quantile gives every case
+    further files, whose names end with it. `radius_mm` is the tyre's unloaded radius, mm, where it is known.
 
     Raises
     ------
     BadInput
         If the result cannot be read, or the format needs a curve and the result has none.
     """
-    by_level = {level: read_models(folder, level) for level in (0.5, *quantiles)}
+    by_level = {level: read_models(folder, level, cases, means=means) for level in (0.5, *quantiles)}
     texts: dict[str, str] = {}
     for level, exported in by_level.items():
         ending = "" if level == 0.5 else "_q" + re.sub(r"\W", "_", f"{level:g}")
@@ -153,7 +172,10 @@ def _tir(model: TyreModel, name: str, about: list[str], radius_mm: float | None)
         curves = {"DEFLECTION_LOAD_CURVE": ("pen fz", _rows(model.curves.spline))}
         about = [*about, model.curves.about, model.curves.lost]
     lost = ["hysteresis is lost: a tyre property file has no field for it"]
-    lost += ["no tyre model by itself: put the sections below into the file of yours, whose [MODEL] names its kind"]
+    lost += [
+        "no tyre model by itself: put the sections below into the file of yours, whose [MODEL] names its kind",
+        "numbers are in the units below: convert them where your file has others (N/m are N/mm times 1000)",
+    ]
     unknown = [f"left out: {key}: {why}" for key, why in not_in_tir(model, radius_mm).items()]
     sections = {"MDI_HEADER": _HEADER, "UNITS": _UNITS, "MODEL": {}, "DIMENSION": radius, "VERTICAL": vertical}
     return {f"{name}.tir": simulator.property_file(sections, [*about, *lost, *unknown], curves)}

@@ -46,5 +46,5 @@ def columns(
     first = f"name your columns for {', '.join(proposal.missing)} in {out}, then " if proposal.missing else ""
     say(f"wrote {out}", quiet)
     if not proposal.states_origin:
-        say('no column states the origin: of measurements, put origin = "measured" into the map, as it ends', quiet)
+        say("no column states the origin: if these are measurements, uncomment the last two lines of the map", quiet)
     say(f"next: {first}{command}", quiet)

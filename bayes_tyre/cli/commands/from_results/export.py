@@ -8,6 +8,9 @@ import typer
 from bayes_tyre.cli.shell import NOT_TRUSTED, NoSeed, Out, Quiet, say, warn
 from bayes_tyre.plain_text import listed
 
+#: Formats of files that hold values without a curve; and radii that a tyre may have, mm: from a kart's to a dumper's.
+WITHOUT_CURVE, RADII_MM = ("tir", "modelica"), (50.0, 2500.0)
+
 
 def export(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit, motion or load-deflection wrote.")],
@@ -26,6 +29,21 @@ def export(
     unloaded_radius_mm: Annotated[
         float | None, typer.Option(help="Unloaded radius of the tyre (mm), for --to tir: no result holds it.")
     ] = None,
+    case: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Cases to export, all without it: a label, 'single (0)30-20', or factors, "
+            "configuration=single,speed_km_h=0; may be repeated."
+        ),
+    ] = None,
+    means: Annotated[
+        bool,
+        typer.Option(
+            "--means",
+            help="A file for the mean over the cases of each configuration and direction, the values that fit prints, "
+            "in place of a file a case: for tir and modelica.",
+        ),
+    ] = False,
     seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
@@ -39,28 +57,44 @@ def export(
     """
     del seed
     levels = _quantiles(quantiles)
-    if unloaded_radius_mm is not None and (to != "tir" or not 0 < unloaded_radius_mm < float("inf")):
-        raise typer.BadParameter("give a length in mm, with --to tir alone", param_hint="--unloaded-radius-mm")
+    if unloaded_radius_mm is not None:
+        _check_radius(unloaded_radius_mm, to)
+    if means and case:
+        raise typer.BadParameter("means are over all cases; leave --case out", param_hint="--means")
+    if means and to not in WITHOUT_CURVE:
+        raise typer.BadParameter(f"a mean has no curve; use --to {' or '.join(WITHOUT_CURVE)}", param_hint="--means")
     from bayes_tyre.runtime import prepare_jax
 
     prepare_jax()
     from bayes_tyre.workflow.from_results.export import not_in_tir, write_export
 
-    exported, paths = write_export(folder, to, out, quantiles=levels, radius_mm=unloaded_radius_mm)
+    exported, paths = write_export(
+        folder, to, out, quantiles=levels, radius_mm=unloaded_radius_mm, cases=case or (), means=means
+    )
     verdict = f", verdict {exported.verdict}" if exported.verdict else ""
     names = listed([path.name for path in paths], 3)
     say(f"wrote {len(paths)} files to {out} (data: {exported.origin}{verdict}): {names}", quiet)
     k = [model.parameters["k"] for model in exported.models]
     low, high = (end(one.value for one in k) for end in (min, max))
-    say(f"k of {len(k)} cases: {low:.4g} to {high:.4g} {k[0].unit}; each file states its 95 % interval", quiet)
-    if exported.verdict and len(k) > 1:  # load-deflection has no means
-        say(f"use the case nearest to what you simulate; means over cases: k_mean in {folder / 'summary.csv'}", quiet)
+    of = "means" if means else "cases"
+    say(f"k of {len(k)} {of}: {low:.4g} to {high:.4g} {k[0].unit}; each file states its 95 % interval", quiet)
+    if exported.verdict and len(k) > 1 and not means:  # load-deflection has no means
+        say("use the case nearest to what you simulate, or the means over cases: --means", quiet)
     if to == "tir":
         for key, why in not_in_tir(exported.models[0], unloaded_radius_mm).items():
             say(f"not in the files: {key}: {why}", quiet)
     if exported.verdict == "fail":
         warn(f"the posterior is not to be trusted; {folder / 'diagnostics.json'} gives the reason")
         raise typer.Exit(NOT_TRUSTED)
+
+
+def _check_radius(radius_mm: float, to: str) -> None:
+    if to != "tir":
+        raise typer.BadParameter(f"{to} has no place for it; leave it out", param_hint="--unloaded-radius-mm")
+    if not RADII_MM[0] <= radius_mm <= RADII_MM[1]:
+        raise typer.BadParameter(
+            f"{radius_mm:g} mm is the radius of no tyre; give mm, such as 498.7", param_hint="--unloaded-radius-mm"
+        )
 
 
 def _quantiles(text: str | None) -> list[float]:
