@@ -189,6 +189,6 @@ def test_a_proposal_that_lacks_a_required_column_asks_for_it_first(tmp_path):
     path = written(theirs, tmp_path / "lab.csv")
     done = here("columns", path, "--out", tmp_path / "map.toml")
     assert f"next: name your columns for force_kN in {tmp_path / 'map.toml'}, then bayes-tyre lsq" in done.stdout
-    assert 'put origin = "measured" into the map' in done.stdout
+    assert "uncomment the last two lines of the map" in done.stdout
     stated = written(small(), tmp_path / "stated.csv")
     assert "origin" not in here("columns", stated, "--out", tmp_path / "map.toml").stdout

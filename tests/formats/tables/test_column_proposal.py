@@ -102,8 +102,8 @@ def test_a_row_of_units_is_left_to_the_reader(tmp_path):
             {"record", "displacement_mm", "force_kN", "direction"},
             [
                 "direction 'halten': loading or unloading? say so in [values.direction]",
-                "initial_load_kN: no column found for it; loading and unloading are not compared without: add one to the "
-                "table, or put it under [constants] where all records start from one load",
+                "initial_load_kN: no column found for it; loading and unloading are not compared without: add one to "
+                "the table, or put it under [constants] where all records start from one load",
             ],
         ),
     ],
