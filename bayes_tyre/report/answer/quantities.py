@@ -9,7 +9,7 @@ _PARAMETERS = (*LAW_PARAMETERS, *AXLE_PARAMETERS, ENERGY, "J", "C", "F_i", "sigm
 _NAMES = {
     **AXIS_NAMES,
     **{"sigma": "noise sigma", "J": "offset J", "C": "offset C", "F_i": "initial force F_i"},
-    "rho": "correlation rho of the noise",
+    **{"rho": "correlation rho of the noise", "settled": "settled friction"},
 }
 #: What differs by a factor, its level with the unit, and what a standard deviation of the effect is over.
 _LEVELS = {

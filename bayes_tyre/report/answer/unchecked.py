@@ -13,17 +13,24 @@ class Unchecked(NamedTuple):
     effect: str
 
 
-#: What the records do not show unless a column says which of them share it, by the option that names the column.
+#: What the records do not show unless a column says which of them share it, by the option that names the column; and
+#: what that option does.
 _LEVELS = {
-    "specimen": Unchecked(
-        "Other tyres of a type",
-        "The intervals are of the tyres that were tested, not of all tyres of their type. fit --specimen COLUMN, with "
-        "a column that says which tyre each record was made on, puts into them what tyres differ by.",
+    "specimen": (
+        Unchecked(
+            "Other tyres of a type",
+            "The intervals are of the tyres that were tested, not of all tyres of their type.",
+        ),
+        " fit --specimen COLUMN, with a column that says which tyre each record was made on, puts into them what tyres "
+        "differ by.",
     ),
-    "day": Unchecked(
-        "Another day, or the tyre mounted again",
-        "Repeats made one after the other agree better than a test reproduces. fit --day COLUMN, with a column that "
-        "says the day or the mounting of each record, puts into the intervals what days differ by.",
+    "day": (
+        Unchecked(
+            "Another day, or the tyre mounted again",
+            "Repeats made one after the other agree better than a test reproduces.",
+        ),
+        " fit --day COLUMN, with a column that says the day or the mounting of each record, puts into the intervals "
+        "what days differ by.",
     ),
 }
 
@@ -38,9 +45,10 @@ def unchecked(result: Reported) -> list[Unchecked]:
     ]
     if "published" in result.origins:  # of printed numbers the caveats say it
         return rows
-    rows += [row for level, row in _LEVELS.items() if not result.run["options"].get(level)]
-    if result.of_motions:
-        return rows
+    shared = [both for level, both in _LEVELS.items() if not result.run["options"].get(level)]
+    if result.of_motions:  # motion has no such options
+        return [*rows, *(row for row, _ in shared)]
+    rows += [row._replace(effect=row.effect + remedy) for row, remedy in shared]
     return [
         *rows,
         Unchecked(

@@ -1,5 +1,6 @@
 """Ratios of k and beta between configurations and between directions, each with its probability to be above 1."""
 
+import textwrap
 from collections.abc import Hashable, Mapping
 from typing import Any
 
@@ -28,7 +29,7 @@ _LOG_FROM, _ROOM = 3.0, 0.25
 def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting, about: str = "") -> Figure:
     """Return the ratios of k, beta and more, a line a ratio: median, interval, and the probability that it is above 1.
 
-    Averages are drawn bold, above the matched cases that they average. Of contrasts between directions only the
+    Averages are drawn thick, above the matched cases that they average. Of contrasts between directions only the
     averages are shown: how cases are matched matters more there than which case it is.
 
     Parameters
@@ -59,13 +60,15 @@ def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting, about: str = ""
     figure, axes, inches = case_axis.parameter_panels(len(parameters), 1.1, _LINE, room, case_axis.case_axis_name(rows))
     for ax, parameter in zip(axes, parameters, strict=True):
         _panel(ax, rows[rows["parameter"] == parameter], parameter, _ROOM * min(case_axis.ACROSS, len(parameters)))
+        if len(parameters) > 2:  # narrow panels: a long name goes on below
+            ax.set_xlabel("\n".join(textwrap.wrap(ax.get_xlabel(), 32)))
         case_axis.name_lines(ax, lines, inches, max(case_axis.FEWEST, len(lines)))
     contents = " or ".join(interval_name(one) for one in sorted(set(rows["interval"].dropna()))) or "interval"
     if rows.empty:
         return layout.finish(figure, setting, "No two configurations or directions have cases that match.")
     note = (
         f"Marker: median. Line: {contents}. At the right: probability that the ratio is above 1. Dashed: 1, no "
-        f"difference. Bold: averages over the matched cases. {about}"
+        f"difference. Thick: averages over the matched cases. {about}"
     )
     return layout.finish(figure, setting, note.rstrip())
 

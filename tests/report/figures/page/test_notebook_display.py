@@ -35,7 +35,7 @@ def test_a_figure_is_asked_for_by_its_name_and_says_its_notes(tree, tmp_path):
     text = repr(picture)
     assert text.splitlines()[0] == "Figure."
     assert "data: simulated, not measured" in text
-    assert text.index("Marker: median") < text.index("Bold: averages")
+    assert text.index("Marker: median") < text.index("Thick: averages")
     assert picture.save(tmp_path / "one.png").read_bytes().startswith(b"\x89PNG")
 
 
