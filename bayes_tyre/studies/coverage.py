@@ -16,11 +16,14 @@ from bayes_tyre.inference.sampling.hierarchical_fit import fit_prepared, joint_c
 from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.run import LONGEST, SamplerSettings
 from bayes_tyre.record import RECORD_UNITS
-from bayes_tyre.studies.coverage_data import KINDS, Kind, simulate
+from bayes_tyre.studies.coverage_data import CONTRAST, KINDS, Kind, simulate
 
 INTERVALS = (0.5, 0.95)
-#: By name, as in `posterior.nc`: the dimension of each quantity.
-QUANTITIES = {"k": "record", "beta": "record", "k_case": "case", "beta_case": "case"}
+#: By name, as in `posterior.nc`: the dimension of each quantity; the last two are of the two configurations.
+QUANTITIES = {
+    **{"k": "record", "beta": "record", "k_case": "case", "beta_case": "case"},
+    **{"k_ratio": "contrast", "beta_ratio": "contrast"},
+}
 _KEYS = ["kind", "settings"]
 _BETWEEN = "; "
 
@@ -56,7 +59,7 @@ class CoverageFit:
         records = prepare_records(table, model)
         tree = fit_prepared(records, self.sampler, model, self._compiled(kind, records, model))
         tree, diagnostics = judge(tree, lambda tree, _: tree, Attempts(), table)
-        rows = intervals(tree["posterior"].to_dataset(), truth)
+        rows = intervals(with_ratios(tree["posterior"].to_dataset(), truth), truth)
         rows.insert(0, "kind", name)
         rows.insert(1, "settings", kind.settings)
         rows.insert(2, "set", number)
@@ -72,8 +75,20 @@ class CoverageFit:
         return self._chains[key]
 
 
+def with_ratios(posterior: xr.Dataset, truth: pd.DataFrame) -> xr.Dataset:
+    """Return the posterior with the mean ratios of k and beta, dual over single, dim contrast: all cases match."""
+    of_case = truth.drop_duplicates("case").set_index("case")["configuration"]
+    dual = (of_case[posterior["case"].to_numpy().astype(str)] == "dual").to_numpy()
+    ratios = {}
+    for parameter in ("k", "beta"):
+        values = np.log(posterior[f"{parameter}_case"])
+        ratio = np.exp(values[..., dual].mean("case") - values[..., ~dual].mean("case"))
+        ratios[f"{parameter}_ratio"] = ratio.expand_dims(contrast=[CONTRAST], axis=-1)
+    return posterior.assign(ratios)
+
+
 def intervals(posterior: xr.Dataset, truth: pd.DataFrame) -> pd.DataFrame:
-    """Return the median and the intervals of each record and case of a posterior, beside the truth by record."""
+    """Return the median and the intervals of each record, case and ratio of a posterior, beside the truth by record."""
     levels = [0.5, *(side for share in INTERVALS for side in ((1.0 - share) / 2.0, (1.0 + share) / 2.0))]
     names = ["median", *(f"{side}_{100 * share:.0f}" for share in INTERVALS for side in ("lower", "upper"))]
     tables = []
@@ -82,9 +97,8 @@ def intervals(posterior: xr.Dataset, truth: pd.DataFrame) -> pd.DataFrame:
         values = posterior[quantity].quantile(levels, ("chain", "draw"))
         elements = [str(label) for label in values[dim].to_numpy()]
         estimates = pd.DataFrame(values.transpose(dim, "quantile").to_numpy(), columns=names)
-        rows = pd.DataFrame(
-            {"quantity": quantity, "unit": RECORD_UNITS[quantity.removesuffix("_case")]}, estimates.index
-        )
+        unit = "1" if dim == "contrast" else RECORD_UNITS[quantity.removesuffix("_case")]
+        rows = pd.DataFrame({"quantity": quantity, "unit": unit}, estimates.index)
         tables.append(pd.concat([rows.assign(element=elements, truth=true[elements].to_numpy()), estimates], axis=1))
     return pd.concat(tables, ignore_index=True)
 

@@ -25,6 +25,8 @@ TYPICAL_K = {"single": 1.6, "dual": 2.2}
 SD_OF_TYRES = {"k": 0.06, "beta": 0.15}
 #: Size of every step, kN; travel and displacement at the start, mm; offset of the envelope, kN, and its relative sd.
 STEP_KN, TRAVEL_MM, START_MM, OFFSET_KN, SD_OFFSET = 10.0, 5.0, 10.0, 1.0, 0.1
+#: The two configurations compared.
+CONTRAST = "dual / single"
 #: What `uneven_noise` calls near the start, mm.
 NEAR_START_MM = 0.3
 
@@ -113,7 +115,8 @@ def simulate(kind: Kind, seed: int, number: int) -> tuple[pd.DataFrame, pd.DataF
     Returns
     -------
     tuple of pandas.DataFrame
-        The table (mm, kN); and by record the factors, `k`, `beta`, `J`, `F_i`, `case`, `k_case` and `beta_case`.
+        The table (mm, kN); and by record the factors, `k`, `beta`, `J`, `F_i`, `case`, `k_case` and `beta_case`; and
+        `contrast`, `k_ratio` and `beta_ratio`, the mean ratios over the cases, the same in all rows.
     """
     rng = np.random.default_rng([seed, number])
     truth = _truths(kind, rng)
@@ -140,6 +143,11 @@ def _truths(kind: Kind, rng: np.random.Generator) -> pd.DataFrame:
         log_effects = sum(sd[effect] * _effects(levels, rng) for effect, levels in grouping.items())
         cases[f"{name}_case"] = typical[name] * np.exp(log_effects)
     cases.loc[cases.index[-1], "k_case"] *= kind.case_apart
+    cases["contrast"] = CONTRAST
+    dual = cases["configuration"] == "dual"
+    for name in SD:
+        logs = np.log(cases[f"{name}_case"])
+        cases[f"{name}_ratio"] = np.exp(logs[dual].mean() - logs[~dual].mean())
     cases["case"] = [Case(*row).label for row in cases[list(Case._fields)].itertuples(index=False)]
     return _repeats(kind, cases, rng)
 

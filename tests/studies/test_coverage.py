@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from bayes_tyre.inference.sampling.hierarchical_fit import joint_chains
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.studies import coverage as study
-from bayes_tyre.studies.coverage import CoverageFit, coverage, intervals, overview, verdicts
+from bayes_tyre.studies.coverage import CoverageFit, coverage, intervals, overview, verdicts, with_ratios
 from bayes_tyre.studies.coverage_data import KINDS, Kind, simulate
 
 SETS = 6
@@ -29,7 +29,7 @@ def test_intervals_are_quantiles_of_the_draws_beside_the_truth_of_the_same_recor
     truth = simulate(Kind(), 0, 0)[1]
     posterior = posterior_about(truth, 0)
     rows = intervals(posterior.isel(record=np.random.default_rng(0).permutation(24)), truth)
-    assert len(rows) == 2 * 24 + 2 * 8
+    assert len(rows) == 2 * 24 + 2 * 8 + 2
     for quantity, dim in (("beta", "record"), ("k_case", "case")):
         label = truth[dim].to_list()[-1]
         draws = posterior[quantity].sel({dim: label}).to_numpy().ravel()
@@ -38,12 +38,32 @@ def test_intervals_are_quantiles_of_the_draws_beside_the_truth_of_the_same_recor
         found = row[["lower_95", "lower_50", "median", "upper_50", "upper_95"]].to_numpy(float)[0]
         np.testing.assert_allclose(found, np.quantile(draws, [0.025, 0.25, 0.5, 0.75, 0.975]))
     units = dict(zip(rows["quantity"], rows["unit"], strict=True))
-    assert units == {"k": "kN/mm", "beta": "mm", "k_case": "kN/mm", "beta_case": "mm"}
+    assert units == {
+        **{"k": "kN/mm", "beta": "mm", "k_case": "kN/mm", "beta_case": "mm"},
+        **{"k_ratio": "1", "beta_ratio": "1"},
+    }
+
+
+def test_the_ratio_is_the_mean_over_the_cases_at_each_draw():
+    truth = simulate(Kind(), 0, 0)[1]
+    posterior = posterior_about(truth, 0).drop_vars(["k_ratio", "beta_ratio"])
+    found = with_ratios(posterior.isel(case=np.random.default_rng(1).permutation(8)), truth)
+    cases = truth.drop_duplicates("case").set_index("case")
+    ratios = []
+    for label, row in cases[cases["configuration"] == "dual"].iterrows():
+        other = str(label).replace("dual", "single")
+        ratios.append(posterior["k_case"].sel(case=label, drop=True) / posterior["k_case"].sel(case=other, drop=True))
+        assert row["k_ratio"] == cases["k_ratio"].iloc[0]
+    mean = np.exp(sum(np.log(ratio.to_numpy()) for ratio in ratios) / len(ratios))
+    np.testing.assert_allclose(found["k_ratio"].isel(contrast=0), mean)
+    dual = cases["k_case"][cases["configuration"] == "dual"]
+    single = cases["k_case"][[str(label).replace("dual", "single") for label in dual.index]]
+    assert cases["k_ratio"].iloc[0] == pytest.approx(np.exp(np.mean(np.log(dual.to_numpy() / single.to_numpy()))))
 
 
 def test_coverage_and_its_standard_error_are_those_of_numpy(estimates):
     table = coverage(estimates)
-    assert len(table) == 2 * 4 * 2
+    assert len(table) == 2 * 6 * 2
     for row in table.to_dict("records"):
         rows = estimates[(estimates["kind"] == row["kind"]) & (estimates["quantity"] == row["quantity"])]
         ends = (f"{side}_{100 * row['interval']:.0f}" for side in ("lower", "upper"))

@@ -111,6 +111,7 @@ def coverage_plot(table: pd.DataFrame) -> Figure:
     kinds = list(shown.index.unique())
     figure = layout.page(WIDTH, 1.6 + 0.27 * len(kinds))
     titles = {"k": "k of records", "beta": "beta of records", "k_case": "k of cases", "beta_case": "beta of cases"}
+    titles |= {"k_ratio": "ratio of k", "beta_ratio": "ratio of beta"}
     axes = figure.subplots(1, len(titles), sharex=True, sharey=True)
     appearance = {"all": "all data sets", "passed": "data sets whose verdict is pass"}
     looks = looks_of_none(appearance)
