@@ -32,7 +32,7 @@ from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.prepared_records import prepare_records, used_points
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.datatree import model_of
-from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
+from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical, without_effect
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_published as fit_printed_means
 from bayes_tyre.inference.sampling.run import LONGEST, SamplerSettings
 from bayes_tyre.laws import fancher
@@ -178,7 +178,7 @@ def fit(
     Warns
     -----
     UserWarning
-        Where the verdict is ``fail``.
+        Where the verdict is ``fail``, and for a prior of a quantity that the model of these records does not have.
     """
     if not isinstance(settings, SamplerSettings | None):
         raise BadInput("the second argument is how much to sample; options of the model go by name: model=...")
@@ -193,6 +193,8 @@ def fit(
     if out is not None:
         return _with_warning(_fit_into(Path(out), table, settings, model, units_checked, progress))
     prepared = prepare_records(table, model)
+    if text := without_effect(prepared.factors, model):
+        warnings.warn(text, stacklevel=2)
     with Stages(progress) as stages:
         tree = fit_hierarchical(table, _with_bars(settings, stages), model, prepared)
         stages.begin("diagnostics")

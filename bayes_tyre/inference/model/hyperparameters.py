@@ -14,7 +14,7 @@ from numpyro import distributions as dist  # not `import numpyro.distributions`:
 
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.model.priors import CONSTANTS, Priors
 from bayes_tyre.inference.model.record_levels import COVARIATE
 
 #: Sampled values by name: hyperparameters, and what else is one for the level below.
@@ -43,6 +43,11 @@ def prior_sites(factors: Factors, repeats: str = "mixture", noise: str = "iid") 
     if noise == "ar1":
         sites += ["atanh_rho_typical", *["sd_atanh_rho"] * several]
     return (*sites, *_case_sites(factors, PARAMETERS, repeats))
+
+
+def unused_priors(priors: Priors, sites: Sequence[str]) -> list[str]:
+    """Return the quantities whose priors were changed though the model with these sites does not have them."""
+    return sorted(set(priors.changes_from(PRIORS)) - set(sites) - set(CONSTANTS))
 
 
 def motion_sites(

@@ -14,8 +14,8 @@ from bayes_tyre.inference.model.coordinates.sites import (
     records_in_coordinates,
 )
 from bayes_tyre.inference.model.default_priors import PRIORS
-from bayes_tyre.inference.model.factors import find_factors
-from bayes_tyre.inference.model.hyperparameters import published_sites
+from bayes_tyre.inference.model.factors import Factors, find_factors
+from bayes_tyre.inference.model.hyperparameters import prior_sites, published_sites, unused_priors
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.settings import ModelSettings
@@ -71,11 +71,20 @@ def fit_hierarchical(
         For a record with too few points or no travel.
     """
     settings, model = settings or SamplerSettings(), model or ModelSettings()
-    tree = fit_prepared(records or prepare_records(table, model), settings, model)
+    records = records or prepare_records(table, model)
+    if text := without_effect(records.factors, model):
+        settings.on_note(text)
+    tree = fit_prepared(records, settings, model)
     tree.attrs["origin"] = origin_of(table)
     if model.displacement_scale_sd > 0:
         tree = scale_displacement(tree, model.displacement_scale_sd, settings.seed)
     return tree
+
+
+def without_effect(factors: Factors, model: ModelSettings) -> str:
+    """Return which priors were changed of quantities that the model of these records does not have; nothing if none."""
+    unused = unused_priors(model.priors, prior_sites(factors, model.repeats, model.correlation))
+    return f"priors of {', '.join(unused)}: not in the model of these records, so without effect" if unused else ""
 
 
 def fit_prepared(

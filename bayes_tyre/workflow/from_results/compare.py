@@ -31,12 +31,17 @@ REFIT = SamplerSettings(warmup=400, draws=250)
 
 @dataclass(frozen=True)
 class Comparison:
-    """A comparison that was written: its table, its conclusion in a sentence, its files, and what failed on the way."""
+    """A comparison that was written.
+
+    Its table, its conclusion in a sentence, its files, what failed on the way, and which models are not to be trusted
+    and why.
+    """
 
     table: pd.DataFrame
     sentence: str
     paths: tuple[Path, Path]
     failed: tuple[str, ...] = ()
+    untrusted: tuple[str, ...] = ()
 
 
 class _Model(NamedTuple):
@@ -104,7 +109,22 @@ def compare_folders(
     with whole_file(paths[0]) as first, whole_file(paths[1]) as second:
         write_table(compared, first)
         write_table(by_record(left_out), second)
-    return Comparison(compared, sentence(compared), paths, tuple(failed))
+    untrusted = (_untrusted(name, verdicts[name], compared) for name in left_out)
+    return Comparison(compared, sentence(compared), paths, tuple(failed), tuple(filter(None, untrusted)))
+
+
+def _untrusted(name: str, verdict: str, compared: pd.DataFrame) -> str:
+    """Return why a model is not to be trusted; nothing where it is."""
+    row = compared[compared["model"] == name].iloc[0]
+    if row["verdict"] == "pass":
+        return ""
+    if verdict != "pass":
+        return f"{name}: the posterior is not to be trusted; its diagnostics.json says why"
+    return (
+        f"{name}: the posterior passed, its elpd is not to be trusted: Pareto k of a record is "
+        f"{row['pareto_k_max']:.2f} ({int(row['refitted'])} records fitted again), the least effective number of "
+        f"points {row['effective_points_min']:.0f}; compare without --no-refit"
+    )
 
 
 def _predicted(

@@ -17,6 +17,7 @@ from bayes_tyre.inference.model.hyperparameters import (
     prior_sites,
     published_sites,
     sample_hyperparameters,
+    unused_priors,
 )
 from bayes_tyre.inference.model.prepared_records import record_batch
 from bayes_tyre.inference.model.priors import Priors
@@ -105,3 +106,10 @@ def test_cases_stand_apart_where_the_data_can_tell_one_that_does(plan, share):
     factors = find_factors(record_factors(simulate(plan, 1)[0]))
     assert apart_weight(factors, ("k", "beta"), PRIORS) == share
     assert apart_weight(factors, ("k", "beta"), PRIORS.changed({"apart_weight": 0.0})) == 0.0
+
+
+def test_priors_of_quantities_that_a_model_does_not_have_are_named():
+    changes = {"m_group": {"median": 300.0, "sd_log": 0.1}, "k_group": {"median": 2.0, "sd_log": 0.1}}
+    changed = PRIORS.changed({**changes, "apart_weight": 0.1})
+    assert unused_priors(changed, ["k_group", "beta_group"]) == ["m_group"]
+    assert unused_priors(PRIORS, []) == []

@@ -50,8 +50,7 @@ def compare(
         say(f"wrote {path}", quiet)
     for failure in done.failed:
         warn(failure)
-    if (done.table["verdict"] != "pass").any():
-        worst = done.table.loc[done.table["verdict"] != "pass", "model"].iloc[0]
-        warn(f"{worst}: posterior or estimate is not to be trusted; its diagnostics.json and pareto_k_max say why")
-    if done.failed or (done.table["verdict"] != "pass").any():
+    for why in done.untrusted:
+        warn(why)
+    if done.failed or done.untrusted:
         raise typer.Exit(NOT_TRUSTED)
