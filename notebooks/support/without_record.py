@@ -51,7 +51,7 @@ def case_without(tree: xr.DataTree, table: pd.DataFrame, record: str, interval: 
         put_together(tree)["posterior"].to_dataset(),
     )
     case, estimates = one.factors.of_record, estimate_records(one.batch, model.noise)
-    of, z = hyperparameters(posterior, one.factors, case), standard_points(5, seed=0)
+    of, z = hyperparameters(posterior, one.factors), standard_points(5, seed=0)
     density = record_density(one.likelihood, one.data, estimates, of, z)
     log_weights, pareto_k = smooth_log_weights(-np.asarray(density.log_density)[:, 0])
     weights = np.exp(log_weights - np.max(log_weights))

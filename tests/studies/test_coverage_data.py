@@ -111,7 +111,7 @@ def test_repeats_scatter_normally_or_with_heavy_tails():
 
 def test_repeats_take_turns_on_the_tyres_of_a_configuration():
     several, one = (simulate(kind, 0, 0)[1] for kind in (KINDS["several_tyres"], Kind()))
-    apart = np.log(several["k"] / one["k"])
+    apart = pd.Series(np.log(several["k"] / one["k"]))
     of_tyre = apart.groupby([several["configuration"], several["tyre"]]).agg(["mean", "std"])
     assert len(of_tyre) == 6
     assert of_tyre["std"].max() < 1e-12

@@ -134,7 +134,7 @@ def find_levels(
             values = [f"{of} {value}".strip() for of, value in zip(configurations, values, strict=True)]
         labels = tuple(sorted(set(values)))
         if len(labels) < 2:
-            raise BadInput(f"column {column}: all records have {labels[0]!r}; leave --{name} {column} out")
+            raise BadInput(f"column {column}: all records have {values[0]!r}; leave --{name} {column} out")
         found[name] = Level(labels, np.array([labels.index(value) for value in values]))
     return RecordLevels(found, _covariates(table, covariates) if covariates else None)
 

@@ -82,10 +82,10 @@ def read_models(folder: Path, level: float = 0.5, cases: Sequence[str] = (), *, 
     if missing := [column for column in _NEEDED if column not in rows]:
         raise BadInput(f"{folder / TESTS}: lacks column {missing[0]}; run load-deflection again")
     if (folder / CASES).is_file():  # a test that was averaged is not exported by itself
-        cases = read_table(folder / CASES)
-        factors = [name for name in CASE_OF_TEST if name in cases]
-        of_a_case = pd.MultiIndex.from_frame(rows[factors]).isin(pd.MultiIndex.from_frame(cases[factors]))
-        rows = pd.concat([cases, rows[~of_a_case]], ignore_index=True)
+        averaged = read_table(folder / CASES)
+        factors = [name for name in CASE_OF_TEST if name in averaged]
+        of_a_case = pd.MultiIndex.from_frame(rows[factors]).isin(pd.MultiIndex.from_frame(averaged[factors]))
+        rows = pd.concat([averaged, rows[~of_a_case]], ignore_index=True)
     numbers = rows.columns.drop(["test", "configuration", "status", "origin"])
     rows[numbers] = rows[numbers].apply(pd.to_numeric, errors="coerce")
     models = of_load_deflection(rows)

@@ -71,7 +71,7 @@ def test_without_columns_there_are_none():
 def test_a_column_that_cannot_serve_is_named(change, said):
     table = TABLE.assign(
         varying=["a", "b"] * 4,
-        holes=["a", "a", None, None, "a", "a", "b", "b"],
+        holes=pd.Series(["a", "a", None, None, "a", "a", "b", "b"]),
         same="x",
         tyre_name=[f"tyre {name}" for name in TABLE["tyre"]],
         level=3.0,
