@@ -63,9 +63,9 @@ PRIORS = Priors(
         "sd_log_beta_case": Prior(dist.LogNormal, (np.log(0.2), 0.8), "", "4 to 96 %: what the factors leave over"),
         **{
             f"sd_log_{name}_{level}": Prior(dist.HalfNormal, (scale,), "", reason)
-            for name, scale in (("k", 0.05), ("beta", 0.15))
+            for name, scale in (("k", 0.1), ("beta", 0.3))
             for level, reason in (
-                ("specimen", "tyres of one type: k within some 10 %, beta less alike"),
+                ("specimen", "tyres of one type: k within 20 %, beta less alike; of few tyres little is known"),
                 ("day", "another day, or the tyre mounted again: temperature, pressure, adjustment"),
             )
         },
