@@ -81,9 +81,11 @@ def with_ratios(posterior: xr.Dataset, truth: pd.DataFrame) -> xr.Dataset:
     dual = (of_case[posterior["case"].to_numpy().astype(str)] == "dual").to_numpy()
     ratios = {}
     for parameter in ("k", "beta"):
-        values = np.log(posterior[f"{parameter}_case"])
-        ratio = np.exp(values[..., dual].mean("case") - values[..., ~dual].mean("case"))
-        ratios[f"{parameter}_ratio"] = ratio.expand_dims(contrast=[CONTRAST], axis=-1)
+        of_cases = posterior[f"{parameter}_case"]
+        values = of_cases.copy(data=np.log(of_cases.to_numpy()))
+        log_ratio = values.isel(case=dual).mean("case") - values.isel(case=~dual).mean("case")
+        ratio = log_ratio.expand_dims(contrast=[CONTRAST], axis=-1)
+        ratios[f"{parameter}_ratio"] = ratio.copy(data=np.exp(ratio.to_numpy()))
     return posterior.assign(ratios)
 
 

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from itertools import compress
+from typing import Any
 
 import arviz_base
 import numpy as np
@@ -232,9 +233,9 @@ def model_of(tree: xr.DataTree) -> ModelSettings:
     said = {name: str(tree.attrs[name]) for name in OPTIONS if name in tree.attrs}
     # An earlier version wrote Python's None.
     texts = {name: "null" if text == "None" else text for name, text in said.items() if name not in _WORDS}
-    options = {name: json.loads(text) for name, text in texts.items()}
+    options: dict[str, Any] = {name: json.loads(text) for name, text in texts.items()}
     words = {name: text for name, text in said.items() if name in _WORDS}
-    return ModelSettings(**{"noise": "iid"} | words | options, priors=priors_of(tree))
+    return ModelSettings(**{"noise": "iid", **words, **options}, priors=priors_of(tree))
 
 
 def priors_of(tree: xr.DataTree) -> Priors:
