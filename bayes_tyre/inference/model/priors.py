@@ -11,6 +11,7 @@ from numpyro import distributions as dist  # not `import numpyro.distributions`:
 from scipy import stats
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.plain_text import listed
 
 #: The keys of the constants beside the priors, in a mapping or a file: fields of `Priors`.
 CONSTANTS = ("discordant_widening", "apart_widening", "apart_weight")
@@ -162,7 +163,11 @@ class Priors(Mapping[str, Prior]):
             elif name not in table:
                 names = [*table, *constants]
                 near = difflib.get_close_matches(name, names, n=3)
-                rest = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(names)}"
+                rest = (
+                    f"did you mean {' or '.join(near)}?"
+                    if near
+                    else f"there are {listed(names, 6)}, in docs/reference/priors.md"
+                )
                 raise BadInput(f"priors, {name}: there is no such quantity; {rest}")
             else:
                 prior = change if isinstance(change, Prior) else _read(name, change, table[name])
