@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from arviz_stats import ELPDData
 
-from bayes_tyre.inference.diagnostics.leave_one_out import EFFECTIVE_LEAST, LeaveOneOut, good_k
+from bayes_tyre.inference.diagnostics.leave_one_out import EFFECTIVE_LEAST, PARETO_K_MOST, LeaveOneOut
 
 #: Differences below this many standard errors, or below so much log density, tell no model from another (Sivula,
 #: Magnusson and Vehtari 2025, "Uncertainty in Bayesian leave-one-out cross-validation based model comparison").
@@ -33,7 +33,7 @@ def compare(predicted: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str]) -
     for name, row in table.iterrows():
         each = predicted[str(name)]
         left = np.where(each.refitted, 0.0, each.pareto_k)
-        trusted = left.max() <= good_k(each.elpd) and each.effective_points.min() >= EFFECTIVE_LEAST
+        trusted = left.max() <= PARETO_K_MOST and each.effective_points.min() >= EFFECTIVE_LEAST
         rows.append(
             {
                 "model": name,

@@ -196,7 +196,7 @@ def test_coverage_is_written_shown_and_resumed(tmp_path, monkeypatch):
     assert written == {*tables, "run.json", "figures/", "figures/coverage.png"}
     assert all(word in done.stdout for word in ("one_repeat", "1 of 2", "coverage of 95 % intervals ± its"))
     estimates = pd.read_csv(tmp_path / "made" / "coverage_estimates.csv")
-    assert len(estimates) == 2 * (2 * (24 + 8) + 2 * (24 + 24))
+    assert len(estimates) == 2 * (2 * (24 + 8 + 1) + 2 * (24 + 24 + 1))
     assert set(pd.read_csv(tmp_path / "made" / "coverage.csv")["sets"]) == {2}
     assert pd.read_csv(tmp_path / "made" / "verdicts.csv")["law"].tolist() == [1, 1]
     again = here("study", "coverage", *options, "--sets", 3, "--resume", "--quiet")

@@ -70,7 +70,7 @@ def test_what_is_not_the_posterior_s_own_is_refused(posterior):
 def test_the_records_above_the_largest_k_are_fitted_without(posterior, smoothed, monkeypatch):
     assert not smoothed.refitted.any()
     record, refitted, told = int(smoothed.pareto_k.argmax()), [], []
-    monkeypatch.setattr(leave_out, "good_k", lambda _: float(np.sort(smoothed.pareto_k)[-2:].mean()))
+    monkeypatch.setattr(leave_out, "PARETO_K_MOST", float(np.sort(smoothed.pareto_k)[-2:].mean()))
     monkeypatch.setattr(leave_out, "_refit_without", lambda record, *_: refitted.append(record) or 70.0)
     exact = leave_one_record_out(posterior, TABLE, MODEL, OF_STANDING, told.append)
     assert refitted == [record]
@@ -84,8 +84,7 @@ def test_the_records_above_the_largest_k_are_fitted_without(posterior, smoothed,
 
 def test_importance_sampling_and_a_fit_without_the_record_agree(smoothed):
     # The record with the largest k that importance sampling is said to handle.
-    good = leave_out.good_k(smoothed.elpd)
-    handled = int(np.where(smoothed.pareto_k <= good, smoothed.pareto_k, -1.0).argmax())
+    handled = int(np.where(smoothed.pareto_k <= leave_out.PARETO_K_MOST, smoothed.pareto_k, -1.0).argmax())
     again = leave_out._refit_without(handled, prepare_records(TABLE, MODEL), OF_STANDING, MODEL)
     # Two Monte Carlo estimates of one number of the order of 70. 600 draws each leave some 0.15; k up to 0.7 a few.
     assert again == pytest.approx(smoothed.elpd.elpd_i.to_numpy()[handled], abs=0.6)

@@ -6,6 +6,7 @@ from helpers.law_rankings import ranked
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.motion.laws import MOTION_LAWS
+from bayes_tyre.results.model_comparison import LEAST_DIFFERENCE
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.studies.law_ranking import CONTAINS, planned, rank_laws, ranked_correctly, sentences, simulated
 
@@ -18,7 +19,9 @@ def test_a_spring_ranks_before_a_law_with_friction_on_its_own_records():
     found = rank_laws(["kelvin_voigt"], ("fancher", "kelvin_voigt"), records=2)
     assert list(found.table["fitted_law"]) == ["kelvin_voigt", "fancher"]
     assert list(found.table["rank"]) == [1, 2]
-    assert found.table["elpd_difference"].iloc[1] < -2 * found.table["difference_se"].iloc[1]
+    # Differences of 4 and more count (Sivula et al. 2025). A standard error from two records, with one degree of freedom,
+    # measures nothing: by the rounding of two processors it was 9 and 16, of differences of -33 and -26.
+    assert found.table["elpd_difference"].iloc[1] < -LEAST_DIFFERENCE
     assert ranked_correctly(found.table).all()
     assert len(found.records) == 4
     own = found.records[found.records["fitted_law"] == "kelvin_voigt"]

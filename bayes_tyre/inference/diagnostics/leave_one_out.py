@@ -20,6 +20,7 @@ from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.attempts import Attempt, directly
+from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
 from bayes_tyre.inference.diagnostics.record_marginal import (
     RecordDensity,
     hyperparameters,
@@ -155,7 +156,7 @@ def left_out(
     pareto_k = elpd.pareto_k.to_numpy()
     failed, values = np.zeros(len(pareto_k), bool), elpd.elpd_i.copy()
     if refit_without is not None:
-        failed = pareto_k > good_k(elpd)
+        failed = pareto_k > PARETO_K_MOST
         for record in map(int, np.flatnonzero(failed)):
             on_refit(records[record])
             refitted = attempt(f"fit without {records[record]}", partial(refit_without, record), None)
@@ -164,14 +165,6 @@ def left_out(
     elpd.elpd_i, elpd.elpd = values, float(values.sum())
     elpd.se = float(np.sqrt(len(values) * values.var(ddof=1)))  # as ArviZ has it
     return LeaveOneOut(elpd, pareto_k, failed, effective)
-
-
-def good_k(elpd: ELPDData) -> float:
-    """Return the largest Pareto k that importance sampling with so many draws can be trusted at.
-
-    Source: Vehtari et al. (2024), "Pareto smoothed importance sampling", section 3.2.4.
-    """
-    return float(elpd.good_k)
 
 
 def thinned(tree: xr.DataTree) -> xr.Dataset:

@@ -18,9 +18,7 @@ def compare(
     out: Annotated[Path | None, typer.Option(help="Folder for comparison.csv; default: the first DIR.")] = None,
     refit: Annotated[
         bool,
-        typer.Option(
-            help="Fit again without a record where importance sampling fails: Pareto k > 0.63 with 500 draws."
-        ),
+        typer.Option(help="Fit again without a record where importance sampling fails (Pareto k > 0.7)."),
     ] = True,
     seed: NoSeed = 0,
     quiet: Quiet = False,
