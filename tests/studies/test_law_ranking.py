@@ -19,8 +19,8 @@ def test_a_spring_ranks_before_a_law_with_friction_on_its_own_records():
     found = rank_laws(["kelvin_voigt"], ("fancher", "kelvin_voigt"), records=2)
     assert list(found.table["fitted_law"]) == ["kelvin_voigt", "fancher"]
     assert list(found.table["rank"]) == [1, 2]
-    # Differences of 4 and more count (Sivula et al. 2025). A standard error from two records, with one degree of freedom,
-    # measures nothing: by the rounding of two processors it was 9 and 16, of differences of -33 and -26.
+    # Differences of 4 and more count (Sivula et al. 2025). A standard error from two records, with one degree of
+    # freedom, measures nothing: by the rounding of two processors it was 9 and 16, of differences of -33 and -26.
     assert found.table["elpd_difference"].iloc[1] < -LEAST_DIFFERENCE
     assert ranked_correctly(found.table).all()
     assert len(found.records) == 4
