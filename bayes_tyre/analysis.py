@@ -178,7 +178,7 @@ def fit(
     Warns
     -----
     UserWarning
-        Where the verdict is ``fail``, and for a prior of a quantity that the model of these records does not have.
+        Where the verdict is ``fail``, and without `out` for a prior of a quantity that these records' model has not.
     """
     if not isinstance(settings, SamplerSettings | None):
         raise BadInput("the second argument is how much to sample; options of the model go by name: model=...")

@@ -20,6 +20,7 @@ from bayes_tyre.inference.diagnostics.verdict import Diagnostics
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.prepared_records import prepare_records, used_points
 from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.model.record_levels import LEVELS
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical, fit_published
 from bayes_tyre.inference.sampling.run import SamplerSettings
@@ -38,7 +39,7 @@ _SAMPLER = ("chains", "warmup", "draws")
 #: Missing in a `run.json` of an earlier version, and then None.
 _TARGET, _COLUMNS, _LONGEST = "target_accept", "columns", "longest"
 #: Options that a `run.json` has only where they were given: of the plan, and of the model.
-_IF_GIVEN, _LEVELS = ("limit", "reference", "record_draws"), ("specimen", "day", "covariates")
+_IF_GIVEN, _LEVELS = ("limit", "reference", "record_draws"), (*LEVELS, "covariates")
 
 
 @dataclass(frozen=True)

@@ -222,6 +222,10 @@ def test_specimens_and_a_covariate_are_fitted_recorded_and_shown(tmp_path):
     assert set(pd.read_csv(out / "repeats.csv")["tyre"]) == {"T1", "T2"}
     planned = workflow.planned_in(out / "run.json", lambda _: None)
     assert (planned.model.specimen, planned.model.covariates) == ("tyre", ("pressure_bar",))
+    with xr.open_datatree(out / "posterior.nc", engine="h5netcdf") as tree:
+        (sd,) = tree["constant_data"]["covariate_sd"].to_numpy()
+    # Twelve records, 0.1 bar apart.
+    assert sd == pytest.approx(0.1 * np.arange(12).std())
     page = here("report", out, "--kept-figures")
     assert page.exit_code == done.exit_code
     text = (out / "report.html").read_text(encoding="utf-8")

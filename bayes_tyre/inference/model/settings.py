@@ -84,7 +84,8 @@ class ModelSettings:
             )
         if isinstance(self.covariates, str):
             raise BadInput(f"covariates are several columns; give [{self.covariates!r}]")
-        object.__setattr__(self, "covariates", tuple(self.covariates))  # a list, as run.json has it, has no hash
+        # A list, as run.json has it, has no hash; and a column counts once.
+        object.__setattr__(self, "covariates", tuple(dict.fromkeys(self.covariates)))
         for name, allowed in (
             *(("region", REGIONS), ("initial_load", INITIAL_LOADS), ("likelihood", LIKELIHOODS)),
             *(("repeats", REPEATS), ("noise", NOISE), ("sampler", SAMPLERS), ("law", tuple(LAWS))),

@@ -194,7 +194,8 @@ def _with_words(posterior: xr.Dataset, factors: Factors, factor_table: pd.DataFr
     for name, level in factors.levels.groupings.items():
         posterior = posterior.assign_coords({f"record_{name}": ("record", np.asarray(level.labels)[level.of_record])})
     if (covariates := factors.levels.covariates) is not None:
-        posterior = posterior.assign_coords({f"record_{COVARIATE}": (("record", COVARIATE), covariates.values)})
+        of_records = {f"record_{COVARIATE}": (("record", COVARIATE), covariates.values)}
+        posterior = posterior.assign_coords({**of_records, f"{COVARIATE}_sd": (COVARIATE, covariates.sd)})
     return posterior
 
 
