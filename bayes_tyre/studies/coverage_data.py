@@ -126,7 +126,9 @@ def simulate(kind: Kind, seed: int, number: int) -> tuple[pd.DataFrame, pd.DataF
     force = _noiseless(kind, truth, u) + _noise(kind, u, rng)
     displacement = START_MM + u + kind.displacement_noise_mm * rng.standard_normal(u.shape)
     if kind.step_of_reading_mm:
-        displacement = kind.step_of_reading_mm * np.round(displacement / kind.step_of_reading_mm)
+        # No two records start at one place within a step; kinds of one design keep their other random numbers.
+        starts = rng.spawn(1)[0].uniform(size=(len(u), 1))
+        displacement = kind.step_of_reading_mm * np.round(displacement / kind.step_of_reading_mm + starts)
     factors = truth[["record", *Case._fields, "repeat", "tyre"]]
     table = factors.loc[factors.index.repeat(kind.points)].reset_index(drop=True).assign(origin="simulated")
     return table.assign(displacement_mm=displacement.ravel(), force_kN=force.ravel()), truth

@@ -28,7 +28,8 @@ from bayes_tyre.inference.model.coordinates.laplace import (
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.likelihood.compressed import compress
 from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood, Likelihood
-from bayes_tyre.inference.model.noise.displacement_errors import converter_step_mm, displacement_errors
+from bayes_tyre.inference.model.noise.converter_steps import between_steps, converter_step_mm
+from bayes_tyre.inference.model.noise.displacement_errors import DisplacementErrors, displacement_errors
 from bayes_tyre.inference.model.noise.displacement_noise import displacement_noise_mm
 from bayes_tyre.inference.model.noise.uneven_noise import uneven_noise
 from bayes_tyre.inference.model.record_levels import find_levels
@@ -40,8 +41,6 @@ from bayes_tyre.record_table import record_factors
 #: F_i, J, k, beta and sigma of a record, and one point to spare.
 LEAST_POINTS = 6
 _ERROR = "force_error_kN"
-#: Standard deviation of rounding to steps of 1.
-UNIFORM_SD = 12.0**-0.5
 
 
 class RecordNoise(NamedTuple):
@@ -175,14 +174,15 @@ def with_noise(batch: Batch, of_record: Int[np.ndarray, " records"], model: Mode
     if model.noise_window > 1:
         smoothed = smoothed_noise(batch.displacement_mm.shape[1], model.noise_window)
         return RecordNoise(batch, smoothed, np.zeros(len(batch.records)))
-    sd_mm, whitening, factor = _displacement_sd_mm(batch, of_record, model), None, 1.0
-    if sd_mm.any():
-        batch, whitening = displacement_errors(batch, of_record, sd_mm, law)
+    batch, errors = _errors_of_displacement(batch, of_record, model)
+    whitening, factor = None, 1.0
+    if errors.sd_mm.any():
+        batch, whitening = displacement_errors(batch, of_record, errors, law)
     if batch.force_error_kN is not None and batch.force_error_kN.any():
         whitening = _with_force_error(batch, batch.force_error_kN, whitening, law)
     if model.uneven:
         whitening, factor = uneven_noise(batch, of_record, whitening, law)
-    return RecordNoise(batch, whitening, sd_mm, factor)
+    return RecordNoise(batch, whitening, errors.sd_mm.max(axis=1), factor)
 
 
 def _with_force_error(
@@ -194,16 +194,18 @@ def _with_force_error(
     return shared_error(noise, jnp.asarray(error_kN) / sigma[:, None], jnp.asarray(batch.present))
 
 
-def _displacement_sd_mm(
+def _errors_of_displacement(
     batch: Batch, of_record: Int[np.ndarray, " records"], model: ModelSettings
-) -> Float[np.ndarray, " records"]:
-    """Return the standard deviation of the error of a displacement (mm) in each record, as `ModelSettings` has it."""
+) -> tuple[Batch, DisplacementErrors]:
+    """Return records with the displacements that their readings stand for, and the errors of these by the options."""
     if model.displacement_sd is not None:
-        return np.full(len(batch.records), model.displacement_sd)
-    rounding = converter_step_mm(batch) * UNIFORM_SD
-    if rounding.any() or not model.uneven:
-        return rounding
-    return np.full(len(batch.records), displacement_noise_mm(batch, of_record, model.law))
+        return batch, DisplacementErrors.alike(batch, np.full(len(batch.records), model.displacement_sd))
+    steps = converter_step_mm(batch)
+    if steps.any() or not model.uneven:
+        path, errors = between_steps(batch, steps)
+        return replace(batch, displacement_mm=path), errors
+    noise = displacement_noise_mm(batch, of_record, model.law)
+    return batch, DisplacementErrors.alike(batch, np.full(len(batch.records), noise))
 
 
 def used_points(table: pd.DataFrame, region: str) -> pd.DataFrame:

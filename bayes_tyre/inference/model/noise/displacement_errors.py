@@ -9,6 +9,7 @@ displacement, from which all others are counted, has an error too, which the poi
 
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -23,24 +24,41 @@ from bayes_tyre.inference.record_data import force_curve, force_curves, record_d
 
 #: Fits, each with the weights of the one before: these then change by less than their own uncertainty.
 _FITS = 4
-#: How far a displacement may be off a multiple of the converter's step, in steps: tables round.
-_OFF_STEP = 0.1
 #: Displacements tried behind each measured one: so many, up to so many standard deviations from it.
 _NODES, _REACH = 65, 4.0
 #: How much less likely a displacement becomes by each standard deviation that it lies before the start.
 _CUT = 50.0
 #: A displacement just beyond the start, mm: the law has a slope there.
 _BEYOND_START_MM = 1e-9
-#: Least part of the differences that are one step, and of those that are several, where no reading is repeated.
-_MIXED = 0.1
 #: Median of the absolute value of a standard normal number.
 _NORMAL_MEDIAN = 0.6745
 
 
+class DisplacementErrors(NamedTuple):
+    """Standard deviations of the errors of displacements.
+
+    Attributes
+    ----------
+    sd_mm:
+        Shape (records, points): of the error that each displacement has for itself.
+    start_mm:
+        Shape (records, points): of the error that it has because that at the start, from which it is counted, is off.
+    """
+
+    sd_mm: Float[np.ndarray, "records points"]
+    start_mm: Float[np.ndarray, "records points"]
+
+    @staticmethod
+    def alike(batch: Batch, sd_mm: Float[np.ndarray, " records"]) -> "DisplacementErrors":
+        """Return errors that are alike in all points of a record, the start's among them."""
+        errors = np.tile(sd_mm[:, None], batch.displacement_mm.shape[1])
+        return DisplacementErrors(errors, errors.copy())
+
+
 def displacement_errors(
-    batch: Batch, of_record: Int[np.ndarray, " records"], sd_mm: Float[np.ndarray, " records"], law: str
+    batch: Batch, of_record: Int[np.ndarray, " records"], errors: DisplacementErrors, law: str
 ) -> tuple[Batch, SharedError]:
-    """Return records without the mean effect of independent errors of their displacements, and their whitening.
+    """Return records without the mean effect of errors of their displacements, and their whitening.
 
     Parameters
     ----------
@@ -49,12 +67,12 @@ def displacement_errors(
     of_record:
         The case of each, by number: repeats share the curve that weighs their points, for weights by a record's own
         errors would favour them.
-    sd_mm:
-        Standard deviation of the error of a displacement (mm) in each record.
+    errors:
+        Their standard deviations.
     law:
         One of `bayes_tyre.inference.record_data.LAWS`.
     """
-    u, sd = record_data(batch).u, jnp.asarray(sd_mm)
+    u, sd_mm = record_data(batch).u, DisplacementErrors(*map(jnp.asarray, errors))
     estimates, measured = estimate_records(batch, law=law), batch
     # Residuals near the start would make sigma too large, and themselves too heavy.
     residual = np.where(batch.present, np.abs(batch.force_kN - force_curves(u, estimates.centre, law)), np.nan)
@@ -62,11 +80,11 @@ def displacement_errors(
     log_sigma = np.log(np.maximum(np.nanmedian(residual, axis=1) / _NORMAL_MEDIAN, least))
     for _ in range(_FITS):
         curves = _medians(np.column_stack([estimates.centre, log_sigma]), of_record)
-        bias, errors = _of_curves(u, jnp.asarray(batch.present), jnp.asarray(curves), sd, law)
+        bias, whitening = _of_curves(u, jnp.asarray(batch.present), jnp.asarray(curves), *sd_mm, law)
         batch = replace(measured, force_kN=measured.force_kN - np.asarray(bias))
-        estimates = estimate_records(batch, whitening=errors, law=law)
+        estimates = estimate_records(batch, whitening=whitening, law=law)
         log_sigma = np.asarray(estimates.log_sigma)
-    return batch, errors
+    return batch, whitening
 
 
 def _medians(
@@ -76,27 +94,13 @@ def _medians(
     return pd.DataFrame(curves).groupby(of_record).transform("median").to_numpy()
 
 
-def converter_step_mm(batch: Batch) -> Float[np.ndarray, " records"]:
-    """Return the step of the converter (mm) in each record: what its displacements are multiples of; 0 for none."""
-    steps = np.zeros(len(batch.records))
-    for record, (displacement, present) in enumerate(zip(batch.displacement_mm, batch.present, strict=True)):
-        apart = np.diff(np.unique(displacement[present]))
-        least = np.min(apart)
-        multiples = np.round(apart / least)
-        # Spacings of a plan may be multiples of one too: those of a converter repeat readings, or mix its steps.
-        mixed = _MIXED < np.mean(multiples == 1) < 1.0 - _MIXED
-        repeated = len(apart) + 1 < np.sum(present)
-        if (mixed or repeated) and np.abs(apart / least - multiples).max() < _OFF_STEP:
-            steps[record] = least
-    return steps
-
-
 @partial(jax.jit, static_argnames="law")
 def _of_curves(
     u: Float[Array, "records points"],
     present: Bool[Array, "records points"],
     curves: Float[Array, "records 5"],
-    sd_mm: Float[Array, " records"],
+    sd_mm: Float[Array, "records points"],
+    start_mm: Float[Array, "records points"],
     law: str,
 ) -> tuple[Float[Array, "records points"], SharedError]:
     """Return the mean error of force (kN) and the whitening, about F_i, J (kN), log k, log beta and log sigma."""
@@ -107,8 +111,8 @@ def _of_curves(
     bias, sd, slope = jax.lax.map(lambda record: _force_errors(*record, law=law), of_record)
     # The first point is where its record starts by definition, and only there has u no error.
     exact = ~present | (jnp.arange(u.shape[1]) == 0)
-    bias, sd, shared = (jnp.where(exact, 0.0, values) for values in (bias, sd, slope * sd_mm[:, None]))
-    of_line = jnp.exp(curves[:, 2:3]) * sd_mm[:, None]
+    bias, sd, shared = (jnp.where(exact, 0.0, values) for values in (bias, sd, slope * start_mm))
+    of_line = jnp.exp(curves[:, 2:3]) * sd_mm
     weight = 1.0 / jnp.sqrt(1.0 + jnp.maximum(sd**2 - of_line**2, 0.0) / sigma**2)
     return bias, shared_error(UnequalNoise(weight), shared / sigma, present)
 
@@ -117,7 +121,7 @@ def _force_errors(
     ahead: Float[Array, " points"],
     forward: Float[Array, ""],
     theta: Float[Array, "4"],
-    sd_mm: Float[Array, ""],
+    sd_mm: Float[Array, " points"],
     law: str,
 ) -> tuple[Float[Array, " points"], Float[Array, " points"], Float[Array, " points"]]:
     """Return mean (kN), standard deviation (kN) and slope (kN/mm) of what the errors of one record do to its forces.
@@ -126,6 +130,7 @@ def _force_errors(
     about it, cut off where the record starts.
     """
     z = jnp.linspace(-_REACH, _REACH, _NODES)
+    sd_mm = sd_mm[:, None]
     true = ahead[:, None] + sd_mm * z
     behind = jnp.maximum(-true, 0.0) / jnp.where(sd_mm > 0, sd_mm, 1.0)
     weight = jax.nn.softmax(-0.5 * z**2 - _CUT * behind, axis=1)

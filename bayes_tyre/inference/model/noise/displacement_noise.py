@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.correlated_noise import UnequalNoise
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
-from bayes_tyre.inference.model.noise.displacement_errors import displacement_errors
+from bayes_tyre.inference.model.noise.displacement_errors import DisplacementErrors, displacement_errors
 from bayes_tyre.inference.model.noise.uneven_noise import residuals_and_tangents, uneven_noise
 from bayes_tyre.inference.noise_along_path import freedom, log_likelihood
 from bayes_tyre.inference.record_data import force_curve, record_data
@@ -70,9 +70,10 @@ def displacement_noise_mm(batch: Batch, of_record: Int[np.ndarray, " records"], 
         return 0.0
     for _ in range(_ROUNDS):
         sd_mm, _ = _most_likely(fit)
-        corrected, errors = displacement_errors(batch, of_record, np.full(len(batch.records), sd_mm), law)
-        assert isinstance(errors.others, UnequalNoise)
-        fit = _fitted(corrected, errors.others, law)
+        errors = DisplacementErrors.alike(batch, np.full(len(batch.records), sd_mm))
+        corrected, whitening = displacement_errors(batch, of_record, errors, law)
+        assert isinstance(whitening.others, UnequalNoise)
+        fit = _fitted(corrected, whitening.others, law)
     near_start, _ = uneven_noise(batch, of_record, None, law)
     assert isinstance(near_start, UnequalNoise)
     others = max(even.log_likelihood + _LEAST_GAIN, _fitted(batch, near_start, law).log_likelihood)

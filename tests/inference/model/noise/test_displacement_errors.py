@@ -5,12 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from bayes_tyre.batch import pad
 from bayes_tyre.inference.correlated_noise import UnequalNoise
-from bayes_tyre.inference.model.noise.displacement_errors import _of_curves, converter_step_mm, displacement_errors
+from bayes_tyre.inference.model.noise.displacement_errors import DisplacementErrors, _of_curves, displacement_errors
 from bayes_tyre.inference.model.prepared_records import record_batch
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
@@ -41,39 +38,13 @@ def simulated(seed: int, sd_mm: float, step_mm: float = 0.0, points: int = 120) 
     return table, pd.DataFrame(truth, columns=["record", "k", "beta"]).set_index("record")
 
 
-def step_of(displacement: np.ndarray) -> float:
-    return float(converter_step_mm(pad(("r",), [displacement], [displacement]))[0])
-
-
-@settings(max_examples=50)
-@given(step=st.floats(0.001, 0.05), slower=st.floats(1.05, 3.0), seed=st.integers(0, 1000))
-def test_the_step_of_a_converter_is_found(step, slower, seed):
-    # Read one to three times a step, as in tables of six decimals.
-    smooth = np.random.default_rng(seed).uniform(0.0, 1.0) + np.arange(100) * step / slower
-    assert step_of(np.round(step * np.round(smooth / step), 6)) == pytest.approx(step, abs=2e-6)
-
-
-@pytest.mark.parametrize(
-    "displacement",
-    [
-        np.linspace(0.0, 2.0, 80),
-        4.0 * np.linspace(0.0, 1.0, 80) ** 2,
-        1.0 - np.cos(np.linspace(0.0, np.pi, 80)),
-        np.random.default_rng(1).uniform(0.0, 2.0, 80),
-        np.r_[np.random.default_rng(1).uniform(0.0, 2.0, 80), 0.5, 0.5],
-    ],
-)
-def test_a_displacement_that_is_smooth_or_evenly_spaced_has_no_step(displacement):
-    assert step_of(displacement) == 0.0
-
-
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_mean_and_scatter_of_the_force_are_those_of_displacements_that_are_off(way):
     """Against 400,000 drawn errors: standard errors of a thousandth of J, and of two thousandths of a deviation."""
     read = np.array([0.0, -0.004, 0.0, 0.01, 0.03, 0.06, 0.12, 1.0])
     curves = jnp.asarray([[30.0, way * J, np.log(K), np.log(BETA), np.log(SIGMA)]])
-    sd = jnp.asarray([SD])
-    bias, errors = _of_curves(jnp.asarray(way * read)[None], jnp.ones((1, 8), bool), curves, sd, "equation_2")
+    sd = jnp.full((1, 8), SD)
+    bias, errors = _of_curves(jnp.asarray(way * read)[None], jnp.ones((1, 8), bool), curves, sd, sd, "equation_2")
     rng = np.random.default_rng(2)
 
     def force(u: np.ndarray) -> np.ndarray:
@@ -91,7 +62,8 @@ def test_mean_and_scatter_of_the_force_are_those_of_displacements_that_are_off(w
 def test_whitened_errors_are_independent_and_alike():
     table, _ = simulated(1, SD)
     batch = record_batch(table)
-    _, errors = displacement_errors(batch, np.arange(24) // 3, np.full(24, SD), "equation_2")
+    errors = DisplacementErrors.alike(batch, np.full(24, SD))
+    _, errors = displacement_errors(batch, np.arange(24) // 3, errors, "equation_2")
     of_record = jax.tree.map(lambda leaf: leaf[5], errors)
     weight, shrink = np.asarray(of_record.others.weight), float(of_record.shrink)
     moved = np.asarray(of_record.direction) * np.sqrt(1.0 / (1.0 - shrink) ** 2 - 1.0) / weight
@@ -109,7 +81,8 @@ def test_whitened_errors_are_independent_and_alike():
 def test_displacements_without_errors_leave_the_records_as_they_are():
     table, _ = simulated(1, 0.0)
     batch = record_batch(table)
-    corrected, errors = displacement_errors(batch, np.arange(24) // 3, np.zeros(24), "equation_2")
+    none = DisplacementErrors.alike(batch, np.zeros(24))
+    corrected, errors = displacement_errors(batch, np.arange(24) // 3, none, "equation_2")
     np.testing.assert_allclose(corrected.force_kN, batch.force_kN, atol=1e-9)
     assert isinstance(errors.others, UnequalNoise)
     np.testing.assert_allclose(errors.others.weight, 1.0, atol=1e-9)

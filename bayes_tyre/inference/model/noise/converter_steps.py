@@ -1,0 +1,95 @@
+"""Displacements that a converter rounded to its steps: what the readings say of the path, and what they leave open.
+
+Readings in a row that show one step share their rounding error, so that they are no independent readings. But where
+the reading changes, the displacement was half-way between the two steps: between these moments it is taken to move
+evenly. Before the first of them it moves as from rest, with a constant acceleration, from the earliest moment at which
+it can have started.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from bayes_tyre.batch import Batch
+from bayes_tyre.inference.model.noise.displacement_errors import DisplacementErrors
+
+#: Standard deviation of rounding to steps of 1.
+UNIFORM_SD = 12.0**-0.5
+#: How far a displacement may be off a multiple of the converter's step, in steps: tables round.
+_OFF_STEP = 0.1
+#: Least part of the differences that are one step, and of those that are several, where no reading is repeated.
+_MIXED = 0.1
+#: Largest part of the changes that go against the motion: where more do, noise changes the reading, not the motion.
+_MOST_BACK = 0.02
+#: From rest, two steps are passed at once sqrt(2) times as late as one: (first - start) / (second - first) at most.
+_EARLIEST = 1.0 + np.sqrt(2.0)
+
+
+def converter_step_mm(batch: Batch) -> Float[np.ndarray, " records"]:
+    """Return the step of the converter (mm) in each record: what its displacements are multiples of; 0 for none."""
+    steps = np.zeros(len(batch.records))
+    for record, (displacement, present) in enumerate(zip(batch.displacement_mm, batch.present, strict=True)):
+        apart = np.diff(np.unique(displacement[present]))
+        least = np.min(apart)
+        multiples = np.round(apart / least)
+        # Spacings of a plan may be multiples of one too: those of a converter repeat readings, or mix its steps.
+        mixed = _MIXED < np.mean(multiples == 1) < 1.0 - _MIXED
+        repeated = len(apart) + 1 < np.sum(present)
+        if (mixed or repeated) and np.abs(apart / least - multiples).max() < _OFF_STEP:
+            steps[record] = least
+    return steps
+
+
+def between_steps(
+    batch: Batch, step_mm: Float[np.ndarray, " records"]
+) -> tuple[Float[np.ndarray, "records points"], DisplacementErrors]:
+    """Return the displacements (mm) that the readings of a converter stand for, and their errors.
+
+    Parameters
+    ----------
+    batch:
+        The records, their points in the order of time.
+    step_mm:
+        The converter's step in each, as `converter_step_mm` finds it; 0 leaves a record as it is, without errors.
+    """
+    path, errors = batch.displacement_mm.copy(), DisplacementErrors.alike(batch, step_mm * UNIFORM_SD)
+    for record in np.flatnonzero(step_mm):
+        own = record, batch.present[record]
+        sd = errors.sd_mm[record, 0]
+        read = batch.displacement_mm[own]
+        changes = np.diff(read)[np.diff(read) != 0]
+        if len(changes) < 2 or np.mean(changes * (read[-1] - read[0]) < 0) > _MOST_BACK:
+            sd = max(sd, _noise_mm(read))
+            errors.sd_mm[own], errors.start_mm[own] = sd, sd
+        else:
+            path[own], repeated, risen = _between_changes(read, step_mm[record])
+            errors.sd_mm[own], errors.start_mm[own] = sd / np.sqrt(repeated), sd * risen
+    return path, errors
+
+
+def _between_changes(
+    read: Float[np.ndarray, " points"], step_mm: float
+) -> tuple[Float[np.ndarray, " points"], Float[np.ndarray, " points"], Float[np.ndarray, " points"]]:
+    """Return the path (mm), how often each reading is repeated, and how far the first step's error is in each point.
+
+    A displacement is known the better the more readings its step has, 1 / n in standard deviation; as these n share
+    their errors, each counts as a reading with 1 / sqrt(n).
+    """
+    points = np.arange(len(read))
+    before = np.flatnonzero(np.diff(read))
+    change, half_way = before + 0.5, (read[before] + read[before + 1]) / 2.0
+    number = np.searchsorted(change, points)
+    repeated = np.bincount(number)[number].astype(float)
+    start = max(0.0, change[0] - _EARLIEST * (change[1] - change[0]))
+    risen = np.where(number == 0, np.maximum((points - start) / (change[0] - start), 0.0) ** 2, 1.0)
+    path = np.interp(points, change, half_way)
+    path = np.where(number == 0, read[0] + (half_way[0] - read[0]) * risen, path)
+    # Two steps at once: the moment half-way lies within neither.
+    path = np.clip(path, read - step_mm / 2.0, read + step_mm / 2.0)
+    # Nothing follows the last change, and a reading alone on its step is best taken as it is.
+    as_read = (number == len(change)) | (repeated == 1)
+    return np.where(as_read, read, path), np.where(as_read, 1.0, repeated), risen
+
+
+def _noise_mm(read: Float[np.ndarray, " points"]) -> float:
+    """Return the standard deviation of independent errors by third differences, in which no smooth path shows."""
+    return float(np.sqrt(np.mean(np.diff(read, n=3) ** 2) / 20.0))
