@@ -406,6 +406,7 @@ def predict(
         Of records.
     case:
         A label such as ``single (0)30-20``, or factors such as ``configuration=single,speed_km_h=0``; or several.
+        Speeds, loads and steps need not have been tested.
     displacement_mm:
         From the start of the step; by default up to |step_kN| / k.
     of:

@@ -1,5 +1,6 @@
 """Draws of what the law of one step needs: those of a case, or of one more repeat of it."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -8,7 +9,8 @@ from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.record_levels import LEVELS
-from bayes_tyre.record import CASE_FACTORS
+from bayes_tyre.inference.sampling.datatree import tree_cases
+from bayes_tyre.record import CASE_FACTORS, Case
 
 
 class CaseDraws(NamedTuple):
@@ -39,14 +41,49 @@ class CaseDraws(NamedTuple):
         return self.F_i + self.J - self.k * self.d_i
 
 
-def of_case(posterior: xr.Dataset, case: int) -> CaseDraws:
-    """Return the draws of a case: its k and beta; F_i, J, d_i, which have no case level, as means over its records."""
-    F_i, J, d_i = (draws.mean(axis=1) for draws in _starts(posterior, case))
+class Start(NamedTuple):
+    """Where the records of a case start, each of shape (draws, records).
+
+    Attributes
+    ----------
+    F_i, J:
+        Force at the start, and envelope less force at the start, kN.
+    d_i:
+        Displacement at the start, mm; NaN where no record says it.
+    """
+
+    F_i: Float[np.ndarray, "draws records"]
+    J: Float[np.ndarray, "draws records"]
+    d_i: Float[np.ndarray, "draws records"]
+
+
+class CaseValues(NamedTuple):
+    """A case, with draws of its k (kN/mm) and beta (mm), and where its records start."""
+
+    case: Case
+    k: Float[np.ndarray, " draws"]
+    beta: Float[np.ndarray, " draws"]
+    start: Start
+
+    def mean(self) -> CaseDraws:
+        """Return the draws of the case: F_i, J, d_i, which have no case level, as means over its records."""
+        F_i, J, d_i = (draws.mean(axis=1) for draws in self.start)
+        return CaseDraws(F_i, J, self.k, self.beta, d_i, np.zeros_like(self.k))
+
+
+def tested(posterior: xr.Dataset, case: int) -> CaseValues:
+    """Return a case that has records."""
     k, beta = (flat(posterior[f"{name}_case"].isel(case=case)) for name in ("k", "beta"))
-    return CaseDraws(F_i, J, k, beta, d_i, np.zeros_like(k))
+    factors = tree_cases(posterior)[case]
+    records = records_like(posterior, factors)
+    if not records:
+        raise BadInput(f"case {case + 1} has no record; run fit again")
+    return CaseValues(factors, k, beta, start_of(posterior, records))
 
 
-def of_repeat(posterior: xr.Dataset, case: int, rng: np.random.Generator, discordant_widening: float) -> CaseDraws:
+def of_repeat(
+    posterior: xr.Dataset, values: CaseValues, rng: np.random.Generator, discordant_widening: float
+) -> CaseDraws:
     """Return the draws of a repeat of a case that was not measured.
 
     k and beta scatter about the case's as repeats do at its speed, as a discordant repeat as often as the posterior
@@ -59,22 +96,19 @@ def of_repeat(posterior: xr.Dataset, case: int, rng: np.random.Generator, discor
     BadInput
         If the posterior does not hold the scatter of repeats or the noise.
     """
-    F_i, J, d_i = _starts(posterior, case)
-    draws, records = F_i.shape
+    draws, records = values.start.F_i.shape
     one = (np.arange(draws), rng.integers(records, size=draws))
     widening = _widening(posterior, draws, rng, discordant_widening)
-    speed = float(posterior["case_speed_km_h"].to_numpy()[case])
-    k, beta = (
-        flat(posterior[f"{name}_case"].isel(case=case))
-        * np.exp(
-            np.hypot(widening * scatter_of_repeats(posterior, name, speed), _scatter_of_levels(posterior, name))
-            * rng.standard_normal(draws)
-        )
+    speed = values.case.speed_km_h
+    sds = {
+        name: np.hypot(widening * scatter_of_repeats(posterior, name, speed), _scatter_of_levels(posterior, name))
         for name in ("k", "beta")
-    )
+    }
+    k, beta = (getattr(values, name) * np.exp(sd * rng.standard_normal(draws)) for name, sd in sds.items())
     spread = _scalar(posterior, "sd_log_sigma") if "sd_log_sigma" in posterior else 0.0  # one record: no spread
     sigma = _scalar(posterior, "sigma_typical") * np.exp(spread * rng.standard_normal(draws))
-    return CaseDraws(F_i[one], J[one], k, beta, d_i[one], sigma)
+    F_i, J, d_i = (draws[one] for draws in values.start)
+    return CaseDraws(F_i, J, k, beta, d_i, sigma)
 
 
 def _scatter_of_levels(posterior: xr.Dataset, parameter: str) -> Float[np.ndarray, "#draws"]:
@@ -94,8 +128,8 @@ def _widening(
     return np.where(rng.random(draws) < weight, discordant_widening, 1.0)
 
 
-def travel_mm(posterior: xr.Dataset, case: int) -> float:
-    """Return how far the case's records go from their start, mm.
+def travel_mm(posterior: xr.Dataset, case: Case) -> float:
+    """Return how far the case's records go from their start, mm; of a case without any, those like it.
 
     Raises
     ------
@@ -104,26 +138,26 @@ def travel_mm(posterior: xr.Dataset, case: int) -> float:
     """
     if "record_travel_mm" not in posterior.coords:
         raise BadInput("the posterior does not say how far its records go; give displacements, such as 0:3:101")
-    return float(posterior["record_travel_mm"].to_numpy()[_records_of(posterior, case)].max())
+    records = records_like(posterior, case) or records_like(posterior, case, CASE_FACTORS[:2])
+    return float(posterior["record_travel_mm"].to_numpy()[records].max())
 
 
-def _starts(posterior: xr.Dataset, case: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return F_i (kN), J (kN) and d_i (mm) of a case's records, shape (draws, records)."""
-    records = _records_of(posterior, case)
-    if not records:
-        raise BadInput(f"case {case + 1} has no record; run fit again")
+def start_of(posterior: xr.Dataset, records: list[int]) -> Start:
+    """Return where some records start."""
     by_name = {
         name: posterior[name].transpose("chain", "draw", "record").to_numpy()[..., records].reshape(-1, len(records))
         for name in ("F_i", "J", "C", "k")
     }
     d_i = (by_name["F_i"] + by_name["J"] - by_name["C"]) / by_name["k"]
-    return by_name["F_i"], by_name["J"], d_i
+    return Start(by_name["F_i"], by_name["J"], d_i)
 
 
-def _records_of(posterior: xr.Dataset, case: int) -> list[int]:
-    """Return the indices of a case's records: those that share its factors."""
-    wanted = factors_along(posterior, "case")[case]
-    return [i for i, factors in enumerate(factors_along(posterior, "record")) if factors == wanted]
+def records_like(posterior: xr.Dataset, case: Case, factors: Sequence[str] = CASE_FACTORS) -> list[int]:
+    """Return the indices of the records that share some factors with a case."""
+    shared = [CASE_FACTORS.index(factor) for factor in factors]
+    wanted = [None if case[i] == "" else case[i] for i in shared]
+    along = factors_along(posterior, "record")
+    return [record for record, values in enumerate(along) if [values[i] for i in shared] == wanted]
 
 
 def factors_along(posterior: xr.Dataset, dim: str) -> list[tuple[object, ...]]:

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import NamedTuple
 
 from bayes_tyre.errors import BadInput
@@ -26,10 +27,21 @@ class CaseQuery(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """The cases chosen: their indices, loading before unloading, and those that have no opposite direction."""
+    """The cases chosen.
+
+    Attributes
+    ----------
+    cases:
+        Indices of those that there are, loading before unloading.
+    alone:
+        Indices of those that have no opposite direction.
+    untested:
+        Those without records: the factors asked for, in the place of those of cases with records.
+    """
 
     cases: tuple[int, ...]
     alone: tuple[int, ...]
+    untested: tuple[Case, ...] = ()
 
 
 def sign_of(case: Case) -> int:
@@ -139,6 +151,43 @@ def matching_cases(query: CaseQuery, cases: Sequence[Case]) -> list[int]:
     return matching
 
 
+def untested_cases(query: CaseQuery, cases: Sequence[Case]) -> list[Case]:
+    """Return the cases without records that a query asks for: speeds, loads and steps for which no case matches.
+
+    Values for which there is a case ask for no other. All else is as in the cases that have the other factors: their
+    configurations and directions, with a step of their sign, or of the direction asked for.
+    """
+    found: dict[Case, None] = {}
+    for values in product(*query.factor_values.values()):
+        asked = dict(zip(query.factor_values, values, strict=True))
+        one = CaseQuery((), {name: (value,) for name, value in asked.items()})
+        if any(_matches(one, case) for case in cases):
+            continue
+        numbers = {name: float(value) for name, value in asked.items() if name not in TEXT_COLUMNS}
+        step = numbers.pop("step_kN", None)
+        for case in _nearest(one, cases) if all(number >= 0 for number in numbers.values()) else ():
+            changed = case._replace(**numbers)
+            if step is not None:
+                changed = changed._replace(step_kN=(sign_of(case) or 1) * abs(step))
+            if "direction" not in asked or step in (None, changed.step_kN):
+                found.setdefault(changed)
+    return sorted(found, key=lambda case: (case.label.split("-")[0], -sign_of(case)))
+
+
+def _nearest(query: CaseQuery, cases: Sequence[Case]) -> list[Case]:
+    """Return the cases that match a query in its words, and in as many of its numbers as any case does.
+
+    A step is as good as one of its size the other way; a case without one of the numbers is none of them.
+    """
+    words = {name: values for name, values in query.factor_values.items() if name in TEXT_COLUMNS}
+    numbers = {name: values for name, values in query.factor_values.items() if name not in TEXT_COLUMNS}
+    numbers |= {"step_kN": (*numbers["step_kN"], -float(*numbers["step_kN"]))} if "step_kN" in numbers else {}
+    alike = [case for case in cases if _matches(CaseQuery((), words), case)]
+    alike = [case for case in alike if all(getattr(case, name) is not None for name in numbers)]
+    shared = [sum(_matches(CaseQuery((), {name: numbers[name]}), case) for name in numbers) for case in alike]
+    return [case for case, count in zip(alike, shared, strict=True) if count == max(shared)]
+
+
 def choose(query: CaseQuery, cases: Sequence[Case]) -> Choice:
     """Return the cases that match, and with each its opposite: same factors, a step of the same size the other way.
 
@@ -148,14 +197,17 @@ def choose(query: CaseQuery, cases: Sequence[Case]) -> Choice:
     Raises
     ------
     BadInput
-        If no case matches.
+        If no case matches, and none can be made of the numbers asked for.
     """
+    untested = () if query.labels else tuple(untested_cases(query, cases))
+    if untested and not any(_matches(query, case) for case in cases):
+        return Choice((), (), untested)
     matching = matching_cases(query, cases)
     opposite = {i: [j for j, other in enumerate(cases) if _opposite(cases[i], other)] for i in matching}
     if "direction" in query.factor_values:
-        return Choice(tuple(matching), ())
+        return Choice(tuple(matching), (), untested)
     chosen: list[int] = []
     for i in matching:
         both = sorted((i, *opposite[i]), key=lambda j: -sign_of(cases[j]))
         chosen += [j for j in both if j not in chosen]
-    return Choice(tuple(chosen), tuple(i for i in matching if sign_of(cases[i]) and not opposite[i]))
+    return Choice(tuple(chosen), tuple(i for i in matching if sign_of(cases[i]) and not opposite[i]), untested)

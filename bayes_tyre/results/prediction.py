@@ -6,6 +6,7 @@ A posterior may hold `displacement_scale`, an unknown common factor on the displ
 beta then hold for true displacement, and so does what is predicted here.
 """
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import jax
@@ -15,15 +16,21 @@ import xarray as xr
 from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.record_data import EQUATION_2, LAWS
 from bayes_tyre.inference.sampling.datatree import law_of, priors_of, tree_cases
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import CASE_FACTORS, Case
-from bayes_tyre.results.case_draws import CaseDraws, of_case, of_repeat, travel_mm
-from bayes_tyre.results.case_selection import CaseQuery, case_list, choose, sign_of
+from bayes_tyre.results.case_draws import CaseDraws, CaseValues, of_repeat, tested, travel_mm
+from bayes_tyre.results.case_selection import CaseQuery, Choice, case_list, choose, sign_of
+from bayes_tyre.results.untested_cases import untested
 
 #: The mean curve of a case, or a repeat of it that was not measured.
 KINDS = ("case", "repeat")
+#: The word before either, of a case without records.
+UNTESTED = "untested "
+#: Factors that are numbers, in words, and their units.
+_NUMBERS = {"speed_km_h": ("speed", "km/h"), "initial_load_kN": ("initial load", "kN"), "step_kN": ("step", "kN")}
 DEFAULT_POINTS = 101
 #: Most points times draws that are computed at once.
 CELLS = 2_000_000
@@ -42,10 +49,11 @@ class Prediction(NamedTuple):
     ----------
     curves:
         `COLUMNS`: force (kN) against displacement from the start of the step (mm; positive in loading, negative in
-        unloading), a row a point.
+        unloading), a row a point. `of` says of a case without records that it is untested.
     parameters:
         A mapping a case and direction: `label`, the factors given, and `k_kN_per_mm`, `beta_mm`, `J_kN`, `C_kN`,
-        `F_i_kN`, `d_i_mm`, each with `mean`, `sd`, `lower`, `upper`.
+        `F_i_kN`, `d_i_mm`, each with `mean`, `sd`, `lower`, `upper`; of a case without records `tested`, false, and
+        neither C nor d_i.
     warnings:
         What was asked for and is not there, a sentence each.
     """
@@ -72,7 +80,8 @@ def predict(
     tree:
         A posterior of records (`bayes_tyre.inference.sampling.hierarchical_fit.fit_hierarchical`).
     query:
-        The cases asked for, as `bayes_tyre.results.case_selection.parse_query` gives them.
+        The cases asked for, as `bayes_tyre.results.case_selection.parse_query` gives them. A speed, load or step for
+        which there is no case is predicted by `bayes_tyre.results.untested_cases`.
     displacement_mm:
         From the start of the step. Without a negative number they are magnitudes and serve both directions;
         otherwise loading takes those from 0 up, unloading those from 0 down. A case that does not say its direction
@@ -98,25 +107,56 @@ def predict(
     posterior = with_records(tree)
     choice = choose(query, cases)
     warnings = [f"no opposite direction of {case_list([cases[i].label for i in choice.alone])}"] if choice.alone else []
+    warnings += _of_untested(choice.untested, cases)
     curves, parameters, unused = [], [], []
-    widening = priors_of(tree).discordant_widening
-    for i in choice.cases:
-        rng = np.random.default_rng((seed, i))
-        draws = of_case(posterior, i) if of == "case" else of_repeat(posterior, i, rng, widening)
-        u = _displacements(cases[i], displacement_mm, posterior, i)
+    priors = priors_of(tree)
+    for values, rng, kind in _chosen(posterior, choice, priors, seed):
+        draws = values.mean() if of == "case" else of_repeat(posterior, values, rng, priors.discordant_widening)
+        u = _displacements(values.case, displacement_mm, posterior)
         if not len(u):
-            unused.append(cases[i].label)
+            unused.append(values.case.label)
             continue
         curve = pd.DataFrame({"displacement_mm": u, **_bands(u, draws, interval, rng, law_of(tree))})
-        curves.append(curve.assign(**cases[i]._asdict()))
-        parameters.append(_parameters(cases[i], draws, interval))
+        curves.append(curve.assign(**values.case._asdict(), of=f"{kind}{of}"))
+        parameters.append(_parameters(values.case, draws, interval, kind))
     if unused:
         warnings.append(f"no displacement has the sign of {case_list(unused)}")
     if not curves:
         raise BadInput(f"{warnings[-1]}; give magnitudes, or both signs")
-    constants = {"parameter": "force", "unit": "kN", "interval": interval, "of": of, "origin": tree.attrs["origin"]}
+    constants = {"parameter": "force", "unit": "kN", "interval": interval, "origin": tree.attrs["origin"]}
     table = pd.concat(curves, ignore_index=True).assign(**constants, verdict=verdict)
     return Prediction(table[list(COLUMNS)], tuple(parameters), tuple(warnings))
+
+
+def _chosen(
+    posterior: xr.Dataset, choice: Choice, priors: Priors, seed: int
+) -> Iterator[tuple[CaseValues, np.random.Generator, str]]:
+    """Yield the cases chosen, each with random numbers of its own, and the word before what is predicted of it."""
+    for i in choice.cases:
+        yield tested(posterior, i), np.random.default_rng((seed, i)), ""
+    for case in choice.untested:
+        rng = np.random.default_rng((seed, posterior.sizes["case"]))
+        yield untested(posterior, priors, case, rng), rng, UNTESTED
+
+
+def _of_untested(untested: Sequence[Case], cases: Sequence[Case]) -> list[str]:
+    """Return what is said of cases without records: what they are predicted from, and what lies beyond that."""
+    if not untested:
+        return []
+    said = [f"not tested: {case_list([case.label for case in untested])}; predicted from the effects of what was"]
+    for factor, (word, unit) in _NUMBERS.items():
+        of_tested, of_untested = (
+            {abs(number) for case in each if (number := getattr(case, factor)) is not None}
+            for each in (cases, untested)
+        )
+        beyond = [level for level in sorted(of_untested) if not min(of_tested) <= level <= max(of_tested)]
+        if beyond and len(of_tested) == 1:
+            said.append(f"{word} of every record: {min(of_tested):g} {unit}; of another, priors alone say something")
+        elif beyond:
+            levels = ", ".join(f"{level:g}" for level in beyond)
+            span = f"{min(of_tested):g} to {max(of_tested):g} {unit}"
+            said.append(f"{word} {levels} {unit} is beyond what was tested, {span}")
+    return said
 
 
 def predictable_cases(tree: xr.DataTree) -> list[Case]:
@@ -140,13 +180,11 @@ def predictable_cases(tree: xr.DataTree) -> list[Case]:
     return tree_cases(posterior)
 
 
-def _displacements(
-    case: Case, asked: np.ndarray | None, posterior: xr.Dataset, index: int
-) -> Float[np.ndarray, " points"]:
+def _displacements(case: Case, asked: np.ndarray | None, posterior: xr.Dataset) -> Float[np.ndarray, " points"]:
     """Return the displacements (mm) for a case, signed; none where no displacement asked for is of its sign."""
     sign = sign_of(case)
     if asked is None:
-        asked = np.linspace(0.0, travel_mm(posterior, index), DEFAULT_POINTS)
+        asked = np.linspace(0.0, travel_mm(posterior, case), DEFAULT_POINTS)
     if not sign:
         return asked
     if np.all(asked >= 0):
@@ -181,15 +219,15 @@ def _bands(
     return dict(zip(("median", "lower", "upper"), np.concatenate(blocks, axis=1), strict=True))
 
 
-def _parameters(case: Case, draws: CaseDraws, interval: float) -> dict[str, object]:
-    """Return what a vehicle model needs of one case, in plain numbers and text."""
+def _parameters(case: Case, draws: CaseDraws, interval: float, kind: str) -> dict[str, object]:
+    """Return what a vehicle model needs of one case, in plain numbers and text; nothing that is not known."""
     factors = {factor: value for factor, value in case._asdict().items() if value not in (None, "")}
     values = {
         **{"k_kN_per_mm": draws.k, "beta_mm": draws.beta, "J_kN": draws.J},
         **{"C_kN": draws.C, "F_i_kN": draws.F_i, "d_i_mm": draws.d_i},
     }
-    statistics = {name: _statistics(value, interval) for name, value in values.items()}
-    return {"label": case.label, **factors, **statistics}
+    statistics = {name: _statistics(value, interval) for name, value in values.items() if np.isfinite(value).all()}
+    return {"label": case.label, **factors, **({"tested": False} if kind else {}), **statistics}
 
 
 def _statistics(values: np.ndarray, interval: float) -> dict[str, float]:

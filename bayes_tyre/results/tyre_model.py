@@ -14,7 +14,7 @@ from bayes_tyre.inference.sampling.datatree import case_parameters, is_of_motion
 from bayes_tyre.inference.sampling.group_means import named_group_means
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import CASE_FACTORS, RECORD_UNITS, parameter_column
-from bayes_tyre.results.case_draws import of_case, travel_mm
+from bayes_tyre.results.case_draws import tested, travel_mm
 from bayes_tyre.results.case_selection import sign_of
 from bayes_tyre.results.figure_data import hysteresis_loops
 from bayes_tyre.results.prediction import force_kN
@@ -100,9 +100,9 @@ def of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:
         if of_motions and tree.attrs.get("law", hysteresis_loops.LAW) == hysteresis_loops.LAW:
             curves = _cycle(draws, _amplitude_mm(tree), level)
         elif "record" in posterior.dims and not of_motions:
-            step, sign = of_case(together, i), sign_of(case) or 1
+            step, sign = tested(together, i).mean(), sign_of(case) or 1
             draws = {"k": step.k, "beta": step.beta, "J": step.J, "C": step.C, "F_i": step.F_i}
-            u = travel_mm(posterior, i) * np.linspace(0.0, 1.0, _POINTS) ** 2  # dense where the force changes fast
+            u = travel_mm(posterior, case) * np.linspace(0.0, 1.0, _POINTS) ** 2  # dense where the force changes fast
             force = force_kN(sign * u, *(draws[name][:, None] for name in ("F_i", "J", "k", "beta")), law=law_of(tree))
             path = _curve(sign * u + 0.0, force, level)
             curves = Curves(path, Curve(*(column[::sign] for column in path)), OF_STEP, ONE_WAY)

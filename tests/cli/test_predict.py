@@ -208,7 +208,7 @@ WRONG = {
     "missing: holds no run.json": ("missing", "single (0)20-30"),
     "file: holds no run.json": ("file", "single (0)20-30"),
     "no case matches single (0)1-2; there are 8: single (0)20-30": ("fit", "single (0)1-2"),
-    "no case matches speed_km_h=7.0; there are 8": ("fit", "speed_km_h=7"),
+    "no case matches configuration=triple, speed_km_h=7.0; there are 8": ("fit", "configuration=triple,speed_km_h=7"),
     "file/x: is a file": ("fit", "single (0)20-30", "--out", "file/x"),
     "x.parquet: the curves are written as CSV": ("fit", "single (0)20-30", "--out", "x.parquet"),
 }
@@ -285,3 +285,19 @@ def test_signed_displacements_serve_each_direction_with_those_of_its_sign(text, 
     assert here("predict", fitted, *asked).exit_code == 0
     by_direction = pd.read_csv(fitted / "prediction.csv").groupby("direction")["displacement_mm"]
     assert {d: u.tolist() for d, u in by_direction} == {"loading": [0, 1, 2, 3], "unloading": [-3, -2, -1, 0]}
+
+
+def test_a_speed_that_was_not_tested_is_predicted_and_said_to_be_so(fitted, tmp_path):
+    asked = "configuration=single,initial_load_kN=20,speed_km_h=10,speed_km_h=40"
+    done = here("predict", fitted, "--case", asked, "--out", tmp_path, "--displacement", "0,2")
+    assert done.exit_code == 0, done.stderr
+    assert "not tested: single (10)20-30, single (40)20-30; predicted from the effects of what was" in done.stdout
+    assert "speed 40 km/h is beyond what was tested, 0 to 25 km/h" in done.stdout
+    curves = pd.read_csv(tmp_path / "prediction.csv")
+    assert curves[["speed_km_h", "of"]].drop_duplicates().to_numpy().tolist() == [
+        [10.0, "untested case"],
+        [40.0, "untested case"],
+    ]
+    cases = tomllib.loads((tmp_path / "prediction.toml").read_text(encoding="utf-8"))["case"]
+    assert [case["tested"] for case in cases] == [False, False]
+    assert all("k_kN_per_mm" in case and "C_kN" not in case for case in cases)

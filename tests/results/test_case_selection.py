@@ -70,7 +70,8 @@ def test_words_take_any_configuration_but_one_with_a_name_behind_a_comma(label):
     [
         (["nonsense"], "no case matches nonsense"),
         (["single (0)20-10", "single (0)20-11"], "no case matches single (0)20-11"),
-        (["speed_km_h=35"], "no case matches speed_km_h=35"),
+        (["speed_km_h=-35"], "no case matches speed_km_h=-35"),
+        (["configuration=triple,speed_km_h=35"], "no case matches configuration=triple, speed_km_h=35"),
         (["direction=loading,step_kN=-10"], "no case matches direction=loading, step_kN=-10"),
     ],
 )
@@ -126,3 +127,36 @@ def test_steps_of_binary_fractions_are_still_opposite():
     down = Case("a", "unloading", 0.0, 0.3, -(30.3 - 20.2))
     assert up.step_kN != -down.step_kN
     assert choose(CaseQuery((up.label,), {}), [down, up]).cases == (1, 0)
+
+
+@pytest.mark.parametrize(
+    ("texts", "wanted"),
+    [
+        (
+            ["configuration=single,speed_km_h=35"],
+            ["single (35)20-30", "single (35)20-10", "single (35)20-15"],
+        ),
+        (["speed_km_h=35,step_kN=10"], ["dual (35)20-30", "dual (35)20-10", "single (35)20-30", "single (35)20-10"]),
+        (["configuration=dual,initial_load_kN=25,step_kN=-7"], ["dual (0)25-32", "dual (0)25-18"]),
+        (["configuration=dual,direction=loading,step_kN=7"], ["dual (0)20-27"]),
+        (["configuration=dual,speed_km_h=0,speed_km_h=35,step_kN=10"], ["dual (35)20-30", "dual (35)20-10"]),
+        (["configuration=dual", "speed_km_h=0"], []),
+    ],
+)
+def test_numbers_for_which_there_is_no_case_make_cases_without_records(texts, wanted):
+    choice = chosen(texts)
+    assert [case.label for case in choice.untested] == wanted
+    assert not set(choice.untested) & set(CASES)
+    for case in choice.untested:
+        assert (case.direction == "loading") is (case.step_kN > 0)
+
+
+def test_numbers_that_there_are_and_numbers_that_there_are_not_are_both_chosen():
+    choice = chosen(["configuration=dual,speed_km_h=0,speed_km_h=35,step_kN=10"])
+    assert labels(choice.cases) == ["dual (0)20-30", "dual (0)20-10"]
+
+
+def test_a_number_that_no_case_has_is_none_of_theirs():
+    without = [case._replace(speed_km_h=None) for case in CASES]  # pyright: ignore[reportArgumentType]
+    with pytest.raises(BadInput, match="no case matches speed_km_h=35"):
+        chosen(["speed_km_h=35"], without)

@@ -9,13 +9,13 @@ import xarray as xr
 from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.model.factors import INTERACTIONS
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.record_levels import LEVELS as LEVELS_OF_RECORDS
 from bayes_tyre.inference.sampling.datatree import as_measured, case_parameters, priors_of, tree_cases
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import AXLE_PARAMETERS, LAW_PARAMETERS, Case
 from bayes_tyre.results.case_draws import factors_along, flat, scatter_of_repeats
+from bayes_tyre.results.untested_cases import log_draws, log_values_of_untested
 
 #: Factors that a rig sets to numbers; most new cases that are compared.
 LEVELS, MOST_NEW = ("speed_km_h", "initial_load_kN", "step_kN"), 2000
@@ -80,10 +80,8 @@ def _loads(case: Case) -> list[float]:
 def candidates(tree: xr.DataTree, new: Sequence[Case], seed: int = 0) -> Candidates:
     """Return what a posterior of records or motions holds of its own cases and of new ones.
 
-    Draws of a new case are of the linear predictor and the remainder, which is wider where it stands apart; an effect
-    of a level without data is drawn, by `seed`, with the standard deviation of the factor's effects. A posterior
-    without repeats is refused as `BadInput`, and so is one that was damaged: with values that have no logarithm, or
-    records of no case.
+    Draws of a new case are made, by `seed`, as `bayes_tyre.results.untested_cases` says. A posterior without repeats is
+    refused as `BadInput`, and so is one that was damaged: with values that have no logarithm, or records of no case.
     """
     posterior, priors, rng = as_measured(tree["posterior"].to_dataset()), priors_of(tree), np.random.default_rng(seed)
     measured = [name for name in (*LAW_PARAMETERS, *AXLE_PARAMETERS) if f"sd_log_{name}_repeat" in posterior]
@@ -95,69 +93,14 @@ def candidates(tree: xr.DataTree, new: Sequence[Case], seed: int = 0) -> Candida
             f"forecast; fit without --{grouped[0]}"
         )
     cases, parameters = tree_cases(posterior), tuple(dict.fromkeys((*measured, *case_parameters(posterior))))
-    log_values = _log(posterior, [f"{name}_case" for name in parameters])
+    log_values = log_draws(posterior, [f"{name}_case" for name in parameters])
     predicted = np.zeros((len(log_values), len(new), len(parameters)))
     for p, name in enumerate(measured):
-        predicted[:, :, p] = _predicted(posterior, priors, name, new, rng)
+        predicted[:, :, p] = log_values_of_untested(posterior, priors, name, new, rng)
     together = as_measured(with_records(tree))
-    of_cases = _log(together, [f"{name}_case" for name in measured])
+    of_cases = log_draws(together, [f"{name}_case" for name in measured])
     noise = _noise(together, priors, measured, [*cases, *new], of_cases)
     return Candidates((*cases, *new), len(cases), parameters, np.concatenate([log_values, predicted], axis=1), noise)
-
-
-def _predicted(
-    posterior: xr.Dataset, priors: Priors, parameter: str, new: Sequence[Case], rng: np.random.Generator
-) -> Float[np.ndarray, "draws new"]:
-    """Return draws of a parameter's logarithm in new cases of the groups that a posterior has."""
-
-    def sd(site: str) -> np.ndarray:  # of a factor that did not vary, its prior's
-        shape = posterior.sizes["chain"] * posterior.sizes["draw"]
-        return flat(posterior[site]) if site in posterior else priors[site].scipy().rvs(shape, random_state=rng)
-
-    groups = _log(posterior, [f"{parameter}_group"])[..., 0].T
-    of_group = dict(zip(_labels(posterior, "group"), groups, strict=True))
-    values = [of_group[f"{case.configuration or ''} {case.direction or ''}".strip()] for case in new]
-    for factor in ("speed", "load", "step", *INTERACTIONS):
-        site, levels = f"log_{parameter}_{factor}", {_levels(case)[factor] for case in tree_cases(posterior)}
-        effects = dict.fromkeys(levels, np.zeros(groups.shape[1]))
-        if site in posterior:
-            effects |= dict(zip(_labels(posterior, factor), flat(posterior[site]).T, strict=True))
-        for level in dict.fromkeys(_levels(case)[factor] for case in new):
-            if level not in effects and f"sd_{site}" in priors:
-                # Effects are deviations from the mean of the levels in the data, itself uncertain by sd^2 / levels.
-                widened = np.sqrt(1.0 + 1.0 / len(levels)) * sd(f"sd_{site}")
-                effects[level] = widened * rng.standard_normal(len(widened))
-        values = [value + effects.get(_levels(case)[factor], 0.0) for value, case in zip(values, new, strict=True)]
-    remainder = sd(f"sd_log_{parameter}_case")
-    apart_weight = priors.apart_weight if f"{parameter}_apart_probability" in posterior else 0.0
-    wider = [np.where(rng.random(len(remainder)) < apart_weight, priors.apart_widening, 1.0) for _ in new]
-    each = zip(values, wider, strict=True)
-    drawn = [value + wide * remainder * rng.standard_normal(len(remainder)) for value, wide in each]
-    return np.reshape(drawn, (len(new), len(remainder))).T
-
-
-def _log(posterior: xr.Dataset, names: Sequence[str]) -> Float[np.ndarray, "draws units names"]:
-    """Return the logarithms of draws of some variables, of one dimension beside chain and draw."""
-    values = np.stack([flat(posterior[name]) for name in names], axis=-1)
-    for name, positive in zip(names, np.moveaxis((values > 0) & np.isfinite(values), -1, 0), strict=True):
-        if not positive.all():
-            raise BadInput(f"{name} has draws that are not above 0; run fit or motion again")
-    return np.log(values)
-
-
-def _levels(case: Case) -> dict[str, str]:
-    """Return the level of each factor of a linear predictor as a posterior labels it."""
-    speed, load = ("" if value is None else str(float(value)) for value in case[2:4])
-    sizes = ("" if value is None else f"{abs(value):g}" for value in (case.step_kN, *case[2:4]))
-    step, *of_configuration = sizes
-    levels = {"speed": speed, "load": load, "step": step, "direction_step": f"{case.direction or ''} {step}".strip()}
-    for factor, level in zip(("speed", "load"), of_configuration, strict=True):
-        levels[f"configuration_{factor}"] = f"{case.configuration or ''} {level}".strip()
-    return levels
-
-
-def _labels(posterior: xr.Dataset, dim: str) -> list[str]:
-    return [str(label) for label in posterior[dim].to_numpy().tolist()] if dim in posterior.coords else [""]
 
 
 def _noise(
@@ -172,7 +115,7 @@ def _noise(
     if not set(records) <= set(of_cases):
         raise BadInput("has a record that is of none of its cases; run fit or motion again")
     of_record = [of_cases.index(factors) for factors in records]
-    left = _log(posterior, measured)
+    left = log_draws(posterior, measured)
     left, centred = left - left.mean(axis=0), log_cases - log_cases.mean(axis=0)
     for i, case in enumerate(of_record):  # what its case does not say of a record
         left[:, i] -= centred[:, case] @ np.linalg.lstsq(centred[:, case], left[:, i], rcond=None)[0]

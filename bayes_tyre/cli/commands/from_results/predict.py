@@ -24,7 +24,8 @@ def predict(
         typer.Option(
             help="Label of a case, 'single (0)30-20', or factors, configuration=single,speed_km_h=0; may be repeated. "
             "Factors select every case that has them all (of a factor given twice, either value). The opposite "
-            "direction is included, unless the factor direction is given."
+            "direction is included, unless the factor direction is given. A speed, load or step that was not tested is "
+            "predicted from those that were: speed_km_h=20."
         ),
     ] = None,
     displacement: Annotated[

@@ -40,10 +40,12 @@ def uneven_noise(
     of_record:
         The case of each, by number: the noise of the start reaches as far in repeats.
     whitening:
-        Of what else is known of the noise; None: nothing is.
+        Of what else is known of the noise, which is not made smaller: readings may share such errors, and residuals
+        then do not show them. None: nothing is.
     law:
         One of `bayes_tyre.inference.record_data.LAWS`.
     """
+    least = -np.inf if whitening is None else 0.0
     given_whitening = whitening or UnequalNoise(jnp.ones(batch.present.shape))
     whitening, log_ratio = given_whitening, np.zeros(batch.present.shape)
     for _ in range(_FITS):
@@ -52,7 +54,7 @@ def uneven_noise(
         # Autocorrelated noise has less information on its own variance.
         rho = float(np.median(np.asarray(estimates.rho)))
         variance = log_variance_ratio.error**2 * (1.0 + rho**2) / (1.0 - rho**2)
-        shrunk = log_variance_ratio.value / (1.0 + variance / _SD_LOG_RATIO**2)
+        shrunk = max(least, log_variance_ratio.value / (1.0 + variance / _SD_LOG_RATIO**2))
         log_ratio = np.where(near, shrunk, 0.0)
         whitening = reweighted(given_whitening, jnp.asarray(np.exp(-0.5 * log_ratio)), jnp.asarray(batch.present))
     return whitening, float(np.exp(0.5 * shrunk))

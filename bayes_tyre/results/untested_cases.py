@@ -1,0 +1,117 @@
+"""Cases without records, by what a posterior says of their group and of the levels of their factors."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.model.factors import INTERACTIONS
+from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.sampling.datatree import tree_cases
+from bayes_tyre.record import CASE_FACTORS, Case
+from bayes_tyre.results.case_draws import CaseValues, Start, factors_along, flat, records_like, start_of
+from bayes_tyre.results.level_trend import effects_by_trend
+
+#: Factors whose levels are numbers along which effects may follow a trend.
+_TRENDS = ("speed", "load", "step")
+
+
+def untested(posterior: xr.Dataset, priors: Priors, case: Case, rng: np.random.Generator) -> CaseValues:
+    """Return a case without records: k and beta as `log_values_of_untested` has them.
+
+    J, and F_i less the load that a step starts from, are those of the records of the same configuration and direction;
+    where a step starts in displacement is not known.
+    """
+    k, beta = (np.exp(log_values_of_untested(posterior, priors, name, [case], rng)[:, 0]) for name in ("k", "beta"))
+    alike = records_like(posterior, case, CASE_FACTORS[:2])
+    start, factors = start_of(posterior, alike), factors_along(posterior, "record")
+    loads = np.array([factors[i][CASE_FACTORS.index("initial_load_kN")] or 0.0 for i in alike], dtype=float)
+    F_i = start.F_i - loads + (case.initial_load_kN or 0.0)
+    return CaseValues(case, k, beta, Start(F_i, start.J, np.full_like(F_i, np.nan)))
+
+
+def log_values_of_untested(
+    posterior: xr.Dataset, priors: Priors, parameter: str, new: Sequence[Case], rng: np.random.Generator
+) -> Float[np.ndarray, "draws new"]:
+    """Return draws of a parameter's logarithm in new cases of the groups that a posterior has.
+
+    They are of the linear predictor and the remainder, which is wider where a case stands apart. Effects of speeds,
+    loads and steps that were not tested are drawn by `bayes_tyre.results.level_trend`; those of an interaction, with
+    the standard deviation of the interaction's effects.
+    """
+    groups = log_draws(posterior, [f"{parameter}_group"])[..., 0].T
+    of_group = dict(zip(_labels(posterior, "group"), groups, strict=True))
+    values = [of_group[f"{case.configuration or ''} {case.direction or ''}".strip()] for case in new]
+    levels = [_levels(case) for case in new]
+    for factor in (*_TRENDS, *INTERACTIONS):
+        asked = list(dict.fromkeys(of_case[factor] for of_case in levels))
+        effects = _effects(posterior, priors, parameter, factor, asked, rng)
+        values = [value + effects[of_case[factor]] for value, of_case in zip(values, levels, strict=True)]
+    remainder = _sd(posterior, priors, f"sd_log_{parameter}_case", rng)
+    apart_weight = priors.apart_weight if f"{parameter}_apart_probability" in posterior else 0.0
+    wider = [np.where(rng.random(len(remainder)) < apart_weight, priors.apart_widening, 1.0) for _ in new]
+    each = zip(values, wider, strict=True)
+    drawn = [value + wide * remainder * rng.standard_normal(len(remainder)) for value, wide in each]
+    return np.reshape(drawn, (len(new), len(remainder))).T
+
+
+def log_draws(posterior: xr.Dataset, names: Sequence[str]) -> Float[np.ndarray, "draws units names"]:
+    """Return the logarithms of draws of some variables, of one dimension beside chain and draw."""
+    values = np.stack([flat(posterior[name]) for name in names], axis=-1)
+    for name, positive in zip(names, np.moveaxis((values > 0) & np.isfinite(values), -1, 0), strict=True):
+        if not positive.all():
+            raise BadInput(f"{name} has draws that are not above 0; run fit or motion again")
+    return np.log(values)
+
+
+def _effects(
+    posterior: xr.Dataset,
+    priors: Priors,
+    parameter: str,
+    factor: str,
+    asked: Sequence[str],
+    rng: np.random.Generator,
+) -> Mapping[str, Float[np.ndarray, "#draws"]]:
+    """Return draws of the effects of a factor's levels: of those tested, and of those asked for."""
+    site = f"log_{parameter}_{factor}"
+    levels = list(dict.fromkeys(_levels(case)[factor] for case in tree_cases(posterior)))
+    effects = dict.fromkeys(levels, np.zeros(1))
+    if site in posterior:
+        levels = _labels(posterior, factor)
+        effects |= dict(zip(levels, flat(posterior[site]).T, strict=True))
+    new = [level for level in asked if level not in effects]
+    # Where there is one configuration, what a speed changes in it alone is in the effect of the speed.
+    absorbed = factor in INTERACTIONS and len({level.rpartition(" ")[0] for level in levels}) == 1
+    if not new or absorbed or f"sd_{site}" not in priors:
+        return effects | dict.fromkeys(new, np.zeros(1))
+    sd = _sd(posterior, priors, f"sd_{site}", rng)
+    if factor in _TRENDS and "" not in (*levels, *new):
+        tested, drawn = (np.array(each, dtype=float) for each in (levels, new))
+        known = np.stack([np.broadcast_to(effects[level], sd.shape) for level in levels], axis=1)
+        return effects | dict(zip(new, effects_by_trend(tested, known, drawn, sd, rng).T, strict=True))
+    # Effects are deviations from the mean of the levels in the data, itself uncertain by sd^2 / levels.
+    widened = np.sqrt(1.0 + 1.0 / len(levels)) * sd
+    return effects | {level: widened * rng.standard_normal(len(widened)) for level in new}
+
+
+def _sd(posterior: xr.Dataset, priors: Priors, site: str, rng: np.random.Generator) -> Float[np.ndarray, " draws"]:
+    """Return draws of a standard deviation; of a factor that did not vary, its prior's."""
+    draws = posterior.sizes["chain"] * posterior.sizes["draw"]
+    return flat(posterior[site]) if site in posterior else priors[site].scipy().rvs(draws, random_state=rng)
+
+
+def _levels(case: Case) -> dict[str, str]:
+    """Return the level of each factor of a linear predictor as a posterior labels it."""
+    speed, load = ("" if value is None else str(float(value)) for value in case[2:4])
+    sizes = ("" if value is None else f"{abs(value):g}" for value in (case.step_kN, *case[2:4]))
+    step, *of_configuration = sizes
+    levels = {"speed": speed, "load": load, "step": step, "direction_step": f"{case.direction or ''} {step}".strip()}
+    for factor, level in zip(("speed", "load"), of_configuration, strict=True):
+        levels[f"configuration_{factor}"] = f"{case.configuration or ''} {level}".strip()
+    return levels
+
+
+def _labels(posterior: xr.Dataset, dim: str) -> list[str]:
+    return [str(label) for label in posterior[dim].to_numpy().tolist()] if dim in posterior.coords else [""]
