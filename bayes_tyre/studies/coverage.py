@@ -11,18 +11,22 @@ from bayes_tyre.inference.diagnostics.attempts import Attempts
 from bayes_tyre.inference.diagnostics.judge import judge
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_prepared, joint_chains
 from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.run import LONGEST, SamplerSettings
-from bayes_tyre.record import RECORD_UNITS
+from bayes_tyre.record import RECORD_UNITS, Case
+from bayes_tyre.results.untested_cases import log_values_of_untested
 from bayes_tyre.studies.coverage_data import CONTRAST, KINDS, Kind, simulate
 
 INTERVALS = (0.5, 0.95)
-#: By name, as in `posterior.nc`: the dimension of each quantity; the last two are of the two configurations.
+#: By name, as in `posterior.nc`: the dimension of each quantity. Ratios are of the two configurations; what is untested
+#: is predicted for the cases of a speed held out.
 QUANTITIES = {
     **{"k": "record", "beta": "record", "k_case": "case", "beta_case": "case"},
     **{"k_ratio": "contrast", "beta_ratio": "contrast"},
+    **{"k_untested": "untested", "beta_untested": "untested"},
 }
 _KEYS = ["kind", "settings"]
 _BETWEEN = "; "
@@ -59,7 +63,11 @@ class CoverageFit:
         records = prepare_records(table, model)
         tree = fit_prepared(records, self.sampler, model, self._compiled(kind, records, model))
         tree, diagnostics = judge(tree, lambda tree, _: tree, Attempts(), table)
-        rows = intervals(with_ratios(tree["posterior"].to_dataset(), truth), truth)
+        held_out = truth["speed_km_h"] == kind.held_out_km_h
+        posterior = with_ratios(tree["posterior"].to_dataset(), truth)
+        if held_out.any():
+            posterior = with_untested(posterior, model.priors, truth[held_out], seed=number)
+        rows = intervals(posterior, truth)
         rows.insert(0, "kind", name)
         rows.insert(1, "settings", kind.settings)
         rows.insert(2, "set", number)
@@ -89,17 +97,32 @@ def with_ratios(posterior: xr.Dataset, truth: pd.DataFrame) -> xr.Dataset:
     return posterior.assign(ratios)
 
 
+def with_untested(posterior: xr.Dataset, priors: Priors, held_out: pd.DataFrame, seed: int) -> xr.Dataset:
+    """Return the posterior with what it predicts of the k and beta of cases held out, given by their records."""
+    rows = held_out.drop_duplicates("case")
+    new, rng = [Case(*row) for row in rows[list(Case._fields)].itertuples(index=False)], np.random.default_rng(seed)
+    shape = posterior.sizes["chain"], posterior.sizes["draw"], len(new)
+    predicted = {}
+    for name in ("k", "beta"):
+        draws = np.exp(log_values_of_untested(posterior, priors, name, new, rng)).reshape(shape)
+        predicted[f"{name}_untested"] = (("chain", "draw", "untested"), draws)
+    return posterior.assign(predicted).assign_coords(untested=rows["case"].to_numpy())
+
+
 def intervals(posterior: xr.Dataset, truth: pd.DataFrame) -> pd.DataFrame:
     """Return the median and the intervals of each record, case and ratio of a posterior, beside the truth by record."""
     levels = [0.5, *(side for share in INTERVALS for side in ((1.0 - share) / 2.0, (1.0 + share) / 2.0))]
     names = ["median", *(f"{side}_{100 * share:.0f}" for share in INTERVALS for side in ("lower", "upper"))]
     tables = []
+    truth = truth.assign(untested=truth["case"], k_untested=truth["k_case"], beta_untested=truth["beta_case"])
     for quantity, dim in QUANTITIES.items():
+        if quantity not in posterior:
+            continue
         true = truth.drop_duplicates(dim).set_index(dim)[quantity]
         values = posterior[quantity].quantile(levels, ("chain", "draw"))
         elements = [str(label) for label in values[dim].to_numpy()]
         estimates = pd.DataFrame(values.transpose(dim, "quantile").to_numpy(), columns=names)
-        unit = "1" if dim == "contrast" else RECORD_UNITS[quantity.removesuffix("_case")]
+        unit = "1" if dim == "contrast" else RECORD_UNITS[quantity.partition("_")[0]]
         rows = pd.DataFrame({"quantity": quantity, "unit": unit}, estimates.index)
         tables.append(pd.concat([rows.assign(element=elements, truth=true[elements].to_numpy()), estimates], axis=1))
     return pd.concat(tables, ignore_index=True)
@@ -170,4 +193,4 @@ def overview(table: pd.DataFrame) -> pd.DataFrame:
         shares = zip(of_kind.index, of_kind["coverage_all"], of_kind["se_all"], strict=True)
         row |= {str(quantity): f"{share:.1%} ± {se:.1%}" for quantity, share, se in shares}
         rows.append(row | {"bias of beta": f"{of_kind.loc['beta', 'bias']:+.1%}"})
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows).fillna("")  # kinds without a speed held out predict nothing

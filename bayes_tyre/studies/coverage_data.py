@@ -55,6 +55,10 @@ class Kind:
         Degrees of freedom of Student's t by which repeats scatter about their case; infinity: normal.
     case_apart:
         Factor on k of the last case, which no effect of its factors explains.
+    held_out_km_h:
+        A speed whose records are not fitted, and whose cases are predicted; NaN: none.
+    speed_trend:
+        Whether effects of speed lie on a line instead of each by itself.
     tyres:
         How many of each configuration there are, which differ by `SD_OF_TYRES`: repeats take turns on them. The true
         values of a case are those of the average tyre.
@@ -76,6 +80,8 @@ class Kind:
     hardening_per_mm: float = 0.0
     repeat_freedom: float = np.inf
     case_apart: float = 1.0
+    held_out_km_h: float = np.nan
+    speed_trend: bool = False
     tyres: int = 1
     options: Mapping[str, Any] = field(default_factory=dict)
 
@@ -102,6 +108,9 @@ KINDS = {
     "hardening": Kind(hardening_per_mm=0.02),
     "several_tyres": Kind(tyres=3, options={"specimen": "tyre"}),
     "several_tyres_as_one": Kind(tyres=3),
+    "untested_speed": Kind(speeds_km_h=(0.0, 15.0, 20.0, 25.0, 35.0), held_out_km_h=20.0),
+    "untested_speed_on_a_line": Kind(speeds_km_h=(0.0, 15.0, 20.0, 25.0, 35.0), held_out_km_h=20.0, speed_trend=True),
+    "untested_speed_beyond": Kind(speeds_km_h=(0.0, 15.0, 25.0, 35.0, 50.0), held_out_km_h=50.0, speed_trend=True),
     "case_apart": Kind(speeds_km_h=(0.0, 15.0, 25.0, 35.0), case_apart=1.25),
 }
 
@@ -116,7 +125,8 @@ def simulate(kind: Kind, seed: int, number: int) -> tuple[pd.DataFrame, pd.DataF
     -------
     tuple of pandas.DataFrame
         The table (mm, kN); and by record the factors, `k`, `beta`, `J`, `F_i`, `case`, `k_case` and `beta_case`; and
-        `contrast`, `k_ratio` and `beta_ratio`, the mean ratios over the cases, the same in all rows.
+        `contrast`, `k_ratio` and `beta_ratio`, the mean ratios over the cases, the same in all rows. Records of a speed
+        held out are in the truth alone.
     """
     rng = np.random.default_rng([seed, number])
     truth = _truths(kind, rng)
@@ -131,7 +141,8 @@ def simulate(kind: Kind, seed: int, number: int) -> tuple[pd.DataFrame, pd.DataF
         displacement = kind.step_of_reading_mm * np.round(displacement / kind.step_of_reading_mm + starts)
     factors = truth[["record", *Case._fields, "repeat", "tyre"]]
     table = factors.loc[factors.index.repeat(kind.points)].reset_index(drop=True).assign(origin="simulated")
-    return table.assign(displacement_mm=displacement.ravel(), force_kN=force.ravel()), truth
+    table = table.assign(displacement_mm=displacement.ravel(), force_kN=force.ravel())
+    return table[table["speed_km_h"] != kind.held_out_km_h].reset_index(drop=True), truth
 
 
 def _truths(kind: Kind, rng: np.random.Generator) -> pd.DataFrame:
@@ -141,15 +152,20 @@ def _truths(kind: Kind, rng: np.random.Generator) -> pd.DataFrame:
     typical = {"k": cases["configuration"].map(TYPICAL_K).to_numpy(), "beta": np.full(len(cases), kind.beta_mm)}
     grouping = {"group": cases["configuration"] + cases["direction"], "speed": cases["speed_km_h"]}
     grouping |= {"load": cases["initial_load_kN"], "remainder": pd.Series(cases.index)}
+    speeds = cases["speed_km_h"].to_numpy()
+    along = (speeds - speeds.mean()) / (speeds.std() or 1.0)
     for name, sd in SD.items():
-        log_effects = sum(sd[effect] * _effects(levels, rng) for effect, levels in grouping.items())
+        effects = {effect: _effects(levels, rng) for effect, levels in grouping.items()}
+        if kind.speed_trend:
+            effects["speed"] = effects["speed"][0] * along
+        log_effects = sum(sd[effect] * of_cases for effect, of_cases in effects.items())
         cases[f"{name}_case"] = typical[name] * np.exp(log_effects)
     cases.loc[cases.index[-1], "k_case"] *= kind.case_apart
     cases["contrast"] = CONTRAST
-    dual = cases["configuration"] == "dual"
+    fitted, dual = cases["speed_km_h"] != kind.held_out_km_h, cases["configuration"] == "dual"
     for name in SD:
         logs = np.log(cases[f"{name}_case"])
-        cases[f"{name}_ratio"] = np.exp(logs[dual].mean() - logs[~dual].mean())
+        cases[f"{name}_ratio"] = np.exp(logs[dual & fitted].mean() - logs[~dual & fitted].mean())
     cases["case"] = [Case(*row).label for row in cases[list(Case._fields)].itertuples(index=False)]
     return _repeats(kind, cases, rng)
 

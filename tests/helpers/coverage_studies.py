@@ -14,6 +14,8 @@ def posterior_about(truth: pd.DataFrame, seed: int) -> xr.Dataset:
     """Return two chains of draws of each quantity, log-normal about an estimate that is as far from the truth."""
     rng, quantities = np.random.default_rng(seed), {}
     for name, dim in QUANTITIES.items():
+        if name not in truth:  # what is predicted and not estimated
+            continue
         true = truth.drop_duplicates(dim).set_index(dim)[name]
         estimate = np.log(true.to_numpy()) + SD_LOG * rng.standard_normal(len(true))
         draws = np.exp(estimate + SD_LOG * rng.standard_normal((2, 50, len(true))))

@@ -10,10 +10,12 @@ from helpers.coverage_studies import estimated, posterior_about
 from hypothesis import given
 from hypothesis import strategies as st
 
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.sampling.hierarchical_fit import joint_chains
 from bayes_tyre.inference.sampling.run import SamplerSettings
+from bayes_tyre.record import Case
 from bayes_tyre.studies import coverage as study
-from bayes_tyre.studies.coverage import CoverageFit, coverage, intervals, overview, verdicts, with_ratios
+from bayes_tyre.studies.coverage import CoverageFit, coverage, intervals, overview, verdicts, with_ratios, with_untested
 from bayes_tyre.studies.coverage_data import KINDS, Kind, simulate
 
 SETS = 6
@@ -59,6 +61,31 @@ def test_the_ratio_is_the_mean_over_the_cases_at_each_draw():
     dual = cases["k_case"][cases["configuration"] == "dual"]
     single = cases["k_case"][[str(label).replace("dual", "single") for label in dual.index]]
     assert cases["k_ratio"].iloc[0] == pytest.approx(np.exp(np.mean(np.log(dual.to_numpy() / single.to_numpy()))))
+
+
+def test_what_is_predicted_of_a_speed_held_out_stands_beside_the_truth_of_its_cases():
+    kind = KINDS["untested_speed"]
+    truth = simulate(kind, 0, 0)[1]
+    held_out = truth["speed_km_h"] == kind.held_out_km_h
+    fitted = truth[~held_out]
+    posterior = posterior_about(fitted, 0)
+    groups = (fitted["configuration"] + " " + fitted["direction"]).unique()
+    draws = posterior.sizes["chain"], posterior.sizes["draw"]
+    for name in ("k", "beta"):
+        posterior[f"{name}_group"] = (("chain", "draw", "group"), np.ones((*draws, len(groups))))
+    cases = fitted.drop_duplicates("case").set_index("case").loc[posterior["case"].to_numpy()]
+    factors = {f"case_{factor}": ("case", cases[factor]) for factor in Case._fields}
+    posterior = posterior.assign_coords(group=groups, **factors)
+    found = with_untested(posterior, PRIORS, truth[held_out], seed=1)
+    assert found["untested"].to_numpy().tolist() == truth["case"][held_out].unique().tolist()
+    rows = intervals(found, truth)
+    rows = rows[rows["quantity"] == "beta_untested"].set_index("element")
+    expected = truth[held_out].drop_duplicates("case").set_index("case")["beta_case"]
+    assert rows["truth"].to_dict() == expected.to_dict()
+    assert set(rows["unit"]) == {"mm"}
+    # Groups are 1 without doubt; what the priors' remainder and effects add is far from nothing and from everything.
+    assert rows["median"].between(0.8, 1.25).all()
+    assert (rows["upper_95"] / rows["lower_95"]).between(1.2, 100.0).all()
 
 
 def test_coverage_and_its_standard_error_are_those_of_numpy(estimates):
