@@ -25,6 +25,15 @@ DisplacementScaleOption = Annotated[
         "it widens the intervals of k and beta, not those of their ratios.",
     ),
 ]
+ForceScaleOption = Annotated[
+    float,
+    typer.Option(
+        min=0.0,
+        max=1.0,
+        help="Relative standard deviation of a common, unknown factor on force (0.01: load cell and lever arms are "
+        "known to 1 %); it widens the intervals of k and of forces, not those of ratios or of beta.",
+    ),
+]
 DisplacementSdOption = Annotated[
     float | None,
     typer.Option(

@@ -5,9 +5,10 @@ import pandas as pd
 import xarray as xr
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.diagnostics.leave_one_out import as_measured, densities_of_records, thinned
+from bayes_tyre.inference.diagnostics.leave_one_out import densities_of_records, thinned
 from bayes_tyre.inference.model.prepared_records import prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.common_scales import as_measured
 from bayes_tyre.inference.sampling.datatree import OPTIONS, RECORDS_DIGEST, attributes_of, model_of
 
 GROUP, VARIABLE = "log_likelihood", "record_force"

@@ -39,7 +39,7 @@ _SAMPLER = ("chains", "warmup", "draws")
 #: Missing in a `run.json` of an earlier version, and then None.
 _TARGET, _COLUMNS, _LONGEST = "target_accept", "columns", "longest"
 #: Options that a `run.json` has only where they were given: of the plan, and of the model.
-_IF_GIVEN, _LEVELS = ("limit", "reference", "record_draws"), (*LEVELS, "covariates")
+_IF_GIVEN, _OF_MODEL_IF_GIVEN = ("limit", "reference", "record_draws"), (*LEVELS, "covariates", "force_scale_sd")
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class Plan:
             **{
                 field.name: value
                 for field in fields(ModelSettings)
-                if (value := getattr(self.model, field.name)) or field.name not in _LEVELS
+                if (value := getattr(self.model, field.name)) or field.name not in _OF_MODEL_IF_GIVEN
             },
             "priors": self.model.priors.given(),
             **{"interval": self.interval, "units_checked": self.units_checked},

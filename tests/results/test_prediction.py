@@ -8,7 +8,7 @@ from helpers.hand_made_posteriors import fixed, grid, posterior, scattered
 from scipy.stats import binom
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.sampling.datatree import scale_displacement
+from bayes_tyre.inference.sampling.common_scales import with_scale
 from bayes_tyre.record import Case
 from bayes_tyre.results import prediction
 from bayes_tyre.results.case_selection import parse_query
@@ -103,7 +103,7 @@ def test_parameters_are_those_of_the_curve_and_hold_together():
 
 
 def test_an_unknown_scale_of_displacement_widens_the_curve_and_moves_its_start_with_it():
-    tree = scale_displacement(single_case(), 0.05, seed=3)
+    tree = with_scale(single_case(), "displacement_scale", 0.05, seed=3)
     made = predict(tree, "single (0)20-30", u=[0.0, 3.0])
     width = (made.curves["upper"] - made.curves["lower"]).to_numpy()
     assert width[0] == pytest.approx(0.0, abs=1e-12)

@@ -27,6 +27,7 @@ def fit(
     region: model_options.RegionOption = "all",
     initial_load: model_options.InitialLoadOption = "nominal",
     displacement_scale_sd: model_options.DisplacementScaleOption = 0.0,
+    force_scale_sd: model_options.ForceScaleOption = 0.0,
     displacement_sd: model_options.DisplacementSdOption = None,
     likelihood: model_options.LikelihoodOption = "compressed",
     repeats: model_options.RepeatsOption = "mixture",
@@ -98,6 +99,7 @@ def fit(
         specimen,
         day,
         tuple(covariate or ()),
+        force_scale_sd,
     )
     draws_per_chain, longest = shell.draws_and_longest(draws)
     settings = SamplerSettings(chains, warmup, draws_per_chain, seed, target_accept=target_accept, longest=longest)

@@ -32,6 +32,7 @@ from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.common_scales import as_measured
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_prepared
 from bayes_tyre.inference.sampling.run import SamplerSettings
 
@@ -67,14 +68,6 @@ class LeaveOneOut:
     pareto_k: Float[np.ndarray, " records"]
     refitted: np.ndarray
     effective_points: Float[np.ndarray, " records"]
-
-
-def as_measured(posterior: xr.Dataset) -> xr.Dataset:
-    """Return the cases of a posterior for displacement as it was measured, where it has a factor on displacement."""
-    if "displacement_scale" not in posterior:
-        return posterior
-    factor = posterior["displacement_scale"]
-    return posterior.assign(k_case=posterior["k_case"] * factor, beta_case=posterior["beta_case"] / factor)
 
 
 def leave_one_record_out(

@@ -20,7 +20,7 @@ from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood, Likelihood
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.record_data import RecordData
-from bayes_tyre.inference.sampling.datatree import as_measured
+from bayes_tyre.inference.sampling.common_scales import as_measured
 
 #: Numbers that the densities of the draws taken together may hold at once: memory stays, however many draws.
 _TOGETHER = 2_000_000
@@ -40,7 +40,7 @@ def log_prior(
     Parameters
     ----------
     posterior:
-        As `bayes_tyre.inference.sampling.datatree.to_datatree` or `scale_displacement` gives it.
+        As `bayes_tyre.inference.sampling.datatree.to_datatree` or `common_scales.with_scale` gives it.
     sites:
         The model's sites in `PRIORS`; those that the posterior lacks are passed over.
     data:

@@ -18,7 +18,8 @@ from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.prepared_records import record_batch, with_noise
 from bayes_tyre.inference.record_data import EQUATION_2, force_curves
-from bayes_tyre.inference.sampling.datatree import as_measured, model_of
+from bayes_tyre.inference.sampling.common_scales import as_measured
+from bayes_tyre.inference.sampling.datatree import model_of
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record_table import record_factors
 

@@ -31,6 +31,8 @@ class ModelSettings:
         over the mean force that a case's records really started from.
     displacement_scale_sd:
         Relative standard deviation of a common factor on displacement, carried into k and beta; 0: none.
+    force_scale_sd:
+        Relative standard deviation of a common factor on force, carried into k, J, C and F_i; 0: none.
     displacement_sd:
         Standard deviation of the error of a displacement, mm; None: of rounding to the converter's steps, in records
         whose displacements are multiples of one, or with noise ``auto`` what the records show of it.
@@ -76,6 +78,7 @@ class ModelSettings:
     specimen: str | None = None
     day: str | None = None
     covariates: Sequence[str] = ()
+    force_scale_sd: float = 0.0
 
     def __post_init__(self) -> None:
         if not isinstance(self.priors, Priors):
@@ -92,10 +95,9 @@ class ModelSettings:
         ):
             if getattr(self, name) not in allowed:
                 raise BadInput(f"{name} {getattr(self, name)!r} is unknown; use {' or '.join(allowed)}")
-        if not 0 <= self.displacement_scale_sd < np.inf:
-            raise BadInput(
-                f"displacement_scale_sd is {self.displacement_scale_sd}; give 0 or a relative sd such as 0.05"
-            )
+        for name in ("displacement_scale_sd", "force_scale_sd"):
+            if not 0 <= getattr(self, name) < np.inf:
+                raise BadInput(f"{name} is {getattr(self, name)}; give 0 or a relative sd such as 0.05")
         if self.displacement_sd is not None and not 0 <= self.displacement_sd < np.inf:
             raise BadInput(f"displacement_sd is {self.displacement_sd}; give mm, such as 0.01, or 0 for none")
         if self.noise_window > 1 and self.displacement_sd:

@@ -37,8 +37,6 @@ OPTIONS = (
 _WORDS = ("region", "initial_load", "repeats", "noise", "law")
 #: Attribute of a posterior's root: which records it was fitted to (`PreparedRecords.digest`).
 RECORDS_DIGEST = "records_sha256"
-#: Powers with which k and beta follow a factor on displacement.
-_POWERS = {"k": -1.0, "beta": 1.0}
 
 
 def _quantities() -> dict[str, tuple[str | None, str]]:
@@ -134,50 +132,6 @@ def to_datatree(
     tree["posterior"] = xr.DataTree(posterior)
     tree.attrs.update(attributes)
     return tree
-
-
-def scale_displacement(tree: xr.DataTree, relative_sd: float, seed: int) -> xr.DataTree:
-    """Return the posterior under a common, unknown factor on displacement, such as a gauge that reads 5 % short.
-
-    True displacement is `displacement_scale` times the measured one; the factor is log-normal about 1. Records cannot
-    tell it from k, for Eq. 2 holds for any factor with k / factor and beta x factor: every draw takes one of the
-    prior. All k move together and all beta with them, so no ratio of two k or two beta changes. J and F_i are forces
-    and keep their values, and so does C = F_i + J - k d_i, since d_i is scaled as k is divided.
-
-    Parameters
-    ----------
-    tree:
-        A posterior of `to_datatree`.
-    relative_sd:
-        Standard deviation of the factor's logarithm, such as 0.05.
-    seed:
-        Of the factors.
-    """
-    posterior = tree["posterior"].to_dataset()
-    shape = (posterior.sizes["chain"], posterior.sizes["draw"])
-    drawn = np.exp(relative_sd * np.random.default_rng(seed).standard_normal(shape))
-    factor = xr.DataArray(drawn, dims=("chain", "draw"), attrs={"units": "1"})
-    for parameter, power in _POWERS.items():
-        for name in (parameter, f"{parameter}_case", f"{parameter}_group"):
-            if name in posterior:
-                scaled = posterior[name] * factor**power
-                posterior[name] = scaled.transpose(*posterior[name].dims).assign_attrs(posterior[name].attrs)
-    scaled_tree = tree.copy()
-    scaled_tree["posterior"] = xr.DataTree(posterior.assign(displacement_scale=factor))
-    return scaled_tree
-
-
-def as_measured(posterior: xr.Dataset) -> xr.Dataset:
-    """Return a posterior's k and beta for displacement as it was measured, where it has a factor on displacement."""
-    if "displacement_scale" not in posterior:
-        return posterior
-    factor = posterior["displacement_scale"]
-    measured = {}
-    for parameter, power in _POWERS.items():
-        for name in (parameter, f"{parameter}_case", f"{parameter}_group"):
-            if name in posterior:
-                measured[name] = (posterior[name] * factor**-power).transpose(*posterior[name].dims)
-    return posterior.assign(measured)
 
 
 def _with_words(posterior: xr.Dataset, factors: Factors, factor_table: pd.DataFrame) -> xr.Dataset:

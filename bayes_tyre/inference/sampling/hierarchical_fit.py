@@ -20,7 +20,8 @@ from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.collapsed_fit import sample_collapsed
-from bayes_tyre.inference.sampling.datatree import RECORDS_DIGEST, attributes_of, scale_displacement, to_datatree
+from bayes_tyre.inference.sampling.common_scales import with_scale
+from bayes_tyre.inference.sampling.datatree import RECORDS_DIGEST, attributes_of, to_datatree
 from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.run import (
     RUNS,
@@ -77,7 +78,9 @@ def fit_hierarchical(
     tree = fit_prepared(records, settings, model)
     tree.attrs["origin"] = origin_of(table)
     if model.displacement_scale_sd > 0:
-        tree = scale_displacement(tree, model.displacement_scale_sd, settings.seed)
+        tree = with_scale(tree, "displacement_scale", model.displacement_scale_sd, settings.seed)
+    if model.force_scale_sd > 0:
+        tree = with_scale(tree, "force_scale", model.force_scale_sd, settings.seed + 1)
     return tree
 
 

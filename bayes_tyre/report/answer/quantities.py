@@ -35,6 +35,7 @@ _SINGLE = {
     "atanh_rho_typical": "typical correlation rho of the noise",
     "sd_atanh_rho": "standard deviation of the correlation rho between records",
     "displacement_scale": "common factor of the displacements",
+    "force_scale": "common factor of the forces",
 }
 #: A name and, in brackets, its element: a label may hold brackets itself.
 _ELEMENT = re.compile(r"\b(?P<name>[A-Za-z]\w*)(?:\[(?P<label>(?:[^\[\]]|\[[^\[\]]*\])*)\])?")

@@ -39,9 +39,10 @@ def unchecked(result: Reported) -> list[Unchecked]:
     """Return what the records cannot show of themselves: calibration, processing, smoothing."""
     one = f"1{PERCENT}"
     force = f"A force that is {one} too large makes k, C and J {one} too large. Ratios on one rig stay the same."
+    gauge = f"A gauge that reads {one} too much makes k {one} too small and beta {one} too large. Ratios stay the same."
     rows = [
-        Unchecked("Lever arms and the load cell's factor", force),
-        Unchecked("The displacement gauge", _gauge(result)),
+        Unchecked("Lever arms and the load cell's factor", force + _in_intervals(result, "force_scale_sd")),
+        Unchecked("The displacement gauge", gauge + _in_intervals(result, "displacement_scale_sd")),
     ]
     if "published" in result.origins:  # of printed numbers the caveats say it
         return rows
@@ -66,10 +67,9 @@ def unchecked(result: Reported) -> list[Unchecked]:
     ]
 
 
-def _gauge(result: Reported) -> str:
-    one = f"1{PERCENT}"
-    text = f"A gauge that reads {one} too much makes k {one} too small and beta {one} too large. Ratios stay the same."
-    sd = result.run["options"].get("displacement_scale_sd")
+def _in_intervals(result: Reported, option: str) -> str:
+    """Return which error the fit was told to expect, as a sentence to go on with; nothing where it was told none."""
+    sd = result.run["options"].get(option)
     if isinstance(sd, int | float) and sd > 0:
-        return f"{text} An error with a standard deviation of {100 * sd:g}{PERCENT} is in the intervals, no larger one."
-    return text
+        return f" An error with a standard deviation of {100 * sd:g}{PERCENT} is in the intervals, no larger one."
+    return ""

@@ -6,7 +6,8 @@ import xarray as xr
 
 from bayes_tyre.inference.diagnostics.residuals import OF_CURVE, Residuals, autocorrelations
 from bayes_tyre.inference.model.prepared_records import record_batch
-from bayes_tyre.inference.sampling.datatree import as_measured, law_of
+from bayes_tyre.inference.sampling.common_scales import as_measured
+from bayes_tyre.inference.sampling.datatree import law_of
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record_table import record_factors
 from bayes_tyre.results.prediction import force_kN

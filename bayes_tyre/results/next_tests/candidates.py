@@ -11,7 +11,8 @@ from jaxtyping import Float
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.record_levels import LEVELS as LEVELS_OF_RECORDS
-from bayes_tyre.inference.sampling.datatree import as_measured, case_parameters, priors_of, tree_cases
+from bayes_tyre.inference.sampling.common_scales import as_measured
+from bayes_tyre.inference.sampling.datatree import case_parameters, priors_of, tree_cases
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import AXLE_PARAMETERS, LAW_PARAMETERS, Case
 from bayes_tyre.results.case_draws import factors_along, flat, scatter_of_repeats

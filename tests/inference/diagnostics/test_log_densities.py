@@ -15,7 +15,7 @@ from bayes_tyre.inference.model.likelihood.compressed import compress
 from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood
 from bayes_tyre.inference.model.prepared_records import record_batch
 from bayes_tyre.inference.record_data import record_data
-from bayes_tyre.inference.sampling.datatree import as_measured, scale_displacement
+from bayes_tyre.inference.sampling.common_scales import POWERS, as_measured, with_scale
 from bayes_tyre.record_table import record_factors
 
 PLAN = Plan(configurations=("single",), speeds=(0.0,), loads=(20.0,), steps=(10.0,), points=30)
@@ -78,12 +78,13 @@ def test_draws_taken_a_few_at_a_time_give_the_same_and_so_does_the_compressed_li
     np.testing.assert_allclose(compressed, whole, rtol=1e-6)
 
 
-def test_a_factor_on_displacement_changes_no_density(made):
+@pytest.mark.parametrize("factor", POWERS)
+def test_a_common_factor_changes_no_density(made, factor):
     _, data, tree, factor_table = made
     sites = prior_sites(find_factors(factor_table))
-    plain, scaled = (each["posterior"].to_dataset() for each in (tree, scale_displacement(tree, 0.05, seed=1)))
+    plain, scaled = (each["posterior"].to_dataset() for each in (tree, with_scale(tree, factor, 0.05, seed=1)))
     assert float(np.abs(scaled["k"] / plain["k"] - 1.0).max()) > 0.05
-    for name in ("k", "beta_case", "k_group"):
+    for name in ("k", "beta_case", "k_group", "F_i", "sigma", "sigma_typical"):
         np.testing.assert_allclose(as_measured(scaled)[name], plain[name], rtol=1e-12)
     for one, other in (
         (log_densities.log_prior(scaled, sites, data), log_densities.log_prior(plain, sites, data)),

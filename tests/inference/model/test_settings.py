@@ -3,18 +3,16 @@
 import numpy as np
 import pandas as pd
 import pytest
-from helpers.hand_made_posteriors import grid, posterior, scattered
+from helpers.hand_made_posteriors import grid
 from helpers.simulated_records import Plan, simulate
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.prepared_records import record_batch, used_points
 from bayes_tyre.inference.model.settings import ModelSettings
-from bayes_tyre.inference.sampling.datatree import scale_displacement
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record_table import check_record_table
-from bayes_tyre.results.contrasts import contrasts
 
 pytestmark = pytest.mark.usefixtures("iterations_fully_compiled")
 
@@ -31,6 +29,7 @@ FIRST_70_PER_CENT = {1: 1, 2: 2, 10: 7, 11: 8, 1198: 839}
         {"displacement_scale_sd": -0.1},
         {"displacement_scale_sd": float("nan")},
         {"displacement_scale_sd": float("inf")},
+        {"force_scale_sd": -0.01},
         {"likelihood": "guessed"},
         {"repeats": "cauchy"},
         {"noise": "pink"},
@@ -111,25 +110,3 @@ def test_the_slope_over_the_actual_force_comes_back():
     # error is 0.08 / (0.87 sqrt(16 - 6)) = 0.03. Five of them are allowed: false alarms below one in a million.
     assert np.median(slope) == pytest.approx(SLOPE, abs=0.15)
     assert np.mean(slope > 0) > 0.99
-
-
-def test_the_displacement_scale_moves_all_k_together_and_no_ratio():
-    factor_table = grid()
-    before = posterior(scattered(factor_table, seed=1), factor_table)
-    after = scale_displacement(before, 0.05, seed=3)
-    old, new = before["posterior"].to_dataset(), after["posterior"].to_dataset()
-    factor = new["displacement_scale"]
-    # 1000 draws: the standard deviation of a sample sd is 2.2 %; four of them.
-    assert float(np.log(factor).std()) == pytest.approx(0.05, rel=0.09)
-    for name, power in (("k", -1), ("k_case", -1), ("k_group", -1), ("beta", 1), ("beta_case", 1)):
-        np.testing.assert_allclose(new[name], old[name] * factor**power, rtol=1e-14)
-        assert new[name].dims == old[name].dims
-        assert new[name].attrs == old[name].attrs
-    for name in ("J", "C", "F_i", "sigma"):
-        np.testing.assert_array_equal(new[name], old[name])
-    assert "displacement_scale" not in old
-    columns = ["median", "lower", "upper", "p_greater_than_1"]
-    ratios = [contrasts(tree, "pass")[columns].to_numpy() for tree in (before, after)]
-    np.testing.assert_allclose(ratios[1], ratios[0], rtol=1e-12)
-    again = scale_displacement(before, 0.05, seed=3)["posterior"]["k"]
-    np.testing.assert_array_equal(again, new["k"])

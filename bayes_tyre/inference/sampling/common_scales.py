@@ -1,0 +1,61 @@
+"""Common, unknown factors on what was measured: a gauge that reads 5 % short, a load cell that reads 1 % too much.
+
+True displacement is `displacement_scale` times the measured one, true force `force_scale` times; both are log-normal
+about 1. Records cannot tell them from k, beta, J and the rest: Equation 2 holds for any, with each parameter times a
+power of the factor. Every draw takes one of the prior. All k move together, and all beta, so that no ratio of two k or
+of two beta changes. Displacement has no power in C = F_i + J - k d_i, since d_i is scaled as k is divided.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+
+#: By the name of a factor in a posterior: the power with which each parameter follows it, whatever its level.
+POWERS: Mapping[str, Mapping[str, float]] = {
+    "displacement_scale": {"k": -1.0, "beta": 1.0},
+    "force_scale": dict.fromkeys(("k", "J", "C", "F_i", "sigma"), 1.0),
+}
+#: What a parameter is called at its levels; the effects of factors are of logarithms, which a common factor leaves.
+_LEVELS = ("{}", "{}_case", "{}_group", "{}_typical", "sd_{}")
+
+
+def with_scale(tree: xr.DataTree, name: str, relative_sd: float, seed: int) -> xr.DataTree:
+    """Return the posterior under an unknown factor.
+
+    Parameters
+    ----------
+    tree:
+        A posterior of records.
+    name:
+        Of the factor, in `POWERS`.
+    relative_sd:
+        Standard deviation of the factor's logarithm, such as 0.05.
+    seed:
+        Of the factors.
+    """
+    posterior = tree["posterior"].to_dataset()
+    shape = (posterior.sizes["chain"], posterior.sizes["draw"])
+    drawn = np.exp(relative_sd * np.random.default_rng(seed).standard_normal(shape))
+    factor = xr.DataArray(drawn, dims=("chain", "draw"), attrs={"units": "1"})
+    scaled_tree = tree.copy()
+    scaled_tree["posterior"] = xr.DataTree(_scaled(posterior, name, factor).assign({name: factor}))
+    return scaled_tree
+
+
+def as_measured(posterior: xr.Dataset) -> xr.Dataset:
+    """Return a posterior's parameters for displacement and force as they were measured, if it has factors on them."""
+    for name in POWERS:
+        if name in posterior:
+            posterior = _scaled(posterior, name, 1.0 / posterior[name])
+    return posterior
+
+
+def _scaled(posterior: xr.Dataset, name: str, factor: xr.DataArray) -> xr.Dataset:
+    scaled = {}
+    for parameter, power in POWERS[name].items():
+        for variable in (level.format(parameter) for level in _LEVELS):
+            if variable in posterior:
+                of_all = posterior[variable]
+                scaled[variable] = (of_all * factor**power).transpose(*of_all.dims).assign_attrs(of_all.attrs)
+    return posterior.assign(scaled)

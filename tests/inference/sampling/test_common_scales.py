@@ -1,0 +1,65 @@
+"""Common factors on displacement and force: what moves with them, what does not, and no ratio."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from helpers.hand_made_posteriors import grid, posterior, scattered
+
+from bayes_tyre.inference.sampling.common_scales import as_measured, with_scale
+from bayes_tyre.results.contrasts import contrasts
+
+#: Powers with which each quantity follows a factor, as the laws have it.
+FOLLOW = {
+    "displacement_scale": {"k": -1, "k_case": -1, "k_group": -1, "beta": 1, "beta_case": 1, "beta_group": 1},
+    "force_scale": dict.fromkeys(("k", "k_case", "k_group", "J", "sd_J", "C", "F_i", "sigma", "sigma_typical"), 1),
+}
+
+
+def before() -> xr.DataTree:
+    factor_table = grid()
+    return posterior(scattered(factor_table, seed=1), factor_table)
+
+
+@pytest.mark.parametrize("name", FOLLOW)
+def test_a_common_factor_moves_all_that_follow_it_together_and_no_ratio(name):
+    tree = before()
+    after = with_scale(tree, name, 0.05, seed=3)
+    old, new = tree["posterior"].to_dataset(), after["posterior"].to_dataset()
+    # 1000 draws: the standard deviation of a sample sd is 2.2 %; four of them.
+    assert float(np.log(new[name]).std()) == pytest.approx(0.05, rel=0.09)
+    for variable in old.data_vars:
+        expected = old[variable] * new[name] ** FOLLOW[name].get(variable, 0)
+        np.testing.assert_allclose(new[variable], expected.transpose(*old[variable].dims), rtol=1e-14)
+        assert new[variable].dims == old[variable].dims
+        assert new[variable].attrs == old[variable].attrs
+    assert name not in old
+    columns = ["median", "lower", "upper", "p_greater_than_1"]
+    ratios = [contrasts(each, "pass")[columns].to_numpy() for each in (tree, after)]
+    np.testing.assert_allclose(ratios[1], ratios[0], rtol=1e-12)
+    again = with_scale(tree, name, 0.05, seed=3)["posterior"]["k"]
+    np.testing.assert_array_equal(again, new["k"])
+
+
+def test_what_was_measured_is_what_was_scaled_by_both_factors():
+    tree = before()
+    both = with_scale(with_scale(tree, "displacement_scale", 0.05, seed=3), "force_scale", 0.02, seed=4)
+    found, expected = as_measured(both["posterior"].to_dataset()), tree["posterior"].to_dataset()
+    for variable in expected.data_vars:
+        np.testing.assert_allclose(found[variable], expected[variable], rtol=1e-12)
+
+
+def test_curves_of_a_law_are_those_measured_times_the_factors():
+    """The factors are what makes the law hold for true force over true displacement."""
+    both = with_scale(with_scale(before(), "displacement_scale", 0.05, seed=3), "force_scale", 0.02, seed=4)
+    new, old = both["posterior"].to_dataset(), before()["posterior"].to_dataset()
+    u = 0.03
+
+    def force(draws: xr.Dataset, u: xr.DataArray | float) -> xr.DataArray:
+        return draws["F_i"] + (draws["J"] + draws["k"] * u) * (1.0 - np.exp(-u / draws["beta"]))
+
+    np.testing.assert_allclose(
+        force(new, u * new["displacement_scale"]), new["force_scale"] * force(old, u), rtol=1e-12
+    )
+    of_C, of_old_C = (draws["F_i"] + draws["J"] - draws["C"] for draws in (new, old))
+    d_i, old_d_i = of_C / new["k"], of_old_C / old["k"]
+    np.testing.assert_allclose(d_i, new["displacement_scale"] * old_d_i, rtol=1e-12)
