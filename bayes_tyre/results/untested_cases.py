@@ -18,12 +18,30 @@ from bayes_tyre.results.level_trend import effects_by_trend
 _TRENDS = ("speed", "load", "step")
 
 
+def has_slope(posterior: xr.Dataset) -> bool:
+    """Return whether the initial load of a posterior is the force that each record really started from.
+
+    That of a new case is then not known.
+    """
+    return "log_k_load" in posterior and posterior.sizes["load"] == 1
+
+
 def untested(posterior: xr.Dataset, priors: Priors, case: Case, rng: np.random.Generator) -> CaseValues:
     """Return a case without records: k and beta as `log_values_of_untested` has them.
 
     J, and F_i less the load that a step starts from, are those of the records of the same configuration and direction;
     where a step starts in displacement is not known.
+
+    Raises
+    ------
+    BadInput
+        For a posterior with a slope over the force that records really started from.
     """
+    if has_slope(posterior):
+        raise BadInput(
+            "was fitted with --initial-load actual: the force from which a case that was not tested would start is not "
+            "known; fit without it, or name a case that was tested"
+        )
     k, beta = (np.exp(log_values_of_untested(posterior, priors, name, [case], rng)[:, 0]) for name in ("k", "beta"))
     alike = records_like(posterior, case, CASE_FACTORS[:2])
     start, factors = start_of(posterior, alike), factors_along(posterior, "record")

@@ -5,6 +5,7 @@ import pytest
 import xarray as xr
 from helpers.hand_made_posteriors import fixed, grid, posterior, scattered
 
+from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.record import Case
 from bayes_tyre.results.untested_cases import log_values_of_untested, untested
@@ -68,3 +69,10 @@ def test_a_step_starts_from_the_load_asked_for_as_those_that_were_measured_did()
     np.testing.assert_allclose(start.J.mean(), drawn["J"].to_numpy()[..., alike].mean())
     assert np.isnan(start.d_i).all()
     assert np.isnan(values.mean().C).all()
+
+
+def test_where_the_load_is_the_force_that_records_started_from_no_case_is_new():
+    drawn = tree()["posterior"].to_dataset()
+    slope = drawn.assign(log_k_load=(("chain", "draw", "load"), np.zeros((*drawn["k"].shape[:2], 1))))
+    with pytest.raises(BadInput, match="--initial-load actual"):
+        untested(slope, PRIORS, of(15.0), np.random.default_rng(1))

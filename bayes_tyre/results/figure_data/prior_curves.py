@@ -13,6 +13,7 @@ from bayes_tyre.inference.model.prior_predictive import PriorDraws, draw_prior, 
 from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.datatree import law_of, model_of
 from bayes_tyre.record_table import record_factors
+from bayes_tyre.results.untested_cases import has_slope
 
 #: The most panels; records of the data, and of the prior, in each; points of a prior record.
 PANELS, REAL, DRAWN, POINTS = 6, 5, 40, 80
@@ -72,8 +73,7 @@ def prior_panels(tree: xr.DataTree, table: pd.DataFrame, interval: float = 0.95,
 
 def _levels(tree: xr.DataTree, table: pd.DataFrame, factor_table: pd.DataFrame) -> Factors:
     """Return the levels that the posterior was fitted with: a slope over actual initial loads has one `load`."""
-    posterior = tree["posterior"].to_dataset()
-    slope = "log_k_load" in posterior and posterior.sizes["load"] == 1
+    slope = has_slope(tree["posterior"].to_dataset())
     return find_factors(factor_table, record_batch(table).force_kN[:, 0] if slope else None)
 
 

@@ -22,6 +22,7 @@ from bayes_tyre.results.next_tests.goals import Goal, parse_goal
 from bayes_tyre.results.next_tests.plan import Costs, choose_tests, planned, ranking
 from bayes_tyre.results.next_tests.rankings import WrongRanking, parse_ranking
 from bayes_tyre.results.next_tests.rankings import ranking as ranking_of_configurations
+from bayes_tyre.results.untested_cases import has_slope
 from bayes_tyre.rig.faults import first_fault
 from bayes_tyre.workflow.from_results.predict import errors_name, read_posterior
 
@@ -76,8 +77,7 @@ def write_next(
         with errors_name(path):
             posterior = tree["posterior"].to_dataset()
             cases = tree_cases(posterior)
-            slope = "log_k_load" in posterior and posterior.sizes["load"] == 1  # new cases start at no known force
-            possible = candidates(tree, [] if slope else new_cases(cases, dict(costs.rig)), seed)
+            possible = candidates(tree, [] if has_slope(posterior) else new_cases(cases, dict(costs.rig)), seed)
             parsed, expected = _forecast(goal, possible)
             now = expected.expected(()).value
             if not math.isfinite(now):
