@@ -8,13 +8,24 @@ from bayes_tyre.report.answer.formatting import given, interval_name, label, rou
 from bayes_tyre.report.answer.load import Reported
 
 ENERGY = "energy_per_cycle"
+#: Half the stroke of what is called free vibration, mm at the wheel centre
+#: (`bayes_tyre.inference.motion.record.stiffness`).
+RING_DOWN_MM = 0.1
+#: What a law predicts of the stiffness of other tests, in `summary.csv`, and what a sentence calls it.
+_STIFFNESSES = {
+    "static_stiffness_case": "a slow cycle of {asked}",
+    "ring_down_stiffness_case": "a free vibration of {small}",
+}
 #: What a law tells of friction, by the name of its parameter; a law without friction tells none.
 FRICTION = {"x": "friction x", "settled": "the settled friction"}
-#: Of `summary.csv`: what each case loses beside the energy, and what the table calls it.
+#: Of `summary.csv`: what each case loses beside the energy, how stiff its cycles are, and what the table calls it.
 LOSSES = {
     "loss_factor_case": "loss factor",
     "equivalent_damping_case": "equivalent damping",
     "separation_case": "separation of branches",
+    "static_stiffness_case": "stiffness of a slow cycle",
+    "stiffness_at_1_Hz_case": "stiffness of a cycle at 1 Hz",
+    "ring_down_stiffness_case": "stiffness of free vibration",
 }
 #: With more values than these a sentence leaves their intervals to the table.
 _WITH_INTERVAL = 2
@@ -61,6 +72,22 @@ def _amplitude(result: Reported) -> str:
     return f"{stated} amplitude at the wheel centre"
 
 
+def _of_other_tests(result: Reported) -> str:
+    """Return the stiffness that the fitted law predicts of other tests than steps, over the cases."""
+    where = {"asked": _amplitude(result), "small": f"{given(RING_DOWN_MM)}\N{NO-BREAK SPACE}mm"}
+    parts = []
+    for parameter, test in _STIFFNESSES.items():
+        medians = result.summary.loc[result.summary["parameter"] == parameter, "median"]
+        if not medians.empty:
+            span = " to ".join(dict.fromkeys(rounded(float(value)) for value in (medians.min(), medians.max())))
+            parts.append(f"{span} kN/mm for {test.format(**where)}")
+    predicts = f"the fitted law predicts {' and '.join(parts)}, by case. " if parts else ""
+    return (
+        f"{predicts}Published static stiffness of truck tyres is a half to a third of what steps give, for which the "
+        "law has no part."
+    )
+
+
 def losses_caveats(result: Reported) -> list[tuple[str, str]]:
     """Return what not to believe of the losses, and why."""
     by_friction = any(not result.means(parameter).empty for parameter in FRICTION)
@@ -74,6 +101,7 @@ def losses_caveats(result: Reported) -> list[tuple[str, str]]:
             "The energy as that of another stroke, or as all that a tyre loses",
             f"it is what the fitted law loses in a cycle of {_amplitude(result)}; {what}.",
         ),
+        ("k as the stiffness that a slow test or a free vibration measures", _of_other_tests(result)),
         (
             "The estimates if the tyre does not follow the law that was fitted to its motion",
             "the verdict cannot tell. Look at the residuals: those of a few records below, of each with motion "

@@ -34,6 +34,11 @@ PARAMETERS = {
         "Separation of branches, kN",
         "2 (x - k beta): how far apart the force settles going up and coming down, on flat ground.",
     ),
+    "stiffness of a slow cycle": (
+        "Stiffness of a cycle, kN/mm",
+        "Change of force over the stroke, slow, at 1 Hz or in free vibration, on flat ground. With friction it exceeds "
+        "k, the more the smaller the cycle: what a law predicts of other tests than the step it was fitted to.",
+    ),
     "sigma": ("sigma, kN", "Noise of the force about the fitted curve."),
 }
 ALWAYS = {

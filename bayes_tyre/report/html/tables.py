@@ -9,7 +9,7 @@ import pandas as pd
 from bayes_tyre.record import CASE_FACTORS, FACTORS
 from bayes_tyre.report.answer.formatting import given, label, rounded
 from bayes_tyre.report.answer.load import MEAN, Reported
-from bayes_tyre.report.answer.losses import losses_tables
+from bayes_tyre.report.answer.losses import RING_DOWN_MM, losses_tables
 from bayes_tyre.report.wording import probability_text, text_name
 
 #: What factors are called above a column, and their unit; whether they are numbers.
@@ -93,8 +93,11 @@ def cases_table(results: Sequence[Reported]) -> Table:
 
 
 def losses_table(results: Sequence[Reported]) -> Table:
-    """Return what each case of motions loses beside the energy: loss factor, equivalent damping, separation."""
-    caption = "Losses of each case: at the amplitude of the energy; the separation of branches on flat ground"
+    """Return what each case of motions loses beside the energy, and how stiff its cycles are."""
+    caption = (
+        "Losses and stiffness of each case: in a cycle of the energy's amplitude, free vibration in one of "
+        f"{RING_DOWN_MM:g} mm; separation of branches and stiffness on flat ground"
+    )
     return _table("losses", caption, results, losses_tables(results), CASE_FACTORS, _values)
 
 

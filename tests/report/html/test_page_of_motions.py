@@ -72,8 +72,10 @@ def test_tables_have_every_parameter_of_motions(both):
     contrasts = [column.heading for column in tables.contrasts_table([both]).columns]
     assert [name for name in contrasts if name.startswith("ratio")] == [f"ratio of {name}" for name in COLUMNS]
     losses = tables.losses_table([both])
-    assert [(column.heading, column.unit) for column in losses.columns][-3:] == [
-        *(("loss factor", ""), ("equivalent damping", "kN s/mm"), ("separation of branches", "kN"))
+    assert [(column.heading, column.unit) for column in losses.columns][-6:] == [
+        *(("loss factor", ""), ("equivalent damping", "kN s/mm"), ("separation of branches", "kN")),
+        *(("stiffness of a slow cycle", "kN/mm"), ("stiffness of a cycle at 1 Hz", "kN/mm")),
+        ("stiffness of free vibration", "kN/mm"),
     ]
     assert len(losses.rows) == len(both.cases[both.cases["parameter"] == "k"])
 
@@ -84,7 +86,10 @@ def test_the_page_names_what_it_is_of_and_what_not_to_believe(both):
     assert "Simulated: records computed from a model." in page
     assert "Loss factor" in page
     assert "energy_per_cycle" not in page
-    assert any("2 mm amplitude" in said and "another stroke" in said for said in map(plain, caveats(both)))
+    said = list(map(plain, caveats(both)))
+    assert any("2 mm amplitude" in one and "another stroke" in one for one in said)
+    tests = next(one for one in said if "slow test" in one)
+    assert re.search(r"\d kN/mm for a slow cycle of 2.mm amplitude .* \d kN/mm for a free vibration of 0\.1.mm", tests)
 
 
 def test_energy_is_said_to_be_by_friction_only_where_the_law_has_some(both):

@@ -1,4 +1,4 @@
-"""Losses of records and cases in a cycle of a given amplitude at the wheel centre, at every posterior draw."""
+"""Losses and stiffness of records and cases in cycles of a given amplitude, at every posterior draw."""
 
 import functools
 from collections.abc import Sequence
@@ -9,21 +9,27 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import xarray as xr
-from jaxtyping import ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw, motion_law
-from bayes_tyre.inference.motion.record.energy import Losses, losses_from_reported
+from bayes_tyre.inference.motion.record.energy import losses_from_reported
+from bayes_tyre.inference.motion.record.stiffness import RING_DOWN_MM, stiffnesses_from_reported
 from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.rig.axle import Rig
 
-#: Quantities that `with_losses` adds for records and for cases: name, unit, field of `Losses`.
+#: The one quantity that is not of a cycle of the amplitude asked for.
+RING_DOWN = "ring_down_stiffness"
+#: Quantities that `with_losses` adds for records and for cases: name, unit, field of `Losses` or of `Stiffnesses`.
 OF_RECORDS = (("energy_per_cycle", "J", "energy_J"),)
 OF_CASES = (
     *OF_RECORDS,
     ("loss_factor", "1", "loss_factor"),
     ("equivalent_damping", "kN s/mm", "damping_kN_s_per_mm"),
     ("separation", "kN", "separation_kN"),
+    ("static_stiffness", "kN/mm", "static_kN_per_mm"),
+    ("stiffness_at_1_Hz", "kN/mm", "one_Hz_kN_per_mm"),
+    (RING_DOWN, "kN/mm", "ring_down_kN_per_mm"),
 )
 
 
@@ -37,7 +43,7 @@ class Middle(NamedTuple):
 def with_losses(
     tree: xr.DataTree, factor_table: pd.DataFrame, of_records: Sequence[Middle], amplitude_mm: float
 ) -> xr.DataTree:
-    """Return a posterior with the energy per cycle of records and cases, and the cases' loss factor and damping.
+    """Return a posterior with the energy per cycle of records and cases, and the cases' other losses and stiffness.
 
     Parameters
     ----------
@@ -77,20 +83,36 @@ def _losses(
     named = [posterior[f"{name}{ending}"].transpose("chain", "draw", dim) for name in law.reported_parameters]
     values = np.stack([value.to_numpy() for value in named], axis=-1)
     each = [
-        _of_draws(middle.rig, law, values[:, :, i].reshape(-1, values.shape[-1]), middle.displacement_mm, amplitude_mm)
+        _of_draws(
+            *(middle.rig, law, values[:, :, i].reshape(-1, values.shape[-1]), middle.displacement_mm, amplitude_mm),
+            with_stiffness=dim == "case",
+        )
         for i, middle in enumerate(middles)
     ]
     template = posterior[f"k{ending}"].transpose("chain", "draw", dim)
     arrays = {}
     for name, unit, field in wanted:
-        stacked = np.stack([np.asarray(getattr(one, field)) for one in each], axis=-1).reshape(template.shape)
-        arrays[f"{name}{ending}"] = template.copy(data=stacked).assign_attrs(units=unit, amplitude_mm=amplitude_mm)
+        stacked = np.stack([np.asarray(one[field]) for one in each], axis=-1).reshape(template.shape)
+        of_cycle = RING_DOWN_MM if name == RING_DOWN else amplitude_mm
+        arrays[f"{name}{ending}"] = template.copy(data=stacked).assign_attrs(units=unit, amplitude_mm=of_cycle)
     return arrays
 
 
-@functools.partial(jax.jit, static_argnums=0)
+@functools.partial(jax.jit, static_argnames=("rig", "with_stiffness"))
 def _of_draws(
-    rig: Rig, law: MotionLaw, values: Float[ArrayLike, "draws p"], displacement_mm: ScalarLike, amplitude_mm: ScalarLike
-) -> Losses:
-    # C, which moves the middle by tenths of a mm and causes no loss, is 0.
-    return jax.vmap(lambda one: losses_from_reported(rig, law, one, displacement_mm, amplitude_mm))(jnp.asarray(values))
+    rig: Rig,
+    law: MotionLaw,
+    values: Float[ArrayLike, "draws p"],
+    displacement_mm: ScalarLike,
+    amplitude_mm: ScalarLike,
+    with_stiffness: bool,
+) -> dict[str, Float[Array, " draws"]]:
+    """Return losses, and the cases' stiffnesses, by field."""
+
+    def of_one(one: Float[Array, " p"]) -> dict[str, Float[Array, ""]]:
+        # C, which moves the middle by tenths of a mm and causes no loss, is 0.
+        cycle = rig, law, one, displacement_mm, amplitude_mm
+        found = losses_from_reported(*cycle)._asdict()
+        return found | (stiffnesses_from_reported(*cycle)._asdict() if with_stiffness else {})
+
+    return jax.vmap(of_one)(jnp.asarray(values))

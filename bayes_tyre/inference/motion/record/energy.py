@@ -1,6 +1,7 @@
 """Energy, loss factor and equivalent damping of a cycle at the wheel centre."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -69,24 +70,40 @@ def losses(
         Damping at the wheel centre that counts as a loss, at the mass's natural frequency on k.
     """
     d, a = jnp.asarray(displacement_mm, float), jnp.asarray(amplitude_mm, float)
-
-    def to_flat(d: Array) -> Array:
-        return jnp.asarray(geometry.flat_ground_displacement(rig, d))
-
-    def middle_line(d: Array) -> Array:
-        return jnp.asarray(law.k * to_flat(d) + law.C) * wheel_centre_per_flat(rig, d)
-
+    to_flat = partial(_to_flat, rig)
     # A force that depends on the displacement alone loses nothing. The factor from flat ground to the wheel centre is
     # taken at the middle of the stroke: its error is odd about it, to second order in the stroke.
-    stroke = (to_flat(d + a) - to_flat(d - a)) / 2
     weight = wheel_centre_per_flat(rig, d) / jax.jvp(to_flat, (d,), (jnp.ones_like(d),))[1]
-    slope = jax.jvp(middle_line, (d,), (jnp.ones_like(d),))[1]
-    omega = jnp.sqrt(slope / (jnp.asarray(m_kg) * KN_PER_KG_MM_PER_S2))
-    energy = weight * _loss_on_flat(law, to_flat(d), stroke, omega)
+    slope = _slope(rig, law, d)
+    omega = free_omega(rig, law, m_kg, d)
+    energy = weight * _loss_on_flat(law, to_flat(d), stroke_on_flat(rig, d, a), omega)
     energy = energy + jnp.pi * jnp.asarray(c_kN_s_per_mm) * omega * a**2
     viscous = energy / (jnp.pi * omega * a**2)
     settled = jnp.subtract(law.x, jnp.multiply(law.k, law.beta)) if isinstance(law, Fancher) else _settled(law)
     return Losses(energy, energy / (jnp.pi * slope * a**2), viscous, 2 * settled)
+
+
+def _to_flat(rig: Rig, d: Array) -> Array:
+    return jnp.asarray(geometry.flat_ground_displacement(rig, d))
+
+
+def _slope(rig: Rig, law: Any, d: Array) -> Array:
+    """Return the slope of the middle line at the wheel centre, kN/mm."""
+
+    def middle_line(d: Array) -> Array:
+        return jnp.asarray(law.k * _to_flat(rig, d) + law.C) * wheel_centre_per_flat(rig, d)
+
+    return jax.jvp(middle_line, (d,), (jnp.ones_like(d),))[1]
+
+
+def stroke_on_flat(rig: Rig, d: Array, amplitude_mm: Array) -> Array:
+    """Return half the stroke on flat ground, mm, of a cycle about a displacement at the wheel centre."""
+    return (_to_flat(rig, d + amplitude_mm) - _to_flat(rig, d - amplitude_mm)) / 2
+
+
+def free_omega(rig: Rig, law: Any, m_kg: ScalarLike, d: Array) -> Array:
+    """Return the angular frequency, 1/s, at which the mass swings freely on k about a displacement, mm."""
+    return jnp.sqrt(_slope(rig, law, d) / (jnp.asarray(m_kg) * KN_PER_KG_MM_PER_S2))
 
 
 def _settled(law: Any) -> Array:
@@ -107,22 +124,32 @@ def _loss_on_flat(law: Any, middle_mm: Array, stroke_mm: Array, omega: Array) ->
 def steady_loss(law: Any, middle_mm: Array, stroke_mm: Array) -> Array:
     """Return the steady loss of a cycle of any rate-independent law on flat ground, J.
 
+    It agrees with the closed form of `Fancher` to 4e-4 for amplitudes from beta / 2. Arguments as in `steady_cycle`.
+    """
+    return loop_energy(*steady_cycle(law, middle_mm, stroke_mm))
+
+
+def steady_cycle(
+    law: Any, middle_mm: Array, stroke_mm: Array
+) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
+    """Return displacement, mm, and force off the middle line, kN, of a steady cycle of a rate-independent law.
+
     Some strokes from the middle line remove the influence of the start; then a cycle with points close together where
-    it turns. It agrees with the closed form of `Fancher` to 4e-4 for amplitudes from beta / 2.
+    it turns.
 
     Parameters
     ----------
     law:
         With a middle line k d + C, which loses nothing and is omitted from the force.
     middle_mm, stroke_mm:
-        Middle of the cycle and half its stroke, mm.
+        Middle of the cycle and half its stroke, mm, on flat ground.
     """
     bare = replace(law, k=0.0, C=0.0)
     ends = middle_mm + stroke_mm * jnp.where(jnp.arange(WARM_UP_STROKES) % 2 == 0, 1.0, -1.0)
     start = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), bare.init(middle_mm - stroke_mm, jnp.zeros(())))
     state, _ = jax.lax.scan(lambda state, d: (bare.step(state, d)[0], None), start, ends)
     cycle = middle_mm - stroke_mm * jnp.cos(jnp.linspace(0.0, 2 * jnp.pi, 2 * HALF_CYCLE + 1))
-    return loop_energy(cycle, jax.lax.scan(lambda state, d: bare.step(state, d), state, cycle)[1])
+    return cycle, jax.lax.scan(lambda state, d: bare.step(state, d), state, cycle)[1]
 
 
 def losses_from_reported(

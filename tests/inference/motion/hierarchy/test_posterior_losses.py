@@ -5,8 +5,9 @@ import numpy as np
 import xarray as xr
 from helpers.hand_made_posteriors import fixed, grid, posterior
 
-from bayes_tyre.inference.motion.hierarchy.posterior_losses import OF_CASES, Middle, with_losses
+from bayes_tyre.inference.motion.hierarchy.posterior_losses import OF_CASES, RING_DOWN, Middle, with_losses
 from bayes_tyre.inference.motion.record.energy import losses
+from bayes_tyre.inference.motion.record.stiffness import RING_DOWN_MM, stiffnesses
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.rig.axle import load_rig
 
@@ -30,10 +31,11 @@ def test_each_draw_is_the_law_s_own():
     at = {"chain": 1, "draw": 5, "case": 2}
     k, x, beta, m = (float(found[f"{name}_case"][at]) for name in ("k", "x", "beta", "m"))
     law = Fancher(k=k, C=0.0, x=x, beta=beta)
-    expected = losses(middles[2].rig, law, m, middles[2].displacement_mm, jnp.asarray(1.5))
+    cycle = middles[2].rig, law, m, middles[2].displacement_mm, jnp.asarray(1.5)
+    expected = losses(*cycle)._asdict() | stiffnesses(*cycle)._asdict()
     for name, unit, field in OF_CASES:
         quantity = found[f"{name}_case"]
-        np.testing.assert_allclose(quantity[at], getattr(expected, field), rtol=1e-12)
-        assert quantity.attrs == {"units": unit, "amplitude_mm": 1.5}
+        np.testing.assert_allclose(quantity[at], expected[field], rtol=1e-12)
+        assert quantity.attrs == {"units": unit, "amplitude_mm": RING_DOWN_MM if name == RING_DOWN else 1.5}
     # One record a case: the record's energy is its case's.
     np.testing.assert_allclose(found["energy_per_cycle"], found["energy_per_cycle_case"], rtol=1e-12)
