@@ -88,12 +88,9 @@ def _order(codes: Int[np.ndarray, " rows"]) -> Int[np.ndarray, " rows"] | None:
     return None if (np.diff(codes) >= 0).all() else np.argsort(codes, kind="stable")
 
 
-def pad(
-    records: tuple[str, ...], displacement: list[np.ndarray], force: list[np.ndarray], width: int | None = None
-) -> Batch:
-    """Return the records (mm, kN; one array each) as a batch of the given width (default: the longest)."""
-    width = width or max(len(d) for d in displacement)
-    shape = (len(records), width)
+def pad(records: tuple[str, ...], displacement: list[np.ndarray], force: list[np.ndarray]) -> Batch:
+    """Return the records (mm, kN; one array each) as a batch as wide as the longest."""
+    shape = (len(records), max(len(d) for d in displacement))
     present = np.zeros(shape, dtype=bool)
     padded_d, padded_f = np.empty(shape), np.empty(shape)
     for i, (d, f) in enumerate(zip(displacement, force, strict=True)):

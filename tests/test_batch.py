@@ -72,9 +72,9 @@ def test_pad_is_as_wide_as_the_longest():
 
 
 def test_a_narrowed_batch_keeps_its_first_points():
-    batch = pad(("a", "b"), [np.arange(3.0), np.arange(2.0)], [np.ones(3), np.zeros(2)], width=8)
+    batch = pad(("a", "b"), [np.arange(4.0), np.arange(2.0)], [np.ones(4), np.zeros(2)])
     narrow = batch.narrowed(3)
     assert narrow.records == batch.records
     np.testing.assert_array_equal(narrow.displacement_mm, batch.displacement_mm[:, :3])
     np.testing.assert_array_equal(narrow.force_kN, batch.force_kN[:, :3])
-    np.testing.assert_array_equal(narrow.points, batch.points)
+    assert narrow.points.tolist() == [3, 2]

@@ -26,11 +26,6 @@ class Turning(NamedTuple):
     turn_Hz: float
     harmonics: int
 
-    @property
-    def frequencies_Hz(self) -> list[float]:
-        """Return those of its harmonics."""
-        return [order * self.turn_Hz for order in range(1, self.harmonics + 1)]
-
 
 class Runout(NamedTuple):
     """What was removed: the turning bodies, refined, and the amplitude of their acceleration (root mean square)."""

@@ -36,10 +36,9 @@ SLOW_TESTS = Kind("test", check_load_deflection, "load_kN", "load")
 
 @dataclass(frozen=True)
 class Written:
-    """Tables written: a row a test, a row a case (its tests averaged), and k pooled with steps if asked for."""
+    """What was written: a row a test, k pooled with steps if asked for, remarks on averages, and all files."""
 
     tests: pd.DataFrame
-    cases: pd.DataFrame
     shared: pd.DataFrame | None
     notes: list[str]
     paths: list[Path]
@@ -82,7 +81,7 @@ def fit_load_deflection(
     setting = Setting(origin_of(table), configurations=tuple(_configurations(table)))
     figure = load_deflection_loops(_panels(readings, tests, cases), setting, basis)
     paths.append(save(figure, out / FIGURE))
-    return Written(tests, cases, shared, notes, paths)
+    return Written(tests, shared, notes, paths)
 
 
 def _configurations(table: pd.DataFrame) -> list[str]:

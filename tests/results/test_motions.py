@@ -10,7 +10,7 @@ from helpers.quick_motions import TYPICAL, drawn
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.motion.hierarchy.model import Motions
 from bayes_tyre.inference.motion.hierarchy.posterior_losses import Middle, with_losses
-from bayes_tyre.inference.sampling.datatree import MOTION_CASE_PARAMETERS
+from bayes_tyre.record import AXLE_PARAMETERS, ENERGY
 from bayes_tyre.report.figures import catalogue
 from bayes_tyre.report.figures.catalogue import Result, chosen_figure
 from bayes_tyre.results import summary
@@ -20,6 +20,7 @@ from bayes_tyre.results.recovery import OF_MOTIONS, of_posterior
 from bayes_tyre.rig.axle import load_rig
 
 FACTORS = grid(repeats=3, speeds=(0.0,))
+PARAMETERS = ("k", "x", "beta", *AXLE_PARAMETERS, ENERGY)  # of Fancher's law
 
 
 @pytest.fixture(scope="module")
@@ -33,17 +34,17 @@ def tree() -> xr.DataTree:
 def test_every_table_has_the_parameters_of_motions(tree):
     cases, repeats = summary.cases(tree, "pass"), summary.repeats(tree, "pass")
     for table in (cases, repeats, contrasts(tree, "pass")):
-        assert list(dict.fromkeys(table["parameter"])) == list(MOTION_CASE_PARAMETERS)
+        assert list(dict.fromkeys(table["parameter"])) == list(PARAMETERS)
         assert set(table["origin"]) == {"simulated"}
     units = dict(zip(cases["parameter"], cases["unit"], strict=True))
-    assert [units[name] for name in MOTION_CASE_PARAMETERS] == ["kN/mm", "kN", "mm", "kg", "kN s/mm", "J"]
-    assert {f"{name}_mean" for name in MOTION_CASE_PARAMETERS} <= set(summary.summary(tree, "pass")["parameter"])
+    assert [units[name] for name in PARAMETERS] == ["kN/mm", "kN", "mm", "kg", "kN s/mm", "J"]
+    assert {f"{name}_mean" for name in PARAMETERS} <= set(summary.summary(tree, "pass")["parameter"])
 
 
 def test_figures_have_a_panel_a_parameter_and_name_the_amplitude(tree):
     result = Result(tree, "pass")
     for name in ("forest_of_cases", "contrasts"):
-        assert len(catalogue.ALWAYS[name](result)().axes) == len(MOTION_CASE_PARAMETERS)
+        assert len(catalogue.ALWAYS[name](result)().axes) == len(PARAMETERS)
     energy = catalogue.OF_MOTIONS["energy_per_cycle"](result)()
     assert len(energy.axes) == 2  # loading, unloading
     assert "2 mm amplitude at the wheel centre" in " ".join(text.get_text() for text in energy.texts)

@@ -17,19 +17,6 @@ _NO_VECTORS = {"MATLAB_empty", "MATLAB_object_decode", "MATLAB_sparse"}
 _REAL = "buif"
 
 
-def read_mat_variables(path: Path) -> dict[str, np.ndarray]:
-    """Return the vectors of numbers in a MATLAB file by name; ``run.load`` is a field of a struct.
-
-    Scalars, matrices, text, cells and objects such as timetables are left out.
-
-    Raises
-    ------
-    BadInput
-        If the file is missing or cannot be read.
-    """
-    return {name: leaf for name, leaf in read_mat(path).items() if isinstance(leaf, np.ndarray) and leaf.ndim == 1}
-
-
 def read_mat(path: Path) -> dict[str, np.ndarray | str]:
     """Return the arrays of real numbers in a MATLAB file, without dimensions of one element, and its text, by name.
 

@@ -121,11 +121,6 @@ class ScaledProblem(NamedTuple):
     high: Float[Array, "5"]
 
     @property
-    def bounded(self) -> Bool[Array, "5"]:
-        """True where a parameter has a bound, to either side."""
-        return jnp.isfinite(self.low) | jnp.isfinite(self.high)
-
-    @property
     def beta_ends(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """Least and largest beta: its bounds, or limits beyond which beta changes no force."""
         low, high = self.low[BETA], self.high[BETA]

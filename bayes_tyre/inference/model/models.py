@@ -35,9 +35,6 @@ from bayes_tyre.inference.model.priors import Prior, Priors
 from bayes_tyre.inference.model.record_effects import sample_records
 from bayes_tyre.inference.record_data import EQUATION_2, RecordData
 
-#: How the noise of a record is correlated.
-NOISE = ("iid", "ar1")
-
 
 def records_model(
     data: RecordData,
@@ -63,7 +60,7 @@ def records_model(
     repeats:
         One of `REPEATS`; with fewer than `JUDGEABLE_REPEATS` repeats a case, always ``normal``.
     noise:
-        One of `NOISE`; ``ar1`` samples a lag-1 autocorrelation rho for each record.
+        ``iid``, or ``ar1``, which samples a lag-1 autocorrelation rho for each record.
     law:
         One of `bayes_tyre.inference.record_data.LAWS`; a likelihood that is given must be of it.
     priors:

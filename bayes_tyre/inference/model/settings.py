@@ -111,7 +111,7 @@ class ModelSettings:
 
     @property
     def correlation(self) -> str:
-        """How the noise is correlated, one of `bayes_tyre.inference.model.models.NOISE`."""
+        """How the noise is correlated: ``iid`` or ``ar1``."""
         if self.noise == "auto":
             return "iid" if self.noise_window > 1 else "ar1"
         return self.noise

@@ -26,9 +26,8 @@ from bayes_tyre.record import (
     Case,
 )
 
-#: Parameters that every case has; those that a case of motions on Fancher's law has.
+#: Parameters that every case has.
 CASE_PARAMETERS = ("k", "beta")
-MOTION_CASE_PARAMETERS = ("k", "x", "beta", *AXLE_PARAMETERS, ENERGY)
 #: Options of a model that decide its posterior, beside its priors and how it is sampled; and those that are words.
 OPTIONS = (
     *("region", "initial_load", "repeats", "noise", "noise_window", "displacement_sd", "law"),

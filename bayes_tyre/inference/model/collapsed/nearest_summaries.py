@@ -63,7 +63,7 @@ def summarise_records(
     factors:
         Their cases.
     noise:
-        One of `bayes_tyre.inference.model.models.NOISE`.
+        ``iid`` or ``ar1``.
     widening:
         How many times wider than usual ones discordant repeats scatter.
     """

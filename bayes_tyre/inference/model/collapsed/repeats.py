@@ -5,7 +5,6 @@ given its linear predictor, the choice of discordant repeats and whether the cas
 What is left to sample is what they are distributed by.
 """
 
-from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -53,7 +52,6 @@ def collapse_repeats(
     factors: Factors,
     repeats: str,
     hyperparameters: Hyperparameters,
-    parameters: Sequence[str] = PARAMETERS,
     priors: Priors = PRIORS,
 ) -> "CollapsedPosterior":
     """Sample what the cases are distributed by, given estimates of the records, and return what these leave open.
@@ -62,10 +60,10 @@ def collapse_repeats(
     ----------
     estimates:
         Log likelihood of the logarithms of each record's values; shape (records, parameters).
-    factors, repeats, hyperparameters, parameters, priors:
+    factors, repeats, hyperparameters, priors:
         As `bayes_tyre.inference.model.record_effects.sample_records` has them; `can_collapse` says of which repeats.
     """
-    about = sample_case_distribution(factors, hyperparameters, parameters, priors)
+    about = sample_case_distribution(factors, hyperparameters, PARAMETERS, priors)
     mixed = judgeable(repeats, factors) == "mixture"
     weight = hyperparameters["discordant_weight"] if mixed else jnp.zeros(())
     members = members_of(factors, discordant=mixed)
@@ -76,19 +74,15 @@ def collapse_repeats(
 
 
 def sample_cases_of(
-    collapsed: "CollapsedPosterior",
-    log_values: Float[Array, "records parameters"],
-    factors: Factors,
-    parameters: Sequence[str] = PARAMETERS,
-) -> Float[Array, "parameters cases"]:
+    collapsed: "CollapsedPosterior", log_values: Float[Array, "records parameters"], factors: Factors
+) -> None:
     """Sample the logarithms of the cases' values given those of the records, and keep what is known of cases."""
     about, _, weight, widening, of_record, members = collapsed.repeats
     posterior = RepeatsOfCases(about, weight, widening, of_record, members).given(log_values)
     if members.choices.any():
         deterministic("outlier_probability", outlier_probability(posterior, members, factors))
-    cases = sample_cases_given(posterior, about, parameters, with_remainder(factors, parameters))
-    deterministic_each("*_case", parameters, jnp.exp(cases))
-    return cases
+    cases = sample_cases_given(posterior, about, PARAMETERS, with_remainder(factors, PARAMETERS))
+    deterministic_each("*_case", PARAMETERS, jnp.exp(cases))
 
 
 class CollapsedRepeats(NamedTuple):
