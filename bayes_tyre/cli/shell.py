@@ -125,14 +125,9 @@ def first_paragraph(command: Callable[..., None]) -> str:
 def guarded(command: Callable[..., None], group: str = "") -> Callable[..., None]:
     """Turn bad input and disk errors into one line on stderr and exit code 3, and print each warning in one line.
 
-    The command, of a group such as `study`, gets the options --verbose and --log-file.
+    The command, of a group such as `study`, gets the options --verbose and --log-file, and --seed if it has none.
     """
-    signature, name = inspect.signature(command), f"{group} {command.__name__}".strip()
-    for parameter in signature.parameters.values():
-        for option in getattr(parameter.annotation, "__metadata__", ()):
-            option.readable = (
-                False  # a file that may not be read is bad input, not the usage error that Typer makes of it
-            )
+    own, name = inspect.signature(command), f"{group} {command.__name__}".strip()
 
     @functools.wraps(command)
     def run(*args: Any, verbose: bool = False, log_file: Path | None = None, **kwargs: Any) -> None:
@@ -140,6 +135,7 @@ def guarded(command: Callable[..., None], group: str = "") -> Callable[..., None
         if memory.address_space() is None:
             os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
         with logs.logging_to(verbose, log_file):
+            kwargs = {option: value for option, value in kwargs.items() if option in own.parameters}
             memory.within_limit(lambda: explained(*args, **kwargs), name)
 
     def explained(*args: Any, **kwargs: Any) -> None:
@@ -164,13 +160,27 @@ def guarded(command: Callable[..., None], group: str = "") -> Callable[..., None
                 raise
             raise typer.Exit(BAD_INPUT) from None
 
-    of_log = (("verbose", logs.Verbose, False), ("log_file", logs.LogFile, None))
-    further = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=option)
-        for name, option, default in of_log
-    ]
-    run.__signature__ = signature.replace(parameters=[*signature.parameters.values(), *further])  # pyright: ignore
+    run.__signature__ = _with_common_options(own)  # pyright: ignore
     return run
+
+
+def _with_common_options(own: inspect.Signature) -> inspect.Signature:
+    """Return a command's signature with the options that every command has."""
+    options = list(own.parameters.values())
+    for parameter in options:
+        for option in getattr(parameter.annotation, "__metadata__", ()):
+            option.readable = (
+                False  # a file that may not be read is bad input, not the usage error that Typer makes of it
+            )
+
+    def added(name: str, annotation: object, default: object) -> inspect.Parameter:
+        kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+        return inspect.Parameter(name, kind, default=default, annotation=annotation)
+
+    if "seed" not in own.parameters:
+        options.insert(-1, added("seed", NoSeed, 0))  # before --quiet
+    of_log = added("verbose", logs.Verbose, False), added("log_file", logs.LogFile, None)
+    return own.replace(parameters=[*options, *of_log])
 
 
 def _resume_advice(command: Callable[..., None]) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from bayes_tyre.cli import suffixes
-from bayes_tyre.cli.shell import ColumnsMap, NoSeed, Out, Quiet, say, warn
+from bayes_tyre.cli.shell import ColumnsMap, Out, Quiet, say, warn
 
 
 def load_deflection(
@@ -38,7 +38,6 @@ def load_deflection(
             help="least_squares.csv of the same tyres: writes the k (kN/mm) that both share, and the tension."
         ),
     ] = None,
-    seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Fit slow load-deflection tests: stiffness k (kN/mm) loading and unloading, friction x (kN), energy a cycle (J).
@@ -54,7 +53,6 @@ def load_deflection(
 
     Example: bayes-tyre load-deflection slow_tests.csv --out results/slow --steps results/lsq/least_squares.csv
     """
-    del seed
     if beta is not None and not 0 < beta < float("inf"):
         raise typer.BadParameter(f"{beta:g} is no length; beta is in mm, above 0", param_hint="--beta")
     from bayes_tyre.record_table import origin_of

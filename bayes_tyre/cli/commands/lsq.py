@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import typer
 
 from bayes_tyre.cli import shell
-from bayes_tyre.cli.shell import NoSeed, Out, Quiet, Records, Xlsx, assignments, progress, say, warn
+from bayes_tyre.cli.shell import Out, Quiet, Records, Xlsx, assignments, progress, say, warn
 from bayes_tyre.errors import BadInput
 
 
@@ -54,7 +54,6 @@ def lsq(
         ),
     ] = False,
     xlsx: Xlsx = False,
-    seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Fit Equation 2 to each record by least squares: k (kN/mm), C (kN), beta (mm), with standard errors.
@@ -70,7 +69,6 @@ def lsq(
     from bayes_tyre.inference.least_squares.settings import FitSettings
     from bayes_tyre.runtime import prepare_jax
 
-    del seed
     fixed, starts = assignments(fix or [], "--fix"), assignments(start or [], "--start")
     try:
         settings = FitSettings(region, fixed, tuple(free or ()), starts, _bounds(bounds or []))

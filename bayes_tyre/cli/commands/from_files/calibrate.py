@@ -8,7 +8,7 @@ import typer
 
 from bayes_tyre.cli import suffixes
 from bayes_tyre.cli.messages import LONGEST_LINE, print_table
-from bayes_tyre.cli.shell import NoSeed, Quiet, say, warn
+from bayes_tyre.cli.shell import Quiet, say, warn
 from bayes_tyre.plain_text import one_line
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ def calibrate(
         typer.Option("--mend-signs", help="Restore lost minus signs where the readings then lie on a rising line."),
     ] = False,
     out: Annotated[Path | None, typer.Option(help="TOML file to write: the [calibration] section of a rig.")] = None,
-    seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Fit the lines from volts to engineering units, m/s^2 and (mm, kN), by least squares over all rows of a file.
@@ -37,7 +36,6 @@ def calibrate(
 
     Example: bayes-tyre calibrate data/sample/appendix_b1.lvm --mend-signs --out calibration.toml
     """
-    del seed
     from bayes_tyre.workflow.calibrate import calibrate as fit_lines
 
     lines, notes = fit_lines(raw, rig, mend_signs, out)

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from bayes_tyre.cli import suffixes
-from bayes_tyre.cli.shell import NoSeed, Quiet, say, warn
+from bayes_tyre.cli.shell import Quiet, say, warn
 
 
 def columns(
@@ -14,7 +14,6 @@ def columns(
         Path, typer.Argument(metavar="FILE", help=f"A table ({suffixes.TABLE}; FILE.xlsx#SHEET names a sheet).")
     ],
     out: Annotated[Path | None, typer.Option(help="Map to write (TOML); default: to the terminal.")] = None,
-    seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Propose a column map: which columns are the record, displacement and force (mm, kN), and so on.
@@ -25,7 +24,6 @@ def columns(
 
     Example: bayes-tyre columns tests.xlsx --out map.toml
     """
-    del seed
     from bayes_tyre.formats.files import write_text
     from bayes_tyre.formats.tables.column_proposal import layout_by_vocabulary, propose
     from bayes_tyre.formats.tables.table_files import read_table

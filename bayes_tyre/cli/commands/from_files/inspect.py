@@ -7,7 +7,7 @@ import typer
 
 from bayes_tyre.cli import suffixes
 from bayes_tyre.cli.messages import print_table
-from bayes_tyre.cli.shell import NoSeed, Quiet, progress, say, warn
+from bayes_tyre.cli.shell import Quiet, progress, say, warn
 from bayes_tyre.plain_text import one_line
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ def inspect(
     out: Annotated[
         Path | None, typer.Option(help="File to write (.csv or .parquet); default: to the terminal.")
     ] = None,
-    seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
     """List the channels of raw files: a row a channel and segment, in the units of the file, such as (mm, kN); X in s.
@@ -33,7 +32,6 @@ def inspect(
 
     Example: bayes-tyre inspect data/sample/appendix_b1.lvm --out results/channels.csv
     """
-    del seed
     from bayes_tyre.errors import BadInput
     from bayes_tyre.formats.recordings.raw import raw_files
     from bayes_tyre.workflow.raw.inspect import inspect_raw

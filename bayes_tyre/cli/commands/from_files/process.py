@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from bayes_tyre.cli.raw import CasesTable, Cluster, RawFiles, RigName, Workers, check_machines
-from bayes_tyre.cli.shell import NoSeed, Quiet, progress, say, warn
+from bayes_tyre.cli.shell import Quiet, progress, say, warn
 
 
 def process(
@@ -29,7 +29,6 @@ def process(
         bool,
         typer.Option("--resume", help="Do only what is missing or has changed since the last run with the same --out."),
     ] = False,
-    seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Turn raw files into records: displacement and force on flat ground (mm, kN), from the step to the first reversal.
@@ -40,7 +39,6 @@ def process(
 
     Example: bayes-tyre process data/raw --method inertia --out results/records.csv --figures results/figures
     """
-    del seed
     from bayes_tyre.formats.recordings.raw import raw_files
     from bayes_tyre.workflow.raw.process import REJECTED, Machines, Settings, process_files
     from bayes_tyre.workflow.raw.raw_records import rejection_notes

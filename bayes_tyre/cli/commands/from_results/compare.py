@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from bayes_tyre.cli.shell import NOT_TRUSTED, NoSeed, Quiet, progress, say, warn
+from bayes_tyre.cli.shell import NOT_TRUSTED, Quiet, progress, say, warn
 
 
 def compare(
@@ -20,7 +20,6 @@ def compare(
         bool,
         typer.Option(help="Fit again without a record where importance sampling fails (Pareto k > 0.7)."),
     ] = True,
-    seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Compare models by leave-one-record-out: which of them best predicts a whole record from the others.
@@ -33,7 +32,6 @@ def compare(
 
     Example: bayes-tyre compare results/fit results/fit_student results/fit_normal
     """
-    del seed
     from bayes_tyre.runtime import prepare_jax
 
     prepare_jax(4)

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from bayes_tyre.cli.shell import NOT_TRUSTED, NoSeed, Out, Quiet, say, warn
+from bayes_tyre.cli.shell import NOT_TRUSTED, Out, Quiet, say, warn
 from bayes_tyre.plain_text import listed
 
 #: Formats of files that hold values without a curve; and radii that a tyre may have, mm: from a kart's to a dumper's.
@@ -44,7 +44,6 @@ def export(
             "in place of a file a case: for tir and modelica.",
         ),
     ] = False,
-    seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Write k (kN/mm in the result) and force curves for a vehicle simulator: a file a case, in its units.
@@ -55,7 +54,6 @@ def export(
 
     Example: bayes-tyre export results/fit --to tir --out results/tir --unloaded-radius-mm 498.7
     """
-    del seed
     levels = _quantiles(quantiles)
     if unloaded_radius_mm is not None:
         _check_radius(unloaded_radius_mm, to)

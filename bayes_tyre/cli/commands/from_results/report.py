@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from bayes_tyre.cli.shell import NOT_TRUSTED, NoSeed, Quiet, ReferenceOption, note, progress, say, warn
+from bayes_tyre.cli.shell import NOT_TRUSTED, Quiet, ReferenceOption, note, progress, say, warn
 
 
 def report(
@@ -37,7 +37,6 @@ def report(
         bool,
         typer.Option("--pdf", help="Print the page too, to .pdf beside it, by the Chromium, Chrome or Edge on PATH."),
     ] = False,
-    seed: NoSeed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Write report.html: the verdict, which tyre is stiffer (k, kN/mm) and how certain that is, tables and figures.
@@ -48,7 +47,6 @@ def report(
 
     Example: bayes-tyre report results/fit --out report.html
     """
-    del seed
     from bayes_tyre.runtime import prepare_jax
 
     prepare_jax()

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from bayes_tyre.cli.shell import LimitOption, NoSeed, ReferenceOption, checked_limit
+from bayes_tyre.cli.shell import LimitOption, ReferenceOption, checked_limit
 from bayes_tyre.plain_text import one_line
 
 
@@ -25,7 +25,6 @@ def show(
     ] = None,
     limit: LimitOption = None,
     reference: ReferenceOption = None,
-    seed: NoSeed = 0,
     quiet: Annotated[
         bool, typer.Option("--quiet", help="Print nothing; only check that the results can be read.")
     ] = False,
@@ -38,7 +37,6 @@ def show(
 
     Example: bayes-tyre show results/published/posterior results/fit --limit "k >= 1.8"
     """
-    del seed
     if limit is not None and truth is not None:
         raise typer.BadParameter("is of posteriors; leave --truth out", param_hint="--limit")
     limit = checked_limit(limit)
