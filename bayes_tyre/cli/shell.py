@@ -4,9 +4,8 @@ import functools
 import inspect
 import os
 import sys
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,24 +14,20 @@ from typer.core import TyperCommand
 
 from bayes_tyre.cli import logs, memory, suffixes
 from bayes_tyre.cli.interrupt import ending_at_interrupt
-from bayes_tyre.cli.messages import fault, one_line_each, say
-from bayes_tyre.cli.messages import note as note  # commands import these two from here
+from bayes_tyre.cli.messages import fault, one_line_each
+from bayes_tyre.cli.messages import note as note  # commands import these three from here
+from bayes_tyre.cli.messages import say as say
 from bayes_tyre.cli.messages import warn as warn
 from bayes_tyre.errors import BadInput, CutShort, out_of_memory
 from bayes_tyre.formats.run_lock import sole_run
-from bayes_tyre.plain_text import command_line, listed, path_text
+from bayes_tyre.plain_text import command_line
 
 if TYPE_CHECKING:
-    from bayes_tyre.inference.diagnostics.verdict import Diagnostics
     from bayes_tyre.report.terminal.progress import Stages
-    from bayes_tyre.workflow.execution.resume import Callbacks
     from bayes_tyre.workflow.record_tables import Given
 
 BAD_INPUT, NOT_TRUSTED = 3, 4
-_CHECK_KINDS = ("sampling", "model", "data")
 RESUME = "--resume"
-#: Tables of a fit that its answer is printed from.
-SUMMARY, CASES = "summary.csv", "cases.csv"
 
 RECORD_TABLE = typer.Argument(
     metavar="RECORDS...",
@@ -108,13 +103,6 @@ class Command(TyperCommand):
     """A command whose context is Typer's own class, as the annotations of commands say, not its base class."""
 
     context_class = typer.Context
-
-
-def draws_and_longest(draws: int | None, default: int = 1500) -> tuple[int, int]:
-    """Return how many draws `--draws` asks for, and up to how many times as many may be made: none more, if it does."""
-    from bayes_tyre.inference.sampling.run import LONGEST
-
-    return (default, LONGEST) if draws is None else (draws, 1)
 
 
 def first_paragraph(command: Callable[..., None]) -> str:
@@ -206,13 +194,6 @@ def progress(what: str, total: int, quiet: bool) -> Iterator[Callable[[int], Non
         yield only.advance
 
 
-def callbacks(stages: "Stages", quiet: bool, answer: Callable[["Diagnostics"], object] = lambda _: None) -> "Callbacks":
-    """Return what a running fit calls: notes and warnings on stderr, bars, and what prints its answer."""
-    from bayes_tyre.workflow.execution.resume import Callbacks
-
-    return Callbacks(functools.partial(note, quiet=quiet), warn, stages.advance, answer, stages.begin)
-
-
 def read_records(paths: Sequence[Path], columns: Path | None) -> "Given":
     """Return the record table on disk, checked; what was converted or left out goes to stderr."""
     from bayes_tyre.workflow.record_tables import read_given
@@ -245,91 +226,3 @@ def checked_limit(text: str | None, among: Sequence[str] | None = None) -> str |
         return None if text is None else parse_limit(text, among or LIMITED).text
     except BadInput as error:
         raise typer.BadParameter(str(error), param_hint="--limit") from None
-
-
-def conclude(diagnostics: "Diagnostics", answered: "Diagnostics", out: Path, quiet: bool) -> None:
-    """Print where a fit was written, and what failed since its answer; end with code 4 where it is not `pass`."""
-    from bayes_tyre.report.answer.quantities import in_words
-
-    say(f"wrote {out}: verdict {diagnostics.verdict}", quiet)
-    say(f"next: {command_line('report', path_text(out))}", quiet)
-    for reason in diagnostics.reasons[0 if quiet else len(answered.reasons) :]:
-        fault(in_words(reason))
-    if diagnostics.verdict != "pass":
-        raise typer.Exit(NOT_TRUSTED)
-
-
-def report_verdict(diagnostics: "Diagnostics", what: str, quiet: bool) -> None:
-    """Print the verdict on what a fit found; failed checks go to stderr."""
-    from bayes_tyre.report.answer.quantities import in_words
-
-    say(f"{what}: verdict {diagnostics.verdict}", quiet)
-    say("; ".join(_of_kind(kind, diagnostics.checks) for kind in _CHECK_KINDS), quiet)
-    for reason in diagnostics.reasons:
-        fault(in_words(reason))
-
-
-class Answer:
-    """Prints the answer of a fit, once, as soon as it is known: the verdict, what is stiffer, the means over the cases.
-
-    Parameters
-    ----------
-    out, origin, options:
-        The folder that holds its tables; what they rest on; the options that its sentences depend on.
-    quiet:
-        Whether to print nothing: `conclude` then prints the failed checks, alone.
-    stages:
-        Whose bar goes before anything is printed.
-    limited:
-        Whether the cases are held against a limit, and sentences on it belong to the answer.
-    """
-
-    def __init__(
-        self,
-        out: Path,
-        origin: str,
-        options: Mapping[str, object],
-        quiet: bool,
-        stages: "Stages",
-        limited: bool = False,
-    ) -> None:
-        self.out, self.quiet, self.stages, self.limited = out, quiet, stages, limited
-        self.run = {"origin": origin, "options": dict(options)}
-        self.began = time.monotonic()
-        self.given: Diagnostics | None = None
-
-    def __call__(self, diagnostics: "Diagnostics") -> "Diagnostics":
-        """Print it where it is not printed yet; return the diagnostics that were printed."""
-        if self.given is None:
-            self.given = diagnostics
-            self.stages.stop()
-            if not self.quiet:
-                # Where nobody reads on, the rest must be written all the same; `conclude` then meets the error again.
-                with suppress(OSError):
-                    report_verdict(diagnostics, f"answer after {time.monotonic() - self.began:.0f} s", self.quiet)
-                    self._print_tables()
-        return self.given
-
-    def _print_tables(self) -> None:
-        """Print what the tables on disk say; one that failed is in the verdict, and draws without numbers too."""
-        from bayes_tyre.formats.tables.table_files import read_table
-        from bayes_tyre.report.limits import MOST_SENTENCES, limit_sentences
-        from bayes_tyre.report.terminal.results_table import print_answer
-
-        if (self.out / SUMMARY).is_file():
-            with suppress(BadInput):
-                print_answer(self.out, self.run)
-        if self.limited and (self.out / CASES).is_file():
-            for sentence in limit_sentences(read_table(self.out / CASES), MOST_SENTENCES):
-                say(sentence, quiet=False)
-
-
-def _of_kind(kind: str, checks: list[dict[str, Any]]) -> str:
-    """Return how many checks of a kind failed, and which, in a few words."""
-    of_kind = [check for check in checks if check["kind"] == kind]
-    failed = [str(check["name"]) for check in of_kind if not check["passed"]]
-    if not of_kind:
-        return f"{kind}: not checked"
-    return (
-        f"{kind}: {len(failed)} of {len(of_kind)} checks failed ({listed(failed, 3)})" if failed else f"{kind}: passed"
-    )

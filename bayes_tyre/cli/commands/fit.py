@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bayes_tyre.cli import model_options, shell
+from bayes_tyre.cli import model_options, sampled, shell
 from bayes_tyre.errors import BadInput
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def fit(
         tuple(covariate or ()),
         force_scale_sd,
     )
-    draws_per_chain, longest = shell.draws_and_longest(draws)
+    draws_per_chain, longest = sampled.draws_and_longest(draws)
     settings = SamplerSettings(chains, warmup, draws_per_chain, seed, target_accept=target_accept, longest=longest)
     limit = shell.checked_limit(limit, OF_RECORDS)
     plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns, limit, reference, record_draws)
@@ -119,11 +119,11 @@ def _run(plan: "Plan", out: Path, resume: bool, xlsx: bool, quiet: bool) -> None
     origin = origin_of(table)
     shell.say(f"fitting {table['record'].nunique()} records (data: {origin}), {sampler.chains} chains", quiet)
     with shell.stages(quiet) as stages:
-        answer = shell.Answer(out, origin, {"reference": plan.reference}, quiet, stages, plan.limit is not None)
-        callbacks = shell.callbacks(stages, quiet, answer)
+        answer = sampled.Answer(out, origin, {"reference": plan.reference}, quiet, stages, plan.limit is not None)
+        callbacks = sampled.callbacks(stages, quiet, answer)
         diagnostics = fit_table(table, plan, out, sys.argv[1:], callbacks, resume=resume, xlsx=xlsx)
         answered = answer(diagnostics)
-    shell.conclude(diagnostics, answered, out, quiet)
+    sampled.conclude(diagnostics, answered, out, quiet)
 
 
 def _check_usage(context: typer.Context, records: list[Path] | None, from_run: Path | None) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bayes_tyre.cli import shell
+from bayes_tyre.cli import sampled, shell
 from bayes_tyre.cli.model_options import PriorsOption, RepeatsOption
 from bayes_tyre.cli.raw import CasesTable, Cluster, RawFiles, RigName, Workers, check_machines
 
@@ -90,7 +90,7 @@ def motion(
 
     for warning in passed_over:
         shell.warn(warning)
-    draws_per_chain, longest = shell.draws_and_longest(draws)
+    draws_per_chain, longest = sampled.draws_and_longest(draws)
     sampler = SamplerSettings(chains, warmup, draws_per_chain, seed, target_accept=target_accept, longest=longest)
     limit = shell.checked_limit(limit, (*motion_law(law.value).reported_parameters, ENERGY))
     how = law.value, amplitude, repeats, interval, read_priors(priors), limit
@@ -114,8 +114,8 @@ def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path,
     shell.say(f"{counts} (data: {estimated.origin}), {sampler.chains} chains", quiet)
     with shell.stages(quiet) as stages:
         options = {"reference": None, "amplitude_mm": plan.amplitude_mm}
-        answer = shell.Answer(out, estimated.origin, options, quiet, stages, plan.limit is not None)
-        callbacks = shell.callbacks(stages, quiet, answer)
+        answer = sampled.Answer(out, estimated.origin, options, quiet, stages, plan.limit is not None)
+        callbacks = sampled.callbacks(stages, quiet, answer)
         diagnostics = fit_estimates(estimated, plan, out, sys.argv[1:], callbacks, resume=machines.resume, xlsx=xlsx)
         answered = answer(diagnostics)
-    shell.conclude(diagnostics, answered, out, quiet)
+    sampled.conclude(diagnostics, answered, out, quiet)

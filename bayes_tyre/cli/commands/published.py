@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from bayes_tyre.cli import shell
+from bayes_tyre.cli import sampled, shell
 from bayes_tyre.cli.model_options import PriorsOption
 from bayes_tyre.errors import BadInput
 
@@ -45,14 +45,14 @@ def published(
         from bayes_tyre.workflow.fit import fit_published_tables, read_priors
 
         priors_given = read_priors(priors)
-        draws_per_chain, longest = shell.draws_and_longest(draws, 2000)
+        draws_per_chain, longest = sampled.draws_and_longest(draws, 2000)
         settings = SamplerSettings(chains, warmup, draws_per_chain, seed, target_accept=target_accept, longest=longest)
         with shell.stages(quiet) as stages:
-            callbacks = shell.callbacks(stages, quiet)
+            callbacks = sampled.callbacks(stages, quiet)
             diagnostics = fit_published_tables(
                 out / "posterior", settings, interval, sys.argv[1:], priors_given, callbacks
             )
-        shell.report_verdict(diagnostics, f"wrote {out / 'posterior'}", quiet)
+        sampled.report_verdict(diagnostics, f"wrote {out / 'posterior'}", quiet)
         if not quiet:
             from bayes_tyre.report.terminal.results_table import print_overview
 
