@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from bayes_tyre.cli.messages import fault, note, say, warn
-from bayes_tyre.cli.shell import NOT_TRUSTED
+from bayes_tyre.cli.shell import NOT_TRUSTED, stages
 from bayes_tyre.errors import BadInput
 from bayes_tyre.plain_text import command_line, listed, path_text
 
 if TYPE_CHECKING:
     from bayes_tyre.inference.diagnostics.verdict import Diagnostics
+    from bayes_tyre.inference.sampling.run import SamplerSettings
     from bayes_tyre.report.terminal.progress import Stages
     from bayes_tyre.workflow.execution.resume import Callbacks
 
@@ -24,11 +25,14 @@ _CHECK_KINDS = ("sampling", "model", "data")
 SUMMARY, CASES = "summary.csv", "cases.csv"
 
 
-def draws_and_longest(draws: int | None, default: int = 1500) -> tuple[int, int]:
-    """Return how many draws `--draws` asks for, and up to how many times as many may be made: none more, if it does."""
-    from bayes_tyre.inference.sampling.run import LONGEST
+def settings(
+    chains: int, warmup: int, draws: int | None, seed: int, target_accept: float | None, default: int = 1500
+) -> "SamplerSettings":
+    """Return the settings that the options mean; only without `--draws` may a run go on beyond the draws it keeps."""
+    from bayes_tyre.inference.sampling.run import LONGEST, SamplerSettings
 
-    return (default, LONGEST) if draws is None else (draws, 1)
+    kept, longest = (default, LONGEST) if draws is None else (draws, 1)
+    return SamplerSettings(chains, warmup, kept, seed, target_accept=target_accept, longest=longest)
 
 
 def callbacks(stages: "Stages", quiet: bool, answer: Callable[["Diagnostics"], object] = lambda _: None) -> "Callbacks":
@@ -38,10 +42,24 @@ def callbacks(stages: "Stages", quiet: bool, answer: Callable[["Diagnostics"], o
     return Callbacks(functools.partial(note, quiet=quiet), warn, stages.advance, answer, stages.begin)
 
 
-def conclude(diagnostics: "Diagnostics", answered: "Diagnostics", out: Path, quiet: bool) -> None:
-    """Print where a fit was written, and what failed since its answer; end with code 4 where it is not `pass`."""
+def fitted(
+    fit: Callable[["Callbacks"], "Diagnostics"],
+    out: Path,
+    origin: str,
+    options: Mapping[str, object],
+    quiet: bool,
+    limited: bool,
+) -> None:
+    """Fit, print the answer once it is known, then where the rest is and what failed since; code 4 unless `pass`.
+
+    Parameters are those of `Answer`.
+    """
     from bayes_tyre.report.answer.quantities import in_words
 
+    with stages(quiet) as bars:
+        answer = Answer(out, origin, options, quiet, bars, limited)
+        diagnostics = fit(callbacks(bars, quiet, answer))
+        answered = answer(diagnostics)
     say(f"wrote {out}: verdict {diagnostics.verdict}", quiet)
     say(f"next: {command_line('report', path_text(out))}", quiet)
     for reason in diagnostics.reasons[0 if quiet else len(answered.reasons) :]:
@@ -68,7 +86,7 @@ class Answer:
     out, origin, options:
         The folder that holds its tables; what they rest on; the options that its sentences depend on.
     quiet:
-        Whether to print nothing: `conclude` then prints the failed checks, alone.
+        Whether to print nothing: `fitted` then prints the failed checks, alone.
     stages:
         Whose bar goes before anything is printed.
     limited:
@@ -82,7 +100,7 @@ class Answer:
         options: Mapping[str, object],
         quiet: bool,
         stages: "Stages",
-        limited: bool = False,
+        limited: bool,
     ) -> None:
         self.out, self.quiet, self.stages, self.limited = out, quiet, stages, limited
         self.run = {"origin": origin, "options": dict(options)}
@@ -95,7 +113,7 @@ class Answer:
             self.given = diagnostics
             self.stages.stop()
             if not self.quiet:
-                # Where nobody reads on, the rest must be written all the same; `conclude` then meets the error again.
+                # Where nobody reads on, the rest must be written all the same; `fitted` then meets the error again.
                 with suppress(OSError):
                     report_verdict(diagnostics, f"answer after {time.monotonic() - self.began:.0f} s", self.quiet)
                     self._print_tables()

@@ -86,7 +86,6 @@ def fit(
         _run(planned_in(from_run, shell.warn), out, resume, xlsx, quiet)
         return
     from bayes_tyre.inference.model.settings import ModelSettings
-    from bayes_tyre.inference.sampling.run import SamplerSettings
     from bayes_tyre.results.limits import OF_RECORDS
     from bayes_tyre.workflow.fit import Plan, read_priors
 
@@ -101,8 +100,7 @@ def fit(
         tuple(covariate or ()),
         force_scale_sd,
     )
-    draws_per_chain, longest = sampled.draws_and_longest(draws)
-    settings = SamplerSettings(chains, warmup, draws_per_chain, seed, target_accept=target_accept, longest=longest)
+    settings = sampled.settings(chains, warmup, draws, seed, target_accept)
     limit = shell.checked_limit(limit, OF_RECORDS)
     plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns, limit, reference, record_draws)
     _run(plan, out, resume, xlsx, quiet)
@@ -118,12 +116,10 @@ def _run(plan: "Plan", out: Path, resume: bool, xlsx: bool, quiet: bool) -> None
     prepare_jax(sampler.chains)
     origin = origin_of(table)
     shell.say(f"fitting {table['record'].nunique()} records (data: {origin}), {sampler.chains} chains", quiet)
-    with shell.stages(quiet) as stages:
-        answer = sampled.Answer(out, origin, {"reference": plan.reference}, quiet, stages, plan.limit is not None)
-        callbacks = sampled.callbacks(stages, quiet, answer)
-        diagnostics = fit_table(table, plan, out, sys.argv[1:], callbacks, resume=resume, xlsx=xlsx)
-        answered = answer(diagnostics)
-    sampled.conclude(diagnostics, answered, out, quiet)
+    sampled.fitted(
+        lambda callbacks: fit_table(table, plan, out, sys.argv[1:], callbacks, resume=resume, xlsx=xlsx),
+        *(out, origin, {"reference": plan.reference}, quiet, plan.limit is not None),
+    )
 
 
 def _check_usage(context: typer.Context, records: list[Path] | None, from_run: Path | None) -> None:

@@ -82,7 +82,6 @@ def motion(
 
     files, passed_over = raw_files(raw)  # before what takes seconds to import
     from bayes_tyre.inference.motion.laws import motion_law
-    from bayes_tyre.inference.sampling.run import SamplerSettings
     from bayes_tyre.record import ENERGY
     from bayes_tyre.workflow.execution.batch import Machines
     from bayes_tyre.workflow.fit import read_priors
@@ -90,8 +89,7 @@ def motion(
 
     for warning in passed_over:
         shell.warn(warning)
-    draws_per_chain, longest = sampled.draws_and_longest(draws)
-    sampler = SamplerSettings(chains, warmup, draws_per_chain, seed, target_accept=target_accept, longest=longest)
+    sampler = sampled.settings(chains, warmup, draws, seed, target_accept)
     limit = shell.checked_limit(limit, (*motion_law(law.value).reported_parameters, ENERGY))
     how = law.value, amplitude, repeats, interval, read_priors(priors), limit
     plan = MotionPlan(sampler, rig, cases, figures, *how)
@@ -112,10 +110,10 @@ def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path,
         shell.warn(text)
     counts = f"{len(estimated.table)} records, {len(estimated.rejected)} rejected"
     shell.say(f"{counts} (data: {estimated.origin}), {sampler.chains} chains", quiet)
-    with shell.stages(quiet) as stages:
-        options = {"reference": None, "amplitude_mm": plan.amplitude_mm}
-        answer = sampled.Answer(out, estimated.origin, options, quiet, stages, plan.limit is not None)
-        callbacks = sampled.callbacks(stages, quiet, answer)
-        diagnostics = fit_estimates(estimated, plan, out, sys.argv[1:], callbacks, resume=machines.resume, xlsx=xlsx)
-        answered = answer(diagnostics)
-    sampled.conclude(diagnostics, answered, out, quiet)
+    options = {"reference": None, "amplitude_mm": plan.amplitude_mm}
+    sampled.fitted(
+        lambda callbacks: fit_estimates(
+            estimated, plan, out, sys.argv[1:], callbacks, resume=machines.resume, xlsx=xlsx
+        ),
+        *(out, estimated.origin, options, quiet, plan.limit is not None),
+    )

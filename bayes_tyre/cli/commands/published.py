@@ -41,12 +41,10 @@ def published(
         shell.say(f"  {line}", quiet)
     trusted = bool(check["agrees"].all())
     if posterior:
-        from bayes_tyre.inference.sampling.run import SamplerSettings
         from bayes_tyre.workflow.fit import fit_published_tables, read_priors
 
         priors_given = read_priors(priors)
-        draws_per_chain, longest = sampled.draws_and_longest(draws, 2000)
-        settings = SamplerSettings(chains, warmup, draws_per_chain, seed, target_accept=target_accept, longest=longest)
+        settings = sampled.settings(chains, warmup, draws, seed, target_accept, default=2000)
         with shell.stages(quiet) as stages:
             callbacks = sampled.callbacks(stages, quiet)
             diagnostics = fit_published_tables(
