@@ -2,6 +2,8 @@
 
 import errno
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 #: Begins what is said of a file for which there was not the memory.
 NO_MEMORY = "not enough memory"
@@ -21,6 +23,15 @@ class BadInput(Exception):
 
 class CutShort(BadInput):
     """The work cannot go on, what is done is kept, and the same command with --resume continues."""
+
+
+@contextmanager
+def errors_name(what: object) -> Iterator[None]:
+    """Put what is at fault, such as a file's path, before the message of `BadInput`."""
+    try:
+        yield
+    except BadInput as error:
+        raise BadInput(f"{what}: {error}") from None
 
 
 def says_no_memory(text: str) -> bool:

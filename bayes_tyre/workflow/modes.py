@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from bayes_tyre.errors import BadInput
+from bayes_tyre.errors import BadInput, errors_name
 from bayes_tyre.formats.files import prepare_folder
 from bayes_tyre.formats.tables.table_files import read_table, write_table
 from bayes_tyre.inference.diagnostics.sampling_checks import Check
@@ -22,7 +22,7 @@ from bayes_tyre.results.first_mode import first_mode
 from bayes_tyre.results.flexible_ring import ring_frequencies, ring_parameters
 from bayes_tyre.results.provenance import RUN_JSON, begin_run, write_run
 from bayes_tyre.signals.natural_frequencies import CONDITIONS, REQUIRED, WAVES, check_natural_frequencies
-from bayes_tyre.workflow.from_results.predict import errors_name, read_posterior
+from bayes_tyre.workflow.from_results.predict import read_posterior
 
 MODES, FREQUENCIES, FIGURE = "modes.csv", "frequencies.csv", "figures/frequencies_by_mode.png"
 SD = "standard_deviation_Hz"

@@ -1,14 +1,18 @@
-"""The answer of a command without a posterior again, from its folder: `audit`, `study`, `modes`, `predict` and more."""
+"""What results on disk answer again: of a command without a posterior its last lines, of a posterior its limits."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
 
-from bayes_tyre.errors import BadInput
+from bayes_tyre.errors import BadInput, errors_name
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.record import CASE_FACTORS
+from bayes_tyre.report.limits import limit_sentences
 from bayes_tyre.results.columns import numbers
+from bayes_tyre.results.limits import parse_limit, with_limit
+from bayes_tyre.results.summary import cases
+from bayes_tyre.workflow.from_results.predict import read_posterior
 
 
 def answer(folder: Path) -> list[str]:
@@ -34,6 +38,22 @@ def posterior_in(folder: Path) -> Path:
     return below if (below / "run.json").is_file() and not (folder / "run.json").exists() else folder
 
 
+def limits_of(folders: Sequence[Path], limit: str) -> Iterator[str]:
+    """Yield for every case of posteriors on disk how probable it is that it keeps a limit, a sentence each.
+
+    Raises
+    ------
+    BadInput
+        If a folder holds no finished result, or its cases do not have the parameter.
+    """
+    for folder in folders:
+        path, tree, verdict = read_posterior(folder)
+        with errors_name(path):
+            table = with_limit(cases(tree, verdict), tree, parse_limit(limit))
+        trust = "" if verdict == "pass" else " (verdict fail, not to be trusted)"
+        yield from (f"{sentence}{trust}" for sentence in limit_sentences(table))
+
+
 def _audit(table: pd.DataFrame, folder: Path) -> list[str]:
     from bayes_tyre.studies.audit.overview import overview
     from bayes_tyre.studies.audit.sentences import lines
@@ -43,8 +63,7 @@ def _audit(table: pd.DataFrame, folder: Path) -> list[str]:
     return ["audit of the methods on simulated records, not measured", *lines(overview(table)), *conclusion]
 
 
-def _calibration(table: pd.DataFrame, folder: Path) -> list[str]:
-    del folder
+def _calibration(table: pd.DataFrame, _folder: Path) -> list[str]:
     wrong = table.loc[~table["calibrated"].astype(bool), "parameter"].tolist()
     not_so = [f"not calibrated: {', '.join(map(str, wrong))}"] if wrong else []
     return [
@@ -54,39 +73,34 @@ def _calibration(table: pd.DataFrame, folder: Path) -> list[str]:
     ]
 
 
-def _outliers(table: pd.DataFrame, folder: Path) -> list[str]:
+def _outliers(table: pd.DataFrame, _folder: Path) -> list[str]:
     from bayes_tyre.studies.outliers import overview_lines
 
-    del folder
     return ["discordant repeats in simulated campaigns, not measured", *overview_lines(table)]
 
 
-def _motion(table: pd.DataFrame, folder: Path) -> list[str]:
+def _motion(table: pd.DataFrame, _folder: Path) -> list[str]:
     from bayes_tyre.studies.motion_study import sentences
 
-    del folder
     return ["motions simulated with known truth, not measured", *sentences(table)]
 
 
-def _laws(table: pd.DataFrame, folder: Path) -> list[str]:
+def _laws(table: pd.DataFrame, _folder: Path) -> list[str]:
     from bayes_tyre.studies.law_ranking import sentences
 
-    del folder
     return ["laws ranked on records simulated with each, not measured", *sentences(table)]
 
 
-def _coverage(table: pd.DataFrame, folder: Path) -> list[str]:
+def _coverage(table: pd.DataFrame, _folder: Path) -> list[str]:
     from bayes_tyre.studies.coverage import overview
 
-    del folder
     rows = overview(table).to_string(index=False).splitlines()
     return ["coverage of 95 % intervals ± its standard error, of simulated data sets, not measured", *rows]
 
 
-def _modes(table: pd.DataFrame, folder: Path) -> list[str]:
+def _modes(table: pd.DataFrame, _folder: Path) -> list[str]:
     from bayes_tyre.results.flexible_ring import parameter_lines
 
-    del folder
     about = f"flexible ring (data: {table['origin'].iloc[0]}): verdict {table['verdict'].iloc[0]}"
     return [about, *parameter_lines(table)]
 
@@ -102,25 +116,22 @@ def _next(table: pd.DataFrame, folder: Path) -> list[str]:
     return [about, *candidate_lines(table.assign(**given)), plan_line(timed, now)]
 
 
-def _comparison(table: pd.DataFrame, folder: Path) -> list[str]:
+def _comparison(table: pd.DataFrame, _folder: Path) -> list[str]:
     from bayes_tyre.results.model_comparison import rank_lines, sentence
 
-    del folder
     return ["models compared by leave-one-record-out", *rank_lines(table), sentence(table)]
 
 
-def _prediction(table: pd.DataFrame, folder: Path) -> list[str]:
+def _prediction(table: pd.DataFrame, _folder: Path) -> list[str]:
     from bayes_tyre.workflow.from_results.predict import answers
 
-    del folder
     about = f"predicted curves (data: {table['origin'].iloc[0]}, verdict {table['verdict'].iloc[0]})"
     return [about, *answers(table, len(table))]
 
 
-def _published(table: pd.DataFrame, folder: Path) -> list[str]:
+def _published(table: pd.DataFrame, _folder: Path) -> list[str]:
     from bayes_tyre.workflow.published import agreement_lines
 
-    del folder
     return ["published numbers recomputed", *agreement_lines(table)]
 
 

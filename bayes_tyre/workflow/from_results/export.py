@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from bayes_tyre.errors import BadInput
+from bayes_tyre.errors import BadInput, errors_name
 from bayes_tyre.formats import simulator
 from bayes_tyre.formats.files import prepare_folder, write_text
 from bayes_tyre.formats.tables.table_files import read_table
@@ -30,7 +30,7 @@ from bayes_tyre.results.tyre_model import (
     of_posterior,
 )
 from bayes_tyre.signals.load_deflection import CASE_OF_TEST
-from bayes_tyre.workflow.from_results.predict import errors_name, read_posterior
+from bayes_tyre.workflow.from_results.predict import read_posterior
 from bayes_tyre.workflow.load_deflection import CASES, TESTS
 
 _NEEDED = ("test", *CASE_OF_TEST, "status", "origin", "k_kN_per_mm", "flat_ground_low_mm")

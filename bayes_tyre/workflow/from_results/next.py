@@ -7,7 +7,7 @@ from typing import NamedTuple
 import pandas as pd
 from pydantic import ValidationError
 
-from bayes_tyre.errors import BadInput
+from bayes_tyre.errors import BadInput, errors_name
 from bayes_tyre.formats.files import prepare_folder, whole_file
 from bayes_tyre.formats.structured_text import read_toml
 from bayes_tyre.formats.tables.table_files import write_table
@@ -24,7 +24,7 @@ from bayes_tyre.results.next_tests.rankings import WrongRanking, parse_ranking
 from bayes_tyre.results.next_tests.rankings import ranking as ranking_of_configurations
 from bayes_tyre.results.untested_cases import has_slope
 from bayes_tyre.rig.faults import first_fault
-from bayes_tyre.workflow.from_results.predict import errors_name, read_posterior
+from bayes_tyre.workflow.from_results.predict import read_posterior
 
 _EXPLAINED = "the keys are explained in docs/howto/next_test.md"
 

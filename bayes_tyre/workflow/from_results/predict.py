@@ -1,7 +1,5 @@
 """Prediction from a result's folder: `prediction.csv` and `prediction.toml`."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
@@ -11,7 +9,7 @@ import pandas as pd
 import tomli_w
 import xarray as xr
 
-from bayes_tyre.errors import BadInput
+from bayes_tyre.errors import BadInput, errors_name
 from bayes_tyre.formats.files import check_folder, whole_file, write_text
 from bayes_tyre.formats.netcdf import read_tree
 from bayes_tyre.formats.structured_text import read_json
@@ -19,6 +17,7 @@ from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.sampling.datatree import law_of
 from bayes_tyre.plain_text import one_line
 from bayes_tyre.record import CASE_FACTORS, Case
+from bayes_tyre.report.answer.load import VERDICTS
 from bayes_tyre.results.case_selection import CaseQuery
 from bayes_tyre.results.columns import numbers, texts
 from bayes_tyre.results.prediction import Prediction, predict, predictable_cases
@@ -33,7 +32,6 @@ EQUATIONS = {
     "equation_2": "F = F_i + (J + k u) (1 - exp(-|u| / beta)), u = d - d_i; J = k d_i + C - F_i",
     "small_step_limit": "F = F_i + J (1 - exp(-|u| / beta)) + k u, u = d - d_i; J = k d_i + C - F_i",
 }
-VERDICTS = ("pass", "fail")
 
 
 class Result(NamedTuple):
@@ -85,15 +83,6 @@ def read_posterior(folder: Path) -> tuple[Path, xr.DataTree, str]:
     for name in (name for name, values in draws.data_vars.items() if values.dtype.kind not in "biuf"):
         raise BadInput(f"{path}: {name} holds no numbers; run fit or motion again")
     return path, tree, verdict
-
-
-@contextmanager
-def errors_name(path: Path) -> Iterator[None]:
-    """Put the file's path before the message of `BadInput`."""
-    try:
-        yield
-    except BadInput as error:
-        raise BadInput(f"{path}: {error}") from None
 
 
 def target(folder: Path, out: Path | None) -> Path:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import pandas as pd
 
-from bayes_tyre.errors import BadInput
+from bayes_tyre.errors import BadInput, errors_name
 from bayes_tyre.formats.recordings.raw import TRUTH
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.plain_text import path_text
@@ -133,11 +133,9 @@ def _rigs_of_rows(path: Path | None, cases: Mapping[str, Mapping[str, object]]) 
     rigs: dict[str, Rig] = {}
     for file, row in cases.items():
         name = str(row["rig"])
-        try:
-            if name and name not in rigs:
+        if name and name not in rigs:
+            with errors_name(f"--cases {path}, row of {file!r}, column rig"):
                 rigs[name] = load_rig(name)
-        except BadInput as error:
-            raise BadInput(f"--cases {path}, row of {file!r}, column rig: {error}") from None
     return rigs
 
 

@@ -47,7 +47,7 @@ def show(
             print_recovery(results, truth)
             return
         from bayes_tyre.report.terminal.results_table import print_overview
-        from bayes_tyre.workflow.from_results.answers import answer, posterior_in
+        from bayes_tyre.workflow.from_results.answers import answer, limits_of, posterior_in
 
         results = [posterior_in(folder) for folder in results]
         answers = [answer(folder) for folder in results]
@@ -56,7 +56,5 @@ def show(
             for line in ["", *lines, f"files: {folder}"] if lines else ():
                 typer.echo(one_line(line, None))
         if limit is not None:
-            from bayes_tyre.workflow.from_results.limits import limits_of
-
             for sentence in limits_of(results, limit):
                 typer.echo(sentence)
