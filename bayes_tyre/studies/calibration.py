@@ -149,8 +149,10 @@ def log_repeats(design: Design, values: Truths, widening: float = DISCORDANT_WID
 def judge_sampling(sampled: Sampled, first: int) -> pd.DataFrame:
     """Return how sampling went in each data set, a row each, over everything that was kept."""
     rows = []
+    # Probabilities of 0 or 1 hardly vary from draw to draw.
+    judged = [values for name, values in sampled.draws.items() if name not in PROBABILITIES]
     for i in range(len(sampled.energy)):
-        quantities = [values[i].reshape(len(values[i]), -1) for name, values in sampled.draws.items() if _judged(name)]
+        quantities = [values[i].reshape(len(values[i]), -1) for values in judged]
         together = np.concatenate(quantities, axis=1)[None]
         ess = float(np.nanmin(effective_sample_size(together)))
         r_hat = float(np.nanmax(split_gelman_rubin(together)))
@@ -162,8 +164,3 @@ def judge_sampling(sampled: Sampled, first: int) -> pd.DataFrame:
         failed = ", ".join(name for name, is_so in bad.items() if is_so) or "ok"
         rows.append(row | {"gradients": int(sampled.steps[i].sum()), "sampling": failed})
     return pd.DataFrame(rows)
-
-
-def _judged(name: str) -> bool:
-    """Return whether a quantity varies from draw to draw: probabilities of 0 or 1 hardly do."""
-    return name not in PROBABILITIES

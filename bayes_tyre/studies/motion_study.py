@@ -12,6 +12,7 @@ from scipy import stats
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.motion.record.estimate import RECORD_PARAMETERS, MotionEstimate, estimate_motion
 from bayes_tyre.inference.motion.record.window import Recorded
+from bayes_tyre.record import RECORD_UNITS, parameter_column
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.signals.factors import RecordFactors
 from bayes_tyre.signals.process import prepare
@@ -20,14 +21,11 @@ from bayes_tyre.simulate.plan import Planned, thesis_plan
 from bayes_tyre.simulate.truth import Truth
 from bayes_tyre.studies.motion_machine import recorded_on
 from bayes_tyre.studies.motion_mismatch import MISMATCHES
+from bayes_tyre.studies.uniformity import share_interval
 
 STATIONARY, ROLLING = "stationary", "rolling"
-
-
 ORIGIN = "simulated"
-UNITS = {"k": "kN/mm", "x": "kN", "beta": "mm", "m": "kg", "c": "kN s/mm"}
 CHANNELS = ("acceleration", "laser", "load")
-_TRUE = {"k": "k_kN_per_mm", "x": "x_kN", "beta": "beta_mm", "m": "m_kg", "c": "c_kN_s_per_mm"}
 _NORMAL_95 = float(stats.norm.ppf(0.975))
 # Duration and start of the step of a record, s: enough rest before it to estimate turns and levels, enough after it for
 # the vibration to decay.
@@ -151,11 +149,12 @@ def _rows(record: StudyRecord, seed: int) -> list[dict[str, object]]:
 def _parameter_rows(truth: Truth, estimate: MotionEstimate | None) -> list[dict[str, object]]:
     rows = []
     for i, name in enumerate(RECORD_PARAMETERS):
-        true = float(getattr(truth, _TRUE[name]))
+        true = float(getattr(truth, parameter_column(name)))
         log = np.nan if estimate is None else float(estimate.log_mean[i])
         sd = np.nan if estimate is None else float(np.sqrt(estimate.log_covariance[i, i]))
         lower, upper = np.exp(log - _NORMAL_95 * sd), np.exp(log + _NORMAL_95 * sd)
-        row = {"parameter": name, "unit": UNITS[name], "truth": true, "estimate": np.exp(log), "sd": np.exp(log) * sd}
+        row = {"parameter": name, "unit": RECORD_UNITS[name], "truth": true}
+        row |= {"estimate": np.exp(log), "sd": np.exp(log) * sd}
         row |= {"lower": lower, "upper": upper, "inside": bool(lower <= true <= upper)}
         rows.append(row | {"error_percent": 100 * float(np.exp(log) / true - 1)})
     return rows
@@ -173,7 +172,8 @@ def _residual_statistics(estimate: MotionEstimate) -> dict[str, float]:
 def summarise(records: pd.DataFrame) -> pd.DataFrame:
     """Return `MotionStudy.table` of `MotionStudy.records`."""
     rows = []
-    for (mismatch, kind), name in product(records[["mismatch", "kind"]].drop_duplicates().to_numpy(), UNITS):
+    groups = records[["mismatch", "kind"]].drop_duplicates().to_numpy()
+    for (mismatch, kind), name in product(groups, RECORD_PARAMETERS):
         group = records[(records["mismatch"] == mismatch) & (records["kind"] == kind) & (records["parameter"] == name)]
         estimated = group[group["estimate"].notna()]
         factors = {
@@ -191,7 +191,7 @@ def _statistics(rows: pd.DataFrame) -> dict[str, float | int]:
     error, n, inside = rows["error_percent"].to_numpy(float), len(rows), int(rows["inside"].sum())
     if n == 0:
         return {}
-    share = stats.binomtest(inside, n).proportion_ci(0.95, method="exact")
+    lower, upper = share_interval(inside, n)
     doubted = int((rows["status"] != "ok").sum()) if "status" in rows else 0
     return {
         "rms_error_percent": float(np.sqrt(np.mean(error**2))),
@@ -199,8 +199,8 @@ def _statistics(rows: pd.DataFrame) -> dict[str, float | int]:
         "bias_se_percent": float(error.std(ddof=1) / np.sqrt(n)) if n > 1 else np.nan,
         "rms_sd_percent": float(100 * np.sqrt(np.mean((rows["sd"] / rows["estimate"]) ** 2))),
         "coverage_95": inside / n,
-        "coverage_95_lower": float(share.low),
-        "coverage_95_upper": float(share.high),
+        "coverage_95_lower": lower,
+        "coverage_95_upper": upper,
         "doubted": doubted,
         "pareto_k_largest": float(rows["pareto_k"].max()),
         "cpu_seconds_median": float(rows["cpu_seconds"].median()),

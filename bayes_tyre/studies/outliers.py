@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from jaxtyping import Bool, Float
-from scipy.stats import binomtest
 
 from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation
 from bayes_tyre.studies.calibration import AT_ONCE, judge_sampling
@@ -18,6 +17,7 @@ from bayes_tyre.studies.design import START_MM, Design, outlier_design
 from bayes_tyre.studies.design_fit import DesignFit
 from bayes_tyre.studies.repeat_means import RULES, CaseEstimates, mean_of_repeats
 from bayes_tyre.studies.truths import Truths, simulate_forces
+from bayes_tyre.studies.uniformity import share_interval
 
 #: Shares of discordant repeats.
 SHARES = (0.0, 0.05, 0.15)
@@ -165,9 +165,9 @@ def compare(estimates: pd.DataFrame) -> pd.DataFrame:
         excess = squares["sum"] - rmse**2 * squares["size"]
         se = float(np.sqrt((excess**2).sum()) / squares["size"].sum() / (2.0 * rmse))
         inside, size = int(cases["covered"].sum()), len(cases)
-        around = binomtest(inside, size).proportion_ci(0.95, method="exact")
+        lower, upper = share_interval(inside, size)
         row = dict(zip(keys, key, strict=True)) | {"cases": size, "rmse": rmse, "rmse_se": se}
-        row |= {"coverage": inside / size, "coverage_lower": around.low, "coverage_upper": around.high}
+        row |= {"coverage": inside / size, "coverage_lower": lower, "coverage_upper": upper}
         rows.append(row | {"half_width": float(cases["half_width"].median())})
     return pd.DataFrame(rows)
 

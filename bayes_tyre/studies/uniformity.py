@@ -60,16 +60,23 @@ def band(sets: int, together: float) -> tuple[np.ndarray, np.ndarray, np.ndarray
     return at, binom.ppf(gamma / 2, sets, at) / sets - at, binom.ppf(1 - gamma / 2, sets, at) / sets - at
 
 
+def share_interval(inside: int, total: int) -> tuple[float, float]:
+    """Return the 95 % interval of a share that was counted (exact binomial, Clopper-Pearson); NaN of none in all."""
+    if not total:
+        return np.nan, np.nan
+    around = binomtest(inside, total).proportion_ci(0.95, method="exact")
+    return float(around.low), float(around.high)
+
+
 def coverage(ranked: Int[np.ndarray, " sets"], draws: int, interval: float) -> tuple[float, float, float]:
-    """Return the share of truths inside the central interval, and the 95 % interval of that share (Clopper-Pearson).
+    """Return the share of truths inside the central interval, and the 95 % interval of that share.
 
     The interval lies between two draws. It holds its probability exactly where (draws + 1) (1 - interval) / 2 is a
     whole number: with 39, 79, 119, ... draws for 50, 80 and 95 %.
     """
     outside = (draws + 1) * (1.0 - interval) / 2.0
     inside = int(np.sum((ranked >= outside - 1e-9) & (ranked <= draws - outside + 1e-9)))
-    around = binomtest(inside, len(ranked)).proportion_ci(0.95, method="exact")
-    return inside / len(ranked), float(around.low), float(around.high)
+    return inside / len(ranked), *share_interval(inside, len(ranked))
 
 
 def uniformity_table(by_parameter: dict[str, np.ndarray], draws: int, seed: int = 0) -> pd.DataFrame:

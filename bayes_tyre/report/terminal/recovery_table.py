@@ -13,6 +13,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.structured_text import read_json
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.plain_text import one_line
+from bayes_tyre.record import RECORD_UNITS
 from bayes_tyre.report.terminal.console import LoggedConsole
 from bayes_tyre.results.recovery import (
     WHAT_IT_COMPARES,
@@ -25,7 +26,6 @@ from bayes_tyre.results.recovery import (
 )
 
 FITS, REPEATS = "least_squares.csv", "repeats.csv"
-_UNITS = {"k": "kN/mm", "x": "kN", "beta": "mm", "m": "kg", "c": "kN s/mm"}
 
 
 def print_recovery(folders: list[Path], truth: Path, console: Console | None = None) -> None:
@@ -87,7 +87,7 @@ def _table(recovery: Recovery) -> Table:
     table.add_column("record")
     with_interval = {name: bool(recovery.records[f"{name}_covered"].notna().any()) for name in recovery.parameters}
     for name in recovery.parameters:
-        for title in (f"{name} true, {_UNITS[name]}", name, "error, %", *(["in interval"] * with_interval[name])):
+        for title in (f"{name} true, {RECORD_UNITS[name]}", name, "error, %", *(["in interval"] * with_interval[name])):
             table.add_column(title, justify="right")
     with_status = not recovery.records["status"].isin(["ok", ""]).all()
     if with_status:

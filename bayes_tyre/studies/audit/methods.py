@@ -102,17 +102,8 @@ def _of_fit(fit: Mapping[Hashable, Any], truth: Tyre, rig: Rig) -> MethodEstimat
 
 def motion_estimate(recording: Recording, truth: Tyre, rig: Rig) -> MethodEstimate:
     """Return the estimate of a recording by the fit of its motion, intervals normal in the logarithms."""
-    signals, step = recording.signals, recording.step
-    recorded = Recorded(
-        signals.dt_s,
-        signals.acceleration_m_per_s2,
-        signals.laser_mm,
-        signals.load_kN,
-        step.pre_step,
-        (step.ramp.start_s, step.ramp.end_s),
-    )
     try:
-        estimate = estimate_motion(rig, recorded)
+        estimate = estimate_motion(rig, Recorded(*recording.for_motion()))
     except BadInput as error:
         return MethodEstimate({}, str(error))
     return motion_values(estimate.log_mean, estimate.log_covariance, estimate.status, truth, rig)

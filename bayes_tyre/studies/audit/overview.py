@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from jaxtyping import Float
-from scipy.stats import binomtest
 
 from bayes_tyre.studies.audit.grid import FACTORS, SOURCE_WINDOW, TYPICAL, WINDOW, Tyre
+from bayes_tyre.studies.uniformity import share_interval
 
 #: Nominal coverage of the intervals.
 NOMINAL = 0.95
@@ -64,26 +64,18 @@ def overview(table: pd.DataFrame) -> pd.DataFrame:
             | {"bias_median": bias.median(), "bias_low": bias.min(), "bias_high": bias.max()}
             | {"rmse_median": points["rmse_percent"].median()}
             | {"coverage_95": inside / intervals if intervals else np.nan, "intervals": intervals}
-            | dict(zip(("coverage_low", "coverage_high"), coverage_interval(inside, intervals), strict=True))
+            | dict(zip(("coverage_low", "coverage_high"), share_interval(inside, intervals), strict=True))
             | {"coverage": coverage_verdict(inside, intervals)}
             | {name: int(points[name].sum()) for name in ("returned", "declined", "doubted")}
         )
     return pd.DataFrame(rows)
 
 
-def coverage_interval(inside: int, intervals: int) -> tuple[float, float]:
-    """Return the exact binomial 95 % interval of the coverage, a share; NaN without intervals."""
-    if not intervals:
-        return np.nan, np.nan
-    around = binomtest(inside, intervals).proportion_ci(0.95, method="exact")
-    return float(around.low), float(around.high)
-
-
 def coverage_verdict(inside: int, intervals: int) -> str:
     """Return whether the count of intervals with the truth agrees with nominal coverage (exact binomial, 95 %)."""
     if not intervals:
         return "no intervals"
-    low, high = coverage_interval(inside, intervals)
+    low, high = share_interval(inside, intervals)
     if high < NOMINAL:
         return "too narrow"
     return "too wide" if low > NOMINAL else "agrees with 95 %"
