@@ -50,7 +50,7 @@ def read_lvm(path: Path) -> RawSignals:
     Raises
     ------
     BadInput
-        If the file is missing or no text, has no rows, a row with too many cells, or a cell that is no number.
+        If the file is no text, has no rows, a row with too many cells, or a cell that is no number.
     """
     source = without_special_blocks(_load(path))
     ends = header_ends(source.data)
@@ -75,8 +75,6 @@ def read_lvm(path: Path) -> RawSignals:
 
 
 def _load(path: Path) -> Source:
-    if not path.is_file():
-        raise BadInput(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; check the path")
     data = path.read_bytes()
     if data.find(b"\0", 0, _HEAD) >= 0:
         raise BadInput(f"{path}: holds zero bytes: no text, or UTF-16; save it as tab-separated text in UTF-8")

@@ -25,10 +25,8 @@ def read_mat(path: Path) -> dict[str, np.ndarray | str]:
     Raises
     ------
     BadInput
-        If the file is missing or cannot be read.
+        If the file cannot be read.
     """
-    if not path.is_file():
-        raise BadInput(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; check the path")
     try:
         if h5py.is_hdf5(path):
             check_hdf5(path)

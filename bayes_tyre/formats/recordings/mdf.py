@@ -38,10 +38,8 @@ def read_mdf(path: Path) -> RawSignals:
     Raises
     ------
     BadInput
-        If asammdf is not installed, or the file is missing, no MDF file, damaged, or holds no numbers.
+        If asammdf is not installed, or the file is no MDF file, damaged, or holds no numbers.
     """
-    if not path.is_file():
-        raise BadInput(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; check the path")
     if importlib.util.find_spec("asammdf") is None:
         raise BadInput(f"{path}: MDF files need asammdf: pip install 'bayes-tyre[mdf]'; or save it as .csv or .tdms")
     command = [sys.executable, "-P", "-W", "ignore", str(_PROGRAM), str(path.absolute())]

@@ -83,6 +83,8 @@ def read_raw(path: Path, columns: Mapping[str, int] | None = None) -> RawSignals
     if reader is None:
         raise BadInput(f"{path}: {suffix or 'no suffix'} is no kind of recording; use {', '.join(READERS)}")
     try:
+        if reader is not read_columns and not path.is_file():  # tables have words of their own for it
+            raise BadInput(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; check the path")
         raw = reader(path, columns)
         return replace(raw, warnings=(*raw.warnings, *_uneven(raw)))
     except OSError as error:

@@ -29,10 +29,8 @@ def read_tdms(path: Path) -> RawSignals:
     Raises
     ------
     BadInput
-        If the file is missing, no TDMS file, promises more samples than it has bytes, or holds no numbers.
+        If the file is no TDMS file, promises more samples than it has bytes, or holds no numbers.
     """
-    if not path.is_file():
-        raise BadInput(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; check the path")
     try:
         # By an open file: with a path npTDMS would believe an index beside it, and leave a damaged file open.
         with path.open("rb") as opened, _logged_warnings() as logged, TdmsFile.open(opened) as file:

@@ -66,8 +66,6 @@ def read_rows(path: Path, title: str | None = None, names_in: Callable[[Numbered
     BadInput
         If the file is no workbook, unpacks to more than a recording does, or lacks the sheet.
     """
-    if not path.is_file():
-        raise BadInput(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; check the path")
     _check_archive(path)
     import openpyxl  # half a second that most tables do not need
 
