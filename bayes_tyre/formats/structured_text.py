@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -51,11 +52,8 @@ def _shallow[T](content: T) -> T:
     """Return the content, or raise where it is nested too deep."""
     level: list[Any] = [content]
     for _ in range(MOST_LEVELS):
-        level = [one for each in level if isinstance(each, dict | list) for one in _members(each)]
+        level = [each.values() if isinstance(each, dict) else each for each in level if isinstance(each, dict | list)]
+        level = [*chain.from_iterable(level)]
         if not level:
             return content
     raise ValueError(f"it is nested more than {MOST_LEVELS} deep")
-
-
-def _members(each: dict[str, Any] | list[Any]) -> list[Any]:
-    return [*each.values()] if isinstance(each, dict) else each

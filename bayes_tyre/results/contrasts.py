@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 import xarray as xr
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.sampling.datatree import case_parameters, tree_cases
@@ -152,7 +152,7 @@ def contrasts(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.Dat
                     **{"contrast": contrast.contrast, "matching": contrast.matching, **_given(contrast.factors)},
                     **{"parameter": parameter, "median": median, "lower": lower, "upper": upper, "interval": interval},
                     **{
-                        "p_greater_than_1": probability_above_1(ratio),
+                        "p_greater_than_1": probability_of(ratio > 1.0),
                         "origin": tree.attrs["origin"],
                         "verdict": verdict,
                     },
@@ -222,11 +222,6 @@ def with_reference(table: pd.DataFrame, reference: str, configurations: Iterable
     for column, values in new.items():
         result.loc[turned, column] = values
     return result
-
-
-def probability_above_1(ratio: Float[np.ndarray, " draws"]) -> float:
-    """Return P(ratio > 1) from draws, as `probability_of` has it."""
-    return probability_of(ratio > 1.0)
 
 
 def probability_of(holds: Bool[np.ndarray, "..."]) -> float:

@@ -44,10 +44,13 @@ def axle_load_on_tyre_kN(rig: Rig) -> float:
     return (hub_weight_N(rig) + beam_weight_N(rig) / 2) * 1e-3
 
 
-def _beam_arms_m(rig: Rig) -> tuple[float, float, float]:
+def _bending(rig: Rig, load_kN: float, second_moment_m4: float) -> tuple[float, float, float, float, float]:
+    """Return the load over the stiffness (1/m^2), a, a + b and x (m), and the constant of the slope (m^2)."""
     # a, b: the load from the support and from the wheel centre; x: the measurement point from the wheel centre.
     length, load = rig.axle.support_to_wheel_centre_mm, rig.axle.support_to_load_mm
-    return load * 1e-3, (length - load) * 1e-3, (length - rig.axle.support_to_measurement_mm) * 1e-3
+    a, b, x = load * 1e-3, (length - load) * 1e-3, (length - rig.axle.support_to_measurement_mm) * 1e-3
+    stiffness = beam_of(rig).youngs_modulus_GPa * 1e9 * second_moment_m4
+    return load_kN * 1e3 / stiffness, a, a + b, x, b**2 / 2 - b * (a + b) / 3 - b**3 / (6 * (a + b))
 
 
 def beam_deflection_m(rig: Rig, load_kN: float, second_moment_m4: float) -> float:
@@ -66,15 +69,11 @@ def beam_deflection_m(rig: Rig, load_kN: float, second_moment_m4: float) -> floa
     -------
     Deflection in m. Source: appendix B3, v_1, for a measurement point between load and wheel.
     """
-    a, b, x = _beam_arms_m(rig)
-    stiffness = beam_of(rig).youngs_modulus_GPa * 1e9 * second_moment_m4
-    constant = b**2 / 2 - b * (a + b) / 3 - b**3 / (6 * (a + b))
-    return load_kN * 1e3 / stiffness * (a * x**3 / (6 * (a + b)) + constant * x)
+    load, a, span, x, constant = _bending(rig, load_kN, second_moment_m4)
+    return load * (a * x**3 / (6 * span) + constant * x)
 
 
 def beam_slope_rad(rig: Rig, load_kN: float, second_moment_m4: float) -> float:
     """Return the beam's slope (rad) at the measurement point; arguments as in `beam_deflection_m`. Source: B3."""
-    a, b, x = _beam_arms_m(rig)
-    stiffness = beam_of(rig).youngs_modulus_GPa * 1e9 * second_moment_m4
-    constant = b**2 / 2 - b * (a + b) / 3 - b**3 / (6 * (a + b))
-    return load_kN * 1e3 / stiffness * (a * x**2 / (2 * (a + b)) + constant)
+    load, a, span, x, constant = _bending(rig, load_kN, second_moment_m4)
+    return load * (a * x**2 / (2 * span) + constant)

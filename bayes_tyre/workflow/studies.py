@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 
 from bayes_tyre.formats.files import prepare_folder, write_text
-from bayes_tyre.formats.tables.joined import read_part
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.published.tables import characteristic_deflection
 from bayes_tyre.report.figures import audit as audit_figures
@@ -119,7 +118,9 @@ def write_coverage(
             for name in kinds:
                 parts[name].append(_cached_estimate(fit, cache, name, seed, number))
                 on_progress(1)
-        estimates = pd.concat([read_part(part) for of_kind in parts.values() for part in of_kind], ignore_index=True)
+        estimates = pd.concat(
+            [pd.read_parquet(part) for of_kind in parts.values() for part in of_kind], ignore_index=True
+        )
         table = coverage(estimates)
         write_table(estimates, out / "coverage_estimates.csv")
         write_table(verdicts(estimates), out / "verdicts.csv")

@@ -61,7 +61,8 @@ class Layout(NamedTuple):
         """
         if missing := [name for name in self.names if name not in names]:
             header = one_line(", ".join(filter(None, names)), REASON)
-            called = f"{listed(missing, 3, quoted)}, which the column map calls {listed(self._ours(missing), 3)}"
+            meant = listed([self.names[name] for name in missing], 3)
+            called = f"{listed(missing, 3, quoted)}, which the column map calls {meant}"
             raise BadInput(f"{path}: no column {called}; found {header}; mend the map, or its skip_rows")
         ours = [self.names.get(name, name) for name in names]
         twice = next((name for i, name in enumerate(ours) if name and name in ours[:i]), None)
@@ -69,9 +70,6 @@ class Layout(NamedTuple):
             what = " beside the one that the column map calls so" if twice in self.names.values() else " twice"
             raise BadInput(f"{path}: column {one_line(twice, NAME)!r} stands{what}; keep one")
         return ours
-
-    def _ours(self, theirs: Sequence[str]) -> list[str]:
-        return [self.names[name] for name in theirs]
 
 
 def units_in(cells: Sequence[object]) -> tuple[str, ...]:

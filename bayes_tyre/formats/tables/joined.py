@@ -32,11 +32,6 @@ def is_part(path: Path) -> bool:
     return True
 
 
-def read_part(path: Path) -> pd.DataFrame:
-    """Return a part that `write_part` wrote."""
-    return pd.read_parquet(path)
-
-
 def write_joined(parts: Sequence[Path], path: Path, changes: Sequence[Change | None] | None = None) -> Path:
     """Write one or more parts under one another, as `.csv` or `.parquet`, as `write_table` would; return the path.
 

@@ -114,14 +114,11 @@ def _sheet(book: Any, path: Path, title: str | None, names_in: Callable[[Numbere
         rows = _checked(sheet.iter_rows(values_only=True), path)
         first = next((item for item in rows if any(cell is not None for cell in item[1])), None)
         if first is not None:
-            return Sheet(sheet.title, [first, *rows], _others(titles, sheet.title) if title is None else [])
+            others = [other for other in titles if other != sheet.title] if title is None else []
+            return Sheet(sheet.title, [first, *rows], others)
     if title is not None and not chosen:
         raise BadInput(f"{path}: no sheet {quoted(title)}; name one of {listed(titles, show=quoted)}")
     raise BadInput(f"{path}: holds nothing; give a column a channel")
-
-
-def _others(titles: Sequence[str], read: str) -> list[str]:
-    return [title for title in titles if title != read]
 
 
 def _top(sheet: Any, path: Path) -> NumberedRows:

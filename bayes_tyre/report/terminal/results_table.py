@@ -87,7 +87,8 @@ def print_overview(folders: list[Path], console: Console | None = None, referenc
             print_fits(rows, folder, console)
             continue
         _print_answer(folder, rows, result, console)
-        for line in (f"files: {one_line(folder, None)}", f"next: {one_line(_next(folder), None)}"):
+        follows = command_line("report", path_text(folder))
+        for line in (f"files: {one_line(folder, None)}", f"next: {one_line(follows, None)}"):
             console.print(Text(line), soft_wrap=True)
 
 
@@ -152,10 +153,6 @@ def _doubts(folder: Path, result: Reported | None, width: int) -> Iterator[str]:
         yield f"note: {one_line(in_words(note), LONGEST_LIMITATION)}"
     if len(notes) > MOST_NOTES:
         yield f"note: {len(notes) - MOST_NOTES} more in {one_line(folder / 'diagnostics.json', None)}"
-
-
-def _next(folder: Path) -> str:
-    return command_line("report", path_text(folder))
 
 
 def limitations(folder: Path) -> list[str]:

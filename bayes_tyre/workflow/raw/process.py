@@ -11,7 +11,7 @@ from jaxtyping import Float
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, remove_leftovers
 from bayes_tyre.formats.recordings.raw import read_raw
-from bayes_tyre.formats.tables.joined import Change, read_part, write_joined
+from bayes_tyre.formats.tables.joined import Change, write_joined
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.record import FORCE_PER_KG, MASS, MASS_SD
 from bayes_tyre.rig.sensors import columns_of
@@ -76,7 +76,7 @@ def _shared_masses(tasks: Sequence[Task], outcomes: Sequence[Path | Fault]) -> l
     mass, mostly like less of it.
     """
     done = [(task.rig, part) for task, part in zip(tasks, outcomes, strict=True) if isinstance(part, Path)]
-    own = pd.DataFrame([read_part(part).iloc[0] for _, part in done]).reset_index(drop=True)
+    own = pd.DataFrame([pd.read_parquet(part).iloc[0] for _, part in done]).reset_index(drop=True)
     if MASS not in own:
         return None
     rigs = [rig for rig, _ in done if rig is not None]

@@ -20,6 +20,7 @@ from bayes_tyre.inference.motion.record.runout import Rolling, ground_priors
 from bayes_tyre.inference.motion.record.second_mode import mode_priors
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
+from bayes_tyre.rig.motion import substeps_for
 
 Samples = Float[np.ndarray, " samples"]
 Values = Float[np.ndarray, "..."]
@@ -207,7 +208,7 @@ def make_window(rig: Rig, samples: Recorded, law: MotionLaw = FANCHER) -> Window
         prior = mode_priors(mode.frequency_Hz, mode.frequency_relative_sd)
     law_prior = prior_moments(rig, record_levels, law)
     prior = law_prior if prior is None else np.concatenate([law_prior, prior], axis=1)
-    nodes = block_weights(length, substeps_of(length * dt_s))
+    nodes = block_weights(length, substeps_for(length * dt_s, ROLLING_BLOCK_S))
     return Window(*map(jnp.asarray, (length * dt_s, readings, weight, nodes, prior)), rolling=rolling, law=law)
 
 
@@ -236,11 +237,6 @@ def _rolling(
         levels,
         ground_priors(velocity, np.log(fit.turn_Hz), fit.turn_sd, len(fit.order)),
     )
-
-
-def substeps_of(block_s: float) -> int:
-    """Return into how many steps of the integration a block is cut: none is longer than `ROLLING_BLOCK_S`."""
-    return max(1, int(np.ceil(block_s / ROLLING_BLOCK_S - 1e-9)))
 
 
 def block_weights(length: int, substeps: int) -> Float[np.ndarray, " nodes"]:
