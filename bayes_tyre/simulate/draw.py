@@ -11,6 +11,7 @@ import numpy as np
 from bayes_tyre.record import Case
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig, needed
+from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
 from bayes_tyre.simulate.plan import Planned
 from bayes_tyre.simulate.stiffness import case_stiffness
 from bayes_tyre.simulate.truth import Harmonic, Runout, Truth
@@ -87,6 +88,12 @@ def _mass(case: Case, rig: Rig, seed: int) -> float:
     return rig.axle.effective_mass_kg * (1 + relative)
 
 
+def critical_damping(rig: Rig, k: float, m_kg: float) -> float:
+    """Return the critical damping of an axle, kN s/mm, by the middle line's slope at the wheel centre, 10 mm down."""
+    at_wheel_centre = k * geometry.curvature_factor(rig) * float(geometry.sin_theta(rig, 10.0)) ** 2
+    return 2 * math.sqrt(at_wheel_centre * m_kg * KN_PER_KG_MM_PER_S2)
+
+
 def _law_and_damping(case: Case, rig: Rig, seed: int, draw: np.random.Generator) -> tuple[float, ...]:
     """Return k, beta, x of a repeat, and C, c of its case."""
     tyre, k = stream(seed, "case", case.label), case_stiffness(case)
@@ -94,8 +101,7 @@ def _law_and_damping(case: Case, rig: Rig, seed: int, draw: np.random.Generator)
     beta = math.exp(tyre.uniform(math.log(max(0.045, 0.32 / (4 * k))), math.log(0.13)))
     x = tyre.uniform(max(0.3, 1.6 * k * beta), min(0.6, 4 * k * beta))
     C = 0.2 * _clipped(tyre)
-    at_wheel_centre = k * geometry.curvature_factor(rig) * float(geometry.sin_theta(rig, 10.0)) ** 2
-    c = 2 * tyre.uniform(0.02, 0.04) * math.sqrt(at_wheel_centre * _mass(case, rig, seed) * 1e-6)
+    c = tyre.uniform(0.02, 0.04) * critical_damping(rig, k, _mass(case, rig, seed))
     k, beta, x = (
         value * (1 + sd * _clipped(draw)) for value, sd in ((k, _K_SD), (beta, _FRICTION_SD), (x, _FRICTION_SD))
     )

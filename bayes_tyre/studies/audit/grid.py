@@ -1,16 +1,13 @@
 """The design of the audit: a typical truth, each factor varied alone, and two or three of them crossed."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import NamedTuple
 
 from bayes_tyre.record import Case
-from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
-from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
-from bayes_tyre.simulate.draw import draw_truth, stream
+from bayes_tyre.simulate.draw import critical_damping, draw_truth, stream
 from bayes_tyre.simulate.plan import RATE_HZ, Planned
 from bayes_tyre.simulate.truth import Truth
 
@@ -128,8 +125,6 @@ def truth_of(tyre: Tyre, replicate: int, rig: Rig, seed: int) -> Truth:
     drawn = draw_truth(planned, rig, of_axle)
     k, x, beta = tyre.k_kN_per_mm, tyre.x_kN, tyre.beta_mm
     rests = drawn.rest_friction_kN / (drawn.x_kN - drawn.k_kN_per_mm * drawn.beta_mm)
-    # As in the simulator: the middle line's slope at the wheel centre, 10 mm down.
-    at_wheel_centre = k * geometry.curvature_factor(rig) * float(geometry.sin_theta(rig, 10.0)) ** 2
     return replace(
         drawn,
         seed=of_noise,
@@ -138,5 +133,5 @@ def truth_of(tyre: Tyre, replicate: int, rig: Rig, seed: int) -> Truth:
         beta_mm=beta,
         rise_time_s=tyre.rise_s,
         rest_friction_kN=rests * (x - k * beta),
-        c_kN_s_per_mm=2 * tyre.damping_ratio * math.sqrt(at_wheel_centre * drawn.m_kg * KN_PER_KG_MM_PER_S2),
+        c_kN_s_per_mm=tyre.damping_ratio * critical_damping(rig, k, drawn.m_kg),
     )
