@@ -39,6 +39,12 @@ def parameter_column(parameter: str) -> str:
     return parameter if unit == "1" else f"{parameter}_{unit}"
 
 
+def means_of_blocks(values: Float[np.ndarray, "... samples"], length: int) -> Float[np.ndarray, "... blocks"]:
+    """Return the means of blocks of `length` samples of channels; an incomplete last block is dropped."""
+    blocks = values.shape[-1] // length
+    return values[..., : blocks * length].reshape(*values.shape[:-1], blocks, length).mean(axis=-1)
+
+
 class Case(NamedTuple):
     """The test conditions of a record: all its factors but the repeat (km/h, kN; `step_kN` is signed)."""
 

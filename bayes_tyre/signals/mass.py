@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import lsq_linear, minimize_scalar
 
+from bayes_tyre.record import means_of_blocks
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
-from bayes_tyre.signals.noise import block_means
 
 Samples = Float[np.ndarray, "..."]
 # Fitted on means over 1 ms: the noise of the load is as good, and the recursion of the friction is short.
@@ -80,7 +80,7 @@ def find_mass(rig: Rig, motion: Motion, dt_s: float) -> Mass:
         Spacing of the samples, s.
     """
     length = max(1, round(_MEAN_S / dt_s))
-    d, v, a, applied = (block_means(values, length) for values in motion)
+    d, v, a, applied = (means_of_blocks(values, length) for values in motion)
 
     def design(turn_mm: float) -> Samples:
         return np.stack([a * KN_PER_KG_MM_PER_S2, v, d, *_friction(d, turn_mm), np.ones_like(d)], axis=1)

@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from bayes_tyre.record import means_of_blocks
+
 Samples = Float[np.ndarray, " samples"]
 # Readings further from the median than this many robust standard deviations are outliers.
 _CLIP = 5.0
@@ -36,12 +38,6 @@ def robust_sd(values: Samples) -> float:
     return float(np.std(inliers))
 
 
-def block_means(values: Float[np.ndarray, "... samples"], length: int) -> Float[np.ndarray, "... blocks"]:
-    """Return the means of blocks of `length` samples; an incomplete last block is dropped."""
-    blocks = values.shape[-1] // length
-    return values[..., : blocks * length].reshape(*values.shape[:-1], blocks, length).mean(axis=-1)
-
-
 def moving_mean(values: Samples, length: int) -> Samples:
     """Return the centred mean of `length` samples (made odd), of the available ones at both ends."""
     half = length // 2
@@ -62,7 +58,7 @@ def signal_level(values: Samples, dt_s: float, block_s: float = 0.02) -> Level:
         Spacing of the samples; length of the block means that measure slow noise, s.
     """
     length = max(1, round(block_s / dt_s))
-    means = block_means(values, length)
+    means = means_of_blocks(values, length)
     mean, sample_sd = float(np.mean(values)), robust_sd(values)
     # White noise sets a lower bound for block means; few blocks may be below it by chance.
     block_sd = max(robust_sd(means), sample_sd / np.sqrt(length))

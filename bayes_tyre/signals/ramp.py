@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from bayes_tyre.signals.noise import block_means
+from bayes_tyre.record import means_of_blocks
 
 Samples = Float[np.ndarray, " samples"]
 Ramps = Float[np.ndarray, " ramps"]
@@ -46,7 +46,7 @@ def find_ramp(load_kN: Samples, dt_s: float) -> Ramp:
         Spacing of the samples, s.
     """
     length = max(1, round(_BLOCK_S / dt_s))
-    blocks, block_s = block_means(load_kN, length), length * dt_s
+    blocks, block_s = means_of_blocks(load_kN, length), length * dt_s
     change = _change_of_level(blocks)
     reach = round(_REACH_S / block_s)
     low, high = max(0, change - reach), min(len(blocks), change + reach)

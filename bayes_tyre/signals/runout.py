@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from bayes_tyre.record import means_of_blocks
 from bayes_tyre.rig.axle import Rig, needed
 from bayes_tyre.signals.channels import Signals
-from bayes_tyre.signals.noise import block_means
 
 Samples = Float[np.ndarray, " samples"]
 Columns = Float[np.ndarray, "columns samples"]
@@ -71,8 +71,8 @@ def remove_runout(signals: Signals, pre_step: int, bodies: tuple[Turning, ...]) 
     if not bodies_fitted:
         return signals, Runout((), 0.0)
     length = max(1, round(_MEAN_S / signals.dt_s))
-    means = block_means(signals.acceleration_m_per_s2[:pre_step], length)
-    refined = _refined(block_means(time_s[:pre_step], length), means, bodies_fitted)
+    means = means_of_blocks(signals.acceleration_m_per_s2[:pre_step], length)
+    refined = _refined(means_of_blocks(time_s[:pre_step], length), means, bodies_fitted)
     columns = columns_of(time_s, refined)
     trend = np.stack([np.ones(pre_step), time_s[:pre_step] - time_s[:pre_step].mean()])
     design = np.concatenate([columns[:, :pre_step], trend])

@@ -6,8 +6,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.record import means_of_blocks
 from bayes_tyre.signals.channels import Signals
-from bayes_tyre.signals.noise import Level, block_means, moving_mean, robust_sd, signal_level
+from bayes_tyre.signals.noise import Level, moving_mean, robust_sd, signal_level
 from bayes_tyre.signals.ramp import Ramp, find_ramp
 
 Samples = Float[np.ndarray, " samples"]
@@ -142,7 +143,7 @@ def _spike(moved: Samples, pre_step: int, ramp: Ramp, dt_s: float) -> tuple[floa
     length = max(1, round(SPIKE_MEAN_S / dt_s))
     means = moving_mean(moved, length)
     spike = float(np.abs(means[pre_step : int((ramp.end_s + _BEFORE_RAMP_S) / dt_s)]).max())
-    return spike, _ratio(spike, robust_sd(block_means(moved[:pre_step], length)))
+    return spike, _ratio(spike, robust_sd(means_of_blocks(moved[:pre_step], length)))
 
 
 def _smooth(moved: Samples, pre_step: int, dt_s: float) -> tuple[Samples, float]:

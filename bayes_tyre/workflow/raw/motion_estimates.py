@@ -20,7 +20,7 @@ from bayes_tyre.inference.motion.record.estimate import CORRELATION_MOST, MISFIT
 from bayes_tyre.inference.motion.record.evidence import log_constant
 from bayes_tyre.inference.motion.record.forward_model import predicted, residuals
 from bayes_tyre.inference.motion.record.likelihood import hierarchy_moments, likelihood_of
-from bayes_tyre.inference.motion.record.parameters import MotionParameters, in_units
+from bayes_tyre.inference.motion.record.parameters import MotionParameters
 from bayes_tyre.inference.motion.record.window import Recorded, Window
 from bayes_tyre.record import FACTORS, parameter_column
 from bayes_tyre.results.figure_data.motion_traces import COLUMNS, places, readings_table
@@ -101,7 +101,7 @@ def _done(task: Task) -> Done:
     # and its status says so.
     if law is FANCHER and not bool(estimate.map_estimate.converged):
         raise BadInput("the fit of its motion did not converge; look at its channels with process --figures")
-    unknowns = _unknowns(rig, estimate)
+    unknowns = estimate.window.in_units(rig, jnp.asarray(estimate.map_estimate.standard))
     origin = origin_of_raw(raw, task)
     row = {**factors.row(), **_columns(rig, estimate, unknowns), "origin": origin}
     readings = readings_table(
@@ -123,7 +123,7 @@ def _fitted(
     rig: Rig, standard: Float[Array, " unknowns"], window: Window
 ) -> tuple[Float[Array, "3 blocks"], Float[Array, "3 blocks"]]:
     """Return the sensor readings that the fitted motion predicts, and the residuals that were checked."""
-    unknowns = in_units(rig, standard, window.prior, window.rolling, window.law)
+    unknowns = window.in_units(rig, standard)
     expected = predicted(rig, unknowns, window, window.mean_disturbance)
     return expected, residuals(rig, standard, window)[: expected.size].reshape(expected.shape)
 
@@ -132,11 +132,6 @@ def _kept_readings(readings: pd.DataFrame, estimate: MotionEstimate) -> dict[str
     fit = estimate.map_estimate
     shares = np.asarray(fit.chi_squared) / (1 + MISFIT_MOST), np.asarray(fit.correlation) / CORRELATION_MOST
     return {MISFIT: float(np.nanmax(shares)), READINGS: readings[list(COLUMNS)].to_numpy(float).ravel().tolist()}
-
-
-def _unknowns(rig: Rig, estimate: MotionEstimate) -> MotionParameters:
-    window = estimate.window
-    return in_units(rig, jnp.asarray(estimate.map_estimate.standard), window.prior, window.rolling, window.law)
 
 
 def _columns(rig: Rig, estimate: MotionEstimate, unknowns: MotionParameters) -> dict[str, Any]:

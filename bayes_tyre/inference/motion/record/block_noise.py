@@ -3,14 +3,10 @@
 import numpy as np
 from jaxtyping import Float
 
+from bayes_tyre.record import means_of_blocks
+
 Samples = Float[np.ndarray, " samples"]
 Values = Float[np.ndarray, "..."]
-
-
-def means_of_blocks(values: Float[np.ndarray, "... samples"], length: int) -> Float[np.ndarray, "... blocks"]:
-    """Return means of blocks of `length` samples; an incomplete last block is dropped."""
-    blocks = values.shape[-1] // length
-    return values[..., : blocks * length].reshape(*values.shape[:-1], blocks, length).mean(axis=-1)
 
 
 def converter_step(readings: Samples) -> float:

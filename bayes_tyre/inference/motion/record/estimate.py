@@ -291,7 +291,7 @@ def _reasons(rig: Rig, window: Window, estimate: MapEstimate) -> list[str]:
                 f"{name} is off by {np.sqrt(square):.2g} times its noise, lag-1 autocorrelation {correlation:.2g}"
             )
     if (share := _discrepancy_share(window)) > DISCREPANCY_MOST:
-        parameters = in_units(rig, jnp.asarray(estimate.standard), window.prior, window.rolling, window.law)
+        parameters = window.in_units(rig, jnp.asarray(estimate.standard))
         reasons.append(
             f"load and law leave out a force of {share * float(load_step_kN(rig, parameters)):.2g} kN, "
             f"{100 * share:.2g} % of the load's step (at most {100 * DISCREPANCY_MOST:g} %)"

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from bayes_tyre.inference.motion.record.load_step import load_share
-from bayes_tyre.inference.motion.record.parameters import MotionParameters, in_units
+from bayes_tyre.inference.motion.record.parameters import MotionParameters
 from bayes_tyre.inference.motion.record.second_mode import shown_with
 from bayes_tyre.inference.motion.record.window import UNDISTURBED, Disturbance, Window
 from bayes_tyre.laws.base import ScalarLike, StatefulLaw
@@ -145,7 +145,7 @@ def misfit(
     rig: Rig, standard: Float[Array, " parameters"], window: Window, disturbance: Disturbance = UNDISTURBED
 ) -> Float[Array, "3 blocks"]:
     """Return predictions less readings, in standard deviations of their noise; the accelerometer's are whitened."""
-    parameters = in_units(rig, standard, jnp.asarray(window.prior), window.rolling, window.law)
+    parameters = window.in_units(rig, standard)
     difference = (predicted(rig, parameters, window, disturbance) - window.readings) * window.weight
     if window.disturbance is None or window.disturbance.whitening is None:
         return difference

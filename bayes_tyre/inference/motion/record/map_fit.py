@@ -12,7 +12,7 @@ import optimistix as optx
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from bayes_tyre.inference.motion.record.forward_model import residuals
-from bayes_tyre.inference.motion.record.parameters import in_units, parameter_names
+from bayes_tyre.inference.motion.record.parameters import parameter_names
 from bayes_tyre.inference.motion.record.runout import ground_start
 from bayes_tyre.inference.motion.record.second_mode import largest_peak
 from bayes_tyre.inference.motion.record.window import Window
@@ -88,7 +88,7 @@ def starting_points(rig: Rig, window: Window) -> Float[np.ndarray, "starts param
     if window.rolling is not None:
         amplitudes = 2 * len(np.asarray(window.rolling.order))
         turn = mean[len(names) + 2 : -amplitudes]
-        at_rest = in_units(rig, jnp.asarray(start[0]), window.prior, window.rolling, window.law)
+        at_rest = window.in_units(rig, jnp.asarray(start[0]))
         at_wheel_centre = float(jnp.asarray(at_rest.law.k)) * geometry.curvature_factor(rig)
         ground = ground_start(window.rolling, turn, at_wheel_centre, float(at_rest.m_kg), float(at_rest.c_kN_s_per_mm))
         start[:, -amplitudes:] = ground / sd[-amplitudes:]

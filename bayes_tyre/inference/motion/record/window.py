@@ -12,12 +12,12 @@ from bayes_tyre.inference.motion.record.block_noise import (
     block_sd_of_differences,
     level,
     level_after,
-    means_of_blocks,
 )
-from bayes_tyre.inference.motion.record.parameters import prior_moments
+from bayes_tyre.inference.motion.record.parameters import MotionParameters, in_units, prior_moments
 from bayes_tyre.inference.motion.record.pre_step_harmonics import fit_harmonics
 from bayes_tyre.inference.motion.record.runout import Rolling, ground_priors
 from bayes_tyre.inference.motion.record.second_mode import mode_priors
+from bayes_tyre.record import means_of_blocks
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.motion import substeps_for
@@ -154,6 +154,10 @@ class Window(NamedTuple):
     rolling: Rolling | None = None
     disturbance: DisturbanceResponse | None = None
     law: MotionLaw = FANCHER
+
+    def in_units(self, rig: Rig, standard: Float[Array, " parameters"]) -> MotionParameters:
+        """Return the unknowns of a record from standardised ones."""
+        return in_units(rig, standard, self.prior, self.rolling, self.law)
 
     @property
     def mean_disturbance(self) -> Disturbance:

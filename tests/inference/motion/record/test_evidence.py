@@ -105,7 +105,8 @@ def test_the_law_of_a_record_has_the_evidence(true):
 def test_the_free_vibration_of_a_spring_and_a_damper_gives_both():
     record, truth = recorded("kelvin_voigt")
     estimate = estimate_motion(RIG, record, MOTION_LAWS["kelvin_voigt"], sampler=None)
-    k, c = motion_estimates._by_decay(estimate.window, motion_estimates._unknowns(RIG, estimate))
+    unknowns = estimate.window.in_units(RIG, jnp.asarray(estimate.map_estimate.standard))
+    k, c = motion_estimates._by_decay(estimate.window, unknowns)
     applied = geometry.tyre_load(RIG, truth.load_after_kN)
     rest = rest_displacement(RIG, applied, k=truth.k_kN_per_mm, offset_kN=truth.C_kN)
 

@@ -20,7 +20,7 @@ from bayes_tyre.inference.motion.record.disturbance.matern_process import (
 )
 from bayes_tyre.inference.motion.record.disturbance.response import Columns
 from bayes_tyre.inference.motion.record.forward_model import node_times, simulated
-from bayes_tyre.inference.motion.record.parameters import MotionParameters, in_units
+from bayes_tyre.inference.motion.record.parameters import MotionParameters
 from bayes_tyre.inference.motion.record.window import Disturbance, Window
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
@@ -43,7 +43,7 @@ def force_columns(rig: Rig, window: Window, standard: Float[Array, " parameters"
     standard:
         Standardised parameters near the MAP estimate.
     """
-    parameters = in_units(rig, standard, window.prior, window.rolling, window.law)
+    parameters = window.in_units(rig, standard)
     knots = knots_from(window, parameters.start_s)
     _, motion, _ = simulated(rig, parameters, window, window.mean_disturbance)
     near = jnp.exp(-0.5 * ((knots.time_s[:, None] - node_times(window)) / SPEED_WIDTH_S) ** 2)

@@ -24,7 +24,7 @@ from bayes_tyre.inference.motion.record.disturbance.matern_process import (
 )
 from bayes_tyre.inference.motion.record.disturbance.response import Columns, conditional, fixed, most_probable
 from bayes_tyre.inference.motion.record.forward_model import block_means, cylinder_load, node_times
-from bayes_tyre.inference.motion.record.parameters import in_units, parameter_names
+from bayes_tyre.inference.motion.record.parameters import parameter_names
 from bayes_tyre.inference.motion.record.window import Disturbance, Window
 from bayes_tyre.rig.axle import Rig
 
@@ -74,7 +74,7 @@ def load_departure(rig: Rig, window: Window) -> LoadDeparture:
     """
     residual, values, standard = _fitted_shape(rig, window)
     weight, node_weights = window.weight[2], jnp.asarray(window.node_weights)
-    shape = in_units(rig, standard, window.prior, window.rolling, window.law)
+    shape = window.in_units(rig, standard)
     knots = knots_from(window, shape.start_s)
     settling = jnp.exp(-jnp.maximum(knots.time_s - shape.start_s - shape.rise_s, 0.0) / SETTLES_S)
     sd = jnp.abs(shape.load_kN[1] - shape.load_kN[0]) * settling
@@ -105,7 +105,7 @@ def _fitted_shape(rig: Rig, window: Window) -> tuple[Callable[[Array], Array], A
         return jnp.zeros(window.prior.shape[-1]).at[at].set(values[:-1])
 
     def residual(values: Array) -> Array:
-        load = cylinder_load(in_units(rig, parameters(values), window.prior, window.rolling, window.law), time_s)
+        load = cylinder_load(window.in_units(rig, parameters(values)), time_s)
         inertia_kN = values[-1] * CELL_KG * 1e-3 * window.readings[0]
         read = block_means(load[None], jnp.asarray(window.node_weights))[0] + inertia_kN
         return jnp.concatenate([(read - window.readings[2]) * window.weight[2], values])
