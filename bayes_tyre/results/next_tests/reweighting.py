@@ -32,9 +32,8 @@ def reweighted_width(
     noise: Float[np.ndarray, "cases measured measured"],
     log_goal: Float[np.ndarray, " draws"],
     tests: Sequence[int],
-    seed: int = 0,
 ) -> Reweighted:
-    """Return the width after tests, given as indices of cases; the same seed gives every set of tests like outcomes.
+    """Return the width after tests, given as indices of cases; every set of tests is given like outcomes.
 
     Parameters
     ----------
@@ -43,7 +42,7 @@ def reweighted_width(
     noise:
         Covariance of the error of one test of each case.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     sorted_draws = np.linspace(0, len(log_goal) - 1, min(_DRAWS, len(log_goal))).astype(int)
     sorted_draws = sorted_draws[np.argsort(log_goal[sorted_draws], kind="stable")]
     true = rng.integers(len(sorted_draws), size=_OUTCOMES)
