@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 import typer
 
 from bayes_tyre.cli.shell import Out, Quiet, Seed, progress, say
+from bayes_tyre.runtime import prepare_jax
 
 
 def audit(
@@ -26,8 +27,6 @@ def audit(
 
     Example: bayes-tyre audit --out results/audit --plan quick
     """
-    from bayes_tyre.runtime import prepare_jax
-
     prepare_jax()
     from bayes_tyre.studies.audit.grid import PLANS
     from bayes_tyre.studies.audit.sentences import lines

@@ -8,6 +8,7 @@ import typer
 
 from bayes_tyre.cli import model_options, sampled, shell
 from bayes_tyre.errors import BadInput
+from bayes_tyre.runtime import prepare_jax
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -109,7 +110,6 @@ def fit(
 def _run(plan: "Plan", out: Path, resume: bool, xlsx: bool, quiet: bool) -> None:
     """Fit as planned, print its progress, and end as the verdict says."""
     from bayes_tyre.record_table import origin_of
-    from bayes_tyre.runtime import prepare_jax
     from bayes_tyre.workflow.fit import fit_table  # imports JAX, which starts only when it computes
 
     table, sampler = _checked_table(plan), plan.sampler

@@ -7,6 +7,7 @@ import typer
 
 from bayes_tyre.cli import suffixes
 from bayes_tyre.cli.shell import ColumnsMap, Out, Quiet, say, warn
+from bayes_tyre.runtime import prepare_jax
 
 
 def load_deflection(
@@ -56,7 +57,6 @@ def load_deflection(
     if beta is not None and not 0 < beta < float("inf"):
         raise typer.BadParameter(f"{beta:g} is no length; beta is in mm, above 0", param_hint="--beta")
     from bayes_tyre.record_table import origin_of
-    from bayes_tyre.runtime import prepare_jax
 
     prepare_jax()
     from bayes_tyre.workflow.load_deflection import SLOW_TESTS, fit_load_deflection

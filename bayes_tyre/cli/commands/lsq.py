@@ -9,6 +9,7 @@ import typer
 from bayes_tyre.cli import shell
 from bayes_tyre.cli.shell import Out, Quiet, Records, Xlsx, assignments, progress, say, warn
 from bayes_tyre.errors import BadInput
+from bayes_tyre.runtime import prepare_jax
 
 
 def _bounds(options: list[str]) -> dict[str, tuple[float, float]]:
@@ -67,7 +68,6 @@ def lsq(
     Example: bayes-tyre lsq data/campaign/records.csv --out results/lsq --region thesis
     """
     from bayes_tyre.inference.least_squares.settings import FitSettings
-    from bayes_tyre.runtime import prepare_jax
 
     fixed, starts = assignments(fix or [], "--fix"), assignments(start or [], "--start")
     try:

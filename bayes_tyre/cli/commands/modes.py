@@ -8,6 +8,7 @@ import typer
 
 from bayes_tyre.cli import suffixes
 from bayes_tyre.cli.shell import NOT_TRUSTED, Interval, Out, Quiet, Seed, fault, say
+from bayes_tyre.runtime import prepare_jax
 
 
 def modes(
@@ -57,8 +58,6 @@ def modes(
         raise typer.BadParameter("needs the radius of the belt beside it; give --radius in mm", param_hint="--radius")
     if configuration is not None and motion is None:
         raise typer.BadParameter("is of --motion; give its folder, or leave it out", param_hint="--configuration")
-    from bayes_tyre.runtime import prepare_jax
-
     prepare_jax()
     from bayes_tyre.results.flexible_ring import parameter_lines
     from bayes_tyre.workflow.modes import Belt, Motion, fit_modes

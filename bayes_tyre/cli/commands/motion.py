@@ -10,6 +10,7 @@ import typer
 from bayes_tyre.cli import sampled, shell
 from bayes_tyre.cli.model_options import PriorsOption, RepeatsOption
 from bayes_tyre.cli.raw import CasesTable, Cluster, RawFiles, RigName, Workers, check_machines
+from bayes_tyre.runtime import prepare_jax
 
 if TYPE_CHECKING:
     from bayes_tyre.workflow.execution.batch import Machines
@@ -98,7 +99,6 @@ def motion(
 
 def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path, xlsx: bool, quiet: bool) -> None:
     """Estimate each file, fit the estimates as planned, print its progress, and end as the verdict says."""
-    from bayes_tyre.runtime import prepare_jax
     from bayes_tyre.workflow.raw.motion import estimate_files, fit_estimates
     from bayes_tyre.workflow.raw.raw_records import REJECTED, rejection_notes
 

@@ -10,6 +10,7 @@ import typer
 from bayes_tyre.cli import sampled, shell
 from bayes_tyre.cli.model_options import PriorsOption
 from bayes_tyre.errors import BadInput
+from bayes_tyre.runtime import prepare_jax
 
 
 def published(
@@ -30,8 +31,6 @@ def published(
 
     Example: bayes-tyre published --out results/published --posterior
     """
-    from bayes_tyre.runtime import prepare_jax
-
     prepare_jax(chains)
     from bayes_tyre.workflow.published import agreement_lines, check_published
 

@@ -6,6 +6,7 @@ import typer
 
 from bayes_tyre.cli.raw import RigName
 from bayes_tyre.cli.shell import Out, Quiet, Seed, progress, say
+from bayes_tyre.runtime import prepare_jax
 
 
 def simulate(
@@ -28,8 +29,6 @@ def simulate(
 
     Example: bayes-tyre simulate --out data/simulated --plan quick
     """
-    from bayes_tyre.runtime import prepare_jax
-
     prepare_jax()
     from bayes_tyre.rig.axle import load_rig
     from bayes_tyre.simulate.plan import PLANS

@@ -7,6 +7,7 @@ import typer
 from bayes_tyre.cli.commands.motion import Law
 from bayes_tyre.cli.messages import fault, print_table
 from bayes_tyre.cli.shell import NOT_TRUSTED, Out, Quiet, Seed, first_paragraph, guarded, progress, say
+from bayes_tyre.runtime import prepare_jax
 
 #: Host devices among which data sets are divided.
 DEVICES = 2
@@ -32,8 +33,6 @@ def calibration(
 
     Example: bayes-tyre study calibration --out results/calibration --datasets 500
     """
-    from bayes_tyre.runtime import prepare_jax
-
     prepare_jax(DEVICES)
     from bayes_tyre.workflow.studies import write_calibration
 
@@ -64,8 +63,6 @@ def outliers(
 
     Example: bayes-tyre study outliers --out results/outliers --campaigns 200
     """
-    from bayes_tyre.runtime import prepare_jax
-
     prepare_jax(DEVICES)
     from bayes_tyre.studies.outliers import SHARES, overview_lines
     from bayes_tyre.workflow.studies import write_outliers
@@ -107,8 +104,6 @@ def motion(
     """
     if stationary + rolling + mismatch == 0:
         raise typer.BadParameter("no record is asked for: --stationary, --rolling or --mismatch must be above 0")
-    from bayes_tyre.runtime import prepare_jax
-
     prepare_jax()
     from bayes_tyre.studies.motion_study import sentences, study_records
     from bayes_tyre.workflow.studies import write_motion_study
@@ -141,8 +136,6 @@ def laws(
 
     Example: bayes-tyre study laws --out results/law_ranking --records 4
     """
-    from bayes_tyre.runtime import prepare_jax
-
     prepare_jax(DEVICES)
     from bayes_tyre.inference.motion.laws import MOTION_LAWS
     from bayes_tyre.studies.law_ranking import ranked_correctly, sentences
@@ -183,8 +176,6 @@ def coverage(
     names = list(dict.fromkeys(kinds.split(","))) if kinds else list(KINDS)
     if unknown := [name for name in names if name not in KINDS]:
         raise typer.BadParameter(f"{unknown[0]!r} is none of {', '.join(KINDS)}", param_hint="--kinds")
-    from bayes_tyre.runtime import prepare_jax
-
     prepare_jax(DEVICES)
     from bayes_tyre.studies.coverage import overview
     from bayes_tyre.workflow.studies import write_coverage

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from bayes_tyre.cli.shell import NOT_TRUSTED, Quiet, progress, say, warn
+from bayes_tyre.runtime import prepare_jax
 
 
 def compare(
@@ -32,8 +33,6 @@ def compare(
 
     Example: bayes-tyre compare results/fit results/fit_student results/fit_normal
     """
-    from bayes_tyre.runtime import prepare_jax
-
     prepare_jax(4)
     from bayes_tyre.results.model_comparison import rank_lines
     from bayes_tyre.workflow.from_results.compare import compare_folders

@@ -7,6 +7,7 @@ import typer
 
 from bayes_tyre.cli.shell import NOT_TRUSTED, Out, Quiet, say, warn
 from bayes_tyre.plain_text import listed
+from bayes_tyre.runtime import prepare_jax
 
 #: Formats of files that hold values without a curve; and radii that a tyre may have, mm: from a kart's to a dumper's.
 WITHOUT_CURVE, RADII_MM = ("tir", "modelica"), (50.0, 2500.0)
@@ -61,8 +62,6 @@ def export(
         raise typer.BadParameter("means are over all cases; leave --case out", param_hint="--means")
     if means and to not in WITHOUT_CURVE:
         raise typer.BadParameter(f"a mean has no curve; use --to {' or '.join(WITHOUT_CURVE)}", param_hint="--means")
-    from bayes_tyre.runtime import prepare_jax
-
     prepare_jax()
     from bayes_tyre.workflow.from_results.export import not_in_tir, write_export
 

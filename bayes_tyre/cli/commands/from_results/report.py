@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from bayes_tyre.cli.shell import NOT_TRUSTED, Quiet, ReferenceOption, note, progress, say, warn
+from bayes_tyre.runtime import prepare_jax
 
 
 def report(
@@ -47,8 +48,6 @@ def report(
 
     Example: bayes-tyre report results/fit --out report.html
     """
-    from bayes_tyre.runtime import prepare_jax
-
     prepare_jax()
     from bayes_tyre.plain_text import path_text
     from bayes_tyre.workflow.from_results.report import letterhead, write_report
