@@ -45,8 +45,8 @@ _CURVES = RECORDS._replace(check=_check_curves)
 
 def fit_loops(
     branches: pd.DataFrame, settings: FitSettings, out: Path, on_progress: Callable[[int], None], *, xlsx: bool = False
-) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Write fits of branches, their closed cycles, backbones and a figure into `out`; return fits and cycles.
+) -> None:
+    """Write fits of branches, their closed cycles, backbones and a figure into `out`.
 
     Parameters
     ----------
@@ -68,4 +68,3 @@ def fit_loops(
         from bayes_tyre.formats.tables.workbook_writer import write_workbook  # imports what most runs do not need
 
         write_workbook({"least_squares": fits, "loops": cycles, "backbone": backbones}, out / WORKBOOK)
-    return fits, cycles
