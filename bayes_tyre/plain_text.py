@@ -1,4 +1,4 @@
-"""Text from files and libraries made safe to show: on one line, printable, not too long."""
+"""Text from files and libraries made safe to show, on one line, printable, not too long; or read as a number."""
 
 import re
 import shlex
@@ -24,6 +24,14 @@ def one_line(text: object, most: int | None = LABEL) -> str:
     line = str(text) if most is None else _without_breaks(text)
     line = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in line)
     return line if most is None or len(line) <= most else f"{line[: most - 1]}\N{HORIZONTAL ELLIPSIS}"
+
+
+def number_in(text: str | bytes) -> float | None:
+    """Return the number that a text is, which may be infinite or NaN; None where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
 
 
 def reason(error: object) -> str:

@@ -20,7 +20,7 @@ from bayes_tyre.cli.messages import say as say
 from bayes_tyre.cli.messages import warn as warn
 from bayes_tyre.errors import BadInput, CutShort, out_of_memory
 from bayes_tyre.formats.run_lock import sole_run
-from bayes_tyre.plain_text import command_line
+from bayes_tyre.plain_text import command_line, number_in
 
 if TYPE_CHECKING:
     from bayes_tyre.report.terminal.progress import Stages
@@ -209,12 +209,10 @@ def assignments(options: list[str], flag: str) -> dict[str, float]:
     values = {}
     for option in options:
         name, equals, value = option.partition("=")
-        try:
-            values[name] = float(value)
-        except ValueError:
-            equals = ""
-        if not equals or not name:
+        number = number_in(value)
+        if not equals or not name or number is None:
             raise typer.BadParameter(f"{option!r} is not NAME=VALUE, such as {flag} k=1.8", param_hint=flag)
+        values[name] = number
     return values
 
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
+from bayes_tyre.plain_text import number_in
 from bayes_tyre.published import tables
 from bayes_tyre.published.load_deflection import returned_slopes
 from bayes_tyre.published.recompute import GROUP, SPEED_GROUP, corrected_values, group_means, numbers_outside_tables
@@ -123,11 +124,7 @@ def _with_unit(name: str, unit: str) -> str:
 
 
 def _is_number(text: object) -> bool:
-    try:
-        float(str(text))
-    except ValueError:
-        return False
-    return True
+    return number_in(str(text)) is not None
 
 
 def _compare(

@@ -7,7 +7,7 @@ from itertools import product
 from typing import NamedTuple
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.plain_text import NAME, escaped, listed
+from bayes_tyre.plain_text import NAME, escaped, listed, number_in
 from bayes_tyre.record import CASE_FACTORS, DIRECTIONS, TEXT_COLUMNS, Case
 
 
@@ -102,11 +102,8 @@ def _value(name: str, text: str) -> str | float:
         raise BadInput(f"direction={_shown(text)}; use {' or '.join(DIRECTIONS)}")
     if name in TEXT_COLUMNS:
         return text
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
+    number = number_in(text)
+    if number is None or not math.isfinite(number):
         raise BadInput(f"{name}={_shown(text)} is no finite number; give one such as {name}=10")
     return number
 

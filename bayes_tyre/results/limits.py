@@ -11,7 +11,7 @@ import xarray as xr
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.sampling.datatree import case_parameters
-from bayes_tyre.plain_text import quoted
+from bayes_tyre.plain_text import number_in, quoted
 from bayes_tyre.record import AXLE_PARAMETERS, ENERGY, LAW_PARAMETERS
 from bayes_tyre.results.contrasts import probability_of
 
@@ -43,11 +43,8 @@ def parse_limit(text: str, among: Sequence[str] = LIMITED) -> Limit:
         For anything else, and for what is no parameter `among` these.
     """
     form = _FORM.fullmatch(text)
-    try:
-        value = float(form["value"]) if form else math.nan
-    except ValueError:
-        value = math.nan
-    if form is None or not math.isfinite(value):
+    value = number_in(form["value"]) if form else None
+    if form is None or value is None or not math.isfinite(value):
         raise BadInput(f"{quoted(text)} is no limit; give PARAMETER >= NUMBER or <= NUMBER, such as 'k >= 1.8' (kN/mm)")
     if form["parameter"] not in among:
         raise BadInput(

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.plain_text import number_in
 from bayes_tyre.record import DIRECTIONS, Case
 
 _NUMBER = r"(\d+(?:[.,]\d+)?)"
@@ -109,10 +110,7 @@ def _text(row: Mapping[str, object], name: str) -> str:
 
 def _number(row: Mapping[str, object], name: str) -> float:
     text = _text(row, name)
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
+    value = number_in(text)
+    if value is None or not math.isfinite(value):
         raise BadInput(f"--cases, column {name}: {text[:40]!r} is no number; mend the cell")
     return value

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from bayes_tyre.formats.lvm.roles import Roles
+from bayes_tyre.plain_text import number_in
 
 _LONGEST_NUMBER = 60
 _DIGITS = re.compile(r"[+-]?\d+(?:[.,](\d*))?(?:[eE]([+-]?\d{1,2}))?", re.ASCII)
@@ -52,11 +53,8 @@ def _count(text: str) -> int | None:
 
 
 def _number(text: str) -> float:
-    try:
-        number = float(text.replace(",", ".")) if len(text) <= _LONGEST_NUMBER else math.nan
-    except ValueError:
-        return math.nan
-    return number if math.isfinite(number) else math.nan
+    number = number_in(text.replace(",", ".")) if len(text) <= _LONGEST_NUMBER else None
+    return math.nan if number is None or math.isinf(number) else number
 
 
 def _step(text: str) -> float:

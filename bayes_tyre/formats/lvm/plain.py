@@ -6,7 +6,7 @@ from typing import NamedTuple
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.lvm.header import TAGS, Section
 from bayes_tyre.formats.lvm.source import MOST_COLUMNS, Source, as_text
-from bayes_tyre.plain_text import quoted
+from bayes_tyre.plain_text import number_in, quoted
 
 _LINES = 20
 _START = 1 << 20
@@ -84,8 +84,4 @@ def _numeric(cells: list[bytes], decimal: str) -> bool:
 def _is_number(cell: bytes, decimal: str) -> bool:
     if len(cell) > _LONGEST_CELL or b"_" in cell or (decimal == "," and b"." in cell):
         return False
-    try:
-        float(cell.replace(decimal.encode(), b".") if decimal != "." else cell)
-    except ValueError:
-        return False
-    return True
+    return number_in(cell.replace(decimal.encode(), b".") if decimal != "." else cell) is not None

@@ -14,7 +14,7 @@ from bayes_tyre.formats.lvm.reader import read_lvm
 from bayes_tyre.formats.lvm.roles import COMMENT, Roles, last_channel
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.formats.x_column import grows, is_time, seconds_per_unit, unit_in
-from bayes_tyre.plain_text import NAME, one_line, quoted
+from bayes_tyre.plain_text import NAME, number_in, one_line, quoted
 from bayes_tyre.record import RawSignals
 
 _NO_READING = ("", "nan")
@@ -127,15 +127,8 @@ def _is_lvm_or_plain(path: Path) -> bool:
     with path.open("rb") as file:
         head = file.read(_HEAD).lstrip(b"\xef\xbb\xbf")
     first = head.split(b"\n")[0].strip().replace(b"\t", b",").replace(b";", b",").split(b",")
-    return head.startswith(b"LabVIEW Measurement") or b"End_of_Header" in head or all(map(_is_number, first))
-
-
-def _is_number(cell: bytes) -> bool:
-    try:
-        float(cell or b"0")
-    except ValueError:
-        return False
-    return True
+    numbers = all(not cell or number_in(cell) is not None for cell in first)
+    return head.startswith(b"LabVIEW Measurement") or b"End_of_Header" in head or numbers
 
 
 def _numbers(column: pd.Series, name: str, path: Path) -> np.ndarray | None:

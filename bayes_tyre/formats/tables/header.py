@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.plain_text import NAME, REASON, listed, one_line, quoted
+from bayes_tyre.plain_text import NAME, REASON, listed, number_in, one_line, quoted
 
 #: Units that are read, by ours: the divisor that turns a number into ours.
 UNITS: dict[str, dict[str, float]] = {
@@ -82,8 +82,4 @@ def units_in(cells: Sequence[object]) -> tuple[str, ...]:
 
 
 def _is_number(text: str) -> bool:
-    try:
-        float(text.replace(",", "."))
-    except ValueError:
-        return False
-    return True
+    return number_in(text.replace(",", ".")) is not None

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayes_tyre.cli.shell import NOT_TRUSTED, Out, Quiet, Seed, say, warn
+from bayes_tyre.plain_text import number_in
 
 if TYPE_CHECKING:
     from bayes_tyre.workflow.from_results.next import Next
@@ -69,10 +70,7 @@ def next(
 
 
 def _share(text: str) -> float:
-    try:
-        share = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
-    except ValueError:
-        share = 0.0
+    share = (number_in(text.removesuffix("%")) or 0.0) / (100.0 if text.endswith("%") else 1.0)
     if not 0.0 < share < 10.0:
         raise typer.BadParameter(f"{text[:60]!r} is no share of the median; give 2% or 0.02", param_hint="--precision")
     return share
