@@ -75,7 +75,7 @@ def test_what_is_predicted_of_a_speed_held_out_stands_beside_the_truth_of_its_ca
         posterior[f"{name}_group"] = (("chain", "draw", "group"), np.ones((*draws, len(groups))))
     cases = fitted.drop_duplicates("case").set_index("case").loc[posterior["case"].to_numpy()]
     factors = {f"case_{factor}": ("case", cases[factor]) for factor in Case._fields}
-    posterior = posterior.assign_coords(group=groups, **factors)
+    posterior = posterior.assign_coords({"group": groups, **factors})
     found = with_untested(posterior, PRIORS, truth[held_out], seed=1)
     assert found["untested"].to_numpy().tolist() == truth["case"][held_out].unique().tolist()
     rows = intervals(found, truth)

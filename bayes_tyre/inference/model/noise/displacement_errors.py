@@ -72,7 +72,7 @@ def displacement_errors(
     law:
         One of `bayes_tyre.inference.record_data.LAWS`.
     """
-    u, sd_mm = record_data(batch).u, DisplacementErrors(*map(jnp.asarray, errors))
+    u, (sd_mm, start_mm) = record_data(batch).u, map(jnp.asarray, errors)
     estimates, measured = estimate_records(batch, law=law), batch
     # Residuals near the start would make sigma too large, and themselves too heavy.
     residual = np.where(batch.present, np.abs(batch.force_kN - force_curves(u, estimates.centre, law)), np.nan)
@@ -80,7 +80,7 @@ def displacement_errors(
     log_sigma = np.log(np.maximum(np.nanmedian(residual, axis=1) / _NORMAL_MEDIAN, least))
     for _ in range(_FITS):
         curves = _medians(np.column_stack([estimates.centre, log_sigma]), of_record)
-        bias, whitening = _of_curves(u, jnp.asarray(batch.present), jnp.asarray(curves), *sd_mm, law)
+        bias, whitening = _of_curves(u, jnp.asarray(batch.present), jnp.asarray(curves), sd_mm, start_mm, law)
         batch = replace(measured, force_kN=measured.force_kN - np.asarray(bias))
         estimates = estimate_records(batch, whitening=whitening, law=law)
         log_sigma = np.asarray(estimates.log_sigma)

@@ -68,7 +68,7 @@ def _of_cycle(law: Any, stroke_mm: Array, omega: Array) -> Array:
     if isinstance(law, Fancher):
         # Off the middle line the force settles exponentially to +-(x - k beta): a stroke from -h ends at h.
         settled = jnp.subtract(law.x, jnp.multiply(law.k, law.beta))
-        return law.k + settled * jnp.tanh(stroke_mm / law.beta) / stroke_mm
+        return jnp.add(law.k, settled * jnp.tanh(stroke_mm / law.beta) / stroke_mm)
     # Off its middle line a law is the same about any displacement.
     return law.k + jnp.ptp(steady_cycle(law, jnp.zeros(()), stroke_mm)[1]) / (2.0 * stroke_mm)
 
