@@ -148,6 +148,19 @@ def matching_cases(query: CaseQuery, cases: Sequence[Case]) -> list[int]:
     return matching
 
 
+def without_opposites(query: CaseQuery, cases: Sequence[Case]) -> Choice:
+    """Return the cases that match, and those without records that are asked for, by themselves.
+
+    Raises
+    ------
+    BadInput
+        If no case matches, and none can be made of the numbers asked for.
+    """
+    untested = () if query.labels else tuple(untested_cases(query, cases))
+    alone = untested and not any(_matches(query, case) for case in cases)
+    return Choice(() if alone else tuple(matching_cases(query, cases)), (), untested)
+
+
 def untested_cases(query: CaseQuery, cases: Sequence[Case]) -> list[Case]:
     """Return the cases without records that a query asks for: speeds, loads and steps for which no case matches.
 
@@ -196,13 +209,10 @@ def choose(query: CaseQuery, cases: Sequence[Case]) -> Choice:
     BadInput
         If no case matches, and none can be made of the numbers asked for.
     """
-    untested = () if query.labels else tuple(untested_cases(query, cases))
-    if untested and not any(_matches(query, case) for case in cases):
-        return Choice((), (), untested)
-    matching = matching_cases(query, cases)
+    matching, _, untested = without_opposites(query, cases)
     opposite = {i: [j for j, other in enumerate(cases) if _opposite(cases[i], other)] for i in matching}
     if "direction" in query.factor_values:
-        return Choice(tuple(matching), (), untested)
+        return Choice(matching, (), untested)
     chosen: list[int] = []
     for i in matching:
         both = sorted((i, *opposite[i]), key=lambda j: -sign_of(cases[j]))

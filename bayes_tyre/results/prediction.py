@@ -23,7 +23,7 @@ from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import CASE_FACTORS, Case
 from bayes_tyre.results.case_draws import CaseDraws, CaseValues, of_repeat, tested, travel_mm
 from bayes_tyre.results.case_selection import CaseQuery, Choice, case_list, choose, sign_of
-from bayes_tyre.results.untested_cases import untested
+from bayes_tyre.results.untested_cases import untested, untested_rng
 
 #: The mean curve of a case, or a repeat of it that was not measured.
 KINDS = ("case", "repeat")
@@ -107,7 +107,7 @@ def predict(
     posterior = with_records(tree)
     choice = choose(query, cases)
     warnings = [f"no opposite direction of {case_list([cases[i].label for i in choice.alone])}"] if choice.alone else []
-    warnings += _of_untested(choice.untested, cases)
+    warnings += about_untested(choice.untested, cases)
     curves, parameters, unused = [], [], []
     priors = priors_of(tree)
     for values, rng, kind in _chosen(posterior, choice, priors, seed):
@@ -135,11 +135,11 @@ def _chosen(
     for i in choice.cases:
         yield tested(posterior, i), np.random.default_rng((seed, i)), ""
     for case in choice.untested:
-        rng = np.random.default_rng((seed, posterior.sizes["case"]))
+        rng = untested_rng(posterior, seed)
         yield untested(posterior, priors, case, rng), rng, UNTESTED
 
 
-def _of_untested(untested: Sequence[Case], cases: Sequence[Case]) -> list[str]:
+def about_untested(untested: Sequence[Case], cases: Sequence[Case]) -> list[str]:
     """Return what is said of cases without records: what they are predicted from, and what lies beyond that."""
     if not untested:
         return []

@@ -1,6 +1,6 @@
 """A result as a vehicle simulator needs it: parameters and a force curve of each case, in SI units."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,14 +10,15 @@ from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.load_deflection.table import law_loop
-from bayes_tyre.inference.sampling.datatree import case_parameters, is_of_motions, law_of, tree_cases
+from bayes_tyre.inference.sampling.datatree import case_parameters, is_of_motions, law_of, priors_of, tree_cases
 from bayes_tyre.inference.sampling.group_means import named_group_means
 from bayes_tyre.inference.sampling.record_draws import with_records
-from bayes_tyre.record import CASE_FACTORS, RECORD_UNITS, parameter_column
-from bayes_tyre.results.case_draws import tested, travel_mm
+from bayes_tyre.record import CASE_FACTORS, RECORD_UNITS, Case, parameter_column
+from bayes_tyre.results.case_draws import CaseValues, tested, travel_mm
 from bayes_tyre.results.case_selection import sign_of
 from bayes_tyre.results.figure_data import hysteresis_loops
 from bayes_tyre.results.prediction import force_kN
+from bayes_tyre.results.untested_cases import untested, untested_rng
 
 _TAILS, _NORMAL = (0.025, 0.975), 1.959964
 _SI = {
@@ -90,25 +91,53 @@ def of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:
     BadInput
         If it is no posterior of cases.
     """
+    posterior = _posterior_of_cases(tree)
+    of_motions, models, together = is_of_motions(posterior), [], with_records(tree)
+    for i, case in enumerate(tree_cases(posterior)):
+        if "record" in posterior.dims and not of_motions:
+            models.append(_of_step(tested(together, i), together, law_of(tree), level))
+            continue
+        draws = {name: posterior[f"{name}_case"].isel(case=i).to_numpy().ravel() for name in case_parameters(posterior)}
+        follows = of_motions and tree.attrs.get("law", hysteresis_loops.LAW) == hysteresis_loops.LAW
+        curves = _cycle(draws, _amplitude_mm(tree), level) if follows else None
+        models.append(TyreModel(case.label, _values(draws, level), curves, conditions=case.conditions))
+    return models
+
+
+def of_untested(tree: xr.DataTree, cases: Sequence[Case], level: float = 0.5) -> list[TyreModel]:
+    """Return cases without records, as `bayes_tyre.results.prediction.predict` has them; others as in `of_posterior`.
+
+    Raises
+    ------
+    BadInput
+        If it is no posterior of records.
+    """
+    posterior, priors, models = _posterior_of_cases(tree), priors_of(tree), []
+    if cases and ("record" not in posterior.dims or is_of_motions(posterior)):
+        raise BadInput("has cases of records that were not tested only where fit wrote it from records")
+    together = with_records(tree)
+    for case in cases:
+        model = _of_step(untested(together, priors, case, untested_rng(posterior)), together, law_of(tree), level)
+        models.append(model._replace(conditions=f"none; predicted from other tests for {case.conditions}"))
+    return models
+
+
+def _posterior_of_cases(tree: xr.DataTree) -> xr.Dataset:
     posterior = tree["posterior"].to_dataset() if "posterior" in tree.children else xr.Dataset()
     if not {"k_case", *(f"case_{factor}" for factor in CASE_FACTORS)} <= set(posterior.variables):
         raise BadInput("is no posterior of cases; name a folder that fit or motion wrote")
-    of_motions, models, together = is_of_motions(posterior), [], with_records(tree)
-    for i, case in enumerate(tree_cases(posterior)):
-        draws = {name: posterior[f"{name}_case"].isel(case=i).to_numpy().ravel() for name in case_parameters(posterior)}
-        curves = None
-        if of_motions and tree.attrs.get("law", hysteresis_loops.LAW) == hysteresis_loops.LAW:
-            curves = _cycle(draws, _amplitude_mm(tree), level)
-        elif "record" in posterior.dims and not of_motions:
-            step, sign = tested(together, i).mean(), sign_of(case) or 1
-            draws = {"k": step.k, "beta": step.beta, "J": step.J, "C": step.C, "F_i": step.F_i}
-            u = travel_mm(posterior, case) * np.linspace(0.0, 1.0, _POINTS) ** 2  # dense where the force changes fast
-            force = force_kN(sign * u, *(draws[name][:, None] for name in ("F_i", "J", "k", "beta")), law=law_of(tree))
-            path = _curve(sign * u + 0.0, force, level)
-            curves = Curves(path, Curve(*(column[::sign] for column in path)), OF_STEP, ONE_WAY)
-        values = {name: _value(each, RECORD_UNITS[name], level) for name, each in draws.items()}
-        models.append(TyreModel(case.label, values, curves, conditions=case.conditions))
-    return models
+    return posterior
+
+
+def _of_step(case: CaseValues, posterior: xr.Dataset, law: str, level: float) -> TyreModel:
+    """Return a case of records, with the curve of its step as far as its records go."""
+    step, sign = case.mean(), sign_of(case.case) or 1
+    draws = {"k": step.k, "beta": step.beta, "J": step.J, "C": step.C, "F_i": step.F_i}
+    u = travel_mm(posterior, case.case) * np.linspace(0.0, 1.0, _POINTS) ** 2  # dense where the force changes fast
+    force = force_kN(sign * u, *(draws[name][:, None] for name in ("F_i", "J", "k", "beta")), law=law)
+    path = _curve(sign * u + 0.0, force, level)
+    curves = Curves(path, Curve(*(column[::sign] for column in path)), OF_STEP, ONE_WAY)
+    return TyreModel(case.case.label, _values(draws, level), curves, conditions=case.case.conditions)
 
 
 def means_of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:
@@ -170,6 +199,12 @@ def _slow_test(row: dict[Any, Any]) -> TyreModel:
     )
     lost = MIDDLE.format(1e3 * row[_OF_TEST["settled"]]) + "; it is straight from 0 0 to the first reading"
     return TyreModel(str(row["test"]), values, Curves(path, spline, OF_TEST, lost), f"status: {row['status']}")
+
+
+def _values(draws: Mapping[str, np.ndarray], level: float) -> dict[str, Value]:
+    """Return the parameters that are known: C is not where it is not known where a step starts."""
+    known = {name: each for name, each in draws.items() if np.isfinite(each).all()}
+    return {name: _value(each, RECORD_UNITS[name], level) for name, each in known.items()}
 
 
 def _value(draws: np.ndarray, unit: str, level: float) -> Value:

@@ -26,11 +26,16 @@ def has_slope(posterior: xr.Dataset) -> bool:
     return "log_k_load" in posterior and posterior.sizes["load"] == 1
 
 
+def untested_rng(posterior: xr.Dataset, seed: int = 0) -> np.random.Generator:
+    """Return the random numbers of a case without records: whatever else is asked for, and by whatever command."""
+    return np.random.default_rng((seed, posterior.sizes["case"]))
+
+
 def untested(posterior: xr.Dataset, priors: Priors, case: Case, rng: np.random.Generator) -> CaseValues:
     """Return a case without records: k and beta as `log_values_of_untested` has them.
 
-    J, and F_i less the load that a step starts from, are those of the records of the same configuration and direction;
-    where a step starts in displacement is not known.
+    J, and F_i less the load that a step starts from, are at each draw those of one of the records of the same
+    configuration and direction; where a step starts in displacement is not known.
 
     Raises
     ------
@@ -46,8 +51,9 @@ def untested(posterior: xr.Dataset, priors: Priors, case: Case, rng: np.random.G
     alike = records_like(posterior, case, CASE_FACTORS[:2])
     start, factors = start_of(posterior, alike), factors_along(posterior, "record")
     loads = np.array([factors[i][CASE_FACTORS.index("initial_load_kN")] or 0.0 for i in alike], dtype=float)
-    F_i = start.F_i - loads + (case.initial_load_kN or 0.0)
-    return CaseValues(case, k, beta, Start(F_i, start.J, np.full_like(F_i, np.nan)))
+    one = np.arange(len(k)), rng.integers(len(alike), size=len(k))
+    F_i, J = (each[one][:, None] for each in (start.F_i - loads + (case.initial_load_kN or 0.0), start.J))
+    return CaseValues(case, k, beta, Start(F_i, J, np.full_like(F_i, np.nan)))
 
 
 def log_values_of_untested(

@@ -2,6 +2,7 @@
 
 import configparser
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -117,6 +118,19 @@ def test_quantiles_add_files_and_the_radius_is_in_metres(results, tmp_path):
 def test_cases_that_are_asked_for_are_exported_alone(asked, results, tmp_path):
     files = export(results["fit"], "tir", tmp_path / "out", "--case", asked)
     assert list(files) == ["single_0_20_30.tir"]
+
+
+def test_a_speed_that_was_not_tested_is_exported_as_it_is_predicted_and_says_so(results, tmp_path):
+    asked = "direction=loading,speed_km_h=20"
+    files = export(results["fit"], "tir", tmp_path / "out", "--case", asked)
+    assert list(files) == ["single_20_20_30.tir"]
+    text = files["single_20_20_30.tir"]
+    assert "tested: none; predicted from other tests for single, loading, 20 km/h" in said(text)
+    assert " C = " not in said(text)
+    here("predict", results["fit"], "--case", asked, "--out", tmp_path, "--displacement", "0,1")
+    case = tomllib.loads((tmp_path / "prediction.toml").read_text(encoding="utf-8"))["case"][0]
+    limits = [1e6 * case["k_kN_per_mm"][side] for side in ("lower", "upper")]
+    assert f"95 % interval {limits[0]:.6g} to {limits[1]:.6g}" in said(text)
 
 
 @pytest.mark.parametrize(("result", "text"), [("fit", "no case matches"), ("slow", "leave --case out")])

@@ -17,7 +17,8 @@ from bayes_tyre.formats.tydex.write import MeasuredChannel, Tydex, tydex_text
 from bayes_tyre.inference.sampling.datatree import tree_cases
 from bayes_tyre.record import ORIGIN_UNKNOWN
 from bayes_tyre.report.answer.quantities import in_words
-from bayes_tyre.results.case_selection import matching_cases, parse_query
+from bayes_tyre.results.case_selection import parse_query, without_opposites
+from bayes_tyre.results.prediction import about_untested
 from bayes_tyre.results.tyre_model import (
     OF_TEST,
     ONE_WAY,
@@ -28,6 +29,7 @@ from bayes_tyre.results.tyre_model import (
     means_of_posterior,
     of_load_deflection,
     of_posterior,
+    of_untested,
 )
 from bayes_tyre.signals.load_deflection import CASE_OF_TEST
 from bayes_tyre.workflow.from_results.predict import read_posterior
@@ -48,17 +50,22 @@ _NOT_KNOWN = {
 
 
 class Exported(NamedTuple):
-    """The cases of a result, the origin of their data, and the verdict; empty for load-deflection, which has none."""
+    """The cases of a result, the origin of their data, and the verdict; empty for load-deflection, which has none.
+
+    `notes` are sentences on cases that were not tested.
+    """
 
     models: list[TyreModel]
     origin: str
     verdict: str
+    notes: Sequence[str] = ()
 
 
 def read_models(folder: Path, level: float = 0.5, cases: Sequence[str] = (), *, means: bool = False) -> Exported:
     """Return the cases of a result of `fit`, `motion` or `load-deflection`, at a quantile of the posterior.
 
-    `cases` are labels or factors of those wanted (`bayes_tyre.results.case_selection.parse_query`); none: all. `means`
+    `cases` are labels or factors of those wanted (`bayes_tyre.results.case_selection.parse_query`), of `fit` also of
+    speeds, loads and steps that were not tested; none: all. `means`
     are those over the cases of each configuration and direction instead.
 
     Raises
@@ -71,10 +78,13 @@ def read_models(folder: Path, level: float = 0.5, cases: Sequence[str] = (), *, 
         path, tree, verdict = read_posterior(folder)
         with errors_name(path):
             models = means_of_posterior(tree, level) if means else of_posterior(tree, level)
+            notes = []
             if cases:
                 all_cases = tree_cases(tree["posterior"].to_dataset())
-                models = [models[i] for i in matching_cases(parse_query(cases, all_cases), all_cases)]
-            return Exported(models, str(tree.attrs.get("origin", ORIGIN_UNKNOWN)), verdict)
+                found = without_opposites(parse_query(cases, all_cases), all_cases)
+                models = [models[i] for i in found.cases] + of_untested(tree, found.untested, level)
+                notes = about_untested(found.untested, all_cases)
+            return Exported(models, str(tree.attrs.get("origin", ORIGIN_UNKNOWN)), verdict, notes)
     for given, option in ((level != 0.5, "--quantiles"), (cases, "--case"), (means, "--means")):
         if given:
             raise BadInput(f"{folder}: holds estimates and no posterior; leave {option} out")

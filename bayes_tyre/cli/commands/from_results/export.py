@@ -75,6 +75,8 @@ def export(
     low, high = (end(one.value for one in k) for end in (min, max))
     of = "means" if means else "cases"
     say(f"k of {len(k)} {of}: {low:.4g} to {high:.4g} {k[0].unit}; each file states its 95 % interval", quiet)
+    for text in exported.notes:
+        say(text, quiet)
     if exported.verdict and len(k) > 1 and not means:  # load-deflection has no means
         say("use the case nearest to what you simulate, or the means over cases: --means", quiet)
     if to == "tir":
