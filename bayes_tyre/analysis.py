@@ -408,13 +408,13 @@ def predict(
         A label such as ``single (0)30-20``, or factors such as ``configuration=single,speed_km_h=0``; or several.
         Speeds, loads and steps need not have been tested.
     displacement_mm:
-        From the start of the step; by default up to |step_kN| / k.
+        From the start of the step; by default as far as the case's records go.
     of:
         ``case``, its mean curve, or ``repeat``, one more measurement of it.
     interval:
         Probability between `lower` and `upper`.
     seed:
-        Of what a repeat adds.
+        Of what a repeat adds, and of cases that were not tested.
 
     Returns
     -------

@@ -39,8 +39,8 @@ DisplacementSdOption = Annotated[
     typer.Option(
         min=0.0,
         metavar="MM",
-        help="Standard deviation (mm) of the error of a displacement, which counts near the start of a step; default: "
-        "that of rounding, where a record's displacements are multiples of its converter's step, else 0.",
+        help="Standard deviation (mm) of the noise of a displacement, which counts near the start of a step; default: "
+        "what the records show, of noise or of a converter's steps; 0: none.",
     ),
 ]
 LikelihoodOption = Annotated[

@@ -129,7 +129,9 @@ def _widening(
 
 
 def travel_mm(posterior: xr.Dataset, case: Case) -> float:
-    """Return how far the case's records go from their start, mm; of a case without any, those like it.
+    """Return how far the case's records go from their start, mm.
+
+    A case without any goes as far for its step as those of its configuration and direction do, in the median.
 
     Raises
     ------
@@ -138,8 +140,14 @@ def travel_mm(posterior: xr.Dataset, case: Case) -> float:
     """
     if "record_travel_mm" not in posterior.coords:
         raise BadInput("the posterior does not say how far its records go; give displacements, such as 0:3:101")
-    records = records_like(posterior, case) or records_like(posterior, case, CASE_FACTORS[:2])
-    return float(posterior["record_travel_mm"].to_numpy()[records].max())
+    travel = posterior["record_travel_mm"].to_numpy()
+    if records := records_like(posterior, case):
+        return float(travel[records].max())
+    records = records_like(posterior, case, CASE_FACTORS[:2])
+    if case.step_kN is None:
+        return float(travel[records].max())
+    steps = posterior["record_step_kN"].to_numpy()[records]
+    return float(np.median(travel[records] / np.abs(steps)) * abs(case.step_kN))
 
 
 def start_of(posterior: xr.Dataset, records: list[int]) -> Start:

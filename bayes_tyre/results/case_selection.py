@@ -156,36 +156,57 @@ def without_opposites(query: CaseQuery, cases: Sequence[Case]) -> Choice:
     BadInput
         If no case matches, and none can be made of the numbers asked for.
     """
-    untested = () if query.labels else tuple(untested_cases(query, cases))
-    alone = untested and not any(_matches(query, case) for case in cases)
-    return Choice(() if alone else tuple(matching_cases(query, cases)), (), untested)
+    made = [] if query.labels else _made_cases(query, cases)
+    if not made:
+        return Choice(tuple(matching_cases(query, cases)), ())
+    matching = [i for i, case in enumerate(cases) if _matches(query, case) or any(_alike(case, one) for one in made)]
+    return Choice(tuple(matching), (), tuple(one for one in made if not any(_alike(one, case) for case in cases)))
 
 
-def untested_cases(query: CaseQuery, cases: Sequence[Case]) -> list[Case]:
-    """Return the cases without records that a query asks for: speeds, loads and steps for which no case matches.
+def _made_cases(query: CaseQuery, cases: Sequence[Case]) -> list[Case]:
+    """Return the cases that a query asks for by speeds, loads and steps that no case has together.
 
     Values for which there is a case ask for no other. All else is as in the cases that have the other factors: their
-    configurations and directions, with a step of their sign, or of the direction asked for.
+    configurations and directions, with a step of their sign, or of the direction asked for. The other direction of one
+    that no case has may have records.
     """
-    found: dict[Case, None] = {}
+    made: dict[Case, None] = {}
     for values in product(*query.factor_values.values()):
         asked = dict(zip(query.factor_values, values, strict=True))
         one = CaseQuery((), {name: (value,) for name, value in asked.items()})
-        if any(_matches(one, case) for case in cases):
-            continue
-        numbers = {name: float(value) for name, value in asked.items() if name not in TEXT_COLUMNS}
-        step = numbers.pop("step_kN", None)
-        for case in _nearest(one, cases) if all(number >= 0 for number in numbers.values()) else ():
-            changed = case._replace(**numbers)
-            if step is not None:
-                changed = changed._replace(step_kN=(sign_of(case) or 1) * abs(step))
-            if "direction" not in asked or step in (None, changed.step_kN):
-                found.setdefault(changed)
-    return sorted(found, key=lambda case: (case.label.split("-")[0], -sign_of(case)))
+        if not any(_matches(one, case) for case in cases):
+            made |= dict.fromkeys(_made_of(asked, case) for case in _nearest(one, cases))
+    return sorted((case for case in made if _possible(case, query)), key=_order)
+
+
+def _order(case: Case) -> tuple[str, float, float, float]:
+    """Return what cases are sorted by: loading before unloading."""
+    return case.configuration or "", case.speed_km_h or 0.0, case.initial_load_kN or 0.0, -(case.step_kN or 0.0)
+
+
+def _made_of(asked: Mapping[str, str | float], case: Case) -> Case:
+    """Return a case with other numbers; of a step its size, for its sign is the direction's."""
+    numbers = {name: float(value) for name, value in asked.items() if name not in TEXT_COLUMNS}
+    if "step_kN" in numbers:
+        numbers["step_kN"] = (sign_of(case) or 1) * abs(numbers["step_kN"])
+    return case._replace(**numbers)
+
+
+def _possible(case: Case, query: CaseQuery) -> bool:
+    """Return whether a rig could do a step, and whether its sign is one asked for with its direction."""
+    load, step = case.initial_load_kN, case.step_kN
+    ends = 0.0 if load is None or step is None else load + step
+    steps = query.factor_values.get("step_kN", ()) if "direction" in query.factor_values else ()
+    numbers = [number for number in (case.speed_km_h, load, ends) if number is not None]
+    return step != 0 and all(number >= 0 for number in numbers) and (not steps or step in steps)
+
+
+def _alike(one: Case, other: Case) -> bool:
+    return all(_same(a, b) for a, b in zip(one, other, strict=True))
 
 
 def _nearest(query: CaseQuery, cases: Sequence[Case]) -> list[Case]:
-    """Return the cases that match a query in its words, and in as many of its numbers as any case does.
+    """Return the cases that match a query in its words, and in as many of its numbers as any of their direction does.
 
     A step is as good as one of its size the other way; a case without one of the numbers is none of them.
     """
@@ -195,7 +216,10 @@ def _nearest(query: CaseQuery, cases: Sequence[Case]) -> list[Case]:
     alike = [case for case in cases if _matches(CaseQuery((), words), case)]
     alike = [case for case in alike if all(getattr(case, name) is not None for name in numbers)]
     shared = [sum(_matches(CaseQuery((), {name: numbers[name]}), case) for name in numbers) for case in alike]
-    return [case for case, count in zip(alike, shared, strict=True) if count == max(shared)]
+    most: dict[tuple[str, str], int] = {}
+    for case, count in zip(alike, shared, strict=True):
+        most[case[:2]] = max(count, most.get(case[:2], 0))
+    return [case for case, count in zip(alike, shared, strict=True) if count == most[case[:2]]]
 
 
 def choose(query: CaseQuery, cases: Sequence[Case]) -> Choice:
@@ -218,3 +242,9 @@ def choose(query: CaseQuery, cases: Sequence[Case]) -> Choice:
         both = sorted((i, *opposite[i]), key=lambda j: -sign_of(cases[j]))
         chosen += [j for j in both if j not in chosen]
     return Choice(tuple(chosen), tuple(i for i in matching if sign_of(cases[i]) and not opposite[i]), untested)
+
+
+def without_opposite(untested: Sequence[Case], cases: Sequence[Case]) -> list[Case]:
+    """Return the cases without records whose opposite direction is not asked for, nor has any."""
+    both = (*untested, *cases)
+    return [case for case in untested if sign_of(case) and not any(_opposite(case, other) for other in both)]

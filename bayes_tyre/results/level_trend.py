@@ -15,7 +15,7 @@ from scipy.linalg import helmert
 #: Lengths over which a trend bends, in spans of the levels tested.
 LENGTHS = (0.5, 1.0)
 #: Share of the variance that a level has for itself, beside the trend. With less, levels that have none and look smooth
-#: by chance, as four often do, would be trusted too far: 0.1 holds 93 % of them between two levels, 0.2 holds 95 %.
+#: by chance, as four often do, would be trusted too far.
 OWN = 0.2
 
 

@@ -22,7 +22,7 @@ from bayes_tyre.inference.sampling.datatree import law_of, priors_of, tree_cases
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import CASE_FACTORS, Case
 from bayes_tyre.results.case_draws import CaseDraws, CaseValues, of_repeat, tested, travel_mm
-from bayes_tyre.results.case_selection import CaseQuery, Choice, case_list, choose, sign_of
+from bayes_tyre.results.case_selection import CaseQuery, Choice, case_list, choose, sign_of, without_opposite
 from bayes_tyre.results.untested_cases import untested, untested_rng
 
 #: The mean curve of a case, or a repeat of it that was not measured.
@@ -94,7 +94,8 @@ def predict(
     interval:
         Probability between `lower` and `upper`, at each displacement by itself; equal-tailed.
     seed:
-        Of what a repeat adds; the numbers of a case do not depend on what other cases are asked for.
+        Of what a repeat adds, and of cases that were not tested; the numbers of a case do not depend on what other
+        cases are asked for.
 
     Raises
     ------
@@ -143,7 +144,9 @@ def about_untested(untested: Sequence[Case], cases: Sequence[Case]) -> list[str]
     """Return what is said of cases without records: what they are predicted from, and what lies beyond that."""
     if not untested:
         return []
-    said = [f"not tested: {case_list([case.label for case in untested])}; predicted from the effects of what was"]
+    about = [f"not tested: {case_list([case.label for case in untested])}; predicted from the effects of what was"]
+    if alone := without_opposite(untested, cases):
+        about.append(f"no opposite direction of {case_list([case.label for case in alone])}")
     for factor, (word, unit) in _NUMBERS.items():
         of_tested, of_untested = (
             {abs(number) for case in each if (number := getattr(case, factor)) is not None}
@@ -151,12 +154,12 @@ def about_untested(untested: Sequence[Case], cases: Sequence[Case]) -> list[str]
         )
         beyond = [level for level in sorted(of_untested) if not min(of_tested) <= level <= max(of_tested)]
         if beyond and len(of_tested) == 1:
-            said.append(f"{word} of every record: {min(of_tested):g} {unit}; of another, priors alone say something")
+            about.append(f"{word} of every record: {min(of_tested):g} {unit}; of another, priors alone say something")
         elif beyond:
             levels = ", ".join(f"{level:g}" for level in beyond)
             span = f"{min(of_tested):g} to {max(of_tested):g} {unit}"
-            said.append(f"{word} {levels} {unit} is beyond what was tested, {span}")
-    return said
+            about.append(f"{word} {levels} {unit} is beyond what was tested, {span}")
+    return about
 
 
 def predictable_cases(tree: xr.DataTree) -> list[Case]:

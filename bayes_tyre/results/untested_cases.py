@@ -10,8 +10,8 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.factors import INTERACTIONS
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.sampling.datatree import tree_cases
-from bayes_tyre.record import CASE_FACTORS, Case
-from bayes_tyre.results.case_draws import CaseValues, Start, factors_along, flat, records_like, start_of
+from bayes_tyre.record import Case
+from bayes_tyre.results.case_draws import CaseValues, Start, flat, records_like, start_of
 from bayes_tyre.results.level_trend import effects_by_trend
 
 #: Factors whose levels are numbers along which effects may follow a trend.
@@ -34,8 +34,9 @@ def untested_rng(posterior: xr.Dataset, seed: int = 0) -> np.random.Generator:
 def untested(posterior: xr.Dataset, priors: Priors, case: Case, rng: np.random.Generator) -> CaseValues:
     """Return a case without records: k and beta as `log_values_of_untested` has them.
 
-    J, and F_i less the load that a step starts from, are at each draw those of one of the records of the same
-    configuration and direction; where a step starts in displacement is not known.
+    F_i and J are at each draw those of one of the records of its configuration, direction and initial load. From a load
+    that no record starts from, J is that of any, and F_i on the line through its means at the two nearest loads, or as
+    much of the load as at the only one. Where a step starts in displacement is not known.
 
     Raises
     ------
@@ -48,12 +49,27 @@ def untested(posterior: xr.Dataset, priors: Priors, case: Case, rng: np.random.G
             "known; fit without it, or name a case that was tested"
         )
     k, beta = (np.exp(log_values_of_untested(posterior, priors, name, [case], rng)[:, 0]) for name in ("k", "beta"))
-    alike = records_like(posterior, case, CASE_FACTORS[:2])
-    start, factors = start_of(posterior, alike), factors_along(posterior, "record")
-    loads = np.array([factors[i][CASE_FACTORS.index("initial_load_kN")] or 0.0 for i in alike], dtype=float)
-    one = np.arange(len(k)), rng.integers(len(alike), size=len(k))
-    F_i, J = (each[one][:, None] for each in (start.F_i - loads + (case.initial_load_kN or 0.0), start.J))
-    return CaseValues(case, k, beta, Start(F_i, J, np.full_like(F_i, np.nan)))
+    F_i, J = _start(posterior, case, rng)
+    return CaseValues(case, k, beta, Start(F_i[:, None], J[:, None], np.full((len(k), 1), np.nan)))
+
+
+def _start(
+    posterior: xr.Dataset, case: Case, rng: np.random.Generator
+) -> tuple[Float[np.ndarray, " draws"], Float[np.ndarray, " draws"]]:
+    """Return draws of the force (kN) that a case without records starts from, and of its J (kN)."""
+    alike = records_like(posterior, case, ("configuration", "direction", "initial_load_kN"))
+    group = records_like(posterior, case, ("configuration", "direction"))
+    start = start_of(posterior, alike or group)
+    one = np.arange(len(start.F_i)), rng.integers(start.F_i.shape[1], size=len(start.F_i))
+    if alike or case.initial_load_kN is None:
+        return start.F_i[one], start.J[one]
+    loads = posterior["record_initial_load_kN"].to_numpy()[group]
+    nearest = sorted(np.unique(loads), key=lambda load: abs(load - case.initial_load_kN))[:2]
+    means = [start.F_i[:, loads == load].mean(axis=1) for load in nearest]
+    if len(nearest) == 1:
+        return means[0] * case.initial_load_kN / nearest[0], start.J[one]
+    part = (case.initial_load_kN - nearest[0]) / (nearest[1] - nearest[0])
+    return (1.0 - part) * means[0] + part * means[1], start.J[one]
 
 
 def log_values_of_untested(

@@ -4,7 +4,15 @@ import pytest
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.record import Case
-from bayes_tyre.results.case_selection import CaseQuery, Choice, case_list, choose, parse_query, sign_of
+from bayes_tyre.results.case_selection import (
+    CaseQuery,
+    Choice,
+    case_list,
+    choose,
+    parse_query,
+    sign_of,
+    without_opposite,
+)
 
 #: Steps of 10 kN from 20 kN up and down, of 5 kN down alone, of two configurations.
 CASES = [
@@ -134,9 +142,10 @@ def test_steps_of_binary_fractions_are_still_opposite():
     [
         (
             ["configuration=single,speed_km_h=35"],
-            ["single (35)20-30", "single (35)20-10", "single (35)20-15"],
+            ["single (35)20-30", "single (35)20-15", "single (35)20-10"],
         ),
         (["speed_km_h=35,step_kN=10"], ["dual (35)20-30", "dual (35)20-10", "single (35)20-30", "single (35)20-10"]),
+        (["direction=unloading,step_kN=-8"], ["dual (0)20-12", "single (0)20-12"]),
         (["configuration=dual,initial_load_kN=25,step_kN=-7"], ["dual (0)25-32", "dual (0)25-18"]),
         (["configuration=dual,direction=loading,step_kN=7"], ["dual (0)20-27"]),
         (["configuration=dual,speed_km_h=0,speed_km_h=35,step_kN=10"], ["dual (35)20-30", "dual (35)20-10"]),
@@ -154,6 +163,26 @@ def test_numbers_for_which_there_is_no_case_make_cases_without_records(texts, wa
 def test_numbers_that_there_are_and_numbers_that_there_are_not_are_both_chosen():
     choice = chosen(["configuration=dual,speed_km_h=0,speed_km_h=35,step_kN=10"])
     assert labels(choice.cases) == ["dual (0)20-30", "dual (0)20-10"]
+
+
+def test_a_step_whose_other_direction_alone_was_tested_is_predicted_beside_that():
+    tested = [Case("a", "loading", 0.0, 20.0, 10.0), Case("a", "unloading", 15.0, 20.0, -10.0)]
+    choice = chosen(["speed_km_h=15,step_kN=10"], tested)
+    assert choice.cases == (1,)
+    assert choice.untested == (Case("a", "loading", 15.0, 20.0, 10.0),)
+
+
+@pytest.mark.parametrize("asked", ["step_kN=0", "initial_load_kN=-5", "direction=unloading,step_kN=-21"])
+def test_steps_that_no_rig_can_make_are_none(asked):
+    with pytest.raises(BadInput, match="no case matches"):
+        chosen([asked])
+
+
+def test_cases_without_records_lack_their_opposite_where_neither_is_asked_for_nor_has_any():
+    up, down = CASES[0]._replace(speed_km_h=9.0), CASES[1]._replace(speed_km_h=9.0)
+    assert without_opposite([up, down], CASES) == []
+    assert without_opposite([up], CASES) == [up]
+    assert without_opposite([up], [*CASES, down]) == []
 
 
 def test_a_number_that_no_case_has_is_none_of_theirs():

@@ -8,6 +8,7 @@ from helpers.hand_made_posteriors import fixed, grid, posterior, scattered
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.record import Case
+from bayes_tyre.results.case_draws import travel_mm
 from bayes_tyre.results.untested_cases import log_values_of_untested, untested
 
 SPEEDS, DRAWS = (0.0, 10.0, 20.0, 40.0), 1000
@@ -57,19 +58,47 @@ def test_a_factor_that_did_not_vary_has_an_effect_of_its_priors_size():
     assert drawn.std() == pytest.approx(np.sqrt(1.5) * scale, rel=0.1)
 
 
-def test_a_step_starts_from_the_load_asked_for_as_those_that_were_measured_did():
-    values = untested(tree()["posterior"].to_dataset(), PRIORS, of(15.0, load=25.0), np.random.default_rng(1))
-    start = values.start
+def started(case: Case, **changed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return draws of F_i and J of a case without records."""
+    values = untested(tree(**changed)["posterior"].to_dataset(), PRIORS, case, np.random.default_rng(1))
+    assert np.isnan(values.start.d_i).all()
+    assert np.isnan(values.mean().C).all()
+    return values.start.F_i[:, 0], values.start.J[:, 0]
+
+
+def of_records(name: str, direction: str = " loading ") -> np.ndarray:
     drawn = tree()["posterior"].to_dataset()
-    alike = [i for i, label in enumerate(drawn["record"].to_numpy()) if " loading " in label]
-    for found, measured, off in ((start.F_i, drawn["F_i"], 5.0), (start.J, drawn["J"], 0.0)):
-        records = measured.to_numpy().reshape(-1, measured.sizes["record"])[:, alike] + off
+    alike = [i for i, label in enumerate(drawn["record"].to_numpy()) if direction in label]
+    return drawn[name].to_numpy().reshape(-1, drawn.sizes["record"])[:, alike]
+
+
+def test_a_step_from_a_load_that_was_tested_starts_as_its_records_did():
+    for found, records in zip(started(of(15.0)), map(of_records, ("F_i", "J")), strict=True):
         # At each draw one of the twelve records, each as often.
-        which = np.isclose(found, records)
+        which = np.isclose(found[:, None], records)
         assert np.all(which.any(axis=1))
         assert which.mean(axis=0) == pytest.approx(1 / 12, abs=0.03)
-    assert np.isnan(start.d_i).all()
-    assert np.isnan(values.mean().C).all()
+
+
+def test_a_step_from_another_load_starts_on_the_line_through_those_of_the_nearest_two():
+    """Loading from 20 kN alone: as much of the load; with records from 30 kN too: between both."""
+    F_i, _ = started(of(15.0, load=25.0))
+    np.testing.assert_allclose(F_i, 25.0 / 20.0 * of_records("F_i").mean(axis=1))
+    drawn = tree()["posterior"].to_dataset()
+    loads = np.where(np.arange(drawn.sizes["record"]) % 2, 20.0, 30.0)
+    starts = np.broadcast_to(np.where(loads == 20.0, 15.0, 21.0), drawn["F_i"].shape)
+    both = drawn.assign(F_i=(drawn["F_i"].dims, starts)).assign_coords(record_initial_load_kN=("record", loads))
+    found = untested(both, PRIORS, of(15.0, load=22.5), np.random.default_rng(1)).start.F_i
+    np.testing.assert_allclose(found, 16.5)
+    np.testing.assert_allclose(untested(both, PRIORS, of(15.0, load=35.0), np.random.default_rng(1)).start.F_i, 24.0)
+
+
+def test_a_case_without_records_goes_as_far_for_its_step_as_those_that_have_some():
+    drawn = tree()["posterior"].to_dataset()
+    travel = np.linspace(2.0, 4.0, drawn.sizes["record"])
+    drawn = drawn.assign_coords(record_travel_mm=("record", travel))
+    mine = travel[[i for i, label in enumerate(drawn["record"].to_numpy()) if " loading " in label]]
+    assert travel_mm(drawn, of(15.0)._replace(step_kN=5.0)) == pytest.approx(np.median(mine) / 2.0)
 
 
 def test_where_the_load_is_the_force_that_records_started_from_no_case_is_new():

@@ -41,6 +41,8 @@ from bayes_tyre.record_table import record_factors
 #: F_i, J, k, beta and sigma of a record, and one point to spare.
 LEAST_POINTS = 6
 _ERROR = "force_error_kN"
+#: Largest standard deviation of rounding to steps of 1, as somebody may have put it, and no other noise beside it.
+_ROUNDED = 0.3
 
 
 class RecordNoise(NamedTuple):
@@ -181,7 +183,7 @@ def with_noise(batch: Batch, of_record: Int[np.ndarray, " records"], model: Mode
     if batch.force_error_kN is not None and batch.force_error_kN.any():
         whitening = _with_force_error(batch, batch.force_error_kN, whitening, law)
     if model.uneven:
-        whitening, factor = uneven_noise(batch, of_record, whitening, law)
+        whitening, factor = uneven_noise(batch, of_record, whitening, law, least=float(errors.shared))
     return RecordNoise(batch, whitening, errors.sd_mm.max(axis=1), factor)
 
 
@@ -197,10 +199,13 @@ def _with_force_error(
 def _errors_of_displacement(
     batch: Batch, of_record: Int[np.ndarray, " records"], model: ModelSettings
 ) -> tuple[Batch, DisplacementErrors]:
-    """Return records with the displacements that their readings stand for, and the errors of these by the options."""
-    if model.displacement_sd is not None:
-        return batch, DisplacementErrors.alike(batch, np.full(len(batch.records), model.displacement_sd))
+    """Return records with the displacements that their readings stand for, and the errors of these by the options.
+
+    Errors that are stated and no larger than what the converter's steps leave are those of its steps.
+    """
     steps = converter_step_mm(batch)
+    if (stated := model.displacement_sd) is not None and not np.all((stated > 0) & (stated < _ROUNDED * steps)):
+        return batch, DisplacementErrors.alike(batch, np.full(len(batch.records), stated))
     if steps.any() or not model.uneven:
         path, errors = between_steps(batch, steps)
         return replace(batch, displacement_mm=path), errors

@@ -82,10 +82,7 @@ def _of_other_tests(result: Reported) -> str:
             span = " to ".join(dict.fromkeys(rounded(float(value)) for value in (medians.min(), medians.max())))
             parts.append(f"{span} kN/mm for {test.format(**where)}")
     predicts = f"the fitted law predicts {' and '.join(parts)}, by case. " if parts else ""
-    return (
-        f"{predicts}Published static stiffness of truck tyres is a half to a third of what steps give, for which the "
-        "law has no part."
-    )
+    return f"{predicts}Set each beside a test of its kind: the law was fitted to steps, and to no slow test."
 
 
 def losses_caveats(result: Reported) -> list[tuple[str, str]]:

@@ -47,7 +47,8 @@ def between_steps(
     Parameters
     ----------
     batch:
-        The records, their points in the order of time.
+        The records, their points in the order of time and as far apart in it: of a table that was thinned along the
+        path, more is taken to be known than is.
     step_mm:
         The converter's step in each, as `converter_step_mm` finds it; 0 leaves a record as it is, without errors.
     """
@@ -56,14 +57,14 @@ def between_steps(
         own = record, batch.present[record]
         sd = errors.sd_mm[record, 0]
         read = batch.displacement_mm[own]
-        changes = np.diff(read)[np.diff(read) != 0]
-        if len(changes) < 2 or np.mean(changes * (read[-1] - read[0]) < 0) > _MOST_BACK:
+        changes, way = np.diff(read)[np.diff(read) != 0], np.sum(read - read[0])
+        if len(changes) < 2 or np.mean(changes * way < 0) > _MOST_BACK:
             sd = max(sd, _noise_mm(read))
             errors.sd_mm[own], errors.start_mm[own] = sd, sd
         else:
             path[own], repeated, risen = _between_changes(read, step_mm[record])
             errors.sd_mm[own], errors.start_mm[own] = sd / np.sqrt(repeated), sd * risen
-    return path, errors
+    return path, errors._replace(shared=bool(np.any(step_mm)))
 
 
 def _between_changes(

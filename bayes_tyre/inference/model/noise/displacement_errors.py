@@ -43,10 +43,13 @@ class DisplacementErrors(NamedTuple):
         Shape (records, points): of the error that each displacement has for itself.
     start_mm:
         Shape (records, points): of the error that it has because that at the start, from which it is counted, is off.
+    shared:
+        Whether points near to each other share much of their errors: residuals of a curve through them then show less.
     """
 
     sd_mm: Float[np.ndarray, "records points"]
     start_mm: Float[np.ndarray, "records points"]
+    shared: bool = False
 
     @staticmethod
     def alike(batch: Batch, sd_mm: Float[np.ndarray, " records"]) -> "DisplacementErrors":
@@ -72,7 +75,7 @@ def displacement_errors(
     law:
         One of `bayes_tyre.inference.record_data.LAWS`.
     """
-    u, (sd_mm, start_mm) = record_data(batch).u, map(jnp.asarray, errors)
+    u, sd_mm, start_mm = record_data(batch).u, jnp.asarray(errors.sd_mm), jnp.asarray(errors.start_mm)
     estimates, measured = estimate_records(batch, law=law), batch
     # Residuals near the start would make sigma too large, and themselves too heavy.
     residual = np.where(batch.present, np.abs(batch.force_kN - force_curves(u, estimates.centre, law)), np.nan)
@@ -109,8 +112,8 @@ def _of_curves(
     # One record at a time: each of its points is tried at `_NODES` displacements.
     of_record = forward[:, None] * u, forward, theta, sd_mm
     bias, sd, slope = jax.lax.map(lambda record: _force_errors(*record, law=law), of_record)
-    # The first point is where its record starts by definition, and only there has u no error.
-    exact = ~present | (jnp.arange(u.shape[1]) == 0)
+    # The first point is where its record starts by definition; records without errors are as they are.
+    exact = ~present | (jnp.arange(u.shape[1]) == 0) | ((sd_mm == 0) & (start_mm == 0))
     bias, sd, shared = (jnp.where(exact, 0.0, values) for values in (bias, sd, slope * start_mm))
     of_line = jnp.exp(curves[:, 2:3]) * sd_mm
     weight = 1.0 / jnp.sqrt(1.0 + jnp.maximum(sd**2 - of_line**2, 0.0) / sigma**2)

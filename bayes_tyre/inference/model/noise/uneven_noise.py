@@ -29,7 +29,7 @@ _FITS = 3
 
 
 def uneven_noise(
-    batch: Batch, of_record: Int[np.ndarray, " records"], whitening: Whitening | None, law: str
+    batch: Batch, of_record: Int[np.ndarray, " records"], whitening: Whitening | None, law: str, least: float = 0.0
 ) -> tuple[Whitening, float]:
     """Return the whitening of records whose noise differs near their start, and how many times as large it is there.
 
@@ -40,12 +40,12 @@ def uneven_noise(
     of_record:
         The case of each, by number: the noise of the start reaches as far in repeats.
     whitening:
-        Of what else is known of the noise, which is not made smaller: readings may share such errors, and residuals
-        then do not show them. None: nothing is.
+        Of what else is known of the noise; None: nothing is.
     law:
         One of `bayes_tyre.inference.record_data.LAWS`.
+    least:
+        How many times as large it is near the start at least: 1 where points share errors, which residuals hide.
     """
-    least = -np.inf if whitening is None else 0.0
     given_whitening = whitening or UnequalNoise(jnp.ones(batch.present.shape))
     whitening, log_ratio = given_whitening, np.zeros(batch.present.shape)
     for _ in range(_FITS):
@@ -54,7 +54,8 @@ def uneven_noise(
         # Autocorrelated noise has less information on its own variance.
         rho = float(np.median(np.asarray(estimates.rho)))
         variance = log_variance_ratio.error**2 * (1.0 + rho**2) / (1.0 - rho**2)
-        shrunk = max(least, log_variance_ratio.value / (1.0 + variance / _SD_LOG_RATIO**2))
+        shrunk = log_variance_ratio.value / (1.0 + variance / _SD_LOG_RATIO**2)
+        shrunk = max(shrunk, 2.0 * np.log(least)) if least > 0 else shrunk
         log_ratio = np.where(near, shrunk, 0.0)
         whitening = reweighted(given_whitening, jnp.asarray(np.exp(-0.5 * log_ratio)), jnp.asarray(batch.present))
     return whitening, float(np.exp(0.5 * shrunk))

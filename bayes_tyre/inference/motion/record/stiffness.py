@@ -3,10 +3,9 @@
 A step's k is the slope of the middle line between the branches. A cycle's stiffness is its change of force over its
 stroke: with friction it exceeds k by the height of the loop at its ends, the more the smaller the cycle is beside beta.
 So one law predicts a stiffness for each test, and numbers of different tests are compared with these instead of with k.
-Truck tyres were found stiffer in free vibration than in slow cycles, and their static stiffness a half to a third of a
-step's.
 
-Source: Taylor, Bashford and Schrock (2000), Methods for measuring vertical tire stiffness, Transactions of the ASAE 43.
+Source: Taylor, Bashford and Schrock (2000), Methods for measuring vertical tire stiffness, Transactions of the ASAE 43,
+who found an agricultural drive tyre that did not roll stiffer in free vibration than by their other methods.
 """
 
 from typing import Any, NamedTuple

@@ -113,6 +113,27 @@ def test_noisy_readings_are_independent_with_the_noise_that_they_show():
     np.testing.assert_allclose(sd, np.sqrt(1.0 + 1.0 / 12.0), rtol=0.1)
 
 
+def test_noise_is_seen_where_a_record_ends_at_its_first_reading():
+    read = np.r_[np.round(moved(1000, 0, 0.2) + np.random.default_rng(1).standard_normal(1000)), 0.0]
+    read[0] = 0.0
+    path, sd, _ = path_of(read)
+    np.testing.assert_allclose(path, read, atol=1e-9)
+    assert np.all(sd > 0.9)
+
+
+@pytest.mark.parametrize(
+    ("stated", "by_steps"), [(None, True), (STEP / 12.0**0.5, True), (2.0 * STEP, False), (0.0, False)]
+)
+def test_a_stated_error_that_is_no_more_than_rounding_is_that_of_the_steps(stated, by_steps):
+    kind = replace(KINDS["displacement_steps"], points=400)
+    batch = record_batch(simulate(kind, 1, 0)[0])
+    cases = np.arange(len(batch.records)) // 3
+    noise = with_noise(batch, cases, ModelSettings(displacement_sd=stated))
+    assert np.array_equal(noise.batch.displacement_mm, batch.displacement_mm) is not by_steps
+    expected = STEP / 12.0**0.5 if stated is None else stated
+    np.testing.assert_allclose(noise.displacement_sd_mm, expected, rtol=1e-6)
+
+
 @pytest.mark.parametrize(("points", "least"), [(120, 0.85), (400, 0.88)])
 def test_intervals_of_slowly_moving_records_hold_beta(points, least):
     """4 sets of 24 records, by each record's own estimate; were 95 % to hold, 0.88 or fewer of 96 do in 1 of 300 runs.

@@ -89,6 +89,20 @@ def test_displacements_without_errors_leave_the_records_as_they_are():
     np.testing.assert_allclose(errors.shrink, 0.0, atol=1e-9)
 
 
+def test_records_without_errors_stay_as_they_are_beside_others_with_some():
+    table, _ = simulated(1, SD)
+    batch = record_batch(table)
+    sd = np.where(np.arange(24) < 12, SD, 0.0)
+    corrected, whitening = displacement_errors(
+        batch, np.arange(24) // 3, DisplacementErrors.alike(batch, sd), "equation_2"
+    )
+    # The displacements are noisy: some lie before their start.
+    assert np.any((batch.displacement_mm - batch.displacement_mm[:, :1])[12:, 1:5] * np.sign(K) < 0)
+    np.testing.assert_array_equal(corrected.force_kN[12:], batch.force_kN[12:])
+    np.testing.assert_allclose(whitening.others.weight[12:], 1.0)
+    assert np.abs(corrected.force_kN[:12] - batch.force_kN[:12]).max() > SIGMA
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("sd_mm", "step_mm", "given"), [(SD, 0.0, SD), (0.0, 0.0126, None)])
 def test_intervals_hold_where_displacements_are_off_by_a_third_of_beta(sd_mm, step_mm, given):
