@@ -166,7 +166,8 @@ def _with_common_options(own: inspect.Signature) -> inspect.Signature:
         return inspect.Parameter(name, kind, default=default, annotation=annotation)
 
     if "seed" not in own.parameters:
-        options.insert(-1, added("seed", NoSeed, 0))  # before --quiet
+        before_quiet = next(i for i, option in enumerate(options) if option.name == "quiet")
+        options.insert(before_quiet, added("seed", NoSeed, 0))
     of_log = added("verbose", logs.Verbose, False), added("log_file", logs.LogFile, None)
     return own.replace(parameters=[*options, *of_log])
 

@@ -1,6 +1,7 @@
 """Weights and bending of the axle's beam: the formulas of appendices B2 and B3."""
 
 import math
+from typing import NamedTuple
 
 from bayes_tyre.rig.axle import GRAVITY_M_PER_S2, Beam, Rig, needed
 
@@ -44,13 +45,32 @@ def axle_load_on_tyre_kN(rig: Rig) -> float:
     return (hub_weight_N(rig) + beam_weight_N(rig) / 2) * 1e-3
 
 
-def _bending(rig: Rig, load_kN: float, second_moment_m4: float) -> tuple[float, float, float, float, float]:
-    """Return the load over the stiffness (1/m^2), a, a + b and x (m), and the constant of the slope (m^2)."""
-    # a, b: the load from the support and from the wheel centre; x: the measurement point from the wheel centre.
+class _Bending(NamedTuple):
+    """What deflection and slope at the measurement point are made of, a, b and x as in the source.
+
+    Attributes
+    ----------
+    load_per_m2:
+        The load over Young's modulus times the second moment of area, 1/m^2.
+    a, span, x:
+        The load from the support; a + b, the support from the wheel centre; the measurement point from the latter, m.
+    constant_m2:
+        The constant of the slope.
+    """
+
+    load_per_m2: float
+    a: float
+    span: float
+    x: float
+    constant_m2: float
+
+
+def _bending(rig: Rig, load_kN: float, second_moment_m4: float) -> _Bending:
     length, load = rig.axle.support_to_wheel_centre_mm, rig.axle.support_to_load_mm
     a, b, x = load * 1e-3, (length - load) * 1e-3, (length - rig.axle.support_to_measurement_mm) * 1e-3
     stiffness = beam_of(rig).youngs_modulus_GPa * 1e9 * second_moment_m4
-    return load_kN * 1e3 / stiffness, a, a + b, x, b**2 / 2 - b * (a + b) / 3 - b**3 / (6 * (a + b))
+    constant = b**2 / 2 - b * (a + b) / 3 - b**3 / (6 * (a + b))
+    return _Bending(load_kN * 1e3 / stiffness, a, a + b, x, constant)
 
 
 def beam_deflection_m(rig: Rig, load_kN: float, second_moment_m4: float) -> float:
@@ -69,11 +89,11 @@ def beam_deflection_m(rig: Rig, load_kN: float, second_moment_m4: float) -> floa
     -------
     Deflection in m. Source: appendix B3, v_1, for a measurement point between load and wheel.
     """
-    load, a, span, x, constant = _bending(rig, load_kN, second_moment_m4)
-    return load * (a * x**3 / (6 * span) + constant * x)
+    of = _bending(rig, load_kN, second_moment_m4)
+    return of.load_per_m2 * (of.a * of.x**3 / (6 * of.span) + of.constant_m2 * of.x)
 
 
 def beam_slope_rad(rig: Rig, load_kN: float, second_moment_m4: float) -> float:
     """Return the beam's slope (rad) at the measurement point; arguments as in `beam_deflection_m`. Source: B3."""
-    load, a, span, x, constant = _bending(rig, load_kN, second_moment_m4)
-    return load * (a * x**2 / (2 * span) + constant)
+    of = _bending(rig, load_kN, second_moment_m4)
+    return of.load_per_m2 * (of.a * of.x**2 / (2 * of.span) + of.constant_m2)

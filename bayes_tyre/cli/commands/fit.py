@@ -91,15 +91,21 @@ def fit(
     from bayes_tyre.workflow.fit import Plan, read_priors
 
     model = ModelSettings(
-        *(region, initial_load, displacement_scale_sd, likelihood, repeats, noise, noise_window),
-        read_priors(priors),
-        sampler,
-        law,
-        displacement_sd,
-        specimen,
-        day,
-        tuple(covariate or ()),
-        force_scale_sd,
+        region=region,
+        initial_load=initial_load,
+        displacement_scale_sd=displacement_scale_sd,
+        force_scale_sd=force_scale_sd,
+        displacement_sd=displacement_sd,
+        likelihood=likelihood,
+        repeats=repeats,
+        noise=noise,
+        noise_window=noise_window,
+        priors=read_priors(priors),
+        sampler=sampler,
+        law=law,
+        specimen=specimen,
+        day=day,
+        covariates=tuple(covariate or ()),
     )
     settings = sampled.settings(chains, warmup, draws, seed, target_accept)
     limit = shell.checked_limit(limit, OF_RECORDS)
@@ -118,7 +124,11 @@ def _run(plan: "Plan", out: Path, resume: bool, xlsx: bool, quiet: bool) -> None
     shell.say(f"fitting {table['record'].nunique()} records (data: {origin}), {sampler.chains} chains", quiet)
     sampled.fitted(
         lambda callbacks: fit_table(table, plan, out, sys.argv[1:], callbacks, resume=resume, xlsx=xlsx),
-        *(out, origin, {"reference": plan.reference}, quiet, plan.limit is not None),
+        out=out,
+        origin=origin,
+        options={"reference": plan.reference},
+        quiet=quiet,
+        limited=plan.limit is not None,
     )
 
 

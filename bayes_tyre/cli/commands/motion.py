@@ -115,5 +115,9 @@ def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path,
         lambda callbacks: fit_estimates(
             estimated, plan, out, sys.argv[1:], callbacks, resume=machines.resume, xlsx=xlsx
         ),
-        *(out, estimated.origin, options, quiet, plan.limit is not None),
+        out=out,
+        origin=estimated.origin,
+        options=options,
+        quiet=quiet,
+        limited=plan.limit is not None,
     )
