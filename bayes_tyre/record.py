@@ -29,6 +29,8 @@ RECORD_UNITS = {
 LAW_PARAMETERS = ("k", "x", "settled", "beta", "n", "belt_frequency", "belt_damping", "sidewall_ratio")
 AXLE_PARAMETERS = ("m", "c")
 ENERGY = "energy_per_cycle"
+#: How a fit's note begins that another law may hold as well.
+EITHER_LAW = "beta: the records do not tell "
 #: A sample may lie so much closer to the next one than the median, or further apart, as a share of it.
 _JITTER = 0.1
 

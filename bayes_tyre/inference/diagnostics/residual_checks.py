@@ -22,6 +22,7 @@ from bayes_tyre.inference.lack_of_fit import CURVE_PARAMETERS, MISFIT_MOST, WAVE
 from bayes_tyre.inference.noise_along_path import NEAR_BETAS, directions, freedom, near_start, variance_ratio
 from bayes_tyre.inference.record_data import LAWS
 from bayes_tyre.inference.sampling.datatree import model_of
+from bayes_tyre.record import EITHER_LAW
 
 #: Standard errors that CHANCE, one-sided, comes to.
 _ERRORS = float(stats.norm.isf(CHANCE))
@@ -135,9 +136,7 @@ def _other_law(of_records: Residuals) -> Check:
     note = ""
     if enough and abs(value) <= _ERRORS:
         ratio = np.exp(np.median((other_fit.log_beta - own_fit.log_beta)[sound]))
-        note = (
-            f"beta: the records do not tell {of_records.law} from {other}, with which it is {ratio:.2f} times as large"
-        )
+        note = f"{EITHER_LAW}{of_records.law} from {other}, with which it is {ratio:.2f} times as large"
     return Check("law", "model", value <= _ERRORS, value, _ERRORS, "beta", finding, f"fit with --law {other}", note)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from bayes_tyre.plain_text import listed
-from bayes_tyre.record import ORIGIN_UNKNOWN
+from bayes_tyre.record import EITHER_LAW, ORIGIN_UNKNOWN
 from bayes_tyre.report.answer.formatting import interval_name, label, probability, ratio_text
 from bayes_tyre.report.answer.headline import STIFFNESS, prior_clause
 from bayes_tyre.report.answer.load import Reported
@@ -51,6 +51,8 @@ _WEIGHT = {
         'origin = "measured" under [constants] in the column map.',
     ),
 }
+#: Laws along a record in words, by the option `--law`.
+_LAWS = {"equation_2": "Equation 2", "small_step_limit": "its limit for small steps"}
 #: Above this a record is more likely discordant than not; the most that are named.
 _DISCORDANT, _NAMED = 0.5, 5
 
@@ -70,6 +72,7 @@ def caveats_of(result: Reported) -> list[Caveat]:
     return [
         *_of_verdict(result),
         *(_WEIGHT[origin] for origin in result.origins if origin in _WEIGHT),
+        *_of_law(result),
         *_of_configurations(result),
         *_of_directions(result),
         *_of_priors(result),
@@ -81,6 +84,15 @@ def caveats_of(result: Reported) -> list[Caveat]:
 def _of_verdict(result: Reported) -> Iterator[Caveat]:
     if result.verdict == "fail":
         yield Caveat("Any number of this result", "the fit failed its checks, and another run may say something else.")
+
+
+def _of_law(result: Reported) -> Iterator[Caveat]:
+    for limitation in result.sentences("limitations"):
+        if limitation.startswith(EITHER_LAW):
+            text = limitation.removeprefix(EITHER_LAW)
+            for name, words in _LAWS.items():
+                text = text.replace(name, words)
+            yield Caveat("The interval of beta as one for either law", f"the records do not tell {text}.")
 
 
 def _of_configurations(result: Reported) -> Iterator[Caveat]:

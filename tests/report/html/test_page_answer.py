@@ -11,6 +11,7 @@ from helpers.hand_made_posteriors import grid
 from helpers.pages import numbers_in, page_of, plain
 from helpers.reported_results import REASON, made, printed_factors
 
+from bayes_tyre.record import EITHER_LAW
 from bayes_tyre.report.answer.caveats import caveats
 from bayes_tyre.report.answer.formatting import percent_apart, probability, rounded
 from bayes_tyre.report.answer.headline import headline
@@ -119,6 +120,15 @@ def test_the_printed_tables_model_has_an_answer_and_no_repeats(away):
     page = page_of(result)
     assert "Published: numbers as printed" in page
     assert "No rows for &ldquo;Repeats" in page
+
+
+def test_a_law_that_the_records_do_not_tell_from_another_is_no_reason_to_believe_beta(two):
+    note = EITHER_LAW + "equation_2 from small_step_limit, with which it is 1.16 times as large"
+    limited = dataclasses.replace(two, diagnostics={**two.diagnostics, "limitations": ["k: another", note]})
+    of_law = [said for said in caveats(limited) if said.startswith("The interval of beta as one for either law")]
+    assert len(of_law) == 1
+    assert "do not tell Equation 2 from its limit for small steps, with which it is 1.16 times as large." in of_law[0]
+    assert len(caveats(limited)) == len(caveats(two)) + 1
 
 
 def test_what_the_prior_decides_is_said_in_the_answer(two):

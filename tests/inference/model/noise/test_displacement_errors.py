@@ -99,6 +99,7 @@ def test_records_without_errors_stay_as_they_are_beside_others_with_some():
     # The displacements are noisy: some lie before their start.
     assert np.any((batch.displacement_mm - batch.displacement_mm[:, :1])[12:, 1:5] * np.sign(K) < 0)
     np.testing.assert_array_equal(corrected.force_kN[12:], batch.force_kN[12:])
+    assert isinstance(whitening.others, UnequalNoise)
     np.testing.assert_allclose(whitening.others.weight[12:], 1.0)
     assert np.abs(corrected.force_kN[:12] - batch.force_kN[:12]).max() > SIGMA
 
