@@ -70,9 +70,9 @@ def _given_tested(
     tested = coordinates.shape[1] + 1
     of_tested, of_new = np.split(np.eye(len(covariance)), [tested])
     contrasts, from_mean = helmert(tested) @ of_tested, of_new - of_tested.mean(axis=0)
-    known = contrasts @ covariance @ contrasts.T
-    gain = np.linalg.solve(known, contrasts @ covariance @ from_mean.T).T
-    left = from_mean @ covariance @ from_mean.T - gain @ known @ gain.T
-    square = np.sum(coordinates * np.linalg.solve(known, coordinates.T).T, axis=1)
-    log_density = -0.5 * (square + np.linalg.slogdet(known)[1])
-    return log_density, coordinates @ gain.T, np.linalg.cholesky(left)
+    of_contrasts = contrasts @ covariance @ contrasts.T
+    gain = np.linalg.solve(of_contrasts, contrasts @ covariance @ from_mean.T).T
+    conditional = from_mean @ covariance @ from_mean.T - gain @ of_contrasts @ gain.T
+    square = np.sum(coordinates * np.linalg.solve(of_contrasts, coordinates.T).T, axis=1)
+    log_density = -0.5 * (square + np.linalg.slogdet(of_contrasts)[1])
+    return log_density, coordinates @ gain.T, np.linalg.cholesky(conditional)

@@ -122,18 +122,19 @@ def _effects(
         levels = _labels(posterior, factor)
         effects |= dict(zip(levels, flat(posterior[site]).T, strict=True))
     new = [level for level in asked if level not in effects]
-    # Where there is one configuration, what a speed changes in it alone is in the effect of the speed.
+    # Where one configuration was tested, what a speed changes in it alone is in the effect of the speed already.
     absorbed = factor in INTERACTIONS and len({level.rpartition(" ")[0] for level in levels}) == 1
     if not new or absorbed or f"sd_{site}" not in priors:
         return effects | dict.fromkeys(new, np.zeros(1))
     sd = _sd(posterior, priors, f"sd_{site}", rng)
     if factor in _TRENDS and "" not in (*levels, *new):
-        tested, drawn = (np.array(each, dtype=float) for each in (levels, new))
-        known = np.stack([np.broadcast_to(effects[level], sd.shape) for level in levels], axis=1)
-        return effects | dict(zip(new, effects_by_trend(tested, known, drawn, sd, rng).T, strict=True))
-    # Effects are deviations from the mean of the levels in the data, itself uncertain by sd^2 / levels.
-    widened = np.sqrt(1.0 + 1.0 / len(levels)) * sd
-    return effects | {level: widened * rng.standard_normal(len(widened)) for level in new}
+        of_tested = np.stack([np.broadcast_to(effects[level], sd.shape) for level in levels], axis=1)
+        drawn = effects_by_trend(np.array(levels, float), of_tested, np.array(new, float), sd, rng)
+    else:
+        # Effects are deviations from the mean of the levels in the data, itself uncertain by sd^2 / levels.
+        widened = np.sqrt(1.0 + 1.0 / len(levels)) * sd
+        drawn = widened[:, None] * rng.standard_normal((len(sd), len(new)))
+    return effects | dict(zip(new, drawn.T, strict=True))
 
 
 def _sd(posterior: xr.Dataset, priors: Priors, site: str, rng: np.random.Generator) -> Float[np.ndarray, " draws"]:

@@ -6,6 +6,8 @@ evenly. Before the first of them it moves as from rest, with a constant accelera
 it can have started.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float
 
@@ -62,19 +64,33 @@ def between_steps(
             sd = max(sd, _noise_mm(read))
             errors.sd_mm[own], errors.start_mm[own] = sd, sd
         else:
-            path[own], repeated, risen = _between_changes(read, step_mm[record])
-            errors.sd_mm[own], errors.start_mm[own] = sd / np.sqrt(repeated), sd * risen
+            found = _between_changes(read, step_mm[record])
+            path[own] = found.path_mm
+            # As n readings of a step share their errors, each counts as a reading with 1 / sqrt(n) of its error.
+            errors.sd_mm[own], errors.start_mm[own] = sd / np.sqrt(found.repeated), sd * found.share_of_start
     return path, errors._replace(shared=bool(np.any(step_mm)))
 
 
-def _between_changes(
-    read: Float[np.ndarray, " points"], step_mm: float
-) -> tuple[Float[np.ndarray, " points"], Float[np.ndarray, " points"], Float[np.ndarray, " points"]]:
-    """Return the path (mm), how often each reading is repeated, and how far the first step's error is in each point.
+class _Path(NamedTuple):
+    """What readings in steps of a converter stand for.
 
-    A displacement is known the better the more readings its step has, 1 / n in standard deviation; as these n share
-    their errors, each counts as a reading with 1 / sqrt(n).
+    Attributes
+    ----------
+    path_mm:
+        Shape (points,): the displacement.
+    repeated:
+        Shape (points,): how many readings in a row show the same step; 1 where they say no more than each by itself.
+    share_of_start:
+        Shape (points,): how much of the error of the displacement at the start is in each point's distance from it.
     """
+
+    path_mm: Float[np.ndarray, " points"]
+    repeated: Float[np.ndarray, " points"]
+    share_of_start: Float[np.ndarray, " points"]
+
+
+def _between_changes(read: Float[np.ndarray, " points"], step_mm: float) -> _Path:
+    """Return the path that passes half-way between two steps where the reading changes from one to the other."""
     points = np.arange(len(read))
     before = np.flatnonzero(np.diff(read))
     change, half_way = before + 0.5, (read[before] + read[before + 1]) / 2.0
@@ -88,7 +104,7 @@ def _between_changes(
     path = np.clip(path, read - step_mm / 2.0, read + step_mm / 2.0)
     # Nothing follows the last change, and a reading alone on its step is best taken as it is.
     as_read = (number == len(change)) | (repeated == 1)
-    return np.where(as_read, read, path), np.where(as_read, 1.0, repeated), risen
+    return _Path(np.where(as_read, read, path), np.where(as_read, 1.0, repeated), risen)
 
 
 def _noise_mm(read: Float[np.ndarray, " points"]) -> float:
