@@ -31,6 +31,7 @@ from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood, Likel
 from bayes_tyre.inference.model.noise.converter_steps import between_steps, converter_step_mm
 from bayes_tyre.inference.model.noise.displacement_errors import DisplacementErrors, displacement_errors
 from bayes_tyre.inference.model.noise.displacement_noise import displacement_noise_mm
+from bayes_tyre.inference.model.noise.rest import at_rest
 from bayes_tyre.inference.model.noise.uneven_noise import uneven_noise
 from bayes_tyre.inference.model.record_levels import find_levels
 from bayes_tyre.inference.model.settings import ModelSettings
@@ -203,14 +204,16 @@ def _errors_of_displacement(
 
     Errors that are stated and no larger than what the converter's steps leave are those of its steps.
     """
-    steps = converter_step_mm(batch)
-    if (stated := model.displacement_sd) is not None and not np.all((stated > 0) & (stated < _ROUNDED * steps)):
-        return batch, DisplacementErrors.alike(batch, np.full(len(batch.records), stated))
-    if steps.any() or not model.uneven:
+    steps, stated = converter_step_mm(batch), model.displacement_sd
+    of_steps = steps.any() if stated is None else np.all((stated > 0) & (stated < _ROUNDED * steps))
+    if of_steps:
         path, errors = between_steps(batch, steps)
-        return replace(batch, displacement_mm=path), errors
-    noise = displacement_noise_mm(batch, of_record, model.law)
-    return batch, DisplacementErrors.alike(batch, np.full(len(batch.records), noise))
+    else:
+        noise = stated
+        if noise is None:
+            noise = displacement_noise_mm(batch, of_record, model.law) if model.uneven else 0.0
+        path, errors = at_rest(batch, np.full(len(batch.records), noise))
+    return replace(batch, displacement_mm=path), errors
 
 
 def used_points(table: pd.DataFrame, region: str) -> pd.DataFrame:

@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.model.noise.displacement_errors import DisplacementErrors
+from bayes_tyre.inference.model.noise.rest import at_rest
 
 #: Standard deviation of rounding to steps of 1.
 UNIFORM_SD = 12.0**-0.5
@@ -54,21 +55,23 @@ def between_steps(
     step_mm:
         The converter's step in each, as `converter_step_mm` finds it; 0 leaves a record as it is, without errors.
     """
-    path, errors = batch.displacement_mm.copy(), DisplacementErrors.alike(batch, step_mm * UNIFORM_SD)
+    sd_mm = step_mm * UNIFORM_SD
+    noisy = np.zeros(len(step_mm), bool)
     for record in np.flatnonzero(step_mm):
-        own = record, batch.present[record]
-        sd = errors.sd_mm[record, 0]
-        read = batch.displacement_mm[own]
+        read = batch.displacement_mm[record, batch.present[record]]
         changes, way = np.diff(read)[np.diff(read) != 0], np.sum(read - read[0])
-        if len(changes) < 2 or np.mean(changes * way < 0) > _MOST_BACK:
-            sd = max(sd, _noise_mm(read))
-            errors.sd_mm[own], errors.start_mm[own] = sd, sd
-        else:
-            found = _between_changes(read, step_mm[record])
-            path[own] = found.path_mm
-            # As n readings of a step share their errors, each counts as a reading with 1 / sqrt(n) of its error.
-            errors.sd_mm[own], errors.start_mm[own] = sd / np.sqrt(found.repeated), sd * found.share_of_start
-    return path, errors._replace(shared=bool(np.any(step_mm)))
+        noisy[record] = len(changes) < 2 or np.mean(changes * way < 0) > _MOST_BACK
+        if noisy[record]:
+            sd_mm[record] = max(sd_mm[record], _noise_mm(read))
+    path, errors = at_rest(batch, np.where(noisy, sd_mm, 0.0))
+    for record in np.flatnonzero((step_mm > 0) & ~noisy):
+        own = record, batch.present[record]
+        found = _between_changes(batch.displacement_mm[own], step_mm[record])
+        path[own] = found.path_mm
+        # As n readings of a step share their errors, each counts as a reading with 1 / sqrt(n) of its error.
+        errors.sd_mm[own] = sd_mm[record] / np.sqrt(found.repeated)
+        errors.start_mm[own] = sd_mm[record] * found.share_of_start
+    return path, errors._replace(shared=bool(np.any((step_mm > 0) & ~noisy)))
 
 
 class _Path(NamedTuple):
