@@ -43,6 +43,8 @@ class Kind:
         Typical beta, and the noise of the force.
     step_of_reading_mm, displacement_noise_mm:
         Readings of displacement are rounded to the one, and have noise of the other.
+    rest_points:
+        Further points of each record, at rest before its step.
     rho:
         Lag-1 autocorrelation of the noise of the force.
     noise_near_start:
@@ -74,6 +76,7 @@ class Kind:
     sigma_kN: float = 0.03
     step_of_reading_mm: float = 0.0
     displacement_noise_mm: float = 0.0
+    rest_points: int = 0
     rho: float = 0.0
     noise_near_start: float = 1.0
     small_step_limit: bool = False
@@ -96,6 +99,9 @@ KINDS = {
     "displacement_steps": Kind(points=120, beta_mm=0.03, step_of_reading_mm=0.0126),
     "displacement_noise": Kind(beta_mm=0.03, displacement_noise_mm=0.01),
     "displacement_noise_as_known": Kind(beta_mm=0.03, displacement_noise_mm=0.01, options={"displacement_sd": 0.01}),
+    "displacement_noise_at_rest": Kind(
+        points=400, rest_points=30, beta_mm=0.03, displacement_noise_mm=0.005, options={"displacement_sd": 0.005}
+    ),
     "correlated_noise": Kind(rho=0.35),
     "correlated_noise_as_iid": Kind(rho=0.35, options={"noise": "iid"}),
     "small_step_limit": Kind(small_step_limit=True),
@@ -131,7 +137,8 @@ def simulate(kind: Kind, seed: int, number: int) -> tuple[pd.DataFrame, pd.DataF
     rng = np.random.default_rng([seed, number])
     truth = _truths(kind, rng)
     # Half a cosine in time: points lie densest at both ends.
-    travelled = TRAVEL_MM * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, kind.points))) / 2.0
+    phase = np.concatenate([np.zeros(kind.rest_points), np.linspace(0.0, np.pi, kind.points)])
+    travelled = TRAVEL_MM * (1.0 - np.cos(phase)) / 2.0
     u = np.sign(truth["step_kN"].to_numpy())[:, None] * travelled
     force = _noiseless(kind, truth, u) + _noise(kind, u, rng)
     displacement = START_MM + u + kind.displacement_noise_mm * rng.standard_normal(u.shape)
@@ -140,7 +147,7 @@ def simulate(kind: Kind, seed: int, number: int) -> tuple[pd.DataFrame, pd.DataF
         starts = rng.spawn(1)[0].uniform(size=(len(u), 1))
         displacement = kind.step_of_reading_mm * np.round(displacement / kind.step_of_reading_mm + starts)
     factors = truth[["record", *Case._fields, "repeat", "tyre"]]
-    table = factors.loc[factors.index.repeat(kind.points)].reset_index(drop=True).assign(origin="simulated")
+    table = factors.loc[factors.index.repeat(len(phase))].reset_index(drop=True).assign(origin="simulated")
     table = table.assign(displacement_mm=displacement.ravel(), force_kN=force.ravel())
     return table[table["speed_km_h"] != kind.held_out_km_h].reset_index(drop=True), truth
 

@@ -150,7 +150,7 @@ def test_without_a_checkpoint_or_without_resume_a_run_begins_anew_and_says_so(ru
         heard: list[str] = []
         with monkeypatch.context() as ears:
             # The package's attribute of this name is the command, not its module.
-            ears.setattr(sys.modules["bayes_tyre.cli.shell"], "note", lambda text, quiet: heard.append(text))  # noqa: B023
+            ears.setattr(sys.modules["bayes_tyre.cli.sampled"], "note", lambda text, quiet: heard.append(text))  # noqa: B023
             with pytest.raises(Began):
                 here("fit", "records.csv", "--out", out, *FEW, *resume)
         assert len(heard) == 1
