@@ -288,7 +288,7 @@ def test_signed_displacements_serve_each_direction_with_those_of_its_sign(text, 
 
 
 def test_a_speed_that_was_not_tested_is_predicted_and_said_to_be_so(fitted, tmp_path):
-    asked = "configuration=single,initial_load_kN=20,speed_km_h=10,speed_km_h=40"
+    asked = "configuration=single,direction=loading,speed_km_h=10,speed_km_h=40"
     done = here("predict", fitted, "--case", asked, "--out", tmp_path, "--displacement", "0,2")
     assert done.exit_code == 0, done.stderr
     assert "not tested: single (10)20-30, single (40)20-30; predicted from the effects of what was" in done.stdout
