@@ -81,9 +81,7 @@ def log_values_of_untested(
     loads and steps that were not tested are drawn by `bayes_tyre.results.level_trend`; those of an interaction, with
     the standard deviation of the interaction's effects.
     """
-    groups = log_draws(posterior, [f"{parameter}_group"])[..., 0].T
-    of_group = dict(zip(_labels(posterior, "group"), groups, strict=True))
-    values = [of_group[f"{case.configuration or ''} {case.direction or ''}".strip()] for case in new]
+    values = _groups(posterior, parameter, new)
     levels = [_levels(case) for case in new]
     for factor in (*_TRENDS, *INTERACTIONS):
         asked = list(dict.fromkeys(of_case[factor] for of_case in levels))
@@ -95,6 +93,16 @@ def log_values_of_untested(
     each = zip(values, wider, strict=True)
     drawn = [value + wide * remainder * rng.standard_normal(len(remainder)) for value, wide in each]
     return np.reshape(drawn, (len(new), len(remainder))).T
+
+
+def _groups(posterior: xr.Dataset, parameter: str, new: Sequence[Case]) -> list[Float[np.ndarray, " draws"]]:
+    """Return draws of the logarithm of the mean of each case's group."""
+    name, labels = f"{parameter}_group", _labels(posterior, "group")
+    wanted = [f"{case.configuration or ''} {case.direction or ''}".strip() for case in new]
+    if name not in posterior or not set(wanted) <= set(labels):
+        raise BadInput(f"the posterior lacks {name} of a case that was not tested; run fit or motion again")
+    of_group = dict(zip(labels, log_draws(posterior, [name])[..., 0].T, strict=True))
+    return [of_group[label] for label in wanted]
 
 
 def log_draws(posterior: xr.Dataset, names: Sequence[str]) -> Float[np.ndarray, "draws units names"]:

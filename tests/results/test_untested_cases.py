@@ -101,6 +101,14 @@ def test_a_case_without_records_goes_as_far_for_its_step_as_those_that_have_some
     assert travel_mm(drawn, of(15.0)._replace(step_kN=5.0)) == pytest.approx(np.median(mine) / 2.0)
 
 
+@pytest.mark.parametrize("damage", ["no means", "another group"])
+def test_a_posterior_without_the_mean_of_a_group_is_refused(damage):
+    drawn = tree()["posterior"].to_dataset()
+    damaged = drawn.drop_vars("k_group") if damage == "no means" else drawn.assign_coords(group=["a", "b"])
+    with pytest.raises(BadInput, match="lacks k_group"):
+        untested(damaged, PRIORS, of(15.0), np.random.default_rng(1))
+
+
 def test_where_the_load_is_the_force_that_records_started_from_no_case_is_new():
     drawn = tree()["posterior"].to_dataset()
     slope = drawn.assign(log_k_load=(("chain", "draw", "load"), np.zeros((*drawn["k"].shape[:2], 1))))
