@@ -44,7 +44,7 @@ from bayes_tyre.report.figures.page.notebook_display import NotebookFigure
 from bayes_tyre.report.terminal.progress import Stages
 from bayes_tyre.results import contrasts as ratios
 from bayes_tyre.results import log_likelihood, prediction, summary
-from bayes_tyre.results.case_selection import parse_query
+from bayes_tyre.results.cases.selection import parse_query
 from bayes_tyre.results.derived import with_derived
 from bayes_tyre.results.posterior import Posterior
 from bayes_tyre.results.prediction import Prediction

@@ -21,9 +21,9 @@ from bayes_tyre.inference.record_data import EQUATION_2, LAWS
 from bayes_tyre.inference.sampling.datatree import law_of, priors_of, tree_cases
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import CASE_FACTORS, Case
-from bayes_tyre.results.case_draws import CaseDraws, CaseValues, of_repeat, tested, travel_mm
-from bayes_tyre.results.case_selection import CaseQuery, Choice, case_list, choose, sign_of, without_opposite
-from bayes_tyre.results.untested_cases import untested, untested_rng
+from bayes_tyre.results.cases.draws import CaseDraws, CaseValues, of_repeat, tested, travel_mm
+from bayes_tyre.results.cases.selection import CaseQuery, Choice, case_list, choose, sign_of, without_opposite
+from bayes_tyre.results.cases.untested import untested, untested_rng
 
 #: The mean curve of a case, or a repeat of it that was not measured.
 KINDS = ("case", "repeat")
@@ -80,8 +80,8 @@ def predict(
     tree:
         A posterior of records (`bayes_tyre.inference.sampling.hierarchical_fit.fit_hierarchical`).
     query:
-        The cases asked for, as `bayes_tyre.results.case_selection.parse_query` gives them. A speed, load or step for
-        which there is no case is predicted by `bayes_tyre.results.untested_cases`.
+        The cases asked for, as `bayes_tyre.results.cases.selection.parse_query` gives them. A speed, load or step for
+        which there is no case is predicted by `bayes_tyre.results.cases.untested`.
     displacement_mm:
         From the start of the step. Without a negative number they are magnitudes and serve both directions;
         otherwise loading takes those from 0 up, unloading those from 0 down. A case that does not say its direction
@@ -90,7 +90,7 @@ def predict(
         Of the posterior, put into each row.
     of:
         ``case``: the mean curve of the case; ``repeat``: one more repeat of it, with the noise of each point.
-        `bayes_tyre.results.case_draws` says what either takes from the posterior.
+        `bayes_tyre.results.cases.draws` says what either takes from the posterior.
     interval:
         Probability between `lower` and `upper`, at each displacement by itself; equal-tailed.
     seed:

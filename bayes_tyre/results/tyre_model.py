@@ -14,11 +14,11 @@ from bayes_tyre.inference.sampling.datatree import case_parameters, is_of_motion
 from bayes_tyre.inference.sampling.group_means import named_group_means
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import CASE_FACTORS, RECORD_UNITS, Case, parameter_column
-from bayes_tyre.results.case_draws import CaseValues, tested, travel_mm
-from bayes_tyre.results.case_selection import sign_of
+from bayes_tyre.results.cases.draws import CaseValues, tested, travel_mm
+from bayes_tyre.results.cases.selection import sign_of
+from bayes_tyre.results.cases.untested import untested, untested_rng
 from bayes_tyre.results.figure_data import hysteresis_loops
 from bayes_tyre.results.prediction import force_kN
-from bayes_tyre.results.untested_cases import untested, untested_rng
 
 _TAILS, _NORMAL = (0.025, 0.975), 1.959964
 _SI = {

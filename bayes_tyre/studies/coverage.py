@@ -17,7 +17,7 @@ from bayes_tyre.inference.sampling.hierarchical_fit import fit_prepared, joint_c
 from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.run import LONGEST, SamplerSettings
 from bayes_tyre.record import RECORD_UNITS, Case
-from bayes_tyre.results.untested_cases import log_values_of_untested
+from bayes_tyre.results.cases.untested import log_values_of_untested
 from bayes_tyre.studies.coverage_data import CONTRAST, KINDS, Kind, simulate
 
 INTERVALS = (0.5, 0.95)

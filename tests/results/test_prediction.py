@@ -11,7 +11,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.sampling.common_scales import with_scale
 from bayes_tyre.record import Case
 from bayes_tyre.results import prediction
-from bayes_tyre.results.case_selection import parse_query
+from bayes_tyre.results.cases.selection import parse_query
 from bayes_tyre.results.prediction import Prediction, force_kN, predictable_cases
 
 FIGURES = ["mean", "sd", "lower", "upper"]

@@ -13,7 +13,7 @@ from bayes_tyre.inference.model.prior_predictive import PriorDraws, draw_prior, 
 from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.datatree import law_of, model_of
 from bayes_tyre.record_table import record_factors
-from bayes_tyre.results.untested_cases import has_slope
+from bayes_tyre.results.cases.untested import has_slope
 
 #: The most panels; records of the data, and of the prior, in each; points of a prior record.
 PANELS, REAL, DRAWN, POINTS = 6, 5, 40, 80

@@ -15,8 +15,8 @@ from bayes_tyre.inference.sampling.common_scales import as_measured
 from bayes_tyre.inference.sampling.datatree import case_parameters, priors_of, tree_cases
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import AXLE_PARAMETERS, LAW_PARAMETERS, Case
-from bayes_tyre.results.case_draws import factors_along, flat, scatter_of_repeats
-from bayes_tyre.results.untested_cases import log_draws, log_values_of_untested
+from bayes_tyre.results.cases.draws import factors_along, flat, scatter_of_repeats
+from bayes_tyre.results.cases.untested import log_draws, log_values_of_untested
 
 #: Factors that a rig sets to numbers; most new cases that are compared.
 LEVELS, MOST_NEW = ("speed_km_h", "initial_load_kN", "step_kN"), 2000
@@ -81,7 +81,7 @@ def _loads(case: Case) -> list[float]:
 def candidates(tree: xr.DataTree, new: Sequence[Case], seed: int = 0) -> Candidates:
     """Return what a posterior of records or motions holds of its own cases and of new ones.
 
-    Draws of a new case are made, by `seed`, as `bayes_tyre.results.untested_cases` says. A posterior without repeats is
+    Draws of a new case are made, by `seed`, as `bayes_tyre.results.cases.untested` says. A posterior without repeats is
     refused as `BadInput`, and so is one that was damaged: with values that have no logarithm, or records of no case.
     """
     posterior, priors, rng = as_measured(tree["posterior"].to_dataset()), priors_of(tree), np.random.default_rng(seed)

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from bayes_tyre.errors import BadInput
 from bayes_tyre.plain_text import quoted
 from bayes_tyre.record import DIRECTIONS, ENERGY, Case
-from bayes_tyre.results.case_selection import case_list
+from bayes_tyre.results.cases.selection import case_list
 from bayes_tyre.results.contrasts import MATCHINGS, Pair, configuration_pairs, direction_pairs
 
 

@@ -17,7 +17,7 @@ from bayes_tyre.formats.tydex.write import MeasuredChannel, Tydex, tydex_text
 from bayes_tyre.inference.sampling.datatree import tree_cases
 from bayes_tyre.record import ORIGIN_UNKNOWN
 from bayes_tyre.report.answer.quantities import in_words
-from bayes_tyre.results.case_selection import parse_query, without_opposites
+from bayes_tyre.results.cases.selection import parse_query, without_opposites
 from bayes_tyre.results.prediction import about_untested
 from bayes_tyre.results.tyre_model import (
     OF_TEST,
@@ -64,7 +64,7 @@ class Exported(NamedTuple):
 def read_models(folder: Path, level: float = 0.5, cases: Sequence[str] = (), *, means: bool = False) -> Exported:
     """Return the cases of a result of `fit`, `motion` or `load-deflection`, at a quantile of the posterior.
 
-    `cases` are labels or factors of those wanted (`bayes_tyre.results.case_selection.parse_query`), of `fit` also of
+    `cases` are labels or factors of those wanted (`bayes_tyre.results.cases.selection.parse_query`), of `fit` also of
     speeds, loads and steps that were not tested; none: all. `means`
     are those over the cases of each configuration and direction instead.
 

@@ -16,13 +16,13 @@ from bayes_tyre.plain_text import reason
 from bayes_tyre.report.figures.page.colours import Setting
 from bayes_tyre.report.figures.page.layout import save
 from bayes_tyre.report.figures.tests_to_run import width_against_tests
+from bayes_tyre.results.cases.untested import has_slope
 from bayes_tyre.results.next_tests.candidates import Candidates, candidates, new_cases
 from bayes_tyre.results.next_tests.forecast import Forecast, forecast
 from bayes_tyre.results.next_tests.goals import Goal, parse_goal
 from bayes_tyre.results.next_tests.plan import Costs, choose_tests, planned, ranking
 from bayes_tyre.results.next_tests.rankings import WrongRanking, parse_ranking
 from bayes_tyre.results.next_tests.rankings import ranking as ranking_of_configurations
-from bayes_tyre.results.untested_cases import has_slope
 from bayes_tyre.rig.faults import first_fault
 from bayes_tyre.workflow.from_results.predict import read_posterior
 

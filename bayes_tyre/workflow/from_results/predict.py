@@ -18,7 +18,7 @@ from bayes_tyre.inference.sampling.datatree import law_of
 from bayes_tyre.plain_text import one_line
 from bayes_tyre.record import CASE_FACTORS, Case
 from bayes_tyre.report.answer.load import VERDICTS
-from bayes_tyre.results.case_selection import CaseQuery
+from bayes_tyre.results.cases.selection import CaseQuery
 from bayes_tyre.results.columns import numbers, texts
 from bayes_tyre.results.prediction import Prediction, predict, predictable_cases
 

@@ -7,7 +7,7 @@ from helpers.hand_made_posteriors import grid, posterior, scattered
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.sampling.datatree import tree_cases
 from bayes_tyre.record import Case
-from bayes_tyre.results.case_draws import flat
+from bayes_tyre.results.cases.draws import flat
 from bayes_tyre.results.contrasts import contrasts
 from bayes_tyre.results.next_tests.goals import Goal, parse_goal
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from bayes_tyre.record import Case
-    from bayes_tyre.results.case_selection import CaseQuery
+    from bayes_tyre.results.cases.selection import CaseQuery
 
 MOST_POINTS, FARTHEST_MM = 100_000, 1e6
 
@@ -72,7 +72,7 @@ def predict(
 
 def _query(texts: list[str], cases: list["Case"]) -> "CaseQuery":
     """Return what --case asks for; nothing, and what cannot be understood, is a usage error."""
-    from bayes_tyre.results.case_selection import case_list, parse_query
+    from bayes_tyre.results.cases.selection import case_list, parse_query
 
     if not any(text.strip() for text in texts):
         labels = [case.label for case in cases]

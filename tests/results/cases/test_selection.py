@@ -4,7 +4,7 @@ import pytest
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.record import Case
-from bayes_tyre.results.case_selection import (
+from bayes_tyre.results.cases.selection import (
     CaseQuery,
     Choice,
     case_list,

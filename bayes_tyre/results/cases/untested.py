@@ -11,8 +11,8 @@ from bayes_tyre.inference.model.factors import INTERACTIONS
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.sampling.datatree import tree_cases
 from bayes_tyre.record import Case
-from bayes_tyre.results.case_draws import CaseValues, Start, flat, records_like, start_of
-from bayes_tyre.results.level_trend import effects_by_trend
+from bayes_tyre.results.cases.draws import CaseValues, Start, flat, records_like, start_of
+from bayes_tyre.results.cases.level_trend import effects_by_trend
 
 #: Factors whose levels are numbers along which effects may follow a trend.
 _TRENDS = ("speed", "load", "step")
@@ -78,8 +78,8 @@ def log_values_of_untested(
     """Return draws of a parameter's logarithm in new cases of the groups that a posterior has.
 
     They are of the linear predictor and the remainder, which is wider where a case stands apart. Effects of speeds,
-    loads and steps that were not tested are drawn by `bayes_tyre.results.level_trend`; those of an interaction, with
-    the standard deviation of the interaction's effects.
+    loads and steps that were not tested are drawn by `bayes_tyre.results.cases.level_trend`; those of an interaction,
+    with the standard deviation of the interaction's effects.
     """
     values = _groups(posterior, parameter, new)
     levels = [_levels(case) for case in new]

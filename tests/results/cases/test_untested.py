@@ -8,8 +8,8 @@ from helpers.hand_made_posteriors import fixed, grid, posterior, scattered
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.record import Case
-from bayes_tyre.results.case_draws import travel_mm
-from bayes_tyre.results.untested_cases import log_values_of_untested, untested
+from bayes_tyre.results.cases.draws import travel_mm
+from bayes_tyre.results.cases.untested import log_values_of_untested, untested
 
 SPEEDS, DRAWS = (0.0, 10.0, 20.0, 40.0), 1000
 #: Effects of the four speeds on log k, along a curve.

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import helmert
 
-from bayes_tyre.results import level_trend
-from bayes_tyre.results.level_trend import effects_by_trend
+from bayes_tyre.results.cases import level_trend
+from bayes_tyre.results.cases.level_trend import effects_by_trend
 
 TESTED, NEW = np.array([0.0, 15.0, 25.0, 35.0]), np.array([20.0, 45.0, 60.0])
 SD = 0.06

@@ -1,0 +1,1 @@
+"""Cases of a posterior: which are meant, draws of them, and those without records."""
