@@ -1,4 +1,4 @@
-"""Names that all rooms share: factors, columns and parameters of records, the case, and the raw signals of a file."""
+"""What all rooms share: names of factors, columns and parameters, the case, and the raw signals of a file."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -29,6 +29,8 @@ RECORD_UNITS = {
 LAW_PARAMETERS = ("k", "x", "settled", "beta", "n", "belt_frequency", "belt_damping", "sidewall_ratio")
 AXLE_PARAMETERS = ("m", "c")
 ENERGY = "energy_per_cycle"
+#: Half the stroke of free vibration, mm at the wheel centre: a ring-down ends in tenths of a millimetre.
+RING_DOWN_MM = 0.1
 #: How a fit's note begins that another law may hold as well.
 EITHER_LAW = "beta: the records do not tell "
 #: A sample may lie so much closer to the next one than the median, or further apart, as a share of it.

@@ -77,7 +77,7 @@ class CoverageFit:
         )
 
     def _compiled(self, kind: Kind, records: PreparedRecords, model: ModelSettings) -> Chains:
-        key = *records.batch.records, kind.points, kind.settings
+        key = *records.batch.records, kind.points + kind.rest_points, kind.settings
         if key not in self._chains:
             self._chains[key] = joint_chains(records, self.sampler, model)
         return self._chains[key]

@@ -4,13 +4,10 @@ from collections.abc import Sequence
 
 import pandas as pd
 
+from bayes_tyre.record import ENERGY, RING_DOWN_MM
 from bayes_tyre.report.answer.formatting import given, interval_name, label, rounded
 from bayes_tyre.report.answer.load import Reported
 
-ENERGY = "energy_per_cycle"
-#: Half the stroke of what is called free vibration, mm at the wheel centre
-#: (`bayes_tyre.inference.motion.record.stiffness`).
-RING_DOWN_MM = 0.1
 #: What a law predicts of the stiffness of other tests, in `summary.csv`, and what a sentence calls it.
 _STIFFNESSES = {
     "static_stiffness_case": "a slow cycle of {asked}",

@@ -12,9 +12,8 @@ import pandas as pd
 import xarray as xr
 
 from bayes_tyre.inference.sampling.datatree import case_parameters, tree_cases
-from bayes_tyre.record import CASE_FACTORS
+from bayes_tyre.record import CASE_FACTORS, ENERGY
 from bayes_tyre.report.answer.formatting import label
-from bayes_tyre.report.answer.losses import ENERGY
 from bayes_tyre.report.answer.ratios import SAME_CASE, Ratio, ratio_of
 from bayes_tyre.results.contrasts import contrasts
 

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from bayes_tyre.record import CASE_FACTORS, FACTORS
+from bayes_tyre.record import CASE_FACTORS, FACTORS, RING_DOWN_MM
 from bayes_tyre.report.answer.formatting import given, label, rounded
 from bayes_tyre.report.answer.load import MEAN, Reported
-from bayes_tyre.report.answer.losses import RING_DOWN_MM, losses_tables
+from bayes_tyre.report.answer.losses import losses_tables
 from bayes_tyre.report.wording import probability_text, text_name
 
 #: What factors are called above a column, and their unit; whether they are numbers.

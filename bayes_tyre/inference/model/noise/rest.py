@@ -32,7 +32,7 @@ def at_rest(
     for record in np.flatnonzero(sd_mm):
         read = batch.displacement_mm[record, batch.present[record]]
         if rest := resting(read, sd_mm[record]):
-            path[record, :rest] = read[:rest].mean()
+            path[record, :rest] = path[record, ~batch.present[record]] = read[:rest].mean()  # padding: where it starts
             errors.sd_mm[record, :rest] = errors.start_mm[record, :rest] = 0.0
             errors.start_mm[record, rest:] = sd_mm[record] / np.sqrt(rest)
     return path, errors

@@ -14,8 +14,9 @@ from jaxtyping import Array, ArrayLike, Float
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw, motion_law
 from bayes_tyre.inference.motion.record.energy import losses_from_reported
-from bayes_tyre.inference.motion.record.stiffness import RING_DOWN_MM, stiffnesses_from_reported
+from bayes_tyre.inference.motion.record.stiffness import stiffnesses_from_reported
 from bayes_tyre.laws.base import ScalarLike
+from bayes_tyre.record import RING_DOWN_MM
 from bayes_tyre.rig.axle import Rig
 
 #: The one quantity that is not of a cycle of the amplitude asked for.

@@ -20,10 +20,9 @@ from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.laws.kelvin_voigt import KelvinVoigt
 from bayes_tyre.laws.rigid_ring import RigidRing
+from bayes_tyre.record import RING_DOWN_MM
 from bayes_tyre.rig.axle import Rig
 
-#: Half the stroke of free vibration, mm at the wheel centre: a ring-down ends in tenths of a millimetre.
-RING_DOWN_MM = 0.1
 #: 1 Hz, 1/s: the slowest cycle of usual test machines.
 _ONE_HZ = 2.0 * np.pi
 

@@ -57,6 +57,9 @@ def test_readings_at_rest_become_their_mean_and_the_others_keep_their_errors():
     np.testing.assert_array_equal(path[1, :60], read[:60])
     assert not errors.sd_mm[1].any()
     assert not errors.start_mm[1].any()
+    padded, _ = at_rest(batch, np.array([SD, SD]))
+    np.testing.assert_array_equal(padded[1, 60:], padded[1, 0])
+    assert padded[1, 0] != read[0]
 
 
 def noisy_after_a_rest(

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from bayes_tyre.inference.motion.record.stiffness import RING_DOWN_MM, stiffnesses
+from bayes_tyre.inference.motion.record.stiffness import stiffnesses
 from bayes_tyre.laws.base import StatefulLaw
 from bayes_tyre.laws.bouc_wen import BoucWen
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.laws.kelvin_voigt import KelvinVoigt
 from bayes_tyre.laws.maxwell_slip import MaxwellSlip
 from bayes_tyre.laws.rigid_ring import RigidRing
-from bayes_tyre.report.answer import losses as report
+from bayes_tyre.record import RING_DOWN_MM
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import load_rig
 
@@ -62,7 +62,3 @@ def test_a_law_without_friction_has_its_dynamic_stiffness():
     for value, omega in ((found.one_Hz_kN_per_mm, 2.0 * np.pi), (found.ring_down_kN_per_mm, free)):
         assert float(value) == pytest.approx(float(np.real(ring.dynamic_stiffness(omega))), rel=1e-4)
     assert float(found.ring_down_kN_per_mm) != pytest.approx(1.8, rel=1e-3)
-
-
-def test_the_report_names_the_stroke_of_free_vibration_that_is_used():
-    assert report.RING_DOWN_MM == RING_DOWN_MM
