@@ -100,7 +100,7 @@ def _groups(posterior: xr.Dataset, parameter: str, new: Sequence[Case]) -> list[
     name, labels = f"{parameter}_group", _labels(posterior, "group")
     wanted = [f"{case.configuration or ''} {case.direction or ''}".strip() for case in new]
     if name not in posterior or not set(wanted) <= set(labels):
-        raise BadInput(f"the posterior lacks {name} of a case that was not tested; run fit or motion again")
+        raise BadInput(f"lacks {name} of a case without records, so it is no posterior of fit or motion; run fit again")
     of_group = dict(zip(labels, log_draws(posterior, [name])[..., 0].T, strict=True))
     return [of_group[label] for label in wanted]
 
