@@ -133,15 +133,10 @@ class CollapsedRepeats(NamedTuple):
         of_choices = total(usual.log_marginal, discordant.log_marginal)
         of_choices = of_choices + log_prior_of_choices(self.members, self.weight)
         log_kinds, remainders = self._kinds_of_case()
-        # Each kind of case with each choice, the choices running faster.
-        slopes, precisions, of_choices = (
-            jnp.concatenate([each] * len(log_kinds), axis=-2) for each in (slopes, precisions, of_choices)
-        )
-        remainders = jnp.repeat(remainders, len(self.members.choices), axis=1)
-        cases = NormalPosterior(slopes, precisions, jnp.broadcast_to(remainders, slopes.shape))
-        log_kinds = np.repeat(log_kinds, len(self.members.choices))
-        log_joint = of_choices + cases.log_marginal + log_kinds[:, None]
-        log_total = logsumexp(log_joint, axis=0)
+        # Each kind of case with each choice; axes: parameters, kinds, choices, cases.
+        cases = NormalPosterior(slopes[:, None], precisions[:, :, None], remainders[:, :, None])
+        log_joint = log_kinds[:, None, None] + of_choices + cases.log_marginal
+        log_total = logsumexp(log_joint, axis=(0, 1))
         at_predictor = jnp.sum((slope - 0.5 * slope_off) * off, axis=(0, 1))
         return CollapsedPosterior(self, at_predictor + log_total, log_joint - log_total, cases)
 
@@ -182,14 +177,14 @@ class CollapsedPosterior(NamedTuple):
     log_density:
         Shape (cases,): log density of the estimates.
     log_choice:
-        Shape (kinds x choices, cases): log probability of each kind of case with each choice of discordant repeats.
+        Log probability of each kind of case with each choice of discordant repeats.
     cases:
-        Of the logarithms of the cases' values about their linear predictor; axes: parameters, kinds x choices, cases.
+        Of the logarithms of the cases' values about their linear predictor; axes: parameters, kinds, choices, cases.
     """
 
     repeats: CollapsedRepeats
     log_density: Float[Array, " cases"]
-    log_choice: Float[Array, "alternatives cases"]
+    log_choice: Float[Array, "kinds choices cases"]
     cases: NormalPosterior
 
     def draw(self, key: Array, count: int) -> Float[Array, "2 count records parameters"]:
@@ -199,16 +194,19 @@ class CollapsedPosterior(NamedTuple):
         their means, so that odd terms cancel in the mean of both.
         """
         repeats, (of_choice, of_case, of_record) = self.repeats, jax.random.split(key, 3)
-        choice = jax.random.categorical(of_choice, self.log_choice, axis=0)
+        # Kinds and choices in a row, the choices running faster.
+        log_choice = self.log_choice.reshape(-1, self.log_choice.shape[-1])
+        choice = jax.random.categorical(of_choice, log_choice, axis=0)
         choices = jnp.asarray(repeats.members.choices)
         discordant = choices[choice[repeats.of_record] % len(choices), repeats.members.place]
         scatter = jnp.where(discordant, repeats.widening, 1.0) * repeats.about.scatter[:, repeats.of_record]
         mean, precision = repeats.about.mean, jnp.moveaxis(repeats.estimates.precision, 0, -1)
-        case_z = jnp.broadcast_to(jax.random.normal(of_case, mean.shape)[:, None], self.cases.scale.shape)
+        case_z = jax.random.normal(of_case, mean.shape)
         record_z = jax.random.normal(of_record, (count, len(mean), len(repeats.of_record)))
 
         def side(sign: float) -> Array:
-            drawn = jnp.take_along_axis(self.cases.draw(sign * case_z), choice[None, None], axis=1)[:, 0]
+            cases = self.cases.draw(sign * case_z[:, None, None]).reshape(len(mean), *log_choice.shape)
+            drawn = jnp.take_along_axis(cases, choice[None, None], axis=1)[:, 0]
             above = (mean + drawn)[:, repeats.of_record] + repeats.about.offset.T
             records = NormalPosterior(repeats.estimates.slope_at(above.T).T, precision, scatter)
             return jnp.moveaxis(above + jax.vmap(records.draw)(sign * record_z), 1, -1)

@@ -52,12 +52,15 @@ class RecordEstimates(NamedTuple):
         Shape (records, 4): F_i (kN), J (kN), log k (kN/mm), log beta (mm).
     information:
         Shape (records, 4, 4): Fisher information on these, of a weak prior too.
+    J_variance:
+        Shape (records,): variance (kN^2) of the estimate of J. Kept, for every gradient needs it.
     log_sigma, rho, points:
         Shape (records,); sigma in kN, lag-1 autocorrelation of the residuals, and number of points.
     """
 
     centre: Float[Array, "records 4"]
     information: Float[Array, "records 4 4"]
+    J_variance: Float[Array, " records"]
     log_sigma: Float[Array, " records"]
     rho: Float[Array, " records"]
     points: Float[Array, " records"]
@@ -72,11 +75,6 @@ class RecordEstimates(NamedTuple):
         """Estimates of log beta, beta in mm."""
         return self.centre[:, 3]
 
-    @property
-    def J_variance(self) -> Float[Array, " records"]:
-        """Variance (kN^2) of the estimate of J."""
-        return jnp.linalg.inv(self.information)[:, 1, 1]
-
     def typical_J(self, factors: Factors) -> tuple[Float[Array, " records"], Float[Array, ""]]:
         """Return the median of J in each record's configuration and direction, and how J scatters about that (kN).
 
@@ -86,7 +84,7 @@ class RecordEstimates(NamedTuple):
         group, J = factors.group.of_case[factors.of_record], np.asarray(self.centre[:, 1])
         typical = np.array([np.median(J[group == one]) for one in range(len(factors.group.labels))])[group]
         variance = (_SD_OF_MAD * np.median(np.abs(J - typical))) ** 2
-        of_J = max(variance - float(np.median(self.J_variance)), _LEAST_J_SHARE * variance)
+        of_J = max(variance - float(np.median(np.asarray(self.J_variance))), _LEAST_J_SHARE * variance)
         return jnp.asarray(typical), jnp.asarray(np.sqrt(of_J) + _LEAST_SD_J)
 
     def of_log_values(
@@ -191,7 +189,9 @@ def _approximate(
     other = (autoregressive > 0) | (whitening is not None) | (law != EQUATION_2)
     centre = jnp.where(other, polished, centre)
     sigma = jnp.where(other, noise(jnp.sum(white(residual(centre)) ** 2)), sigma)
-    return RecordEstimates(centre, information(centre, sigma)[1], jnp.log(sigma), rho, points.astype(rho.dtype))
+    precision = information(centre, sigma)[1]
+    J_variance = jnp.linalg.inv(precision)[1, 1]
+    return RecordEstimates(centre, precision, J_variance, jnp.log(sigma), rho, points.astype(rho.dtype))
 
 
 def _polish(
@@ -249,7 +249,7 @@ def laplace_approximation(
 
 def empty_approximation(records: int, factors: Factors) -> LaplaceApproximation:
     """Return zeros of the shapes that `laplace_approximation` gives, to compile for."""
-    shapes = (records, 4), (records, 4, 4), *[(records,)] * 3
+    shapes = (records, 4), (records, 4, 4), *[(records,)] * 4
     blank = RecordEstimates(*(jnp.asarray(np.zeros(shape)) for shape in shapes))
     cases, speeds = (
         jnp.asarray(np.zeros((len(PARAMETERS), n))) for n in (len(factors.cases), len(factors.speed.labels))
