@@ -5,7 +5,9 @@ else: all priors of a family are one site, and each is kept by its own name.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import cast
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import numpyro
@@ -106,6 +108,19 @@ def deterministic_each(name: str, parameters: Sequence[str], values: Array) -> N
     """Add the values of each parameter as deterministic sites, its name in place of the asterisk."""
     for parameter, value in zip(parameters, values, strict=True):
         deterministic(name.replace("*", parameter), value)
+
+
+def standard_normals(name: str, shape: tuple[int, ...]) -> Array | None:
+    """Return standard normals to draw by what is known in closed form; None where a density is wanted, not a draw.
+
+    Nothing observed depends on them. They are handed in by name (`handlers.substitute`), or drawn where the model has a
+    seed.
+    """
+
+    def drawn(key: Array | None) -> Array | None:
+        return None if key is None else jax.random.normal(key, shape)
+
+    return cast("Array | None", numpyro.param(name, drawn))
 
 
 def of_each(name: str, parameters: Sequence[str], hyperparameters: Hyperparameters) -> Float[Array, "parameters 1"]:

@@ -226,14 +226,14 @@ def draw_cases(
 
     The arguments are standard normals: one picks the choice, others the kinds, the last the values.
     """
-    choice = _picked(posterior.log_choice, of_choice)
-    kind = _picked(_of_choice(posterior.log_kind, choice), of_kind)
+    choice = picked(posterior.log_choice, of_choice)
+    kind = picked(_of_choice(posterior.log_kind, choice), of_kind)
     mean, sd = case_given_choice(posterior, choice, kind)
     return mean + sd * z
 
 
-def _picked(log_probability: Float[Array, "some *units"], z: Float[Array, "*units"]) -> Int[Array, "*units"]:
-    """Return which of some alternatives a standard normal picks."""
+def picked(log_probability: Float[Array, "some *units"], z: Float[Array, "*units"]) -> Int[Array, "*units"]:
+    """Return which of some alternatives, of these log probabilities, a standard normal picks."""
     up_to = jnp.cumsum(jnp.exp(log_probability), axis=0)
     return jnp.minimum(jnp.sum(up_to < ndtr(z), axis=0), len(up_to) - 1)
 

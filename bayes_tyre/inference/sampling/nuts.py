@@ -5,10 +5,12 @@ is a chunk of iterations, warmup and draws alike: the adaptation follows the ite
 compiled once, and a run cut anywhere and continued from its state gives the bits of a run left alone.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from functools import partial
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -95,6 +97,13 @@ def draw_keys(seed: Sequence[int], chains: int) -> np.ndarray:
     return np.random.SeedSequence(seed).generate_state(chains * CHUNK * 2).reshape(chains, CHUNK, 2)
 
 
+def named_normals(key: Array, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, Array]:
+    """Return standard normals of these shapes by name, all drawn at once: each by itself takes as long to compile."""
+    ends = np.cumsum([0, *(math.prod(shape) for shape in shapes.values())])
+    z = jax.random.normal(key, (ends[-1],))
+    return {name: z[i:j].reshape(shape) for (name, shape), (i, j) in zip(shapes.items(), pairwise(ends), strict=True)}
+
+
 def leave_resonance(state: HMCState) -> HMCState:
     """Return the state after the last iteration of the warmup with its steps `off_resonance`."""
     adapted = state.adapt_state
@@ -139,7 +148,7 @@ class Chains:
         devices = jax.local_devices()
         self._together = max(n for n in range(1, min(chains, len(devices)) + 1) if chains % n == 0)
         self._mesh = Mesh(np.asarray(devices[: self._together]), (_CHAINS,))
-        self._shapes = self._find_shapes()
+        self._shapes, self._normals = self._find_shapes()
         self._blocks = Blocks(self._shapes, tuple(starts))
         self._begin, self._advance, self._constrain = self._compile_together()
         self._of_acceptance: dict[float, Chains] = {}
@@ -204,7 +213,7 @@ class Chains:
     def constrain(self, unconstrained: Mapping[str, np.ndarray], seed: Sequence[int]) -> dict[str, np.ndarray]:
         """Return a chunk's draws of every site of the model, deterministic ones included.
 
-        What the model draws given the sampled sites (`DrawnReparam`) it draws from this seed.
+        What the model draws given the sampled sites (`standard_normals`) it draws from this seed.
         """
         length = next(iter(unconstrained.values())).shape[1]
 
@@ -216,18 +225,20 @@ class Chains:
         sites = self._in_turns(self._constrain, given, self._data)
         return {name: np.asarray(values)[:, :length] for name, values in sites.items()}
 
-    def _find_shapes(self) -> dict[str, tuple[int, ...]]:
-        """Return the shape of each sampled site, unconstrained."""
-        shapes = {}
+    def _find_shapes(self) -> tuple[dict[str, tuple[int, ...]], dict[str, tuple[int, ...]]]:
+        """Return the shape of each sampled site, unconstrained, and of the normals that the model draws by."""
+        sampled, normals = dict[str, tuple[int, ...]](), dict[str, tuple[int, ...]]()
 
         def look(key: jax.Array, data: Any) -> None:
             seeded = handlers.substitute(handlers.seed(self._model, key), substitute_fn=init_to_feasible())
             for name, site in handlers.trace(seeded).get_trace(**self._arguments(data)).items():
                 if site["type"] == "sample" and not site["is_observed"]:
-                    shapes[name] = biject_to(site["fn"].support).inverse_shape(site["fn"].shape())
+                    sampled[name] = biject_to(site["fn"].support).inverse_shape(site["fn"].shape())
+                elif site["type"] == "param":
+                    normals[name] = site["value"].shape
 
         jax.eval_shape(look, jax.random.PRNGKey(0), self._data)
-        return shapes
+        return sampled, normals
 
     def _compile_together(self) -> list[Callable[[Any, Any], Any]]:
         """Return what begins, advances and constrains, compiled side by side: half of a run's seconds go into it."""
@@ -282,8 +293,8 @@ class Chains:
 
     def _constrained(self, unconstrained_and_keys: tuple[dict[str, jax.Array], jax.Array], data: Any) -> Any:
         def one(z: dict[str, jax.Array], key: jax.Array) -> dict[str, jax.Array]:
-            model, at = handlers.seed(self._model, key), self._blocks.unpack(z)
-            return constrain_fn(model, (), self._arguments(data), at, return_deterministic=True)
+            model = handlers.substitute(self._model, data=named_normals(key, self._normals))
+            return constrain_fn(model, (), self._arguments(data), self._blocks.unpack(z), return_deterministic=True)
 
         # Not by `batch_size` of `jax.lax.map`, which cannot take a site without elements.
         parts = jax.tree.map(

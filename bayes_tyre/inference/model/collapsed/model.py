@@ -5,6 +5,7 @@ are drawn afterwards, given each draw, and their own density has the last word o
 """
 
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,13 +18,16 @@ from bayes_tyre.inference.model.collapsed.repeats import collapse_repeats, sampl
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import (
+    PARAMETERS,
     Hyperparameters,
     deterministic,
     prior_sites,
     sample_hyperparameters,
+    standard_normals,
 )
 from bayes_tyre.inference.model.likelihood.direct import Likelihood
 from bayes_tyre.inference.model.likelihood.force_distribution import RecordForces
+from bayes_tyre.inference.model.marginal_mixture import picked
 from bayes_tyre.inference.model.models import sample_mean_J, sample_offsets
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.record_data import EQUATION_2, RecordData
@@ -63,13 +67,12 @@ def collapsed_records_model(
     collapsed = collapse_repeats(values, factors, repeats, hyperparameters, priors=priors)
     numpyro.factor("log_density_of_noise", of_noise + constant)
     numpyro.factor("log_density_of_offsets", of_offsets)
-    key = numpyro.prng_key()
-    if key is None:  # a density, not a draw, is wanted
+    proposal = ProposalNormals.sample(factors, typical.shape[1])
+    if proposal is None:  # a density, not a draw, is wanted
         return
 
-    for_values, for_noise, for_choice = jax.random.split(key, 3)
-    log_values = collapsed.draw(for_values, _PROPOSALS)
-    z = jax.random.normal(for_noise, (_PROPOSALS, *typical.T.shape))
+    log_values = collapsed.draw(proposal.of_choice, proposal.of_cases, proposal.of_records)
+    z = proposal.of_noise
     noises = typical + jnp.moveaxis(jax.vmap(jax.vmap(noise_given.draw))(jnp.stack([z, -z])), 2, -1)
     density = partial(record_log_density, data, likelihood, mean_J=mean_J, sd_J=sd_J)
     exact = jax.vmap(jax.vmap(density))(log_values, noises)
@@ -79,7 +82,7 @@ def collapsed_records_model(
     by_case = jnp.zeros(len(factors.cases)).at[factors.of_record].add(gained)
     deterministic(SUMMARY_ERROR, by_case)
     # One side alone: repeats of a case are drawn about one and the same.
-    chosen = jax.random.categorical(for_choice, missed[0], axis=0)[None, :, None]
+    chosen = picked(jax.nn.log_softmax(missed[0], axis=0), proposal.of_pick)[None, :, None]
     log_values, noises = (jnp.take_along_axis(each[0], chosen, axis=0)[0] for each in (log_values, noises))
 
     sample_cases_of(collapsed, log_values, factors)
@@ -87,6 +90,41 @@ def collapsed_records_model(
     if noise == "ar1":
         rho = deterministic("rho", jnp.tanh(noises[:, 1]))
     sample_offsets(RecordForces(data, log_values, mean_J, sd_J, sigma, rho, likelihood, law), data.F)
+
+
+class ProposalNormals(NamedTuple):
+    """Standard normals by which a draw of what is shared gets proposals of its records.
+
+    Attributes
+    ----------
+    of_choice, of_cases:
+        One for each case, for its choice of discordant repeats; and one for each of its parameters.
+    of_records, of_noise:
+        For the values and the noise of each record, in each of `_PROPOSALS` proposals.
+    of_pick:
+        For which of these a record takes.
+    """
+
+    of_choice: Float[Array, " cases"]
+    of_cases: Float[Array, "parameters cases"]
+    of_records: Float[Array, "proposals parameters records"]
+    of_noise: Float[Array, "proposals q records"]
+    of_pick: Float[Array, " records"]
+
+    @classmethod
+    def sample(cls, factors: Factors, q: int) -> "ProposalNormals | None":
+        """Return them, or None where a density is wanted, not a draw."""
+        cases, records = len(factors.cases), len(factors.of_record)
+        shapes = {
+            "of_choice": (cases,),
+            "of_cases": (len(PARAMETERS), cases),
+            "of_records": (_PROPOSALS, len(PARAMETERS), records),
+            "of_noise": (_PROPOSALS, q, records),
+            "of_pick": (records,),
+        }
+        normals = {name: standard_normals(f"proposal_{name}", shape) for name, shape in shapes.items()}
+        given = {name: z for name, z in normals.items() if z is not None}
+        return cls(**given) if given else None
 
 
 def _sample_noise(

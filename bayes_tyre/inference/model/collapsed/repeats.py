@@ -31,6 +31,7 @@ from bayes_tyre.inference.model.marginal_mixture import (
     log_prior_of_choices,
     members_of,
     outlier_probability,
+    picked,
 )
 from bayes_tyre.inference.model.normal_posterior import NormalPosterior, QuadraticApproximation
 from bayes_tyre.inference.model.priors import Priors
@@ -187,28 +188,36 @@ class CollapsedPosterior(NamedTuple):
     log_choice: Float[Array, "kinds choices cases"]
     cases: NormalPosterior
 
-    def draw(self, key: Array, count: int) -> Float[Array, "2 count records parameters"]:
+    def draw(
+        self,
+        of_choice: Float[Array, " cases"],
+        of_cases: Float[Array, "parameters cases"],
+        of_records: Float[Array, "count parameters records"],
+    ) -> Float[Array, "2 count records parameters"]:
         """Draw choices and cases, and given one of each so many values of the logarithms of each record.
 
         The second half is antithetic to the first: the same choices, with case and records as far on the other side of
         their means, so that odd terms cancel in the mean of both.
+
+        Parameters
+        ----------
+        of_choice, of_cases, of_records:
+            Standard normals to draw each by.
         """
-        repeats, (of_choice, of_case, of_record) = self.repeats, jax.random.split(key, 3)
+        repeats = self.repeats
         # Kinds and choices in a row, the choices running faster.
         log_choice = self.log_choice.reshape(-1, self.log_choice.shape[-1])
-        choice = jax.random.categorical(of_choice, log_choice, axis=0)
+        choice = picked(log_choice, of_choice)
         choices = jnp.asarray(repeats.members.choices)
         discordant = choices[choice[repeats.of_record] % len(choices), repeats.members.place]
         scatter = jnp.where(discordant, repeats.widening, 1.0) * repeats.about.scatter[:, repeats.of_record]
         mean, precision = repeats.about.mean, jnp.moveaxis(repeats.estimates.precision, 0, -1)
-        case_z = jax.random.normal(of_case, mean.shape)
-        record_z = jax.random.normal(of_record, (count, len(mean), len(repeats.of_record)))
 
         def side(sign: float) -> Array:
-            cases = self.cases.draw(sign * case_z[:, None, None]).reshape(len(mean), *log_choice.shape)
+            cases = self.cases.draw(sign * of_cases[:, None, None]).reshape(len(mean), *log_choice.shape)
             drawn = jnp.take_along_axis(cases, choice[None, None], axis=1)[:, 0]
             above = (mean + drawn)[:, repeats.of_record] + repeats.about.offset.T
             records = NormalPosterior(repeats.estimates.slope_at(above.T).T, precision, scatter)
-            return jnp.moveaxis(above + jax.vmap(records.draw)(sign * record_z), 1, -1)
+            return jnp.moveaxis(above + jax.vmap(records.draw)(sign * of_records), 1, -1)
 
         return jnp.stack([side(1.0), side(-1.0)])

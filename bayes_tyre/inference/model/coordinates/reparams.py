@@ -23,7 +23,7 @@ from bayes_tyre.inference.model.coordinates.reparameterisation import (
     reparameterise,
     reparameterise_jointly,
 )
-from bayes_tyre.inference.model.hyperparameters import Hyperparameters
+from bayes_tyre.inference.model.hyperparameters import Hyperparameters, standard_normals
 from bayes_tyre.inference.model.marginal_mixture import RepeatsOfCases, case_given_choice, choice_number
 from bayes_tyre.inference.model.normal_posterior import QuadraticApproximation
 from bayes_tyre.inference.model.repeat_distribution import NormalAbout
@@ -226,12 +226,12 @@ class RecordsReparam(Reparam):
 
 
 class DrawnReparam(Reparam):
-    """Standard normals that nothing observed depends on: drawn where the model is run with a seed, else zero.
+    """Standard normals that nothing observed depends on: drawn where a draw is wanted, else zero.
 
     The sampler has then no dimensions for what is known in closed form given the rest.
     """
 
     @override
     def __call__(self, name: str, fn: Any, obs: Any) -> tuple[None, Array]:
-        key = numpyro.prng_key()
-        return None, jnp.zeros(fn.shape()) if key is None else fn.sample(key)
+        z = standard_normals(f"{name}_drawn", fn.shape())
+        return None, jnp.zeros(fn.shape()) if z is None else z
