@@ -8,6 +8,7 @@ import os
 import time
 import zlib
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 from platformdirs import user_cache_path
@@ -16,6 +17,23 @@ from platformdirs import user_cache_path
 _WRITING = 60.0
 #: Compiler options of what runs once: it compiles in half to two thirds of the time.
 RUN_ONCE = {"xla_backend_optimization_level": 0}
+
+
+#: Without the library that XLA's CPU backend hands sums to: on arrays of a hierarchy's size it adds half to the time of
+#: a gradient, for each call divides its work among threads that other chains are using.
+_WITHOUT_YNN = {"xla_cpu_experimental_ynn_fusion_type": ""}
+
+
+@cache
+def run_often() -> dict[str, str]:
+    """Return the compiler options of what runs thousands of times; none where this XLA does not know them."""
+    import jax
+
+    try:
+        jax.jit(lambda x: x).lower(0.0).compile(compiler_options=_WITHOUT_YNN)
+    except jax.errors.JaxRuntimeError:
+        return {}
+    return _WITHOUT_YNN
 
 
 def prepare_jax(devices: int = 1) -> None:

@@ -140,7 +140,9 @@ class _InFull:
     def lower(self, *arguments: Any) -> Any:
         lowered = self._jitted.lower(*arguments)
         options = {"xla_backend_optimization_level": 3, "xla_llvm_disable_expensive_passes": False}
-        return SimpleNamespace(compile=lambda: lowered.compile(compiler_options=options))
+        return SimpleNamespace(
+            compile=lambda compiler_options: lowered.compile(compiler_options=compiler_options | options)
+        )
 
 
 @pytest.fixture(scope="module")

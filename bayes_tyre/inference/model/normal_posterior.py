@@ -7,6 +7,7 @@ linear predictor. Cholesky's factor and its solves are written out: LAPACK would
 import math
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -60,29 +61,25 @@ class NormalPosterior:
         # Taken apart once: each index would leave an array of zeros around one entry in the gradient.
         self._slopes, self._scales = jnp.unstack(slope), jnp.unstack(scale)
         self._precisions = [jnp.unstack(row) for row in jnp.unstack(precision)]
-        # Cholesky's factor of the precision in units of `scale`, and its inverse times the slope.
-        root: _Rows = []
-        half: list[Array] = []
-        for i, (of_row, own) in enumerate(zip(self._precisions, self._scales, strict=True)):
-            row: list[Array] = []
-            for j in range(i):
-                row.append((of_row[j] * own * self._scales[j] - _dot(row, root[j])) / root[j][j])
-            row.append(jnp.sqrt(1.0 + of_row[i] * own**2 - _dot(row, row)))
-            half.append((self._slopes[i] * own - _dot(row, half)) / row[i])
-            root.append(row)
-        self._root, self._half = root, half
+        # Slope and precision in units of `scale`, and what follows from them.
+        self._slope = [slope * own for slope, own in zip(self._slopes, self._scales, strict=True)]
+        self._gain = [
+            [of_row[j] * own * self._scales[j] + float(i == j) for j in range(i + 1)]
+            for i, (of_row, own) in enumerate(zip(self._precisions, self._scales, strict=True))
+        ]
+        self._root, self._half = _factorise(self._slope, self._gain)
 
     @property
     def log_marginal(self) -> Float[Array, "*units"]:
         """The log likelihood with the unknowns integrated out, less that at the level above."""
-        return 0.5 * _dot(self._half, self._half) - self._log_root
+        return _log_marginal(self._slope, self._gain)
 
     @property
     def log_volume(self) -> Float[Array, "*units"]:
         """Logarithm of the volume that `draw` makes of a unit of z."""
-        return jnp.sum(jnp.log(self.scale), axis=0) - self._log_root
+        return jnp.sum(jnp.log(self.scale), axis=0) - _log_diagonal(self._root)
 
-    def draw(self, z: Float[Array, "n *units"]) -> Float[Array, "n *units"]:
+    def draw(self, z: Float[Array, "n *#units"]) -> Float[Array, "n *units"]:
         """Return the unknowns, less the level above, at standard normal z: zeros give the mean."""
         root, count = self._root, len(self._half)
         own: list[Array] = []
@@ -111,9 +108,51 @@ class NormalPosterior:
         left = [[self._precisions[i][j] - _dot(columns[i], columns[j]) for j in range(count)] for i in range(count)]
         return slope, jnp.stack([jnp.stack(row) for row in left])
 
-    @property
-    def _log_root(self) -> Float[Array, "*units"]:
-        return jnp.log(math.prod(row[-1] for row in self._root))
+
+def _factorise(slope: list[Array], gain: _Rows) -> tuple[_Rows, list[Array]]:
+    """Return Cholesky's factor of a precision, given by its lower triangle, and its inverse times the slope."""
+    root: _Rows = []
+    half: list[Array] = []
+    for i, of_row in enumerate(gain):
+        row: list[Array] = []
+        for j in range(i):
+            row.append((of_row[j] - _dot(row, root[j])) / root[j][j])
+        row.append(jnp.sqrt(of_row[i] - _dot(row, row)))
+        half.append((slope[i] - _dot(row, half)) / row[i])
+        root.append(row)
+    return root, half
+
+
+def _log_diagonal(root: _Rows) -> Array:
+    return jnp.log(math.prod(row[-1] for row in root))
+
+
+@jax.custom_jvp
+def _log_marginal(slope: list[Array], gain: _Rows) -> Array:
+    """Return the logarithm of the mean of exp(slope . u - u . (gain - 1) u / 2) over standard normal u."""
+    root, half = _factorise(slope, gain)
+    return 0.5 * _dot(half, half) - _log_diagonal(root)
+
+
+@_log_marginal.defjvp
+def _log_marginal_jvp(primals: tuple[list[Array], _Rows], tangents: tuple[list[Array], _Rows]) -> tuple[Array, Array]:
+    """Fisher's identity: the derivative is the posterior mean of that of the exponent, in a third of the operations."""
+    root, half = _factorise(*primals)
+    count = len(half)
+    inverse: _Rows = []  # of the root: its columns, each from the diagonal down
+    for j in range(count):
+        column = [1.0 / root[j][j]]
+        for i in range(j + 1, count):
+            column.append(-_dot(root[i][j:], column) / root[i][i])
+        inverse.append(column)
+    mean = [_dot(inverse[i], half[i:]) for i in range(count)]
+    of_slope, of_gain = tangents
+    tangent = _dot(mean, of_slope)
+    for i in range(count):
+        for j in range(i + 1):
+            second_moment = mean[i] * mean[j] + _dot(inverse[j][i - j :], inverse[i])
+            tangent = tangent - (0.5 if i == j else 1.0) * second_moment * of_gain[i][j]
+    return 0.5 * _dot(half, half) - _log_diagonal(root), tangent
 
 
 def _dot(left: list[Array], right: list[Array]) -> Array:

@@ -26,7 +26,7 @@ from numpyro.infer.initialization import init_to_feasible
 from numpyro.infer.util import constrain_fn, potential_energy
 
 from bayes_tyre.inference.sampling.parameter_vector import DENSE, Blocks
-from bayes_tyre.runtime import RUN_ONCE, return_freed_memory
+from bayes_tyre.runtime import RUN_ONCE, return_freed_memory, run_often
 
 #: Iterations in a call, at most: between two calls a run can be watched, saved and continued.
 CHUNK = 100
@@ -255,11 +255,13 @@ class Chains:
         chunk = jax.tree.map(lambda leaf: together(leaf, CHUNK), self.shapes.z)
         with ThreadPoolExecutor() as pool:
             # What takes longest first, and each as soon as it is lowered.
-            advancing = pool.submit(advance.lower(state, (self._data, np.int64(0))).compile)
+            lowered = advance.lower(state, (self._data, np.int64(0)))
+            advancing = pool.submit(lowered.compile, compiler_options=run_often())
             lowered = begin.lower(jax.tree.map(together, fresh), self._data)
             beginning = pool.submit(lowered.compile, compiler_options=RUN_ONCE)
             keys = jax.ShapeDtypeStruct((self._together, CHUNK, 2), np.uint32)
-            constraining = pool.submit(constrain.lower((chunk, keys), self._data).compile)
+            lowered = constrain.lower((chunk, keys), self._data)
+            constraining = pool.submit(lowered.compile, compiler_options=run_often())
         compiled = [compiling.result() for compiling in (beginning, advancing, constraining)]
         return_freed_memory()
         return compiled

@@ -33,7 +33,7 @@ from bayes_tyre.inference.model.marginal_mixture import (
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling import hierarchical_fit as fit
-from bayes_tyre.inference.sampling.nuts import Chains, draw_keys
+from bayes_tyre.inference.sampling.nuts import Chains, draw_keys, named_normals
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record_table import check_record_table
 
@@ -241,7 +241,7 @@ def test_quantities_of_many_draws_together_are_those_of_each_by_itself(records, 
 
     @jax.jit
     def one(key, z):
-        model = handlers.seed(records_in_coordinates, key)
+        model = handlers.substitute(records_in_coordinates, data=named_normals(key, chains._normals))
         return constrain_fn(model, (), arguments, z, return_deterministic=True)
 
     for draw in (0, 17, 39):

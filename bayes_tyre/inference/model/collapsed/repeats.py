@@ -135,7 +135,8 @@ class CollapsedRepeats(NamedTuple):
         of_choices = of_choices + log_prior_of_choices(self.members, self.weight)
         log_kinds, remainders = self._kinds_of_case()
         # Each kind of case with each choice; axes: parameters, kinds, choices, cases.
-        cases = NormalPosterior(slopes[:, None], precisions[:, :, None], remainders[:, :, None])
+        slopes, precisions = (jnp.stack([each] * len(log_kinds), axis=-3) for each in (slopes, precisions))
+        cases = NormalPosterior(slopes, precisions, jnp.broadcast_to(remainders[:, :, None], slopes.shape))
         log_joint = log_kinds[:, None, None] + of_choices + cases.log_marginal
         log_total = logsumexp(log_joint, axis=(0, 1))
         at_predictor = jnp.sum((slope - 0.5 * slope_off) * off, axis=(0, 1))

@@ -10,7 +10,7 @@ import pytest
 from scipy.special import logsumexp
 
 from bayes_tyre.inference.model.case_effects import CaseDistribution
-from bayes_tyre.inference.model.collapsed.repeats import CollapsedRepeats, can_collapse
+from bayes_tyre.inference.model.collapsed.repeats import CollapsedPosterior, CollapsedRepeats, can_collapse
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.marginal_mixture import members_of
 from bayes_tyre.inference.model.normal_posterior import QuadraticApproximation
@@ -100,10 +100,9 @@ def test_the_density_is_that_of_a_mixture_of_normals(discordant, remainder, apar
             at, log_integral = maxima(repeats, case)
             each = np.array([log + _logpdf(at, *normal) for log, normal in zip(logs, normals, strict=True)])
             # Choices that call a repeat discordant which is not there have no weight.
-            possible = np.isfinite(np.asarray(posterior.log_choice)[:, case])
-            np.testing.assert_allclose(
-                posterior.log_choice[possible, case], each - logsumexp(each), rtol=1e-8, atol=1e-9
-            )
+            log_choice = np.asarray(posterior.log_choice)[..., case].ravel()
+            possible = np.isfinite(log_choice)
+            np.testing.assert_allclose(log_choice[possible], each - logsumexp(each), rtol=1e-8, atol=1e-9)
             assert float(posterior.log_density[case]) == pytest.approx(
                 np.log(np.exp(each - each.max()).sum()) + each.max() + log_integral, rel=1e-9
             )
@@ -134,11 +133,18 @@ def test_gradients_are_those_of_finite_differences(discordant, remainder):
             assert float(slopes[name][place]) == pytest.approx(expected, rel=1e-6, abs=1e-6), (name, place)
 
 
+def draws_of(posterior: CollapsedPosterior, count: int, seed: int) -> np.ndarray:
+    """Return draws of the records' values and their mirror images, shape (count, 2, records, parameters)."""
+    random, cases = np.random.default_rng(seed), len(REPEATS)
+    shapes = (cases,), (2, cases), (1, 2, len(posterior.repeats.of_record))
+    z = [jnp.asarray(random.standard_normal((count, *shape))) for shape in shapes]
+    return np.asarray(jax.jit(jax.vmap(lambda *each: posterior.draw(*each)[:, 0]))(*z))
+
+
 def test_draws_of_records_have_the_moments_of_their_normal():
     repeats, draws = made(5, discordant=False, apart=False), 4000
     posterior = repeats.given()
-    keys = jax.random.split(jax.random.PRNGKey(0), draws)
-    drawn, mirrored = np.moveaxis(np.asarray(jax.jit(jax.vmap(lambda key: posterior.draw(key, 1)[:, 0]))(keys)), 1, 0)
+    drawn, mirrored = np.moveaxis(draws_of(posterior, draws, seed=0), 1, 0)
     # One choice and one kind of case each: the mean of both sides is the posterior's, in every draw.
     np.testing.assert_allclose(np.ptp(drawn + mirrored, axis=0), 0.0, atol=1e-9)
     for case in range(len(REPEATS)):
@@ -165,8 +171,7 @@ def test_draws_of_records_have_the_density_that_is_claimed():
     # here that with other estimates of the records, whose likelihoods and marginals are known.
     slope = repeats.estimates.slope + 0.3
     other = repeats._replace(estimates=repeats.estimates._replace(slope=slope))
-    keys = jax.random.split(jax.random.PRNGKey(1), draws)
-    drawn = jax.jit(jax.vmap(lambda key: posterior.draw(key, 1)[0, 0]))(keys)
+    drawn = draws_of(posterior, draws, seed=1)[:, 0]
     log_ratio = jax.vmap(lambda values: other.estimates.at(values) - repeats.estimates.at(values))(drawn)
     by_case = np.stack([log_ratio[:, repeats.of_record == case].sum(axis=1) for case in range(len(REPEATS))])
     ratio = np.exp(by_case - np.asarray(other.given().log_density - posterior.log_density)[:, None])
