@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from helpers.command_line import environment
 
+from bayes_tyre import runtime
+
 SCRIPT = """
 from bayes_tyre.cli.messages import one_line_each
 from bayes_tyre.runtime import prepare_jax
@@ -71,3 +73,9 @@ def test_jaxs_own_variables_and_a_folder_that_cannot_be_are_heeded(off, tmp_path
 
 def test_the_number_of_devices_that_jaxs_own_variable_asks_for_is_heeded(tmp_path):
     assert_undisturbed(run(tmp_path, JAX_NUM_CPU_DEVICES="3"), devices=3)
+
+
+def test_options_that_this_compiler_does_not_know_are_left_out(monkeypatch):
+    assert runtime.run_often() == runtime._WITHOUT_YNN
+    monkeypatch.setattr(runtime, "_WITHOUT_YNN", {"xla_no_such_option": ""})
+    assert runtime.run_often.__wrapped__() == {}

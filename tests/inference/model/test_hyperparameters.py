@@ -1,8 +1,11 @@
 """The top of the hierarchy: each prior has its own density though families are sampled together, and all are used."""
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
+import numpyro
 import pytest
 from helpers.simulated_records import Plan, simulate
 from numpyro.handlers import seed, substitute, trace
@@ -17,6 +20,7 @@ from bayes_tyre.inference.model.hyperparameters import (
     prior_sites,
     published_sites,
     sample_hyperparameters,
+    standard_normals,
     unused_priors,
 )
 from bayes_tyre.inference.model.prepared_records import record_batch
@@ -113,3 +117,19 @@ def test_priors_of_quantities_that_a_model_does_not_have_are_named():
     changed = PRIORS.changed({**changes, "apart_weight": 0.1})
     assert unused_priors(changed, ["k_group", "beta_group"]) == ["m_group"]
     assert unused_priors(PRIORS, []) == []
+
+
+def test_normals_to_draw_by_are_there_where_a_draw_is_wanted():
+    def model() -> None:
+        numpyro.deterministic("z", jnp.nan if (z := standard_normals("z_drawn", (2, 3))) is None else z)
+
+    def value(of_model: Callable[[], None]) -> np.ndarray:
+        return np.asarray(trace(of_model).get_trace()["z"]["value"])
+
+    assert np.isnan(value(model))
+    assert value(seed(model, 0)).shape == (2, 3)
+    given = jnp.arange(6.0).reshape(2, 3)
+    np.testing.assert_array_equal(value(substitute(model, data={"z_drawn": given})), given)
+    # A density counts nothing for them, given or not.
+    for of_model in (model, substitute(model, data={"z_drawn": given})):
+        assert float(log_density(of_model, (), {}, {})[0]) == 0.0

@@ -38,6 +38,27 @@ def test_mean_covariance_and_marginal_are_those_of_dense_matrices(count, seed):
         assert float(posterior.log_volume[i]) == pytest.approx(volume, rel=1e-9, abs=1e-10)
 
 
+@settings(max_examples=10)
+@given(count=st.integers(1, 4), seed=st.integers(0, 1000))
+def test_the_gradient_of_the_marginal_is_that_of_finite_differences(count, seed):
+    """In slope, scale and the entries of the precision, of whose lower triangle alone it is a function."""
+    given_values, step = tuple(map(jnp.asarray, made(count, seed))), 1e-6
+
+    def marginal(slope: jax.Array, precision: jax.Array, scale: jax.Array) -> jax.Array:
+        return NormalPosterior(slope, precision, scale).log_marginal.sum()
+
+    gradients = jax.grad(marginal, argnums=(0, 1, 2))(*given_values)
+    for which, value in enumerate(given_values):
+        for place in np.ndindex(*value.shape):
+            moved = [
+                marginal(*given_values[:which], value.at[place].add(sign * step), *given_values[which + 1 :])
+                for sign in (1, -1)
+            ]
+            # Third derivatives are at most some 1e2 here: 1e-10; rounding of values near 1e1 gives 1e-15 / 1e-6 more.
+            expected = float(moved[0] - moved[1]) / (2 * step)
+            assert float(gradients[which][place]) == pytest.approx(expected, rel=1e-6, abs=1e-6), (which, place)
+
+
 def test_what_is_left_for_the_level_above_is_the_marginal_s_slope_and_curvature():
     slope, precision, scale = map(jnp.asarray, made(3, 1))
 
