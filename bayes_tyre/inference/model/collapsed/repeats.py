@@ -134,7 +134,8 @@ class CollapsedRepeats(NamedTuple):
         of_choices = total(usual.log_marginal, discordant.log_marginal)
         of_choices = of_choices + log_prior_of_choices(self.members, self.weight)
         log_kinds, remainders = self._kinds_of_case()
-        # Each kind of case with each choice; axes: parameters, kinds, choices, cases.
+        # Each kind of case with each choice; axes: parameters, kinds, choices, cases. Copied, not broadcast: the
+        # gradient is then a sum that is one kernel with what follows, and not a reduction for each array.
         slopes, precisions = (jnp.stack([each] * len(log_kinds), axis=-3) for each in (slopes, precisions))
         cases = NormalPosterior(slopes, precisions, jnp.broadcast_to(remainders[:, :, None], slopes.shape))
         log_joint = log_kinds[:, None, None] + of_choices + cases.log_marginal
