@@ -1,6 +1,7 @@
 """The top of the hierarchy: each prior has its own density though families are sampled together, and all are used."""
 
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -123,7 +124,7 @@ def test_normals_to_draw_by_are_there_where_a_draw_is_wanted():
     def model() -> None:
         numpyro.deterministic("z", jnp.nan if (z := standard_normals("z_drawn", (2, 3))) is None else z)
 
-    def value(of_model: Callable[[], None]) -> np.ndarray:
+    def value(of_model: Callable[[], Any]) -> np.ndarray:
         return np.asarray(trace(of_model).get_trace()["z"]["value"])
 
     assert np.isnan(value(model))

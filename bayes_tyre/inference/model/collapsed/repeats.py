@@ -138,7 +138,7 @@ class CollapsedRepeats(NamedTuple):
         # gradient is then a sum that is one kernel with what follows, and not a reduction for each array.
         slopes, precisions = (jnp.stack([each] * len(log_kinds), axis=-3) for each in (slopes, precisions))
         cases = NormalPosterior(slopes, precisions, jnp.broadcast_to(remainders[:, :, None], slopes.shape))
-        log_joint = log_kinds[:, None, None] + of_choices + cases.log_marginal
+        log_joint = of_choices + cases.log_marginal + log_kinds[:, None, None]
         log_total = logsumexp(log_joint, axis=(0, 1))
         at_predictor = jnp.sum((slope - 0.5 * slope_off) * off, axis=(0, 1))
         return CollapsedPosterior(self, at_predictor + log_total, log_joint - log_total, cases)
