@@ -17,8 +17,6 @@ from platformdirs import user_cache_path
 _WRITING = 60.0
 #: Compiler options of what runs once: it compiles in half to two thirds of the time.
 RUN_ONCE = {"xla_backend_optimization_level": 0}
-
-
 #: Without the library that XLA's CPU backend hands sums to: on arrays of a hierarchy's size it adds half to the time of
 #: a gradient, for each call divides its work among threads that other chains are using.
 _WITHOUT_YNN = {"xla_cpu_experimental_ynn_fusion_type": ""}

@@ -136,7 +136,7 @@ def _log_marginal(slope: list[Array], gain: _Rows) -> Array:
 
 @_log_marginal.defjvp
 def _log_marginal_jvp(primals: tuple[list[Array], _Rows], tangents: tuple[list[Array], _Rows]) -> tuple[Array, Array]:
-    """Fisher's identity: the derivative is the posterior mean of that of the exponent, in a third of the operations."""
+    """Fisher's identity: the derivative is the posterior mean of that of the exponent."""
     root, half = _factorise(*primals)
     count = len(half)
     inverse: _Rows = []  # of the root: its columns, each from the diagonal down
