@@ -8,7 +8,7 @@ import xarray as xr
 from arviz_stats import sampling_diagnostics
 
 from bayes_tyre.inference.sampling.effective_sizes import statistics
-from bayes_tyre.inference.sampling.nuts import DEEPEST
+from bayes_tyre.inference.sampling.resonance import DEEPEST
 
 #: The group of a posterior's tree that holds these statistics, because each takes seconds and several tables use them;
 #: and the labels along its dimension `figure`.

@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
-from jaxtyping import Array, ArrayLike
+from jaxtyping import Array
 from numpyro import handlers
 from numpyro.distributions import biject_to
 from numpyro.infer.hmc import HMCState, hmc
@@ -26,6 +26,7 @@ from numpyro.infer.initialization import init_to_feasible
 from numpyro.infer.util import constrain_fn, potential_energy
 
 from bayes_tyre.inference.sampling.parameter_vector import DENSE, Blocks
+from bayes_tyre.inference.sampling.resonance import DEEPEST
 from bayes_tyre.runtime import RUN_ONCE, return_freed_memory, run_often
 
 #: Iterations in a call, at most: between two calls a run can be watched, saved and continued.
@@ -40,15 +41,6 @@ CAREFUL_ACCEPTANCE = 0.8
 START_SPREAD, START_RADIUS = 0.2, 0.5
 #: Starts tried before a density that is zero at all of them is the sampler's to say.
 _STARTS_TRIED = 20
-#: Deepest trees while adapting, and after. Before the mass matrix is known every tree grows to its limit: at 10, the
-#: first hundred iterations took nine tenths of all the time.
-DEEPEST = (6, 10)
-#: Margins below the first and above the last of the steps that `off_resonance` avoids: leapfrog's period is not quite
-#: that of the motion, and no mass matrix is exact.
-_RESONANT = (0.985, 1.035)
-#: Points of the smallest tree whose resonance is avoided. Of four points it lies at steps of 0.9 to 1.05, which no
-#: posterior of hundreds of unknowns accepts.
-_FEWEST_POINTS = 8
 #: Fields of NumPyro's state by ArviZ's name.
 STATISTICS = {"diverging": "diverging", "energy": "energy", "n_steps": "num_steps", "acceptance_rate": "accept_prob"}
 #: Draws of a chunk constrained at once, a divisor of `CHUNK`. All at once takes longer, and gigabytes where records are
@@ -76,22 +68,6 @@ class Chunk(NamedTuple):
     statistics: dict[str, np.ndarray]
 
 
-def off_resonance(step_size: ArrayLike) -> Array:
-    """Return steps of which no tree of eight points or more goes round and round.
-
-    Where the posterior is a standard normal, motion has a period of 2 pi. A tree of 2^j points that spans just less
-    than half of it has not turned back yet; doubled it spans just more than the whole, seems not to have turned either,
-    and is doubled again, and again, until rounding the circle has put it out of phase. NumPyro's criterion shares that
-    with Stan's up to 2.20 (stan-dev/stan, issue 2799). Such steps are lengthened by up to an eighth; others are
-    returned as they are.
-    """
-    points = 2.0 ** np.arange(np.log2(_FEWEST_POINTS), DEEPEST[1])
-    shortest, longest = _RESONANT[0] * np.pi / (points - 0.5), _RESONANT[1] * np.pi / (points - 1)
-    step = jnp.asarray(step_size)
-    resonant = (step[..., None] > shortest) & (step[..., None] < longest)
-    return jnp.maximum(step, jnp.max(jnp.where(resonant, longest, 0.0), axis=-1))
-
-
 def draw_keys(seed: Sequence[int], chains: int) -> np.ndarray:
     """Return a raw key for each draw of a chunk, shape (chains, CHUNK, 2)."""
     return np.random.SeedSequence(seed).generate_state(chains * CHUNK * 2).reshape(chains, CHUNK, 2)
@@ -102,12 +78,6 @@ def named_normals(key: Array, shapes: Mapping[str, tuple[int, ...]]) -> dict[str
     ends = np.cumsum([0, *(math.prod(shape) for shape in shapes.values())])
     z = jax.random.normal(key, (ends[-1],))
     return {name: z[i:j].reshape(shape) for (name, shape), (i, j) in zip(shapes.items(), pairwise(ends), strict=True)}
-
-
-def leave_resonance(state: HMCState) -> HMCState:
-    """Return the state after the last iteration of the warmup with its steps `off_resonance`."""
-    adapted = state.adapt_state
-    return state._replace(adapt_state=adapted._replace(step_size=off_resonance(adapted.step_size)))
 
 
 class Chains:

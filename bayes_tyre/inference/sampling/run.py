@@ -13,7 +13,8 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.sampling.checkpoint import Checkpoints
 from bayes_tyre.inference.sampling.datatree import PROBABILITIES, QUANTITIES
 from bayes_tyre.inference.sampling.effective_sizes import falls_short
-from bayes_tyre.inference.sampling.nuts import CHUNK, TARGET_ACCEPTANCE, Chains, Chunk, leave_resonance
+from bayes_tyre.inference.sampling.nuts import CHUNK, TARGET_ACCEPTANCE, Chains, Chunk
+from bayes_tyre.inference.sampling.resonance import leave_resonance
 
 #: Target acceptances that may be asked for: below, trajectories diverge that need not; above, steps become so short
 #: that trees reach their limit.
