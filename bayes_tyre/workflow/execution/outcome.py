@@ -1,12 +1,17 @@
-"""The outcome of one raw file, a result or a fault, and the fingerprint of everything that determines it."""
+"""The outcome of one file, a result or a fault, and the fingerprint of everything that determines it."""
 
 import hashlib
 import json
+import traceback
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import pandas as pd
+
+from bayes_tyre.errors import NO_MEMORY, BadInput, out_of_memory
+from bayes_tyre.plain_text import path_text, reason
 
 
 @runtime_checkable  # tests check arguments
@@ -40,6 +45,22 @@ class Fault(NamedTuple):
 
     reason: str
     lasting: bool = True
+
+
+def attempted[T: FileTask](make: Callable[[T], Done], task: T) -> Done | Fault:
+    """Return the result for a file, or why it has none; an error in this package must not end the batch."""
+    try:
+        return make(task)
+    except BadInput as error:
+        fault = path_text(Path(str(error).removeprefix(f"{task.file}: ")))
+        # Errors of the disk or the memory may not occur again.
+        return Fault(fault, lasting=not isinstance(error.__context__, OSError | MemoryError))
+    except Exception as error:
+        if out_of_memory(error):
+            return Fault(f"{NO_MEMORY} to work on it; give it more, or cut the file in pieces", lasting=False)
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        text = f"{type(error).__name__} in {Path(where.filename).name}, line {where.lineno}: {reason(error)}"
+        return Fault(f"bayes-tyre itself failed on it; please report: {text}", lasting=False)
 
 
 def fingerprint(task: FileTask) -> str | None:

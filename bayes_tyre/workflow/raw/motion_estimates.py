@@ -31,9 +31,9 @@ from bayes_tyre.rig.motion_decay import ring_down
 from bayes_tyre.rig.sensors import columns_of
 from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.signals.process import prepare
-from bayes_tyre.workflow.execution.outcome import Done, Fault
+from bayes_tyre.workflow.execution.outcome import Done, Fault, attempted
 from bayes_tyre.workflow.raw.process_tasks import Task
-from bayes_tyre.workflow.raw.raw_records import attempted, origin_of_raw, usable
+from bayes_tyre.workflow.raw.raw_records import origin_of_raw, usable
 
 #: Spring and damper from the free vibration after the load's step, beside those fitted to the whole motion.
 _BY_DECAY = ("decay_k_kN_per_mm", "decay_c_kN_s_per_mm")

@@ -18,10 +18,10 @@ from bayes_tyre.rig.sensors import columns_of
 from bayes_tyre.signals.mass import shared_mass
 from bayes_tyre.signals.process import process
 from bayes_tyre.workflow.execution.batch import Machines, run_batch
-from bayes_tyre.workflow.execution.outcome import Done, Fault
+from bayes_tyre.workflow.execution.outcome import Done, Fault, attempted
 from bayes_tyre.workflow.execution.task_cache import TaskCache
 from bayes_tyre.workflow.raw.process_tasks import Settings, Task, plan_tasks
-from bayes_tyre.workflow.raw.raw_records import REJECTED, attempted, none_usable, origin_of_raw, rejected, usable
+from bayes_tyre.workflow.raw.raw_records import REJECTED, none_usable, origin_of_raw, rejected, usable
 
 
 def process_files(

@@ -1,17 +1,16 @@
-"""What commands on raw files share: guarded work on one file, the origin of a record, and the rejected files."""
+"""What commands on raw files share: what a file needs to be used, the origin of a record, and the rejected files."""
 
-import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 
-from bayes_tyre.errors import NO_MEMORY, BadInput, out_of_memory
-from bayes_tyre.plain_text import path_text, reason
+from bayes_tyre.errors import BadInput
+from bayes_tyre.plain_text import path_text
 from bayes_tyre.record import RawSignals
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.signals.factors import RecordFactors
-from bayes_tyre.workflow.execution.outcome import Done, Fault
+from bayes_tyre.workflow.execution.outcome import Fault
 from bayes_tyre.workflow.raw.process_tasks import Task
 
 REJECTED = "rejected.csv"
@@ -19,22 +18,6 @@ REJECTED = "rejected.csv"
 _NAMED = 3
 #: In the notes of files that the simulator wrote.
 _SIMULATED = "simulated by bayes-tyre"
-
-
-def attempted(make: Callable[[Task], Done], task: Task) -> Done | Fault:
-    """Return the result for a file, or why it has none; an error in this package must not end the batch."""
-    try:
-        return make(task)
-    except BadInput as error:
-        fault = path_text(Path(str(error).removeprefix(f"{task.file}: ")))
-        # Errors of the disk or the memory may not occur again.
-        return Fault(fault, lasting=not isinstance(error.__context__, OSError | MemoryError))
-    except Exception as error:
-        if out_of_memory(error):
-            return Fault(f"{NO_MEMORY} to work on it; give it more, or cut the file in pieces", lasting=False)
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        text = f"{type(error).__name__} in {Path(where.filename).name}, line {where.lineno}: {reason(error)}"
-        return Fault(f"bayes-tyre itself failed on it; please report: {text}", lasting=False)
 
 
 def usable(task: Task) -> tuple[RecordFactors, Rig]:
