@@ -29,7 +29,7 @@ Cluster = Annotated[
     typer.Option(
         metavar="ADDRESS",
         help="Scheduler of a dask cluster, such as tcp://host:8786, to work there instead of here; its workers "
-        "must see the raw files under the same paths.",
+        "must see the files under the same paths.",
     ),
 ]
 

@@ -23,6 +23,12 @@ def fit_least_squares(
     """
     prepare_folder(out)
     fits = fit_records(table, settings, on_progress)
+    write_fits(fits, out, xlsx=xlsx)
+    return fits
+
+
+def write_fits(fits: pd.DataFrame, out: Path, *, xlsx: bool) -> None:
+    """Write `least_squares.csv` into a folder that is there, and as a workbook if asked for; remove an older run's."""
     for name in (LOOPS, BACKBONE, FIGURE, WORKBOOK):
         (out / name).unlink(missing_ok=True)
     write_table(fits, out / FITS)
@@ -30,4 +36,3 @@ def fit_least_squares(
         from bayes_tyre.formats.tables.workbook_writer import write_workbook  # imports what most runs do not need
 
         write_workbook({"least_squares": fits}, out / WORKBOOK)
-    return fits

@@ -56,18 +56,36 @@ def read_given(paths: Sequence[Path], columns: Path | None = None, kind: Kind = 
         For a file or map that cannot be used, a name that stands in two files, and a column that some files lack.
     """
     column_map, (files, notes) = read_column_map(columns), table_files(paths)
-    files_by_note: dict[str, list[Path]] = {}
-    tables, suspicions = [], []
-    for file in files:
-        table = _read(file, column_map, kind, len(files) > 1)
-        for sentence in table.attrs.pop(NOTES, ()):
-            files_by_note.setdefault(sentence, []).append(file)
-        suspicions += [f"{file}: {text}" for text in suspicious_units(table, kind.unit, kind.force, kind.symbol)]
-        table.attrs.clear()
-        tables.append(table)
-    _check_together(files, tables, kind.unit)
-    notes += [f"{names(of)}: {sentence}" for sentence, of in files_by_note.items()]
+    each = [read_one(file, column_map, len(files) > 1, kind) for file in files]
+    tables = [given.table for given in each]
+    _check_columns(files, tables)
+    check_names(files, tables, kind.unit)
+    suspicions = of_files(files, [given.suspicions for given in each], together=False)
+    notes += of_files(files, [given.notes for given in each])
     return Given(tables[0] if len(tables) == 1 else pd.concat(tables, ignore_index=True), suspicions, notes)
+
+
+def read_one(file: Path, column_map: ColumnMap, several: bool, kind: Kind = RECORDS) -> Given:
+    """Return the table in one file, or one of `several`; its sentences do not name the file."""
+    table = column_map.applied(read_table(file, column_map.layout), file)
+    if several and kind.unit not in table:
+        path, sheet = split_sheet(file)
+        table[kind.unit] = path.stem if sheet is None else f"{path.stem} {sheet}"
+    table = kind.check(table, str(file))
+    notes = list(table.attrs.pop(NOTES, ()))
+    table.attrs.clear()
+    return Given(table, suspicious_units(table, kind.unit, kind.force, kind.symbol), notes)
+
+
+def of_files(files: Sequence[Path], sentences: Sequence[Sequence[str]], *, together: bool = True) -> list[str]:
+    """Return the sentences on each file with the file before them; one on several files once, if `together`."""
+    if not together:
+        return [f"{file}: {text}" for file, texts in zip(files, sentences, strict=True) for text in texts]
+    of_each: dict[str, list[Path]] = {}
+    for file, texts in zip(files, sentences, strict=True):
+        for text in texts:
+            of_each.setdefault(text, []).append(file)
+    return [f"{names(of)}: {text}" for text, of in of_each.items()]
 
 
 def names(paths: Sequence[Path]) -> str:
@@ -98,22 +116,25 @@ def table_files(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
     return list(dict.fromkeys(files)), notes
 
 
-def _read(file: Path, column_map: ColumnMap, kind: Kind, several: bool) -> pd.DataFrame:
-    table = column_map.applied(read_table(file, column_map.layout), file)
-    if several and kind.unit not in table:
-        path, sheet = split_sheet(file)
-        table[kind.unit] = path.stem if sheet is None else f"{path.stem} {sheet}"
-    return kind.check(table, str(file))
-
-
-def _check_together(files: Sequence[Path], tables: Sequence[pd.DataFrame], unit: str) -> None:
-    """Refuse a name that stands in two files, and a column of ours that only some of them have."""
-    seen: dict[str, Path] = {}
+def _check_columns(files: Sequence[Path], tables: Sequence[pd.DataFrame]) -> None:
+    """Refuse a column of ours that only some of the files have."""
     ours = [{*table.columns} & {*OUR_COLUMNS} for table in tables]
-    for file, table, columns in zip(files, tables, ours, strict=True):
+    for file, columns in zip(files, ours, strict=True):
         if lacks := sorted(ours[0] ^ columns):
             has, has_not = (file, files[0]) if lacks[0] in columns else (files[0], file)
             raise BadInput(f"{has_not}: has no column {lacks[0]}, which {has} has; add it, or fit them apart")
+
+
+def check_names(files: Sequence[Path], tables: Sequence[pd.DataFrame], unit: str = RECORDS.unit) -> None:
+    """Refuse a name that stands in two files.
+
+    Raises
+    ------
+    BadInput
+        With the name and both files.
+    """
+    seen: dict[str, Path] = {}
+    for file, table in zip(files, tables, strict=True):
         for name in table[unit].unique():
             if name in seen:
                 raise BadInput(

@@ -61,6 +61,8 @@ def test_a_cluster_gives_the_same_bytes_and_what_it_did_outlives_its_scheduler(p
             assert whole.stderr == processed[2]
             assert whole.exit_code == 0
             assert_same(processed[0], tmp_path / "a")
+            lsq = ["lsq", tmp_path / "a" / "records.csv", "--out"]
+            assert here(*lsq, tmp_path / "on_cluster", "--cluster", address).exit_code == 0
             lock.touch()
             out = ["--out", tmp_path / "b" / "records.csv"]
             cut = start(*command, tmp_path / "b" / "pictures", *out, cwd=recordings)
@@ -68,6 +70,9 @@ def test_a_cluster_gives_the_same_bytes_and_what_it_did_outlives_its_scheduler(p
                 time.sleep(0.01)
         finally:
             cluster.kill()
+    assert here(*lsq, tmp_path / "here", "--workers", 1).exit_code == 0
+    fits = [(tmp_path / name / "least_squares.csv").read_bytes() for name in ("on_cluster", "here")]
+    assert fits[0] == fits[1]
     try:
         stdout, stderr = cut.communicate(timeout=300)
     finally:

@@ -1,15 +1,21 @@
 """`lsq`: Equation 2 fitted to each record separately."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from bayes_tyre.cli import shell
+from bayes_tyre.cli.raw import Cluster, check_machines
 from bayes_tyre.cli.shell import Out, Quiet, Records, Xlsx, assignments, progress, say, warn
 from bayes_tyre.errors import BadInput
 from bayes_tyre.runtime import prepare_jax
+
+if TYPE_CHECKING:
+    from bayes_tyre.inference.least_squares.settings import FitSettings
+    from bayes_tyre.workflow.execution.batch import Machines
 
 
 def _bounds(options: list[str]) -> dict[str, tuple[float, float]]:
@@ -54,6 +60,17 @@ def lsq(
             "without a column record is one curve.",
         ),
     ] = False,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, help="Fit file by file, in so many processes; memory is that of a file in each."),
+    ] = None,
+    cluster: Cluster = None,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume", help="File by file: only what is missing or has changed since the last run into --out."
+        ),
+    ] = False,
     xlsx: Xlsx = False,
     quiet: Quiet = False,
 ) -> None:
@@ -65,15 +82,61 @@ def lsq(
     counts once the displacement has come back by 6 standard deviations of its noise or 3 of its smallest steps, 5 to
     10 % of the travel.
 
+    With --workers, --cluster or --resume tables are fitted one by one, each into a cache in --out, so that an archive
+    of many files need not fit into the memory.
+
     Example: bayes-tyre lsq data/campaign/records.csv --out results/lsq --region thesis
     """
     from bayes_tyre.inference.least_squares.settings import FitSettings
 
+    check_machines(workers, cluster)
+    by_file = workers is not None or cluster is not None or resume
+    if loops and by_file:
+        raise typer.BadParameter("goes with no --workers, --cluster or --resume", param_hint="--loops")
     fixed, starts = assignments(fix or [], "--fix"), assignments(start or [], "--start")
     try:
         settings = FitSettings(region, fixed, tuple(free or ()), starts, _bounds(bounds or []))
     except BadInput as error:
         raise typer.BadParameter(str(error)) from None
+    if by_file:
+        from bayes_tyre.workflow.execution.batch import Machines
+
+        _fit_files(records, out, columns, settings, Machines(workers, cluster, resume), xlsx, quiet)
+    else:
+        _fit_together(records, out, columns, settings, loops, xlsx, quiet)
+    if not quiet:
+        _print_answer(out)
+
+
+def _fit_files(
+    records: Sequence[Path],
+    out: Path,
+    columns: Path | None,
+    settings: "FitSettings",
+    machines: "Machines",
+    xlsx: bool,
+    quiet: bool,
+) -> None:
+    """Fit each file by itself, and print what is to be said of the files."""
+    from bayes_tyre.workflow.least_squares_of_files import fit_files, table_tasks
+
+    tasks, skipped = table_tasks(records, columns, settings)
+    with progress("least squares, file by file", len(tasks), quiet) as on_progress:
+        fitted = fit_files(tasks, machines, out, on_progress, xlsx=xlsx)
+    for warning in (*skipped, *fitted.notes, *fitted.suspicions):
+        warn(warning)
+
+
+def _fit_together(
+    records: Sequence[Path],
+    out: Path,
+    columns: Path | None,
+    settings: "FitSettings",
+    loops: bool,
+    xlsx: bool,
+    quiet: bool,
+) -> None:
+    """Fit all records, or loops, in one table, and print what is to be said of the files."""
     if loops:  # its figure imports matplotlib
         prepare_jax()
         from bayes_tyre.workflow.loops import fit_loops, read_loops
@@ -91,8 +154,6 @@ def lsq(
             fit_loops(table, settings, out, on_progress, xlsx=xlsx)
         else:
             fit_least_squares(table, settings, out, on_progress, xlsx=xlsx)
-    if not quiet:
-        _print_answer(out)
 
 
 def _print_answer(out: Path) -> None:

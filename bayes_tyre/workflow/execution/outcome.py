@@ -16,11 +16,11 @@ from bayes_tyre.plain_text import path_text, reason
 
 @runtime_checkable  # tests check arguments
 class FileTask(Protocol):
-    """What one raw file needs to be processed; picklable, so that any process can do it."""
+    """What the work on one file needs; picklable, so that any process can do it."""
 
     @property
     def file(self) -> Path:
-        """The raw file; absolute, because a worker of a cluster has a working folder of its own."""
+        """The file; absolute, because a worker of a cluster has a working folder of its own."""
         ...
 
     @property
