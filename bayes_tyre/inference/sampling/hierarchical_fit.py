@@ -19,16 +19,17 @@ from bayes_tyre.inference.model.hyperparameters import prior_sites, published_si
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.settings import ModelSettings
-from bayes_tyre.inference.sampling.collapsed_fit import sample_collapsed
+from bayes_tyre.inference.sampling.collapsed_fit import ATTEMPTS, sample_collapsed
 from bayes_tyre.inference.sampling.common_scales import with_scale
 from bayes_tyre.inference.sampling.datatree import RECORDS_DIGEST, attributes_of, to_datatree
 from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.run import (
     RUNS,
+    RUNS_AT_MOST,
     Draws,
     SamplerRun,
     SamplerSettings,
-    after_run,
+    after_runs,
     make_chains,
     run_until_sound,
     runs_to_json,
@@ -103,7 +104,9 @@ def fit_prepared(
         draws, runs, error = sample_collapsed(records, settings, model)
         attributes[RECORD_SUMMARIES] = error.to_json()
     if draws is None:
-        draws, joint = _sample_joint(records, after_run(after_run(settings)) if runs else settings, model, chains)
+        draws, joint = _sample_joint(
+            records, after_runs(settings, ATTEMPTS * RUNS_AT_MOST) if runs else settings, model, chains
+        )
         runs += joint
     attributes[RUNS] = runs_to_json(runs)
     return to_datatree(draws.sites, draws.statistics, records.factors, records.factor_table, attributes)

@@ -18,10 +18,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
-from jaxtyping import Array
+from jaxtyping import Array, Float
 from numpyro import handlers
 from numpyro.distributions import biject_to
 from numpyro.infer.hmc import HMCState, hmc
+from numpyro.infer.hmc_util import build_adaptation_schedule
 from numpyro.infer.initialization import init_to_feasible
 from numpyro.infer.util import constrain_fn, potential_energy
 
@@ -119,7 +120,7 @@ class Chains:
         self._together = max(n for n in range(1, min(chains, len(devices)) + 1) if chains % n == 0)
         self._mesh = Mesh(np.asarray(devices[: self._together]), (_CHAINS,))
         self._shapes, self._normals = self._find_shapes()
-        self._blocks = Blocks(self._shapes, tuple(starts))
+        self.blocks = Blocks(self._shapes, tuple(starts))
         self._begin, self._advance, self._constrain = self._compile_together()
         self._of_acceptance: dict[float, Chains] = {}
 
@@ -147,21 +148,48 @@ class Chains:
 
     def begin(self, seed: int) -> HMCState:
         """Return the state before the first iteration."""
-        keys = jax.random.split(jax.random.PRNGKey(seed), self.chains)  # raw: a state, and its checkpoint, is arrays
         for tried in range(_STARTS_TRIED):
-            state = self._in_turns(self._begin, (keys, self._blocks.pack(self.starts(seed, tried))), self._data)
+            state = self._begin_at(self.blocks.pack(self.starts(seed, tried)), seed)
             if np.isfinite(np.asarray(state.potential_energy)).all():
                 break
         return state
+
+    def begin_where(
+        self,
+        points: Float[np.ndarray, "chains unknowns"],
+        covariance: Float[np.ndarray, "unknowns unknowns"],
+        seed: int,
+    ) -> HMCState:
+        """Return the state of chains at points of a posterior whose covariance is known, a chunk before warmup ends.
+
+        The iterations that are left adapt the step size, and keep the mass matrix that the covariance makes.
+        """
+        state = self._begin_at(self.blocks.split(points), seed, self.blocks.inverse_mass(covariance))
+        last = len(build_adaptation_schedule(self._warmup)) - 1
+        adapted = state.adapt_state._replace(window_idx=jnp.full(self.chains, last))
+        return state._replace(i=jnp.full(self.chains, max(self._warmup - CHUNK, 0)), adapt_state=adapted)
+
+    def potential(self, points: Float[np.ndarray, "chains unknowns"]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the potential energy and its gradient at as many points as there are chains.
+
+        Shapes (chains,) and (chains, unknowns).
+        """
+        state = self._begin_at(self.blocks.split(points), 0)
+        return np.asarray(state.potential_energy), self.blocks.join(state.z_grad)
 
     def carried(self, state: HMCState) -> HMCState:
         """Return a state of chains of other data, of the same shapes, as one of these: where it is, and as adapted.
 
         A state carries the potential energy and its gradient: those of other data would hold the next iteration there.
         """
-        keys = jax.random.split(jax.random.PRNGKey(0), self.chains)  # what begins a chain draws nothing that is used
-        here = self._in_turns(self._begin, (keys, state.z), self._data)
+        here = self._begin_at(state.z, 0)
         return state._replace(potential_energy=here.potential_energy, z_grad=here.z_grad)
+
+    @property
+    def middle(self) -> Float[np.ndarray, " unknowns"]:
+        """The point about which chains start, as `begin_where` takes them."""
+        of_sites = {name: np.broadcast_to(self._starts.get(name, 0.0), shape) for name, shape in self._shapes.items()}
+        return self.blocks.join(self.blocks.pack({name: values[None] for name, values in of_sites.items()}))[0]
 
     def starts(self, seed: int, tried: int = 0) -> dict[str, np.ndarray]:
         """Return where each chain starts, unconstrained: the sites named near their values, the others around zero."""
@@ -195,6 +223,18 @@ class Chains:
         sites = self._in_turns(self._constrain, given, self._data)
         return {name: np.asarray(values)[:, :length] for name, values in sites.items()}
 
+    def _begin_at(
+        self, vectors: Mapping[str, Any], seed: int, inverse_mass: Mapping[tuple[str], np.ndarray] | None = None
+    ) -> HMCState:
+        """Return the state of chains at these vectors; without inverse mass matrices, with those of variances of 1."""
+        keys = jax.random.split(jax.random.PRNGKey(seed), self.chains)  # raw: a state, and its checkpoint, is arrays
+        return self._in_turns(self._begin, (keys, vectors, self._of_each(inverse_mass)), self._data)
+
+    def _of_each(self, inverse_mass: Mapping[tuple[str], np.ndarray] | None = None) -> dict[tuple[str], np.ndarray]:
+        """Return inverse mass matrices, or those of variances of 1, for each chain."""
+        matrices = inverse_mass or self.blocks.inverse_mass()
+        return {block: np.broadcast_to(values, (self.chains, *values.shape)) for block, values in matrices.items()}
+
     def _find_shapes(self) -> tuple[dict[str, tuple[int, ...]], dict[str, tuple[int, ...]]]:
         """Return the shape of each sampled site, unconstrained, and of the normals that the model draws by."""
         sampled, normals = dict[str, tuple[int, ...]](), dict[str, tuple[int, ...]]()
@@ -214,7 +254,7 @@ class Chains:
         """Return what begins, advances and constrains, compiled side by side: half of a run's seconds go into it."""
         begin, advance, constrain = map(self._mapped, (self._init, self._sample, self._constrained))
         keys = jax.eval_shape(lambda: jax.random.split(jax.random.PRNGKey(0), self.chains))
-        fresh = keys, self._blocks.pack(self.starts(0))
+        fresh = keys, self.blocks.pack(self.starts(0)), self._of_each()
         # The kernel's own closures are made as it is traced, which a continued run does nowhere else.
         self.shapes: HMCState = jax.eval_shape(begin, fresh, self._data)
 
@@ -237,13 +277,14 @@ class Chains:
         return compiled
 
     def _potential_energy(self, data: Any, z: dict[str, jax.Array]) -> jax.Array:
-        return jnp.asarray(potential_energy(self._model, (), self._arguments(data), self._blocks.unpack(z)))
+        return jnp.asarray(potential_energy(self._model, (), self._arguments(data), self.blocks.unpack(z)))
 
-    def _init(self, fresh: tuple[jax.Array, dict[str, jax.Array]], data: Any) -> HMCState:
-        key, start = fresh
+    def _init(self, fresh: tuple[jax.Array, dict[str, jax.Array], dict[tuple[str], jax.Array]], data: Any) -> HMCState:
+        key, start, inverse_mass = fresh
         return self._init_kernel(
             start,
             self._warmup,
+            inverse_mass_matrix=dict(inverse_mass),  # a copy: the kernel changes it
             dense_mass=[(DENSE,)] if DENSE in start else [],  # pyright: ignore[reportArgumentType]
             target_accept_prob=self.acceptance,
             max_tree_depth=DEEPEST,  # pyright: ignore[reportArgumentType]
@@ -266,7 +307,7 @@ class Chains:
     def _constrained(self, unconstrained_and_keys: tuple[dict[str, jax.Array], jax.Array], data: Any) -> Any:
         def one(z: dict[str, jax.Array], key: jax.Array) -> dict[str, jax.Array]:
             model = handlers.substitute(self._model, data=named_normals(key, self._normals))
-            return constrain_fn(model, (), self._arguments(data), self._blocks.unpack(z), return_deterministic=True)
+            return constrain_fn(model, (), self._arguments(data), self.blocks.unpack(z), return_deterministic=True)
 
         # Not by `batch_size` of `jax.lax.map`, which cannot take a site without elements.
         parts = jax.tree.map(

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 #: Names of the vectors: of the unknowns whose block of the mass matrix is dense, and of all others.
 DENSE, DIAGONAL = "dense", "diagonal"
@@ -41,6 +41,31 @@ class Blocks(NamedTuple):
             block: np.concatenate([values[name].reshape(len(values[name]), -1) for name in names], axis=1)
             for block, names in self.sites.items()
         }
+
+    def split(self, points: Float[np.ndarray, "*points unknowns"]) -> dict[str, np.ndarray]:
+        """Return the vectors of points that have all unknowns one after the other, as `join` gives them."""
+        ends = np.cumsum([self._size(block) for block in self.sites])
+        return dict(zip(self.sites, np.split(points, ends[:-1], axis=-1), strict=True))
+
+    def join(self, vectors: Mapping[str, ArrayLike]) -> Float[np.ndarray, "*points unknowns"]:
+        """Return points with all unknowns one after the other, in the order of the vectors."""
+        return np.concatenate([np.asarray(vectors[block]) for block in self.sites], axis=-1)
+
+    def inverse_mass(
+        self, covariance: Float[np.ndarray, "unknowns unknowns"] | None = None
+    ) -> dict[tuple[str], np.ndarray]:
+        """Return the inverse mass matrix of each vector, by NumPyro's name for it, of unknowns with this covariance.
+
+        None: they are independent, with a variance of 1.
+        """
+        if covariance is None:
+            covariance = np.eye(sum(self._size(block) for block in self.sites))
+        of_rows = self.split(covariance.T)
+        square = {block: self.split(rows.T)[block] for block, rows in of_rows.items()}
+        return {(block,): values if block == DENSE else np.diagonal(values) for block, values in square.items()}
+
+    def _size(self, block: str) -> int:
+        return sum(math.prod(self.shapes[name]) for name in self.sites[block])
 
     def unpack(self, vectors: Mapping[str, Float[Array, " unknowns"]]) -> dict[str, Array]:
         """Return the unknowns of one chain by site."""

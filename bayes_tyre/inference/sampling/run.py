@@ -23,8 +23,13 @@ ACCEPTANCE_LEAST, ACCEPTANCE_MOST = 0.5, 0.99
 #: chains, 1000 draws) 0.65 left 30 divergences a run, 0.8 seven, 0.95 seven, 0.98 one, 0.99 less than one, for five
 #: times the gradients of 0.65.
 REPEAT_ACCEPTANCE = 0.99
+#: Runs of `run_until_sound`, at most.
+RUNS_AT_MOST = 2
 #: How many times as many draws a run takes at most, unless their number was asked for.
 LONGEST = 4
+#: Above so many records, draws of each chain, and how many times as many a run takes at most: their number sets the
+#: time and the memory of all that follows the chains, and what so many records share mixes well.
+_MANY_RECORDS, _OF_MANY_RECORDS = 1000, (500, 12)
 #: Attribute of a posterior's tree with the runs of the sampler behind it, as JSON.
 RUNS = "sampler_runs"
 
@@ -80,6 +85,13 @@ class SamplerSettings:
                 f"target_accept is {self.target_accept:g}; give {ACCEPTANCE_LEAST:g} to {ACCEPTANCE_MOST:g}, such as "
                 f"{REPEAT_ACCEPTANCE:g} against divergences"
             )
+
+    def for_records(self, count: int) -> "SamplerSettings":
+        """Return the settings for so many records: of many fewer draws, unless their number was asked for."""
+        if self.longest == 1 or count <= _MANY_RECORDS:
+            return self
+        draws, longest = _OF_MANY_RECORDS
+        return replace(self, draws=draws, longest=longest)
 
 
 class Draws(NamedTuple):
@@ -201,7 +213,7 @@ def run_until_sound(
         f"{first.divergences} divergent transitions at target acceptance {chains.acceptance:g}: sampled once more at "
         f"{REPEAT_ACCEPTANCE:g}"
     )
-    second = run(chains.at_acceptance(REPEAT_ACCEPTANCE), after_run(settings))
+    second = run(chains.at_acceptance(REPEAT_ACCEPTANCE), after_runs(settings, 1))
     better = second.divergences <= first.divergences
     runs = (
         SamplerRun(chains.acceptance, first.divergences, not better, every=first.every),
@@ -210,13 +222,13 @@ def run_until_sound(
     return (second if better else first), runs
 
 
-def after_run(settings: SamplerSettings) -> SamplerSettings:
-    """Return the settings of a run after one of these, whose checkpoints follow: that is then loaded whole."""
+def after_runs(settings: SamplerSettings, count: int) -> SamplerSettings:
+    """Return the settings of a run after so many of these, whose checkpoints follow: those before are loaded whole."""
     saved = settings.checkpoints
     if saved is None:
         return settings
     chunks = len(_lengths(settings.warmup)) + settings.longest * len(_lengths(settings.draws))
-    return replace(settings, checkpoints=replace(saved, first=saved.first + chunks))
+    return replace(settings, checkpoints=replace(saved, first=saved.first + count * chunks))
 
 
 def run(

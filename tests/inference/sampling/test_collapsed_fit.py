@@ -16,7 +16,9 @@ from bayes_tyre.inference.diagnostics.verdict import diagnose
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.prepared_records import prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling import pilot
 from bayes_tyre.inference.sampling.hierarchical_fit import LEAST_COLLAPSED, collapses, fit_hierarchical
+from bayes_tyre.inference.sampling.pilot import Pilot
 from bayes_tyre.inference.sampling.run import SamplerSettings, sampler_runs
 from bayes_tyre.inference.sampling.summary_error import RECORD_SUMMARIES, SUMMARY_ERROR_MOST, SummaryError
 from bayes_tyre.record_table import check_record_table
@@ -179,6 +181,36 @@ def test_records_that_no_summary_stands_for_are_sampled_as_well():
     (check,) = [check for check in diagnose(tree).checks if check["name"] == "record_summaries"]
     assert check["passed"]
     assert "records were sampled as well" in check["note"]
+
+
+@pytest.mark.slow
+def test_chains_find_the_posterior_without_its_mode_too(monkeypatch):
+    monkeypatch.setattr(pilot, "normal_approximation", lambda *_: None)
+    tree = fit_hierarchical(check_record_table(simulate(CLEAN, 1)[0]), ENOUGH)
+    assert [one.sampler for one in sampler_runs(tree)] == ["collapsed"]
+    assert SummaryError.from_json(tree.attrs[RECORD_SUMMARIES]).at_least <= SUMMARY_ERROR_MOST
+    names = ["k_group", "beta_group", "sd_log_k_case", "sd_log_k_repeat", "sd_J"]
+    off = _off(posterior_of(tree)[names], posterior_of(fitted(CLEAN))[names], "mean")
+    assert np.abs(off).max() < 5
+
+
+@pytest.mark.slow
+def test_a_run_whose_summaries_were_off_is_followed_by_one_about_its_draws(monkeypatch):
+    notes, of_draws, error_of = [], [], Pilot.error
+    settings = replace(ENOUGH, draws=300, on_note=notes.append)
+
+    def off_at_first(self: Pilot, sites: dict[str, np.ndarray]) -> SummaryError:
+        error = error_of(self, sites)
+        if sites["k"].shape[1] == settings.draws:
+            of_draws.append(error)
+        return error._replace(at_least=2 * SUMMARY_ERROR_MOST) if of_draws == [error] else error
+
+    monkeypatch.setattr(Pilot, "error", off_at_first)
+    tree = fit_hierarchical(check_record_table(simulate(CLEAN, 1)[0]), settings)
+    (note,) = notes
+    assert note.endswith("made anew about these draws, for another run")
+    assert [(one.sampler, one.kept) for one in sampler_runs(tree)] == [("collapsed", False), ("collapsed", True)]
+    assert SummaryError.from_json(tree.attrs[RECORD_SUMMARIES]) == of_draws[-1]
 
 
 def test_few_records_and_students_repeats_are_sampled_as_well():

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from helpers.small_model import DATA, SETTINGS, STARTS, assert_same, model
 from numpyro.infer import MCMC, NUTS
+from numpyro.infer.util import potential_energy
 from scipy import stats
 
 from bayes_tyre.errors import BadInput
@@ -117,3 +118,31 @@ def test_counts_too_small_are_refused(name, least):
 def test_steps_are_adapted_to_the_acceptance_asked_for():
     low, high = (sample(model, DATA, SETTINGS, STARTS, asked) for asked in (0.5, 0.95))
     assert high.statistics["acceptance_rate"].mean() > low.statistics["acceptance_rate"].mean() + 0.1
+
+
+def test_the_potential_at_points_is_the_models_and_its_gradient_the_slope():
+    made = chains.Chains(model, DATA, 2, 130, STARTS)
+    points = np.stack([made.middle, made.middle + np.linspace(-0.2, 0.2, len(made.middle))])
+    energies, gradients = made.potential(points)
+    for point, energy in zip(points, energies, strict=True):
+        sites = made.blocks.unpack(jax.tree.map(jax.numpy.asarray, made.blocks.split(point)))
+        assert energy == pytest.approx(float(potential_energy(model, (), DATA, sites)), rel=1e-12)
+    step = 1e-5 * np.ones_like(points)
+    slope = (made.potential(points + step)[0] - made.potential(points - step)[0]) / 2e-5
+    np.testing.assert_allclose(gradients.sum(axis=1), slope, rtol=1e-6)
+
+
+def test_chains_that_begin_where_the_covariance_is_known_keep_its_mass_matrix_and_adapt_their_steps():
+    made = chains.Chains(model, DATA, 2, 130, STARTS)
+    unknowns = len(made.middle)
+    root = np.eye(unknowns) + 0.1 * np.tri(unknowns, k=-1)
+    state = made.begin_where(np.stack([made.middle] * 2), root @ root.T, seed=4)
+    np.testing.assert_array_equal(np.asarray(state.i), 30)
+    np.testing.assert_array_equal(made.blocks.join(state.z), np.stack([made.middle] * 2))
+    after = made.advance(state, 100).state
+    for (block,), matrix in made.blocks.inverse_mass(root @ root.T).items():
+        for at in (state, after):
+            np.testing.assert_array_equal(at.adapt_state.inverse_mass_matrix[(block,)], [matrix] * 2)
+    assert (np.asarray(after.adapt_state.step_size) != np.asarray(state.adapt_state.step_size)).all()
+    # The warmup is over: whatever the acceptance, steps stay.
+    np.testing.assert_array_equal(made.advance(after, 10).state.adapt_state.step_size, after.adapt_state.step_size)

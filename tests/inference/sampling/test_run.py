@@ -15,6 +15,7 @@ from bayes_tyre.inference.sampling import run as module
 from bayes_tyre.inference.sampling.checkpoint import Checkpoints
 from bayes_tyre.inference.sampling.nuts import Chains, Chunk
 from bayes_tyre.inference.sampling.run import (
+    LONGEST,
     REPEAT_ACCEPTANCE,
     RUNS,
     Begun,
@@ -228,3 +229,13 @@ def test_a_longer_run_goes_on_from_its_checkpoints(lost, tmp_path):
     # What was lost is made up anew by chains that begin afresh: all of the chunks before it are as they were.
     first = min((lost - 1) * 100, 520) // 4
     np.testing.assert_array_equal(resumed.sites["k"][:, :first], whole.sites["k"][:, :first])
+
+
+def test_many_records_have_fewer_draws_unless_their_number_was_asked_for():
+    default, asked = SamplerSettings(longest=LONGEST), SamplerSettings(draws=1500)
+    assert default.for_records(1000) is default
+    assert asked.for_records(1001) is asked
+    many = default.for_records(1001)
+    assert many.draws < default.draws
+    # As many as ever where they are needed.
+    assert many.draws * many.longest == default.draws * default.longest

@@ -1,0 +1,158 @@
+"""The beginning of a collapsed run: where the posterior is, so that the summaries of the records can be about it.
+
+First the normal approximation of what the records share, at its mode; then short runs of the chains that begin there.
+Each time the summaries are made anew about draws. The draws of all chains together also say what the mass matrix is:
+the windows of the warmup in which each chain would learn it by itself are skipped.
+"""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from bayes_tyre.inference.model.collapsed.nearest_summaries import refine_summaries
+from bayes_tyre.inference.model.collapsed.record_summaries import RecordSummaries
+from bayes_tyre.inference.sampling.nuts import CHUNK, Chains
+from bayes_tyre.inference.sampling.posterior_mode import normal_approximation
+from bayes_tyre.inference.sampling.run import Begun, SamplerSettings
+from bayes_tyre.inference.sampling.summary_error import SUMMARY_ERROR_MOST, SummaryError, flat, summary_error
+
+#: Times that the summaries are made anew about the mode, at most; and about a chunk of the chains, at least and at
+#: most, for so few draws do not show every error that is too large.
+_ROUNDS_AT_MODE, _ROUNDS_OF_CHAINS = 4, (2, 4)
+#: Chunks before the first round of chains that begin far from the posterior.
+_ON_THE_WAY = 2
+#: Draws that what was known of the covariance counts as, beside a chunk's of each chain.
+_KNOWN_AS_DRAWS = 100
+
+
+class Place(NamedTuple):
+    """Where the posterior is, as far as it is known.
+
+    Attributes
+    ----------
+    summaries, error:
+        Of the records, and how far those were off that they were made from.
+    points, covariance:
+        A point for each chain, and the covariance about them, of the unknowns of what the records share; None: not
+        known.
+    """
+
+    summaries: RecordSummaries
+    error: SummaryError
+    points: Float[np.ndarray, "chains unknowns"] | None = None
+    covariance: Float[np.ndarray, "unknowns unknowns"] | None = None
+
+    @property
+    def accurate(self) -> bool:
+        """Whether the summaries were good enough, but for chance."""
+        return self.error.at_least <= SUMMARY_ERROR_MOST
+
+
+class Pilot(NamedTuple):
+    """What a pilot run moves: chains, the arguments of their model but the summaries, their starts, the settings."""
+
+    chains: Chains
+    arguments: Mapping[str, Any]
+    starts: Mapping[str, Any]
+    settings: SamplerSettings
+
+    def run(self) -> Place:
+        """Return where the posterior is."""
+        self.settings.on_stage("posterior mode", None)
+        place = first = Place(self.arguments["summaries"], self._unknown())
+        for number in range(_ROUNDS_AT_MODE):
+            place = self._about_mode(place, number) or first
+            if place is first or place.accurate:
+                break
+        least, most = _ROUNDS_OF_CHAINS
+        for number in range(most):
+            place = self._about_chunk(place, number)
+            if not np.isfinite(place.error.total) or (number + 1 >= least and place.accurate):
+                break
+        return place
+
+    def about(self, place: Place, sites: Mapping[str, np.ndarray]) -> Place:
+        """Return a place with its summaries made anew about draws of every site."""
+        return self._placed(sites)._replace(points=place.points, covariance=place.covariance)
+
+    def chains_at(self, place: Place, number: int) -> tuple[Chains, Begun]:
+        """Return the chains with the summaries of a place, and the state in which they are there.
+
+        They are a chunk before the end of their warmup; `number` tells one such state from others.
+        """
+        chains = self._given(place.summaries)
+        state = self._begin(chains, place, _ROUNDS_OF_CHAINS[1] + number)
+        return chains, Begun(state, max(self.settings.warmup - CHUNK, 0))
+
+    def error(self, sites: Mapping[str, np.ndarray]) -> SummaryError:
+        """Return how far the summaries are off that draws of every site were made with."""
+        return summary_error(sites, self.chains.sampled, self._cases())
+
+    def _about_mode(self, place: Place, number: int) -> Place | None:
+        """Return the place at the mode that there is with these summaries; None where there is none."""
+        chains, seed = self._given(place.summaries), self.settings.seed
+        start = chains.middle if place.points is None else place.points.mean(axis=0)
+        approximation = normal_approximation(chains.potential, start, chains.chains)
+        if approximation is None:
+            return None
+        draws = approximation.draw(chains.chains * CHUNK, seed).reshape(chains.chains, CHUNK, -1)
+        sites = chains.constrain(chains.blocks.split(draws), (seed, number))
+        place = self._placed(sites)._replace(points=draws[:, -1], covariance=approximation.covariance)
+        return place if np.isfinite(place.error.total) else None
+
+    def _about_chunk(self, place: Place, number: int) -> Place:
+        """Return where the chains are after a chunk that begins at a place."""
+        chains, settings = self._given(place.summaries), self.settings
+        state, count = self._begin(chains, place, number), 1 if place.points is not None else 1 + _ON_THE_WAY
+        settings.on_stage("pilot run", count * CHUNK)
+        for _ in range(count):
+            chunk = chains.advance(state, CHUNK)
+            state = chunk.state
+            settings.on_progress(CHUNK)
+        sites = chains.constrain(chunk.unconstrained, (settings.seed, number))
+        draws = flat(chains.blocks.join(chunk.unconstrained))
+        known = np.eye(draws.shape[1]) if place.covariance is None else place.covariance
+        share = len(draws) / (len(draws) + _KNOWN_AS_DRAWS)
+        covariance = share * np.cov(draws.T) + (1.0 - share) * known
+        return self._placed(sites)._replace(points=chains.blocks.join(state.z), covariance=covariance)
+
+    def _placed(self, sites: Mapping[str, np.ndarray]) -> Place:
+        """Return summaries about draws of every site, and how far those were off that the draws were made with."""
+        error = self.error(sites)
+        summaries = _summaries_about(sites, self.arguments)
+        if not all(np.isfinite(np.asarray(leaf)).all() for leaf in jax.tree.leaves(summaries)):
+            # Draws that are all one, of chains that stood still, are no posterior to go by.
+            error = self._unknown()
+        return Place(summaries, error)
+
+    def _given(self, summaries: RecordSummaries) -> Chains:
+        return self.chains.given({**self.arguments, "summaries": summaries}, self.starts)
+
+    def _begin(self, chains: Chains, place: Place, number: int) -> Any:
+        if place.points is None or place.covariance is None:
+            return chains.begin(self.settings.seed)
+        seed = int(np.random.SeedSequence((self.settings.seed, number)).generate_state(1)[0])
+        return chains.begin_where(place.points, place.covariance, seed)
+
+    def _unknown(self) -> SummaryError:
+        return SummaryError(np.inf, np.inf, self._cases()[0], np.inf)
+
+    def _cases(self) -> list[str]:
+        return [case.label for case in self.arguments["factors"].cases]
+
+
+def _summaries_about(sites: Mapping[str, np.ndarray], arguments: Mapping[str, Any]) -> RecordSummaries:
+    """Return summaries of the records about draws."""
+    of_records = {name: jnp.asarray(flat(sites[name])) for name in ("k", "beta", "sigma", "rho") if name in sites}
+    log_values = jnp.log(jnp.stack([of_records["k"], of_records["beta"]], axis=-1))
+    noise = [jnp.log(of_records["sigma"]), *([jnp.arctanh(of_records["rho"])] if "rho" in sites else [])]
+    factors = arguments["factors"]
+    mean_J = jnp.mean(flat(sites["J_group"]), axis=0)[factors.group.of_case[factors.of_record]]
+    # The log likelihood of a record is nearly linear in the variance of J.
+    of_J = mean_J, jnp.sqrt(jnp.mean(sites["sd_J"] ** 2))
+    noise_draws = jnp.stack(noise, axis=-1)
+    return refine_summaries(arguments["data"], arguments["likelihood"], log_values, noise_draws, *of_J)
