@@ -146,7 +146,8 @@ def fit(
     records:
         A record table; it is checked.
     settings:
-        How much to sample; by default 1,500 draws a chain, taken from up to four times as many where they are needed.
+        How much to sample; by default 1,500 draws a chain (500 of more than 1,000 records), taken from up to 6,000
+        where they are needed.
     model:
         Options of the model: `ModelSettings(repeats="student")`.
     priors:
@@ -183,12 +184,14 @@ def fit(
     if not isinstance(settings, SamplerSettings | None):
         raise BadInput("the second argument is how much to sample; options of the model go by name: model=...")
     given = {"chains": chains, "warmup": warmup, "draws": draws, "seed": seed}
-    settings = settings or SamplerSettings(longest=LONGEST if draws is None else 1)
+    default = settings is None and draws is None
+    settings = settings or SamplerSettings(longest=LONGEST if default else 1)
     settings = replace(settings, **{name: value for name, value in given.items() if value is not None})
     model = _with_priors(model, priors)
     table = check_record_table(records)
     if not units_checked and (suspicions := suspicious_units(table)):
         raise BadInput(f"{suspicions[0]}; or say units_checked=True")
+    settings = settings.for_records(table["record"].nunique()) if default else settings
     prepare_jax(max(settings.chains, _DEVICES))
     if out is not None:
         return _with_warning(_fit_into(Path(out), table, settings, model, units_checked, progress))

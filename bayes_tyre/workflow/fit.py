@@ -2,7 +2,7 @@
 
 import shlex
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import pandas as pd
@@ -76,6 +76,10 @@ class Plan:
     limit: str | None = None
     reference: str | None = None
     record_draws: int | None = None
+
+    def for_records(self, count: int) -> "Plan":
+        """Return the plan for so many records (`SamplerSettings.for_records`)."""
+        return replace(self, sampler=self.sampler.for_records(count))
 
     @property
     def inputs(self) -> list[Path]:

@@ -84,7 +84,8 @@ def fit(
     if from_run is not None:
         from bayes_tyre.workflow.fit import planned_in
 
-        _run(planned_in(from_run, shell.warn), out, resume, xlsx, quiet)
+        plan = planned_in(from_run, shell.warn)
+        _run(plan, _checked_table(plan), out, resume, xlsx, quiet)
         return
     from bayes_tyre.inference.model.settings import ModelSettings
     from bayes_tyre.results.limits import OF_RECORDS
@@ -110,18 +111,18 @@ def fit(
     settings = sampled.settings(chains, warmup, draws, seed, target_accept)
     limit = shell.checked_limit(limit, OF_RECORDS)
     plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns, limit, reference, record_draws)
-    _run(plan, out, resume, xlsx, quiet)
+    table = _checked_table(plan)
+    _run(plan.for_records(table["record"].nunique()), table, out, resume, xlsx, quiet)
 
 
-def _run(plan: "Plan", out: Path, resume: bool, xlsx: bool, quiet: bool) -> None:
+def _run(plan: "Plan", table: "pd.DataFrame", out: Path, resume: bool, xlsx: bool, quiet: bool) -> None:
     """Fit as planned, print its progress, and end as the verdict says."""
     from bayes_tyre.record_table import origin_of
     from bayes_tyre.workflow.fit import fit_table  # imports JAX, which starts only when it computes
 
-    table, sampler = _checked_table(plan), plan.sampler
-    prepare_jax(sampler.chains)
+    prepare_jax(plan.sampler.chains)
     origin = origin_of(table)
-    shell.say(f"fitting {table['record'].nunique()} records (data: {origin}), {sampler.chains} chains", quiet)
+    shell.say(f"fitting {table['record'].nunique()} records (data: {origin}), {plan.sampler.chains} chains", quiet)
     sampled.fitted(
         lambda callbacks: fit_table(table, plan, out, sys.argv[1:], callbacks, resume=resume, xlsx=xlsx),
         out=out,
