@@ -13,20 +13,24 @@ from bayes_tyre.inference.diagnostics.leave_one_out import EFFECTIVE_LEAST, PARE
 #: Differences below this many standard errors, or below so much log density, tell no model from another (Sivula,
 #: Magnusson and Vehtari 2025, "Uncertainty in Bayesian leave-one-out cross-validation based model comparison").
 STANDARD_ERRORS, LEAST_DIFFERENCE = 2.0, 4.0
+#: What may be left out.
+RECORD, CASE = "record", "case"
 
 
-def compare(predicted: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str]) -> pd.DataFrame:
-    """Return `comparison.csv`: a row a model, the best first.
+def compare(predicted: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str], unit: str = RECORD) -> pd.DataFrame:
+    """Return `comparison.csv`, or `comparison_cases.csv`: a row a model, the best first.
 
     Columns: `model, rank, elpd, se, elpd_difference, difference_se` (to the best; log density, dimensionless),
-    `p_loo` (effective number of parameters), `weight` (stacking), `records, pareto_k_max, refitted` (records for which
-    the model was fitted again), `effective_points_min`, `verdict` (``fail`` where the posterior's is, or where the
-    estimate itself cannot be trusted).
+    `p_loo` (effective number of parameters), `weight` (stacking), `records` or `cases`, `pareto_k_max, refitted` (for
+    how many of them the model was fitted again), `effective_points_min`, `verdict` (``fail`` where the posterior's is,
+    or where the estimate itself cannot be trusted).
 
     Parameters
     ----------
     predicted, verdicts:
-        By model: what it predicts of records left out, and the verdict on its posterior.
+        By model: what it predicts of records, or cases, left out, and the verdict on its posterior.
+    unit:
+        What was left out: `RECORD` or `CASE`.
     """
     table = az.compare(_about_best(predicted), method="stacking", round_to="none")
     rows = []
@@ -44,7 +48,7 @@ def compare(predicted: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str]) -
                 "difference_se": float(row["dse"]),
                 "p_loo": float(row["p"]),
                 "weight": float(row["weight"]),
-                "records": len(each.pareto_k),
+                f"{unit}s": len(each.pareto_k),
                 "pareto_k_max": float(each.pareto_k.max()),
                 "refitted": int(each.refitted.sum()),
                 "effective_points_min": float(each.effective_points.min()),
@@ -90,28 +94,37 @@ def by_record(predicted: Mapping[str, LeaveOneOut]) -> pd.DataFrame:
 def sentence(table: pd.DataFrame) -> str:
     """Return what a comparison means: which model predicts best, and whether that is more than luck."""
     best, others = table.iloc[0], table.iloc[1:]
+    unit = CASE if f"{CASE}s" in table else RECORD
     difference = others["elpd_difference"].abs()
     tied = (difference < STANDARD_ERRORS * others["difference_se"]) | (difference < LEAST_DIFFERENCE)
     sentences = []
     if tied.any():
         sentences.append(
-            f"{best['model']} predicts a record left out best, but these {int(best['records'])} records cannot tell it "
-            f"from {_listed(others[tied])}: take the simpler"
+            f"{best['model']} predicts a {unit} left out best, but these {int(best[f'{unit}s'])} {unit}s cannot tell "
+            f"it from {_listed(others[tied])}: take the simpler"
         )
     if not tied.all():
         sentences.append(
-            f"{best['model']} predicts a record left out better than {_listed(others[~tied])}, by more than chance"
+            f"{best['model']} predicts a {unit} left out better than {_listed(others[~tied])}, by more than chance"
         )
     return "; ".join(sentences) + "."
 
 
 def rank_lines(table: pd.DataFrame) -> list[str]:
-    """Return a line a model: rank, name, expected log predictive density, difference from the best, and weight."""
+    """Return a line on what was left out, then a line a model: rank, name, elpd, difference from the best, weight."""
+    unit = _unit(table)
     return [
-        f"{row.rank}  {row.model}  elpd {row.elpd:.1f} ± {row.se:.1f}  difference {row.elpd_difference:.1f} "
-        f"± {row.difference_se:.1f}  weight {row.weight:.2f}  {row.verdict}"
-        for row in table.itertuples()
+        f"{unit}s left out, one at a time:",
+        *(
+            f"{row.rank}  {row.model}  elpd {row.elpd:.1f} ± {row.se:.1f}  difference {row.elpd_difference:.1f} "
+            f"± {row.difference_se:.1f}  weight {row.weight:.2f}  {row.verdict}"
+            for row in table.itertuples()
+        ),
     ]
+
+
+def _unit(table: pd.DataFrame) -> str:
+    return CASE if f"{CASE}s" in table else RECORD
 
 
 def _listed(models: pd.DataFrame) -> str:

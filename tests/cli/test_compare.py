@@ -44,6 +44,14 @@ def test_the_mixture_predicts_better_where_a_repeat_is_discordant(folder, tmp_pa
     # A record of 40 points at 0.03 kN is worth some 40 * 2.09 = 83 in log density, less what its parameters cost.
     usual = by_record.drop(index=ODD)["mixture"]
     assert 50.0 < usual.median() < 84.0
+    of_cases = pd.read_csv(tmp_path / "comparison_cases.csv")
+    assert of_cases["model"].tolist() == ["mixture", "normal"]
+    assert set(of_cases["cases"]) == {8}
+    assert "mixture predicts a case left out" in done.stdout
+    # All three records of a case, which no other record knows: worth less than each is beside the other two.
+    assert 8 * 3 * 40.0 < of_cases["elpd"].iloc[0] < table["elpd"].iloc[0]
+    shown = here("show", tmp_path)
+    assert "cases left out, one at a time:" in shown.stdout
 
 
 def test_folders_that_hold_no_two_fits_of_the_same_points_are_refused(folder, tmp_path):

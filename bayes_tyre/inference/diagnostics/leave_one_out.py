@@ -1,4 +1,4 @@
-"""How well a model predicts a record that it has not seen: leave-one-record-out, a whole record at a time.
+"""How well a model predicts a record, or a case, that it has not seen: leave-one-out, all of its points at a time.
 
 Draws of the posterior with the record are reweighted to the posterior without it, by ArviZ's leave-one-out with
 Pareto-smoothed importance sampling (Vehtari et al. 2024); where k-hat says that this fails, the model is fitted again
@@ -16,10 +16,11 @@ import pandas as pd
 import xarray as xr
 from arviz_stats import ELPDData
 from arviz_stats.loo import loo
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.attempts import Attempt, directly
+from bayes_tyre.inference.diagnostics.case_marginal import densities_of_cases
 from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
 from bayes_tyre.inference.diagnostics.record_marginal import (
     RecordDensity,
@@ -28,6 +29,7 @@ from bayes_tyre.inference.diagnostics.record_marginal import (
     standard_points,
     unknowns,
 )
+from bayes_tyre.inference.model.collapsed.repeats import can_collapse
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
 from bayes_tyre.inference.model.priors import Priors
@@ -101,14 +103,50 @@ def leave_one_record_out(
     if len(names) < 2:
         raise BadInput("one record cannot be predicted from others; models are compared on two or more")
     densities = densities_of_records(as_measured(thinned(tree)), records, model)
-    chains = tree["posterior"].sizes["chain"]
-    by_chain = np.asarray(densities.log_density).reshape(chains, -1, len(names))
-    effective = np.median(np.asarray(densities.effective_points), axis=0)
 
     def refit_without(record: int) -> float:
         return _refit_without(record, records, refit or SamplerSettings(), model)
 
-    return left_out(by_chain, names, effective, refit_without if refit is not None else None, on_refit, attempt)
+    refitting = None if refit is None else refit_without
+    by_chain, effective = _by_chain(densities, tree)
+    return left_out(by_chain, names, effective, refitting, on_refit, attempt)
+
+
+def leave_one_case_out(
+    tree: xr.DataTree,
+    table: pd.DataFrame,
+    model: ModelSettings,
+    refit: SamplerSettings | None = None,
+    on_refit: Callable[[str], None] = lambda _: None,
+    attempt: Attempt = directly,
+) -> LeaveOneOut | None:
+    """Return how well a fitted model predicts the records of each case from the other cases.
+
+    None for models whose cases cannot be integrated out, such as with Student-t repeats, and for a single case.
+    Parameters are those of `leave_one_record_out`.
+    """
+    records = prepare_records(table, model)
+    labels = [case.label for case in records.factors.cases]
+    if len(labels) < 2 or not can_collapse(records.factors, model.repeats):
+        return None
+    densities = densities_of_cases(as_measured(thinned(tree)), records, model)
+
+    def refit_without(case: int) -> float:
+        others = records.factors.of_record != case
+        posterior, rest = _refitted(records, others, refit or SamplerSettings(), model)
+        of_case = densities_of_cases(posterior, records.only(~others, model), model, rest.factors)
+        return _log_mean(np.asarray(of_case.log_density)[:, case])
+
+    refitting = None if refit is None else refit_without
+    by_chain, effective = _by_chain(densities, tree)
+    return left_out(by_chain, labels, effective, refitting, on_refit, attempt)
+
+
+def _by_chain(densities: RecordDensity, tree: xr.DataTree) -> tuple[np.ndarray, np.ndarray]:
+    """Return log densities by chain, and the typical number of points that the integral of each unit rests on."""
+    log_density = np.asarray(densities.log_density)
+    by_chain = log_density.reshape(tree["posterior"].sizes["chain"], -1, log_density.shape[1])
+    return by_chain, np.median(np.asarray(densities.effective_points), axis=0)
 
 
 def left_out(
@@ -126,7 +164,7 @@ def left_out(
     by_chain:
         Log densities of the records, their own parameters integrated out.
     records:
-        Their names.
+        Their names; of cases, their labels.
     effective:
         Effective numbers of points of those integrals.
     refit_without:
@@ -204,8 +242,19 @@ def densities_of_records(posterior: xr.Dataset, records: PreparedRecords, model:
 def _refit_without(record: int, records: PreparedRecords, settings: SamplerSettings, model: ModelSettings) -> float:
     """Return the log predictive density of a record from a fit without it; its case stays, if only by its factors."""
     others = np.arange(len(records.batch.records)) != record
-    posterior = thinned(fit_prepared(records.only(others, model), settings, model))
-    posterior = with_noise_of_records(posterior, model.priors, settings.seed)
+    posterior, _ = _refitted(records, others, settings, model)
     densities = densities_of_records(posterior, records.only(~others, model), model)
-    log_density = np.asarray(densities.log_density)[:, 0]
+    return _log_mean(np.asarray(densities.log_density)[:, 0])
+
+
+def _refitted(
+    records: PreparedRecords, others: Bool[np.ndarray, " records"], settings: SamplerSettings, model: ModelSettings
+) -> tuple[xr.Dataset, PreparedRecords]:
+    """Return draws of a fit to some of the records, and these."""
+    rest = records.only(others, model)
+    posterior = thinned(fit_prepared(rest, settings, model))
+    return with_noise_of_records(posterior, model.priors, settings.seed), rest
+
+
+def _log_mean(log_density: Float[np.ndarray, " draws"]) -> float:
     return float(np.logaddexp.reduce(log_density) - np.log(len(log_density)))

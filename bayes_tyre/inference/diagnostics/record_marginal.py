@@ -78,32 +78,33 @@ def hyperparameters(posterior: xr.Dataset, factors: Factors) -> Hyperparameters:
     records = factors.of_record
     by_case, scatter = [], []
     for parameter in ("k", "beta"):
-        by_case.append(np.log(_flat(posterior[f"{parameter}_case"]))[:, records])
+        by_case.append(np.log(flat(posterior[f"{parameter}_case"]))[:, records])
         if factors.levels.names:
-            effects = {name: _flat(posterior[f"log_{parameter}_{name}"]) for name in factors.levels.names}
+            effects = {name: flat(posterior[f"log_{parameter}_{name}"]) for name in factors.levels.names}
             by_case[-1] = by_case[-1] + factors.levels.offset(effects.__getitem__)
         name = f"sd_log_{parameter}_repeat"
         if f"{name}_by_speed" in posterior:
-            scatter.append(_flat(posterior[f"{name}_by_speed"])[:, factors.speed.of_case[records]])
+            scatter.append(flat(posterior[f"{name}_by_speed"])[:, factors.speed.of_case[records]])
         else:
-            scatter.append(np.broadcast_to(_flat(posterior[name])[:, None], by_case[-1].shape))
+            scatter.append(np.broadcast_to(flat(posterior[name])[:, None], by_case[-1].shape))
     # A posterior of version 0.1 has J about zero.
     mean_J = np.zeros(by_case[0].shape)
     if "J_group" in posterior:
-        mean_J = _flat(posterior["J_group"])[:, factors.group.of_case[records]]
+        mean_J = flat(posterior["J_group"])[:, factors.group.of_case[records]]
     names = ("discordant_weight", "student_nu", "atanh_rho_typical", "sd_atanh_rho")
     return Hyperparameters(
         jnp.asarray(np.stack(by_case, axis=2)),
         jnp.asarray(np.log(np.stack(scatter, axis=2))),
         jnp.asarray(mean_J),
-        jnp.asarray(_flat(posterior["sd_J"])),
-        jnp.asarray(np.log(_flat(posterior["sigma_typical"]))),
-        jnp.asarray(_flat(posterior["sd_log_sigma"])),
-        *(jnp.asarray(_flat(posterior[name])) if name in posterior else None for name in names),
+        jnp.asarray(flat(posterior["sd_J"])),
+        jnp.asarray(np.log(flat(posterior["sigma_typical"]))),
+        jnp.asarray(flat(posterior["sd_log_sigma"])),
+        *(jnp.asarray(flat(posterior[name])) if name in posterior else None for name in names),
     )
 
 
-def _flat(draws: xr.DataArray) -> np.ndarray:
+def flat(draws: xr.DataArray) -> np.ndarray:
+    """Return draws one after the other, whatever their chain."""
     sample = draws.transpose("chain", "draw", ...).to_numpy()
     return sample.reshape(-1, *sample.shape[2:])
 
@@ -134,7 +135,14 @@ def standard_points(of_each: int, seed: int, points: int = POINTS) -> Float[Arra
     return jnp.asarray(norm.ppf(uniform[:, :-1]) * mixing)
 
 
-def _log_standard(z: Float[Array, "*points dimensions"]) -> Float[Array, "*points"]:
+def student_points(random: np.random.Generator, shape: tuple[int, ...]) -> Float[Array, "..."]:
+    """Return random points of the same t, as `log_standard` has it: its dimensions are the last axis but one."""
+    mixing = np.sqrt(TAILS / random.chisquare(TAILS, (*shape[:-2], 1, shape[-1])))
+    return jnp.asarray(random.standard_normal(shape) * mixing)
+
+
+def log_standard(z: Float[Array, "*points dimensions"]) -> Float[Array, "*points"]:
+    """Return the log density of a standard t with `TAILS` degrees of freedom."""
     dimensions = z.shape[-1]
     volume = gammaln(0.5 * (TAILS + dimensions)) - gammaln(0.5 * TAILS) - 0.5 * dimensions * jnp.log(TAILS * jnp.pi)
     return volume - 0.5 * (TAILS + dimensions) * jnp.log1p(jnp.sum(z**2, axis=-1) / TAILS)
@@ -162,23 +170,15 @@ def record_density(
     widening:
         How many times the usual standard deviation that of discordant repeats is.
     """
-    log_z = _log_standard(z)
+    log_z = log_standard(z)
 
     def given(population: Hyperparameters) -> RecordDensity:
-        sd_of_offsets = jnp.stack([data.span, jnp.broadcast_to(population.sd_J, data.span.shape)], axis=1)
-
-        def forces_at(log_values: Array, log_sigma: Array, rho: Array | None) -> Array:
-            of_offsets = likelihood.of_offsets(log_values, jnp.exp(log_sigma), rho)
-            about = of_offsets.about(data.F_0 - likelihood.first_force, population.mean_J)
-            return about.with_prior(sd_of_offsets).log_marginal
-
         def integral(log_widening: float) -> tuple[Array, Array]:
             wide = population._replace(log_scatter=population.log_scatter + log_widening)
             placed = _log_values(z[:, :2], estimates, wide)
-            log_sigma, atanh_rho, narrow = _noise(z[:, 2:], estimates, population)
-            rho = None if atanh_rho is None else jnp.tanh(atanh_rho)
-            forces = jax.vmap(forces_at, in_axes=(0, 0, None if rho is None else 0))(placed.value, log_sigma, rho)
-            prior = _log_prior_of_noise(log_sigma, atanh_rho, population) + _about_case(placed.value, wide)
+            log_sigma, atanh_rho, narrow = noise_about(z[:, 2:], estimates, population)
+            forces = forces_at(likelihood, data, population, placed.value, log_sigma, atanh_rho)
+            prior = log_prior_of_noise(log_sigma, atanh_rho, population) + _about_case(placed.value, wide)
             weight = forces + prior + placed.log_volume + narrow - log_z[:, None]
             total = logsumexp(weight, axis=0)
             return total - jnp.log(len(z)), jnp.exp(2.0 * total - logsumexp(2.0 * weight, axis=0))
@@ -195,6 +195,26 @@ def record_density(
     return jax.lax.map(given, of)
 
 
+def forces_at(
+    likelihood: Likelihood,
+    data: RecordData,
+    of: Hyperparameters,
+    log_values: Float[Array, "points records 2"],
+    log_sigma: Float[Array, "points records"],
+    atanh_rho: Float[Array, "points records"] | None,
+) -> Float[Array, "points records"]:
+    """Return the log density of each record's forces at points of its parameters, F_i and J integrated out."""
+    sd_of_offsets = jnp.stack([data.span, jnp.broadcast_to(of.sd_J, data.span.shape)], axis=1)
+
+    def at(log_values: Array, log_sigma: Array, atanh_rho: Array | None) -> Array:
+        rho = None if atanh_rho is None else jnp.tanh(atanh_rho)
+        of_offsets = likelihood.of_offsets(log_values, jnp.exp(log_sigma), rho)
+        about = of_offsets.about(data.F_0 - likelihood.first_force, of.mean_J)
+        return about.with_prior(sd_of_offsets).log_marginal
+
+    return jax.vmap(at, in_axes=(0, 0, None if atanh_rho is None else 0))(log_values, log_sigma, atanh_rho)
+
+
 def _log_values(z: Float[Array, "points 2"], estimates: RecordEstimates, of: Hyperparameters) -> Reparameterised:
     """Return (log k, log beta) about each record's posterior given hyperparameters; leading axis points."""
     quadratic = estimates.of_log_values(of.mean_J, of.sd_J)
@@ -209,8 +229,8 @@ def _log_values(z: Float[Array, "points 2"], estimates: RecordEstimates, of: Hyp
     return jax.vmap(at)(z)
 
 
-def _noise(
-    z: Float[Array, "points some"], estimates: RecordEstimates, of: Hyperparameters
+def noise_about(
+    z: Float[Array, "points some *records"], estimates: RecordEstimates, of: Hyperparameters
 ) -> tuple[Float[Array, "points records"], Float[Array, "points records"] | None, Float[Array, "points records"]]:
     """Return log sigma, and atanh rho for autoregressive noise, likewise; and the log volume of the map."""
 
@@ -238,7 +258,7 @@ def _log_normal(value: Array, centre: Array | float, log_scale: Array) -> Array:
     return -0.5 * ((value - centre) * jnp.exp(-log_scale)) ** 2 - log_scale - 0.5 * jnp.log(2.0 * jnp.pi)
 
 
-def _log_prior_of_noise(
+def log_prior_of_noise(
     log_sigma: Float[Array, "points records"], atanh_rho: Float[Array, "points records"] | None, of: Hyperparameters
 ) -> Float[Array, "points records"]:
     """Return the log density of the noise of each record, as `records_model` has it."""

@@ -29,7 +29,7 @@ RUNS_AT_MOST = 2
 LONGEST = 4
 #: Above so many records, draws of each chain, and how many times as many a run takes at most: their number sets the
 #: time and the memory of all that follows the chains, and what so many records share mixes well.
-_MANY_RECORDS, _OF_MANY_RECORDS = 1000, (500, 12)
+_MANY_RECORDS, _OF_MANY_RECORDS = 1000, (750, 8)
 #: Attribute of a posterior's tree with the runs of the sampler behind it, as JSON.
 RUNS = "sampler_runs"
 

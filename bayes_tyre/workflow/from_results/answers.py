@@ -116,10 +116,13 @@ def _next(table: pd.DataFrame, folder: Path) -> list[str]:
     return [about, *candidate_lines(table.assign(**given)), plan_line(timed, now)]
 
 
-def _comparison(table: pd.DataFrame, _folder: Path) -> list[str]:
+def _comparison(table: pd.DataFrame, folder: Path) -> list[str]:
     from bayes_tyre.results.model_comparison import rank_lines, sentence
+    from bayes_tyre.workflow.from_results.compare import OF_CASES
 
-    return ["models compared by leave-one-record-out", *rank_lines(table), sentence(table)]
+    of_cases = folder / OF_CASES
+    tables = [table, *([read_table(of_cases)] if of_cases.exists() else [])]
+    return ["models compared by leave-one-out", *(line for one in tables for line in (*rank_lines(one), sentence(one)))]
 
 
 def _prediction(table: pd.DataFrame, _folder: Path) -> list[str]:

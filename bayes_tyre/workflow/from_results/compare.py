@@ -1,6 +1,7 @@
 """Comparison of models fitted to the same records or raw files, from their result folders: `comparison.csv`."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,42 +14,49 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder, whole_file
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.diagnostics.attempts import Attempt, Attempts
-from bayes_tyre.inference.diagnostics.leave_one_out import LeaveOneOut, leave_one_record_out
+from bayes_tyre.inference.diagnostics.leave_one_out import LeaveOneOut, leave_one_case_out, leave_one_record_out
 from bayes_tyre.inference.motion.hierarchy.leave_one_out import leave_one_motion_out
 from bayes_tyre.inference.sampling.datatree import is_of_motions
 from bayes_tyre.inference.sampling.run import SamplerSettings, kept_acceptance
-from bayes_tyre.results.model_comparison import by_record, compare, sentence
+from bayes_tyre.results.model_comparison import CASE, by_record, compare, sentence
 from bayes_tyre.results.provenance import RUN_JSON, read_run
 from bayes_tyre.workflow.fit import Plan, planned_in
 from bayes_tyre.workflow.from_results.predict import Result, read_posterior, read_result
 from bayes_tyre.workflow.record_tables import read_given
 from bayes_tyre.workflow.result_names import names
 
-NAME, BY_RECORD = "comparison.csv", "comparison_records.csv"
+NAME, BY_RECORD, OF_CASES = "comparison.csv", "comparison_records.csv", "comparison_cases.csv"
 #: A refit gets fewer draws than a fit: only averages over them are needed.
 REFIT = SamplerSettings(warmup=400, draws=250)
+
+
+type Predict[Predicted] = Callable[[SamplerSettings | None, Callable[[str], None], Attempt], Predicted]
 
 
 @dataclass(frozen=True)
 class Comparison:
     """A comparison that was written.
 
-    Its table, its conclusion in a sentence, its files, what failed on the way, and which models are not to be trusted
-    and why.
+    Its table, and one of cases left out if there is one; a sentence on each; its files, what failed on the way, and
+    which models are not to be trusted and why.
     """
 
-    table: pd.DataFrame
-    sentence: str
-    paths: tuple[Path, Path]
+    tables: tuple[pd.DataFrame, ...]
+    sentences: tuple[str, ...]
+    paths: tuple[Path, ...]
     failed: tuple[str, ...] = ()
     untrusted: tuple[str, ...] = ()
 
 
 class _Model(NamedTuple):
-    """A model that is compared: how to sample it again, and what predicts its records left out, given that."""
+    """A model that is compared: how to sample it again, and what predicts its records, and cases, left out, given that.
+
+    `predict_cases` gives None where the model's cases cannot be integrated out.
+    """
 
     sampler: SamplerSettings
-    predict: Callable[[SamplerSettings | None, Callable[[str], None], Attempt], LeaveOneOut]
+    predict: Predict[LeaveOneOut]
+    predict_cases: Predict[LeaveOneOut | None] = lambda *_: None
 
 
 def compare_folders(
@@ -93,24 +101,35 @@ def compare_folders(
         models = _motions(by_name, {name: tree for name, (_, tree, _) in zip(by_name, posteriors, strict=True)})
     else:
         models = _fits(by_name, on_note)
-    left_out: dict[str, LeaveOneOut] = {}
+    left_out, of_cases = dict[str, LeaveOneOut](), dict[str, LeaveOneOut]()
     failed: list[str] = []
     for name, model in models.items():
         attempts = Attempts()
-        predicted = attempts("leave-one-record-out", partial(_predicted, name, model, refit, on_note, attempts), None)
-        left_out |= {} if predicted is None else {name: predicted}
+        for what, predict, found in (("record", model.predict, left_out), ("case", model.predict_cases, of_cases)):
+            work = partial(_predicted, name, predict, model.sampler if refit else None, on_note, attempts)
+            predicted = attempts(f"leave-one-{what}-out", work, None)
+            found |= {} if predicted is None else {name: predicted}
         failed += [f"{name}: {check.reason}" for check in attempts.failed]
         on_progress(1)
     if len(left_out) < 2:
         raise BadInput(f"fewer than two models are left to compare: {'; '.join(failed)}")
-    compared = compare(left_out, verdicts)
+    tables = {NAME: compare(left_out, verdicts), BY_RECORD: by_record(left_out)}
+    if of_cases.keys() == left_out.keys():  # a ranking of some of the models would be taken for one of all
+        tables[OF_CASES] = compare(of_cases, verdicts, CASE)
     prepare_folder(out)
-    paths = (out / NAME, out / BY_RECORD)
-    with whole_file(paths[0]) as first, whole_file(paths[1]) as second:
-        write_table(compared, first)
-        write_table(by_record(left_out), second)
-    untrusted = (_untrusted(name, verdicts[name], compared) for name in left_out)
-    return Comparison(compared, sentence(compared), paths, tuple(failed), tuple(filter(None, untrusted)))
+    (out / OF_CASES).unlink(missing_ok=True)
+    with ExitStack() as whole:
+        for name, table in tables.items():
+            write_table(table, whole.enter_context(whole_file(out / name)))
+    ranked = [tables[name] for name in (NAME, OF_CASES) if name in tables]
+    untrusted = (_untrusted(name, verdicts[name], tables[NAME]) for name in left_out)
+    return Comparison(
+        tuple(ranked),
+        tuple(map(sentence, ranked)),
+        tuple(out / name for name in tables),
+        tuple(failed),
+        tuple(filter(None, untrusted)),
+    )
 
 
 def _untrusted(name: str, verdict: str, compared: pd.DataFrame) -> str:
@@ -127,15 +146,19 @@ def _untrusted(name: str, verdict: str, compared: pd.DataFrame) -> str:
     )
 
 
-def _predicted(
-    name: str, model: _Model, refit: bool, on_note: Callable[[str], None], attempt: Attempt
-) -> LeaveOneOut | None:
-    """Return what a model predicts of its records left out; never None, which stands for a failure."""
+def _predicted[Predicted](
+    name: str,
+    predict: Predict[Predicted],
+    refit: SamplerSettings | None,
+    on_note: Callable[[str], None],
+    attempt: Attempt,
+) -> Predicted | None:
+    """Return what a model predicts of its records, or cases, left out; None stands for a failure too."""
 
-    def say_refit(record: str) -> None:
-        on_note(f"{name}: fitted again without {record}: it has too much influence for importance sampling")
+    def say_refit(unit: str) -> None:
+        on_note(f"{name}: fitted again without {unit}: it has too much influence for importance sampling")
 
-    return model.predict(model.sampler if refit else None, say_refit, attempt)
+    return predict(refit, say_refit, attempt)
 
 
 def _motions(folders: Mapping[str, Path], trees: Mapping[str, xr.DataTree]) -> dict[str, _Model]:
@@ -172,7 +195,9 @@ def _fits(folders: Mapping[str, Path], on_note: Callable[[str], None]) -> dict[s
     _check_same(read)
     return {
         name: _Model(
-            _refit(plan.sampler.seed, result.tree), partial(leave_one_record_out, result.tree, table, plan.model)
+            _refit(plan.sampler.seed, result.tree),
+            partial(leave_one_record_out, result.tree, table, plan.model),
+            partial(leave_one_case_out, result.tree, table, plan.model),
         )
         for name, plan, result, table in read
     }

@@ -1,4 +1,4 @@
-"""`compare`: models of the same records, ranked by leave-one-record-out prediction."""
+"""`compare`: models of the same records, ranked by what they predict of a record, or of a case, left out."""
 
 from pathlib import Path
 from typing import Annotated
@@ -19,17 +19,18 @@ def compare(
     out: Annotated[Path | None, typer.Option(help="Folder for comparison.csv; default: the first DIR.")] = None,
     refit: Annotated[
         bool,
-        typer.Option(help="Fit again without a record where importance sampling fails (Pareto k > 0.7)."),
+        typer.Option(help="Fit again without a record, or case, where importance sampling fails (Pareto k > 0.7)."),
     ] = True,
     quiet: Quiet = False,
 ) -> None:
-    """Compare models by leave-one-record-out: which of them best predicts a whole record from the others.
+    """Compare models by leave-one-out: which best predicts a record, or all records of a case, from the others.
 
     Of fits it ranks models of one record table, of motions the force laws (motion --law) that the same raw files were
     fitted with. A record's own parameters (k kN/mm, beta mm, J and sigma kN; of a motion all its unknowns) are
-    integrated out. Writes comparison.csv (a row a model, the best first: elpd, its standard error, the difference to
-    the best) and comparison_records.csv (a row a model and record), and prints the conclusion in a sentence. Ends with
-    code 4 where a posterior, or an estimate, is not to be trusted.
+    integrated out; of fits, those of a case too (in comparison_cases.csv), as for a case that was not tested. Writes
+    comparison.csv (a row a model, the best first: elpd, its standard error, the difference to the best) and
+    comparison_records.csv (a row a model and record), and prints the conclusions in a sentence each. Ends with code 4
+    where a posterior, or an estimate of records, is not to be trusted.
 
     Example: bayes-tyre compare results/fit results/fit_student results/fit_normal
     """
@@ -39,8 +40,9 @@ def compare(
 
     with progress("compare", len(folders), quiet) as advance:
         done = compare_folders(folders, out or folders[0], refit=refit, on_note=warn, on_progress=advance)
-    for line in (*rank_lines(done.table), done.sentence):
-        say(line, quiet)
+    for table, sentence in zip(done.tables, done.sentences, strict=True):
+        for line in (*rank_lines(table), sentence):
+            say(line, quiet)
     for path in done.paths:
         say(f"wrote {path}", quiet)
     for failure in done.failed:
