@@ -74,20 +74,20 @@ def case_population(posterior: xr.Dataset, factors: Factors) -> CasePopulation:
         for name, factor in factors.effects(parameter).items():
             mean = mean + flat(posterior[f"log_{parameter}_{name}"])[:, factor.of_case] * factor.weight
         sd = f"sd_log_{parameter}_case"
-        remainder = flat(posterior[sd]) if sd in posterior else np.zeros(draws)
+        of_case = flat(posterior[sd]) if sd in posterior else np.zeros(draws)
         sd = f"sd_log_{parameter}_repeat"
         by_speed = posterior.get(f"{sd}_by_speed")
-        scatter = flat(posterior[sd])[:, None] if by_speed is None else flat(by_speed)[:, factors.speed.of_case]
+        of_repeat = flat(posterior[sd])[:, None] if by_speed is None else flat(by_speed)[:, factors.speed.of_case]
         offset = np.zeros((draws, len(factors.of_record)))
         if factors.levels.names:
             effects = {name: flat(posterior[f"log_{parameter}_{name}"]) for name in factors.levels.names}
             offset = factors.levels.offset(effects.__getitem__)
         means.append(mean)
-        remainders.append(remainder[:, None])
-        scatters.append(np.broadcast_to(scatter, mean.shape))
+        remainders.append(of_case[:, None])
+        scatters.append(np.broadcast_to(of_repeat, mean.shape))
         offsets.append(offset)
-    of_cases = (jnp.asarray(np.stack(each, axis=1)) for each in (means, remainders, scatters))
-    return CasePopulation(*of_cases, jnp.asarray(np.stack(offsets, axis=2)))
+    mean, remainder, scatter = (jnp.asarray(np.stack(each, axis=1)) for each in (means, remainders, scatters))
+    return CasePopulation(mean, remainder, scatter, jnp.asarray(np.stack(offsets, axis=2)))
 
 
 def densities_of_cases(
