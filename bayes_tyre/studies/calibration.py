@@ -17,10 +17,12 @@ from scipy.stats import norm
 
 from bayes_tyre.inference.diagnostics.sampling_checks import BFMI_LEAST
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
-from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS, PARAMETERS
+from bayes_tyre.inference.model.factors import Factors
+from bayes_tyre.inference.model.hyperparameters import PARAMETERS
 from bayes_tyre.inference.sampling.datatree import PROBABILITIES
 from bayes_tyre.studies.design import Design, calibration_design
 from bayes_tyre.studies.design_fit import DesignFit, Sampled
+from bayes_tyre.studies.new_records import centre_of_records, scatter_of_records
 from bayes_tyre.studies.truths import NOTHING, Planted, Truths, draw_truths, noiseless_forces, study_priors
 from bayes_tyre.studies.uniformity import ranks, uniformity_table
 
@@ -87,7 +89,7 @@ def calibrate(
         sampled = fit.sample(force, fit.approximations(force), of_sampler, on_progress)
         for values, forces in ((truths, force), (sampled.draws, force[:, None])):
             values["log_likelihood"] = log_likelihood(fit.design, values, forces)
-            values["log_repeats"] = log_repeats(fit.design, values, fit.model.priors.discordant_widening)
+            values["log_repeats"] = log_repeats(fit.design.factors, values, fit.model.priors.discordant_widening)
         tables_of_sets.append((rank_truths(truths, sampled.draws, start, rng), judge_sampling(sampled, start)))
     ranked, judged = (pd.concat(tables, ignore_index=True) for tables in zip(*tables_of_sets, strict=True))
     table = uniformity_table(
@@ -121,25 +123,20 @@ def log_likelihood(
     return log_density.sum(axis=(-2, -1))
 
 
-def log_repeats(design: Design, values: Truths, widening: float = DISCORDANT_WIDENING) -> Float[np.ndarray, "..."]:
+def log_repeats(factors: Factors, values: Truths, widening: float = DISCORDANT_WIDENING) -> Float[np.ndarray, "..."]:
     """Return the log density of log k and log beta of all records about their cases, at truths or draws.
 
-    As `bayes_tyre.inference.model.repeat_distribution.MixtureAbout` has it, written out once more.
+    As `bayes_tyre.inference.model.repeat_distribution` has its normal and its mixture, written out once more.
     """
-    factors = design.factors
 
     def about_case(wider: float) -> np.ndarray:
         log_density = np.zeros(values["k"].shape)
         for parameter in PARAMETERS:
-            case = values[f"{parameter}_case"][..., factors.of_record]
-            scatter = values[f"sd_log_{parameter}_repeat"][..., None]
-            if factors.speed.varies:
-                by_speed = values[f"sd_log_{parameter}_repeat_by_speed"]
-                scatter = by_speed[..., factors.speed.of_case[factors.of_record]]
-            log_density += norm.logpdf(np.log(values[parameter] / case), 0.0, wider * scatter)
+            off = np.log(values[parameter] / centre_of_records(factors, parameter, values))
+            log_density += norm.logpdf(off, 0.0, wider * scatter_of_records(factors, parameter, values))
         return log_density
 
-    if factors.repeats.max() < JUDGEABLE_REPEATS:
+    if "discordant_weight" not in values:
         return about_case(1.0).sum(axis=-1)
     weight = values["discordant_weight"][..., None]
     usual, discordant = np.log1p(-weight) + about_case(1.0), np.log(weight) + about_case(widening)

@@ -66,6 +66,18 @@ class Sampled(NamedTuple):
     energy: np.ndarray
 
 
+def sample_thinned(chains: Chains, sampling: Thinned, seed: int) -> Sampled:
+    """Return draws of one data set, by site of shape (draws, ...), and the statistics of its chains."""
+    settings, thin, draws = sampling
+    sites, statistics, _ = run(chains, replace(settings, seed=seed))
+    every = {
+        name: np.concatenate(values[:, thin - 1 :: thin])[:draws]
+        for name, values in sites.items()
+        if not name.endswith("_z")
+    }
+    return Sampled(every, *(statistics[name] for name in ("diverging", "n_steps", "energy")))
+
+
 class DesignFit:
     """The fit of a design's records, compiled once for as many data sets as will come.
 
@@ -136,14 +148,7 @@ class DesignFit:
         chains = self._chains.given(
             {"approximation": approximation, **arguments}, record_starts(arguments, approximation.records)
         )
-        settings, thin, draws = self.sampling
-        sites, statistics, _ = run(chains, replace(settings, seed=seed))
-        every = {
-            name: np.concatenate(values[:, thin - 1 :: thin])[:draws]
-            for name, values in sites.items()
-            if not name.endswith("_z")
-        }
-        return Sampled(every, *(statistics[name] for name in ("diverging", "n_steps", "energy")))
+        return sample_thinned(chains, self.sampling, seed)
 
     def _arguments(self, force_kN: Float[np.ndarray, "records points"]) -> dict[str, Any]:
         design = self.design

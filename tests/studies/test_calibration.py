@@ -34,7 +34,7 @@ def test_the_density_of_repeats_at_truths_is_that_of_the_model():
     truths, _ = draw_truths(design, 3, 0, study_priors())
     case = design.factors.of_record
     speed = design.factors.speed.of_case[case]
-    for i, found in enumerate(log_repeats(design, truths)):
+    for i, found in enumerate(log_repeats(design.factors, truths)):
         both = ("k", "beta")
         records, cases = (
             np.stack([np.log(truths[name][i]) for name in both], axis=1),
@@ -50,6 +50,6 @@ def test_draws_of_many_sets_are_weighed_as_truths_are():
     design = quick_design()
     truths, force = draw_truths(design, 4, 1, study_priors())
     draws = {name: np.stack([values, values], axis=1) for name, values in truths.items()}
-    np.testing.assert_allclose(log_repeats(design, draws)[:, 1], log_repeats(design, truths))
+    np.testing.assert_allclose(log_repeats(design.factors, draws)[:, 1], log_repeats(design.factors, truths))
     both = log_likelihood(design, draws, force[:, None])
     np.testing.assert_allclose(both[:, 0], log_likelihood(design, truths, force))
