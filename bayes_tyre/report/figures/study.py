@@ -37,6 +37,8 @@ class RankCurves(NamedTuple):
         Numbers of truths, and of draws that each was ranked among.
     together:
         Probability that uniform ranks of all parameters keep inside.
+    drawn_from:
+        What the truths are drawn from.
     """
 
     at: np.ndarray
@@ -47,6 +49,7 @@ class RankCurves(NamedTuple):
     datasets: int
     draws: int
     together: float
+    drawn_from: str
 
 
 @matplotlib.style.context(STYLE)
@@ -63,8 +66,8 @@ def calibration_plot(curves: RankCurves) -> Figure:
     entries = [(Line2D([], [], color=INK), "calibrated"), (Line2D([], [], color=_WRONG), "not calibrated")]
     layout.legend(figure, [*entries, (Patch(**_BAND), f"{100 * curves.together:g} % band for all panels together")])
     note = (
-        f"Ranks of {curves.datasets} truths among {curves.draws} draws of their posteriors: the share up to "
-        "each rank less the share expected. Truths are drawn from the priors. All above zero: estimates too high; all "
+        f"Ranks of {curves.datasets} truths among {curves.draws} draws of their posteriors: the share up to each rank "
+        f"less the share expected. Truths are drawn from {curves.drawn_from}. All above zero: estimates too high; all "
         "below: too low; first below, then above: intervals too wide; first above, then below: too narrow."
     )
     return layout.finish(figure, _SETTING, note)
