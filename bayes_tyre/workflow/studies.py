@@ -16,7 +16,13 @@ from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.published.tables import characteristic_deflection
 from bayes_tyre.report.figures import audit as audit_figures
 from bayes_tyre.report.figures.page.layout import save
-from bayes_tyre.report.figures.study import RankCurves, calibration_plot, coverage_plot, outlier_plot
+from bayes_tyre.report.figures.study import (
+    RankCurves,
+    calibration_plot,
+    coverage_plot,
+    outlier_calibration_plot,
+    outlier_plot,
+)
 from bayes_tyre.results.provenance import RUN_JSON, begin_run, write_run
 from bayes_tyre.studies.audit.grid import FACTOR_NAMES, PLANS, TYPICAL_LEVELS
 from bayes_tyre.studies.audit.overview import beta_by_window, bias_by_factor, overview
@@ -24,6 +30,8 @@ from bayes_tyre.studies.audit.sentences import conclusion
 from bayes_tyre.studies.audit.study import study_audit
 from bayes_tyre.studies.calibration import Calibration, calibrate
 from bayes_tyre.studies.coverage import CoverageFit, coverage, verdicts
+from bayes_tyre.studies.design import calibration_design
+from bayes_tyre.studies.design_fit import DesignFit
 from bayes_tyre.studies.law_ranking import Ranked, rank_laws
 from bayes_tyre.studies.motion_study import MotionStudy, study_motion, study_records
 from bayes_tyre.studies.outliers import Outliers, study_outliers
@@ -47,21 +55,38 @@ def study_run(command: str, out: Path, seed: int, inputs: Sequence[Path] = (), /
     write_run(run, out)
 
 
-def write_calibration(out: Path, datasets: int, seed: int, on_progress: Callable[[int], None]) -> Calibration:
-    """Write `calibration.csv`, `ranks.csv`, `datasets.csv`, `priors.csv` and the figure into `out`."""
-    with study_run("study calibration", out, seed, datasets=datasets):
-        result = calibrate(datasets, seed, on_progress)
+def write_calibration(
+    out: Path, datasets: int, seed: int, on_progress: Callable[[int], None], noise: str = "iid"
+) -> Calibration:
+    """Write what `write_calibration_files` does, with truths drawn from the priors of a calibration.
+
+    `noise` is ``iid`` or ``ar1``.
+    """
+    with study_run("study calibration", out, seed, datasets=datasets, noise=noise):
+        fit = DesignFit(calibration_design(), priors=study_priors(), noise=noise)
+        result = calibrate(datasets, seed, on_progress, fit=fit)
         write_calibration_files(out, result, study_priors(), "the priors")
     return result
 
 
 def write_calibration_files(out: Path, result: Calibration, priors: Priors, drawn_from: str) -> None:
-    """Write the tables and the figure of a calibration into `out`; `drawn_from` says what its truths are drawn from."""
+    """Write the tables of a calibration and its figures into `out`.
+
+    They are `calibration.csv`, `ranks.csv`, `datasets.csv`, `priors.csv`, and where records can be discordant
+    `outlier_calibration.csv`, with a figure each. `drawn_from` says what the truths are drawn from.
+    """
     write_table(_priors(priors), out / "priors.csv")
     write_table(result.datasets, out / "datasets.csv")
     write_table(result.ranks, out / "ranks.csv")
     write_table(result.table, out / "calibration.csv")
     save(calibration_plot(_curves(result, drawn_from)), out / "figures" / "calibration.png")
+    of_outliers = out / "outlier_calibration.csv", out / "figures" / "outlier_calibration.png"
+    if result.outliers.empty:
+        for path in of_outliers:  # of an earlier run
+            path.unlink(missing_ok=True)
+        return
+    write_table(result.outliers, of_outliers[0])
+    save(outlier_calibration_plot(result.outliers), of_outliers[1])
 
 
 def write_outliers(out: Path, campaigns: int, seed: int, on_progress: Callable[[int], None]) -> Outliers:

@@ -16,6 +16,7 @@ from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.prepared_records import PreparedRecords
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.studies.calibration import Calibration
+from bayes_tyre.studies.outlier_calibration import outlier_calibration
 from bayes_tyre.studies.truths import Truths
 from bayes_tyre.studies.uniformity import uniformity_table
 from bayes_tyre.workflow.from_results import calibration_around as workflow
@@ -49,7 +50,8 @@ def calibration(truths: Truths, *_: object) -> Calibration:
     ranks = pd.DataFrame({"k": np.zeros(datasets, dtype=int), "k_new": rng.integers(0, KEPT + 1, datasets)})
     table = uniformity_table({str(name): ranks[name].to_numpy() for name in ranks}, KEPT)
     ranks.insert(0, "dataset", np.arange(datasets))
-    return Calibration(table, ranks, pd.DataFrame({"dataset": np.arange(datasets), "sampling": "ok"}), KEPT)
+    none = outlier_calibration(np.zeros((datasets, 0)), np.zeros((datasets, 0), dtype=bool))
+    return Calibration(table, ranks, pd.DataFrame({"dataset": np.arange(datasets), "sampling": "ok"}), KEPT, none)
 
 
 def test_it_reads_a_fit_writes_what_a_calibration_writes_and_names_its_inputs(fitted, tmp_path, monkeypatch):

@@ -1,7 +1,7 @@
 """`study`: validation of the posterior on simulated data."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -43,17 +43,28 @@ def calibration(
             "a data set takes 2 to 3 s on two cores, 100 of them 5 minutes.",
         ),
     ] = None,
+    noise: Annotated[
+        Literal["iid", "ar1"] | None,
+        typer.Option(
+            help="Noise of the records, simulated and fitted: independent (iid), or autoregressive (ar1). Default: "
+            "iid; with --around that of the fit.",
+            show_default=False,
+        ),
+    ] = None,
     seed: Seed = 0,
     quiet: Quiet = False,
 ) -> None:
     """Rank true values (k kN/mm, beta mm, J kN, ...) among the draws of their posteriors.
 
     They are drawn from the priors; or with --around from a posterior, for the sampler on data like one's own. Writes
-    calibration.csv (coverage of 50, 80 and 95 % intervals, p-value of uniform ranks), ranks.csv, datasets.csv,
-    priors.csv and figures/. Exit code 4 where a parameter is not calibrated.
+    calibration.csv (coverage of 50, 80 and 95 % intervals, p-value of uniform ranks), outlier_calibration.csv (how many
+    records with about the same outlier_probability were discordant), ranks.csv, datasets.csv, priors.csv and figures/.
+    Exit code 4 where a parameter is not calibrated.
 
     Example: bayes-tyre study calibration --out results/calibration --datasets 500
     """
+    if around is not None and noise is not None:
+        raise typer.BadParameter("contradicts --around, whose fit has its noise; leave it out", param_hint="--noise")
     prepare_jax(DEVICES)
     from bayes_tyre.workflow.from_results.calibration_around import read_around, write_calibration_around
     from bayes_tyre.workflow.studies import write_calibration
@@ -61,7 +72,7 @@ def calibration(
     if around is None:
         sets = datasets or DATASETS
         with progress("calibrating", sets, quiet) as on_progress:
-            result = write_calibration(out, sets, seed, on_progress)
+            result = write_calibration(out, sets, seed, on_progress, noise or "iid")
     else:
         sets = datasets or DATASETS_AROUND
         fitted = read_around(around, sets, warn)
@@ -77,6 +88,9 @@ def _say_calibration(result: "Calibration", out: Path, quiet: bool) -> None:
     say(f"  sampling failed in {failed.sum()} of {len(failed)} data sets; they are included", quiet)
     uncalibrated = result.table.loc[~result.table["calibrated"], "parameter"]
     say(f"  calibrated: {len(result.table) - len(uncalibrated)} of {len(result.table)} parameters", quiet)
+    if not result.outliers.empty:
+        right, ranges = result.outliers["inside"].sum(), len(result.outliers)
+        say(f"  outlier_probability: as many discordant records as predicted in {right} of {ranges} ranges", quiet)
     for name in uncalibrated:
         fault(f"{name}: ranks of truths are not uniform; see {out / 'figures' / 'calibration.png'}")
     if len(uncalibrated):

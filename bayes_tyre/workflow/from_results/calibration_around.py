@@ -7,10 +7,10 @@ from typing import NamedTuple
 from bayes_tyre.errors import BadInput, errors_name
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
 from bayes_tyre.results.provenance import RUN_JSON, read_run
-from bayes_tyre.studies.augmented_fit import AugmentedFit
+from bayes_tyre.studies.around.augmented_fit import AugmentedFit
+from bayes_tyre.studies.around.new_records import posterior_truths
+from bayes_tyre.studies.around.posterior_calibration import calibrate_around
 from bayes_tyre.studies.calibration import Calibration
-from bayes_tyre.studies.new_records import posterior_truths
-from bayes_tyre.studies.posterior_calibration import calibrate_around
 from bayes_tyre.studies.truths import Truths
 from bayes_tyre.workflow.fit import Plan, planned_in
 from bayes_tyre.workflow.from_results.predict import read_posterior

@@ -20,7 +20,7 @@ from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.record_data import LAWS
 from bayes_tyre.inference.sampling.common_scales import with_scale
 from bayes_tyre.inference.sampling.datatree import QUANTITIES
-from bayes_tyre.studies.new_records import draw_new_records, posterior_truths
+from bayes_tyre.studies.around.new_records import draw_new_records, posterior_truths
 from bayes_tyre.studies.truths import Planted, Truths, study_priors
 
 SETS = 1000

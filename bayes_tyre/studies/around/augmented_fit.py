@@ -69,8 +69,7 @@ def log_likelihoods(
 ) -> Float[np.ndarray, "draws records"]:
     """Return the log density of the forces of each record at draws of its parameters, point by point."""
     likelihood = DirectLikelihood(records.data, records.whitening, law)
-    names = [name for name in ("F_i", "J", "k", "beta", "sigma", "rho") if name in values]
-    return np.asarray(_log_likelihoods(likelihood, {name: jnp.asarray(values[name]) for name in names}))
+    return np.asarray(_log_likelihoods(likelihood, {name: jnp.asarray(each) for name, each in values.items()}))
 
 
 @eqx.filter_jit

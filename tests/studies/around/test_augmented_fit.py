@@ -16,7 +16,7 @@ from bayes_tyre.inference.model.prepared_records import PreparedRecords
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.laws.fancher import equation_2_offset
 from bayes_tyre.record import Case
-from bayes_tyre.studies.augmented_fit import augmented, augmented_model, log_likelihoods
+from bayes_tyre.studies.around.augmented_fit import augmented, augmented_model, log_likelihoods
 from bayes_tyre.studies.design import design
 from bayes_tyre.studies.truths import draw_truths, study_priors
 

@@ -22,22 +22,14 @@ on data", arXiv 2502.03279.
 from collections.abc import Callable
 
 import numpy as np
-import pandas as pd
 from jaxtyping import Float
 
 from bayes_tyre.inference.model.factors import INTERACTIONS
 from bayes_tyre.inference.sampling.datatree import QUANTITIES
-from bayes_tyre.studies.augmented_fit import AugmentedFit, log_likelihoods
-from bayes_tyre.studies.calibration import AT_ONCE, Calibration, judge_sampling, log_repeats, rank_truths
-from bayes_tyre.studies.new_records import draw_new_records
+from bayes_tyre.studies.around.augmented_fit import AugmentedFit, log_likelihoods
+from bayes_tyre.studies.around.new_records import draw_new_records
+from bayes_tyre.studies.calibration import AT_ONCE, Calibration, Lot, calibrate_lot, joined
 from bayes_tyre.studies.truths import NOTHING, Planted, Truths
-from bayes_tyre.studies.uniformity import uniformity_table
-
-#: What the names of the parameters of new records end with.
-NEW = "_new"
-#: The log density of the forces of one record.
-OF_RECORD = "log_likelihood_of_record"
-_REST = slice(1, None)
 
 
 def calibrate_around(
@@ -55,8 +47,8 @@ def calibrate_around(
     Parameters
     ----------
     truths:
-        Draws of the posterior of the user's records, as `bayes_tyre.studies.new_records.posterior_truths` gives them: a
-        data set each.
+        Draws of the posterior of the user's records, a data set each, as
+        `bayes_tyre.studies.around.new_records.posterior_truths` gives them.
     fit:
         Compiled for these records.
     seed, on_progress:
@@ -67,51 +59,31 @@ def calibrate_around(
     rng, datasets = np.random.default_rng(seed), len(truths["sd_J"])
     new, force = draw_new_records(fit.records, fit.model, truths, rng, planted)
     truths = truths | {name: np.concatenate([truths[name], of_new], axis=1) for name, of_new in new.items()}
-    tables: list[tuple[pd.DataFrame, pd.DataFrame]] = []
+    lots: list[Lot] = []
     for start in range(0, datasets, AT_ONCE):
         here = slice(start, start + AT_ONCE)
         sampled = fit.sample(force[here], int(rng.integers(2**31)), on_progress)
-        both = {
-            name: np.concatenate([values[here][:, None], _as_on_disk(fit, name, sampled.draws[name])], axis=1)
-            for name, values in truths.items()
-        }
-        quantities = ranked_quantities(fit, force[here], both)
-        of_truths, of_draws = ({name: values[:, which] for name, values in quantities.items()} for which in (0, _REST))
-        tables.append((rank_truths(of_truths, of_draws, start, rng), judge_sampling(sampled, start)))
-    ranked, judged = (pd.concat(parts, ignore_index=True) for parts in zip(*tables, strict=True))
-    by_parameter = {str(name): ranked[name].to_numpy() for name in ranked.columns[1:]}
-    return Calibration(uniformity_table(by_parameter, fit.sampling.draws, seed), ranked, judged, fit.sampling.draws)
+        sampled = sampled._replace(draws={name: _as_on_disk(fit, name, each) for name, each in sampled.draws.items()})
+        true = {name: values[here] for name, values in truths.items()}
+        densities = _log_likelihoods(fit, force[here], true, sampled.draws)
+        lots.append(calibrate_lot(fit.factors, fit.model, true, sampled, densities, start, rng, force.shape[1]))
+    return joined(lots, fit.sampling.draws, seed)
+
+
+def _log_likelihoods(
+    fit: AugmentedFit, new_force_kN: Float[np.ndarray, "sets records points"], truths: Truths, draws: Truths
+) -> tuple[Float[np.ndarray, "sets both"], Float[np.ndarray, "sets draws both"]]:
+    """Return the log density of the forces of each record, the user's and the new ones, at truths and at draws."""
+    names = [name for name in ("F_i", "J", "k", "beta", "sigma", "rho") if name in truths]
+    values = {name: np.concatenate([truths[name][:, None], draws[name]], axis=1) for name in names}
+    found = [
+        log_likelihoods(fit.augmented(force), fit.model.law, {name: each[i] for name, each in values.items()})
+        for i, force in enumerate(new_force_kN)
+    ]
+    return np.stack(found)[:, 0], np.stack(found)[:, 1:]
 
 
 def _as_on_disk(fit: AugmentedFit, name: str, draws: np.ndarray) -> np.ndarray:
     """Return draws of a site without the levels whose effect is zero by construction, as `posterior.nc` has them."""
-    dim = QUANTITIES[name][0]
+    dim = QUANTITIES.get(name, (None, ""))[0]
     return draws[..., getattr(fit.factors, dim).free] if dim in INTERACTIONS else draws
-
-
-def ranked_quantities(fit: AugmentedFit, force_kN: Float[np.ndarray, "sets records points"], values: Truths) -> Truths:
-    """Return what is ranked of parameters, shape (sets, draws, ...): these, and log densities of forces and repeats.
-
-    Parameters
-    ----------
-    fit:
-        Of the user's records.
-    force_kN:
-        Of the new records, by set.
-    values:
-        By name; those of the user's records come before those of the new ones, which have a name of their own in what
-        is returned.
-    """
-    of_record = [
-        log_likelihoods(fit.augmented(force), fit.model.law, {name: each[i] for name, each in values.items()})
-        for i, force in enumerate(force_kN)
-    ]
-    quantities: Truths = {"log_likelihood": np.sum(of_record, axis=-1)}
-    if "student_nu" not in values:
-        quantities["log_repeats"] = log_repeats(fit.factors, values, fit.model.priors.discordant_widening)
-    for name, each in {**values, OF_RECORD: np.stack(of_record)}.items():
-        if name == OF_RECORD or QUANTITIES[name][0] == "record":
-            quantities[name], quantities[f"{name}{NEW}"] = np.split(each, 2, axis=-1)
-        else:
-            quantities[name] = each
-    return quantities

@@ -20,6 +20,7 @@ from bayes_tyre.inference.record_data import LAWS
 from bayes_tyre.inference.sampling.common_scales import as_measured
 from bayes_tyre.inference.sampling.datatree import PROBABILITIES, QUANTITIES
 from bayes_tyre.inference.sampling.record_draws import with_records
+from bayes_tyre.studies.ranked_quantities import centre_of_records, scatter_of_records
 from bayes_tyre.studies.truths import NOTHING, Planted, Truths
 
 
@@ -112,21 +113,6 @@ def _log_values(
         off = planted * scatter * rng.standard_normal(shape)
         values[parameter] = centre_of_records(factors, parameter, truths) * np.exp(off)
     return values
-
-
-def centre_of_records(factors: Factors, parameter: str, values: Truths) -> Float[np.ndarray, "*sets records"]:
-    """Return what the k or beta of each record scatters about: its case's, moved by its specimen, day, covariates."""
-    case = values[f"{parameter}_case"][..., factors.of_record]
-    if not factors.levels.names:
-        return case
-    return case * np.exp(factors.levels.offset(lambda name: values[f"log_{parameter}_{name}"]))
-
-
-def scatter_of_records(factors: Factors, parameter: str, values: Truths) -> Float[np.ndarray, "*sets #records"]:
-    """Return the standard deviation of usual repeats about their case, relative, of each record."""
-    if factors.speed.varies:
-        return values[f"sd_log_{parameter}_repeat_by_speed"][..., factors.speed.of_case[factors.of_record]]
-    return values[f"sd_log_{parameter}_repeat"][..., None]
 
 
 def _widening(
