@@ -14,7 +14,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.correlated_noise import whitening_of
 from bayes_tyre.inference.model.coordinates.sites import record_starts
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS, apart_weight
-from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood, Likelihood
+from bayes_tyre.inference.model.likelihood.direct import Likelihood
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_with_noise
 from bayes_tyre.inference.model.repeat_distribution import judgeable
 from bayes_tyre.inference.model.settings import ModelSettings
@@ -64,11 +64,8 @@ def augmented(
     return made._replace(data=made.data._replace(F_0=F_0, span=span))
 
 
-def log_likelihoods(
-    records: PreparedRecords, law: str, values: Mapping[str, np.ndarray]
-) -> Float[np.ndarray, "draws records"]:
-    """Return the log density of the forces of each record at draws of its parameters, point by point."""
-    likelihood = DirectLikelihood(records.data, records.whitening, law)
+def log_likelihoods(likelihood: Likelihood, values: Mapping[str, np.ndarray]) -> Float[np.ndarray, "draws records"]:
+    """Return the log density of the forces of each record at draws of its parameters."""
     return np.asarray(_log_likelihoods(likelihood, {name: jnp.asarray(each) for name, each in values.items()}))
 
 

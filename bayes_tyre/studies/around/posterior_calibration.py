@@ -20,13 +20,14 @@ on data", arXiv 2502.03279.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
 from bayes_tyre.inference.model.factors import INTERACTIONS
 from bayes_tyre.inference.sampling.datatree import QUANTITIES
-from bayes_tyre.studies.around.augmented_fit import AugmentedFit, log_likelihoods
+from bayes_tyre.studies.around.augmented_fit import AugmentedFit, augmented, log_likelihoods
 from bayes_tyre.studies.around.new_records import draw_new_records
 from bayes_tyre.studies.calibration import AT_ONCE, Calibration, Lot, calibrate_lot, joined
 from bayes_tyre.studies.truths import NOTHING, Planted, Truths
@@ -73,11 +74,17 @@ def calibrate_around(
 def _log_likelihoods(
     fit: AugmentedFit, new_force_kN: Float[np.ndarray, "sets records points"], truths: Truths, draws: Truths
 ) -> tuple[Float[np.ndarray, "sets both"], Float[np.ndarray, "sets draws both"]]:
-    """Return the log density of the forces of each record, the user's and the new ones, at truths and at draws."""
+    """Return the log density of the forces of each record, the user's and the new ones, at truths and at draws.
+
+    Point by point, whatever the sampler took.
+    """
+    model = replace(fit.model, likelihood="direct")
     names = [name for name in ("F_i", "J", "k", "beta", "sigma", "rho") if name in truths]
     values = {name: np.concatenate([truths[name][:, None], draws[name]], axis=1) for name in names}
     found = [
-        log_likelihoods(fit.augmented(force), fit.model.law, {name: each[i] for name, each in values.items()})
+        log_likelihoods(
+            augmented(fit.records, force, model).likelihood, {name: each[i] for name, each in values.items()}
+        )
         for i, force in enumerate(new_force_kN)
     ]
     return np.stack(found)[:, 0], np.stack(found)[:, 1:]

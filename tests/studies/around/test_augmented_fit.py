@@ -12,6 +12,7 @@ from scipy.linalg import toeplitz
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.correlated_noise import UnequalNoise
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS, apart_weight, prior_sites
+from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood
 from bayes_tyre.inference.model.prepared_records import PreparedRecords
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.laws.fancher import equation_2_offset
@@ -72,7 +73,7 @@ def test_the_log_likelihood_of_a_record_is_that_of_its_noise():
     records = records._replace(whitening=UnequalNoise(jnp.asarray(weight)))
     values = {name: rng.uniform(0.5, 2.0, (3, count)) for name in ("F_i", "J", "k", "beta", "sigma")}
     values["rho"] = rng.uniform(-0.5, 0.8, (3, count))
-    found = log_likelihoods(records, "equation_2", values)
+    found = log_likelihoods(DirectLikelihood(records.data, records.whitening), values)
     for draw in range(3):
         for record in range(count):
             F_i, J, k, beta, sigma, rho = (float(each[draw, record]) for each in values.values())
