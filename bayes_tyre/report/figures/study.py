@@ -20,6 +20,8 @@ ACROSS, ROW = 5, 1.15
 _SETTING = Setting("simulated")
 _BAND = {"facecolor": (PALE, 0.3), "edgecolor": "none", "linewidth": 0}
 _WRONG = "#CC79A7"
+#: Probability, %, below which labels of neighbouring points would overlap.
+_APART = 10.0
 
 
 class RankCurves(NamedTuple):
@@ -76,19 +78,21 @@ def calibration_plot(curves: RankCurves) -> Figure:
 @matplotlib.style.context(STYLE)
 def outlier_calibration_plot(table: pd.DataFrame) -> Figure:
     """Return the share of records that were discordant against the probability that they are, in bands of it."""
-    figure = layout.page(0.6 * WIDTH, 3.6)
+    figure = layout.page(WIDTH, 3.6)
     ax = figure.subplots()
     predicted, share = 100.0 * table["predicted"], 100.0 * table["discordant"]
     ax.plot([0, 100], [0, 100], color=PALE, linewidth=0.8, zorder=0)
     band = ax.vlines(predicted, 100.0 * table["lower"], 100.0 * table["upper"], color=PALE, linewidth=4)
     (shares,) = ax.plot(predicted, share, color=INK, marker="o", linestyle="none", markersize=3.5)
-    for x, y, count in zip(predicted, share, table["records"], strict=True):
+    apart = predicted > _APART
+    for x, y, count in zip(predicted[apart], share[apart], table["records"][apart], strict=True):
         ax.annotate(f"{count}", (x, y), (4, -8), textcoords="offset points", fontsize=6)
     ax.set(xlabel="outlier_probability, mean (%)", ylabel="discordant records (%)")
     layout.legend(figure, [(shares, "share of discordant records"), (band, "95 % band for all together")])
     note = (
         "Simulated records with about the same posterior probability of being discordant, and how many of them are. "
-        "Numbers: records. Bands: where shares of independent records lie if the probabilities are right."
+        f"Numbers: records, above {_APART:g} %. Bands: where shares of independent records lie if the probabilities are "
+        "right."
     )
     return layout.finish(figure, _SETTING, note)
 
