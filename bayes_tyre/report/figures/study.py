@@ -91,8 +91,8 @@ def outlier_calibration_plot(table: pd.DataFrame) -> Figure:
     layout.legend(figure, [(shares, "share of discordant records"), (band, "95 % band for all together")])
     note = (
         "Simulated records with about the same posterior probability of being discordant, and how many of them are. "
-        f"Numbers: records, above {_APART:g} %. Bands: where shares of independent records lie if the probabilities are "
-        "right."
+        f"Numbers: records, above {_APART:g} %. Bands: where shares of independent records lie if the probabilities "
+        "are right."
     )
     return layout.finish(figure, _SETTING, note)
 
