@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 from scipy.linalg import solve_triangular
 
 from bayes_tyre.errors import BadInput
@@ -166,9 +166,9 @@ def reweighted(
     raise TypeError(f"{type(whitening).__name__} says all of the noise")
 
 
-def whitening_of(whitening: Whitening, mask: Bool[np.ndarray, " records"]) -> Whitening:
-    """Return the whitening of some of the records, as it is of all."""
-    return whitening if whitening.axis is None else jax.tree.map(lambda field: field[mask], whitening)
+def whitening_of(whitening: Whitening, records: Bool[np.ndarray, " records"] | Int[np.ndarray, " chosen"]) -> Whitening:
+    """Return the whitening of some of the records, by a mask or by their numbers, as it is of all."""
+    return whitening if whitening.axis is None else jax.tree.map(lambda field: field[records], whitening)
 
 
 def smoothed_noise(points: int, window: int) -> SmoothedNoise:

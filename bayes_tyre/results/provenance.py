@@ -85,8 +85,10 @@ def difference(saved: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     return "" if saved.get("seed") == now["seed"] else f"seed was {saved.get('seed')}, is {now['seed']}"
 
 
-def read_run(path: Path, by: str = "fit") -> dict[str, Any]:
+def read_run(path: Path, by: str = "fit", otherwise: str = "run that command again") -> dict[str, Any]:
     """Return what the `run.json` of a command holds.
+
+    `otherwise` is what to do with that of another command.
 
     Raises
     ------
@@ -104,7 +106,7 @@ def read_run(path: Path, by: str = "fit") -> dict[str, Any]:
     if not complete:
         raise BadInput(f"{path}: is not what {by} writes; name the run.json in a folder that {by} wrote")
     if command != by:
-        raise BadInput(f"{path}: was written by {command!r}, not by {by}; run that command again")
+        raise BadInput(f"{path}: was written by {command!r}, not by {by}; {otherwise}")
     return run
 
 

@@ -1,32 +1,32 @@
 """Simulation-based calibration: ranks of truths among their posteriors' draws, over the whole hierarchical model.
 
-Source: Talts et al. (2018), "Validating Bayesian inference algorithms with simulation-based calibration"; Modrak et al.
-(2023), "Simulation-based calibration checking for Bayesian computation: the choice of test quantities shapes
-sensitivity", for the log densities of forces and of repeats among the parameters: ranks of single scales hardly show
-that all repeats scatter more widely than the model takes them to.
+Source: Talts et al. (2018), "Validating Bayesian inference algorithms with simulation-based calibration". Ranks of
+single scales hardly show that all repeats scatter more widely than the model takes them to: what else is ranked is in
+`bayes_tyre.studies.ranked_quantities`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float
 from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
-from scipy.stats import norm
 
 from bayes_tyre.inference.diagnostics.sampling_checks import BFMI_LEAST
-from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
-from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS, PARAMETERS
-from bayes_tyre.inference.sampling.datatree import PROBABILITIES
-from bayes_tyre.studies.design import Design, calibration_design
+from bayes_tyre.inference.model.factors import Factors
+from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.datatree import PROBABILITIES, QUANTITIES
 from bayes_tyre.studies.design_fit import DesignFit, Sampled
-from bayes_tyre.studies.truths import NOTHING, Planted, Truths, draw_truths, noiseless_forces, study_priors
+from bayes_tyre.studies.outlier_calibration import draw_discordant, outlier_calibration
+from bayes_tyre.studies.ranked_quantities import OF_RECORD, log_likelihood_of_records, with_derived
+from bayes_tyre.studies.truths import NOTHING, Planted, Truths, draw_truths
 from bayes_tyre.studies.uniformity import ranks, uniformity_table
 
 #: Of one chain's halves, the worst of everything kept: above it sampling is called failed. Halves of 40 independent
 #: draws reach 1 + (F - 1) / 80, F of 1 and 78 degrees of freedom: 1.2 for one of 150 quantities in 2 % of data sets.
 R_HAT_MOST = 1.2
+#: What the names of parameters of new records end with.
+NEW = "_new"
 #: Data sets whose estimates and draws are in memory at a time.
 AT_ONCE = 100
 
@@ -44,12 +44,16 @@ class Calibration(NamedTuple):
         A row a data set: `dataset, divergences, r_hat_max, ess_min, bfmi, gradients, sampling` (`ok` or what failed).
     draws:
         How many draws truths were ranked among.
+    outliers:
+        As `bayes_tyre.studies.outlier_calibration.outlier_calibration` gives it; no row where no record can be
+        discordant.
     """
 
     table: pd.DataFrame
     ranks: pd.DataFrame
     datasets: pd.DataFrame
     draws: int
+    outliers: pd.DataFrame
 
 
 def calibrate(
@@ -57,7 +61,7 @@ def calibrate(
     seed: int = 0,
     on_progress: Callable[[int], None] = lambda _: None,
     *,
-    fit: DesignFit | None = None,
+    fit: DesignFit,
     planted: Planted = NOTHING,
 ) -> Calibration:
     """Return ranks and coverage of truths drawn from the priors, with noise on every point of every record.
@@ -77,23 +81,96 @@ def calibrate(
     planted:
         Errors to be found: truths of another model than the one fitted.
     """
-    fit = fit or DesignFit(calibration_design(), priors=study_priors())
-    rng = np.random.default_rng(seed)
-    tables_of_sets: list[tuple[pd.DataFrame, pd.DataFrame]] = []
+    rng, lots = np.random.default_rng(seed), list[Lot]()
     for start in range(0, datasets, AT_ONCE):
         of_truths, of_sampler = map(int, rng.integers(2**31, size=2))
         count = min(AT_ONCE, datasets - start)
-        truths, force = draw_truths(fit.design, count, of_truths, fit.model.priors, planted)
+        truths, force = draw_truths(fit.design, count, of_truths, fit.model.priors, planted, fit.model.noise)
         sampled = fit.sample(force, fit.approximations(force), of_sampler, on_progress)
-        for values, forces in ((truths, force), (sampled.draws, force[:, None])):
-            values["log_likelihood"] = log_likelihood(fit.design, values, forces)
-            values["log_repeats"] = log_repeats(fit.design, values, fit.model.priors.discordant_widening)
-        tables_of_sets.append((rank_truths(truths, sampled.draws, start, rng), judge_sampling(sampled, start)))
-    ranked, judged = (pd.concat(tables, ignore_index=True) for tables in zip(*tables_of_sets, strict=True))
-    table = uniformity_table(
-        {str(name): ranked[name].to_numpy() for name in ranked.columns[1:]}, fit.sampling.draws, seed
+        of_records = [
+            log_likelihood_of_records(fit.design, values, forces)
+            for values, forces in ((truths, force), (sampled.draws, force[:, None]))
+        ]
+        lots.append(calibrate_lot(fit.design.factors, fit.model, truths, sampled, of_records, start, rng))
+    return joined(lots, fit.sampling.draws, seed)
+
+
+class Lot(NamedTuple):
+    """What is known of some data sets: ranks, how sampling went, and which records are discordant, by probability.
+
+    Attributes
+    ----------
+    ranks, datasets:
+        As those of `Calibration`.
+    predicted, discordant:
+        Shape (sets, records), of no record where the model has no discordant ones: the posterior mean of the
+        probability, and whether it is.
+    """
+
+    ranks: pd.DataFrame
+    datasets: pd.DataFrame
+    predicted: np.ndarray
+    discordant: np.ndarray
+
+
+def calibrate_lot(
+    factors: Factors,
+    model: ModelSettings,
+    truths: Truths,
+    sampled: Sampled,
+    of_records: Sequence[np.ndarray],
+    first: int,
+    rng: np.random.Generator,
+    new: int = 0,
+) -> Lot:
+    """Return the ranks of truths of some data sets.
+
+    Parameters
+    ----------
+    factors, model:
+        Of the records, and the options they are fitted with.
+    truths, sampled:
+        The truths, and what was sampled of each data set.
+    of_records:
+        Log densities of the forces of each record, at truths and at draws.
+    first:
+        Number of the first of these data sets.
+    rng:
+        Of ranks among equal draws, and of which records are discordant.
+    new:
+        How many records, the last ones, have names of their own (`k_new`) among what is ranked.
+    """
+    true, draws = (
+        _new_apart(with_derived(factors, model, values, of_record), new)
+        for values, of_record in zip((truths, sampled.draws), of_records, strict=True)
     )
-    return Calibration(table, ranked, judged, fit.sampling.draws)
+    ranks, datasets = rank_truths(true, draws, first, rng), judge_sampling(sampled, first)
+    if "discordant_weight" not in truths:
+        return Lot(ranks, datasets, np.zeros((len(ranks), 0)), np.zeros((len(ranks), 0), dtype=bool))
+    predicted = sampled.draws["outlier_probability"].mean(axis=1)
+    return Lot(ranks, datasets, predicted, draw_discordant(factors, truths, model.priors.discordant_widening, rng))
+
+
+def _new_apart(values: Truths, new: int) -> Truths:
+    """Return values by name, those of the last `new` records by names of their own."""
+    if not new:
+        return values
+    named: Truths = {}
+    for name, each in values.items():
+        of_records = name == OF_RECORD or QUANTITIES.get(name, (None, ""))[0] == "record"
+        named |= {name: each[..., :-new], f"{name}{NEW}": each[..., -new:]} if of_records else {name: each}
+    return named
+
+
+def joined(lots: Sequence[Lot], draws: int, seed: int) -> Calibration:
+    """Return the calibration of the data sets of all lots, `draws` each."""
+    ranks = pd.concat([lot.ranks for lot in lots], ignore_index=True)
+    datasets = pd.concat([lot.datasets for lot in lots], ignore_index=True)
+    predicted = np.concatenate([lot.predicted for lot in lots])
+    discordant = np.concatenate([lot.discordant for lot in lots])
+    by_parameter = {str(name): ranks[name].to_numpy() for name in ranks.columns[1:]}
+    outliers = outlier_calibration(predicted, discordant)
+    return Calibration(uniformity_table(by_parameter, draws, seed), ranks, datasets, draws, outliers)
 
 
 def rank_truths(truths: Truths, draws: dict[str, np.ndarray], first: int, rng: np.random.Generator) -> pd.DataFrame:
@@ -111,39 +188,6 @@ def rank_truths(truths: Truths, draws: dict[str, np.ndarray], first: int, rng: n
         element = (first + sets) % true.shape[1]
         columns[name] = ranks(true[sets, element], values[sets, :, element], rng)
     return pd.DataFrame({"dataset": first + np.arange(len(next(iter(columns.values())))), **columns})
-
-
-def log_likelihood(
-    design: Design, values: Truths, force_kN: Float[np.ndarray, "*#sets records points"]
-) -> Float[np.ndarray, "..."]:
-    """Return the log density of all forces at truths or draws, shape (sets, ...) each."""
-    log_density = norm.logpdf(force_kN, noiseless_forces(design, values), values["sigma"][..., None])
-    return log_density.sum(axis=(-2, -1))
-
-
-def log_repeats(design: Design, values: Truths, widening: float = DISCORDANT_WIDENING) -> Float[np.ndarray, "..."]:
-    """Return the log density of log k and log beta of all records about their cases, at truths or draws.
-
-    As `bayes_tyre.inference.model.repeat_distribution.MixtureAbout` has it, written out once more.
-    """
-    factors = design.factors
-
-    def about_case(wider: float) -> np.ndarray:
-        log_density = np.zeros(values["k"].shape)
-        for parameter in PARAMETERS:
-            case = values[f"{parameter}_case"][..., factors.of_record]
-            scatter = values[f"sd_log_{parameter}_repeat"][..., None]
-            if factors.speed.varies:
-                by_speed = values[f"sd_log_{parameter}_repeat_by_speed"]
-                scatter = by_speed[..., factors.speed.of_case[factors.of_record]]
-            log_density += norm.logpdf(np.log(values[parameter] / case), 0.0, wider * scatter)
-        return log_density
-
-    if factors.repeats.max() < JUDGEABLE_REPEATS:
-        return about_case(1.0).sum(axis=-1)
-    weight = values["discordant_weight"][..., None]
-    usual, discordant = np.log1p(-weight) + about_case(1.0), np.log(weight) + about_case(widening)
-    return np.logaddexp(usual, discordant).sum(axis=-1)
 
 
 def judge_sampling(sampled: Sampled, first: int) -> pd.DataFrame:

@@ -66,6 +66,18 @@ class Sampled(NamedTuple):
     energy: np.ndarray
 
 
+def sample_thinned(chains: Chains, sampling: Thinned, seed: int) -> Sampled:
+    """Return draws of one data set, by site of shape (draws, ...), and the statistics of its chains."""
+    settings, thin, draws = sampling
+    sites, statistics, _ = run(chains, replace(settings, seed=seed))
+    every = {
+        name: np.concatenate(values[:, thin - 1 :: thin])[:draws]
+        for name, values in sites.items()
+        if not name.endswith("_z")
+    }
+    return Sampled(every, *(statistics[name] for name in ("diverging", "n_steps", "energy")))
+
+
 class DesignFit:
     """The fit of a design's records, compiled once for as many data sets as will come.
 
@@ -80,13 +92,20 @@ class DesignFit:
     nominal_start:
         Whether the prior of F_i is about the nominal start of each record, as truths are drawn, or as in a fit of
         measured records about the first force.
+    noise:
+        ``iid``, or ``ar1``.
     """
 
     def __init__(
-        self, design: Design, sampling: Thinned | None = None, priors: Priors = PRIORS, nominal_start: bool = True
+        self,
+        design: Design,
+        sampling: Thinned | None = None,
+        priors: Priors = PRIORS,
+        nominal_start: bool = True,
+        noise: str = "iid",
     ) -> None:
         self.design, self.sampling, self.nominal_start = design, sampling or Thinned(), nominal_start
-        self.model = ModelSettings(priors=priors, noise="iid")
+        self.model = ModelSettings(priors=priors, noise=noise)
         blank = self._arguments(np.zeros(design.u.shape))
         approximation = empty_approximation(len(design.factor_table), design.factors)
         settings = self.sampling.settings
@@ -96,12 +115,13 @@ class DesignFit:
     def approximations(self, force_kN: Float[np.ndarray, "sets records points"]) -> list[LaplaceApproximation]:
         """Return the Laplace approximation of each data set's records, least squares taking many sets together."""
         sets, records, points = force_kN.shape
-        together = _estimates(np.tile(self.design.u, (sets, 1)), force_kN.reshape(sets * records, points))
+        noise = self.model.noise
+        together = _estimates(np.tile(self.design.u, (sets, 1)), force_kN.reshape(sets * records, points), noise)
         approximations = []
         for i in range(sets):
             here = slice(i * records, (i + 1) * records)
             own = RecordEstimates(*(jnp.asarray(values[here]) for values in together))
-            own = with_traded_replaced(own, self.design.batch(force_kN[i]), self.design.factors)
+            own = with_traded_replaced(own, self.design.batch(force_kN[i]), self.design.factors, noise)
             approximations.append(LaplaceApproximation(own, cases_of(own, self.design.factors, self.model.priors)))
         return approximations
 
@@ -136,14 +156,7 @@ class DesignFit:
         chains = self._chains.given(
             {"approximation": approximation, **arguments}, record_starts(arguments, approximation.records)
         )
-        settings, thin, draws = self.sampling
-        sites, statistics, _ = run(chains, replace(settings, seed=seed))
-        every = {
-            name: np.concatenate(values[:, thin - 1 :: thin])[:draws]
-            for name, values in sites.items()
-            if not name.endswith("_z")
-        }
-        return Sampled(every, *(statistics[name] for name in ("diverging", "n_steps", "energy")))
+        return sample_thinned(chains, self.sampling, seed)
 
     def _arguments(self, force_kN: Float[np.ndarray, "records points"]) -> dict[str, Any]:
         design = self.design
@@ -153,7 +166,9 @@ class DesignFit:
         return records.arguments(self.model)
 
 
-def _estimates(u: Float[np.ndarray, "rows points"], force: Float[np.ndarray, "rows points"]) -> RecordEstimates:
+def _estimates(
+    u: Float[np.ndarray, "rows points"], force: Float[np.ndarray, "rows points"], noise: str
+) -> RecordEstimates:
     """Return the estimates of each record; in lots of one size, the last filled up, so that one compilation serves."""
     rows = len(u)
     size = min(ESTIMATED, rows)
@@ -161,5 +176,6 @@ def _estimates(u: Float[np.ndarray, "rows points"], force: Float[np.ndarray, "ro
     for start in range(0, rows, size):
         of_lot = np.minimum(np.arange(start, start + size), rows - 1)
         names = tuple(map(str, of_lot))
-        lots.append(estimate_records(Batch(names, u[of_lot], force[of_lot], np.ones((size, u.shape[1]), dtype=bool))))
+        everywhere = np.ones((size, u.shape[1]), dtype=bool)
+        lots.append(estimate_records(Batch(names, u[of_lot], force[of_lot], everywhere), noise))
     return jax.tree.map(lambda *leaves: np.concatenate([np.asarray(leaf) for leaf in leaves])[:rows], *lots)

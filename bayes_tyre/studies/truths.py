@@ -64,11 +64,11 @@ NOTHING = Planted()
 
 
 def draw_truths(
-    design: Design, sets: int, seed: int, priors: Priors, planted: Planted = NOTHING
+    design: Design, sets: int, seed: int, priors: Priors, planted: Planted = NOTHING, noise: str = "iid"
 ) -> tuple[Truths, Float[np.ndarray, "sets records points"]]:
     """Return `sets` independent draws of all that the model of a design's records holds, by name, and their forces.
 
-    Parameters of `planted` other than 1 make them truths of another model.
+    Parameters of `planted` other than 1 make them truths of another model. `noise` is ``iid`` or ``ar1``.
     """
     factors = design.factors
     scales = [name for parameter in PARAMETERS for name in effect_scales(parameter, factors)]
@@ -76,14 +76,14 @@ def draw_truths(
         name: priors[name]._replace(parameters=(planted.scales * priors[name].parameters[0],)) for name in scales
     }
     data = design.nominal(record_data(design.batch(np.zeros(design.u.shape))))
-    arguments = {"data": data, "factors": factors, "priors": priors.changed(widened), "observed": False}
+    arguments = {"data": data, "factors": factors, "priors": priors.changed(widened), "observed": False, "noise": noise}
     truths = draw_prior(records_model, arguments, [*QUANTITIES, "force"], sets, seed)
-    noise = truths.pop("force") - noiseless_forces(design, truths)
+    of_points = truths.pop("force") - noiseless_forces(design, truths)
     for parameter in PARAMETERS:
         case = truths[f"{parameter}_case"][:, factors.of_record]
         truths[parameter] = case * (truths[parameter] / case) ** planted.scatter
     truths["C"] = truths["F_i"] + truths["J"] - truths["k"] * START_MM
-    return truths, noiseless_forces(design, truths) + planted.noise * noise
+    return truths, noiseless_forces(design, truths) + planted.noise * of_points
 
 
 def noiseless_forces(design: Design, truths: Truths) -> Float[np.ndarray, "*sets records points"]:

@@ -12,10 +12,17 @@ import pandas as pd
 
 from bayes_tyre.formats.files import prepare_folder, write_text
 from bayes_tyre.formats.tables.table_files import write_table
+from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.published.tables import characteristic_deflection
 from bayes_tyre.report.figures import audit as audit_figures
 from bayes_tyre.report.figures.page.layout import save
-from bayes_tyre.report.figures.study import RankCurves, calibration_plot, coverage_plot, outlier_plot
+from bayes_tyre.report.figures.study import (
+    RankCurves,
+    calibration_plot,
+    coverage_plot,
+    outlier_calibration_plot,
+    outlier_plot,
+)
 from bayes_tyre.results.provenance import RUN_JSON, begin_run, write_run
 from bayes_tyre.studies.audit.grid import FACTOR_NAMES, PLANS, TYPICAL_LEVELS
 from bayes_tyre.studies.audit.overview import beta_by_window, bias_by_factor, overview
@@ -23,6 +30,8 @@ from bayes_tyre.studies.audit.sentences import conclusion
 from bayes_tyre.studies.audit.study import study_audit
 from bayes_tyre.studies.calibration import Calibration, calibrate
 from bayes_tyre.studies.coverage import CoverageFit, coverage, verdicts
+from bayes_tyre.studies.design import calibration_design
+from bayes_tyre.studies.design_fit import DesignFit
 from bayes_tyre.studies.law_ranking import Ranked, rank_laws
 from bayes_tyre.studies.motion_study import MotionStudy, study_motion, study_records
 from bayes_tyre.studies.outliers import Outliers, study_outliers
@@ -34,28 +43,50 @@ from bayes_tyre.workflow.fit import sampler_options
 
 
 @contextmanager
-def study_run(command: str, out: Path, seed: int, **options: object) -> Iterator[None]:
+def study_run(command: str, out: Path, seed: int, inputs: Sequence[Path] = (), /, **options: object) -> Iterator[None]:
     """Prepare the folder `out` of a command that simulates its own data; write `run.json` once the block has ended.
 
-    `options` are those of the command but its seed.
+    `inputs` are the files that it simulates data like; `options` those of the command but its seed.
     """
     prepare_folder(out)
-    run = begin_run(f"bayes-tyre {command}", {**options, "seed": seed}, seed, [], "simulated")
+    run = begin_run(f"bayes-tyre {command}", {**options, "seed": seed}, seed, list(inputs), "simulated")
     (out / RUN_JSON).unlink(missing_ok=True)
     yield
     write_run(run, out)
 
 
-def write_calibration(out: Path, datasets: int, seed: int, on_progress: Callable[[int], None]) -> Calibration:
-    """Write `calibration.csv`, `ranks.csv`, `datasets.csv`, `priors.csv` and the figure into `out`."""
-    with study_run("study calibration", out, seed, datasets=datasets):
-        result = calibrate(datasets, seed, on_progress)
-        write_table(_priors(), out / "priors.csv")
-        write_table(result.datasets, out / "datasets.csv")
-        write_table(result.ranks, out / "ranks.csv")
-        write_table(result.table, out / "calibration.csv")
-        save(calibration_plot(_curves(result)), out / "figures" / "calibration.png")
+def write_calibration(
+    out: Path, datasets: int, seed: int, on_progress: Callable[[int], None], noise: str = "iid"
+) -> Calibration:
+    """Write what `write_calibration_files` does, with truths drawn from the priors of a calibration.
+
+    `noise` is ``iid`` or ``ar1``.
+    """
+    with study_run("study calibration", out, seed, datasets=datasets, noise=noise):
+        fit = DesignFit(calibration_design(), priors=study_priors(), noise=noise)
+        result = calibrate(datasets, seed, on_progress, fit=fit)
+        write_calibration_files(out, result, study_priors(), "the priors")
     return result
+
+
+def write_calibration_files(out: Path, result: Calibration, priors: Priors, drawn_from: str) -> None:
+    """Write the tables of a calibration and its figures into `out`.
+
+    They are `calibration.csv`, `ranks.csv`, `datasets.csv`, `priors.csv`, and where records can be discordant
+    `outlier_calibration.csv`, with a figure each. `drawn_from` says what the truths are drawn from.
+    """
+    write_table(_priors(priors), out / "priors.csv")
+    write_table(result.datasets, out / "datasets.csv")
+    write_table(result.ranks, out / "ranks.csv")
+    write_table(result.table, out / "calibration.csv")
+    save(calibration_plot(_curves(result, drawn_from)), out / "figures" / "calibration.png")
+    of_outliers = out / "outlier_calibration.csv", out / "figures" / "outlier_calibration.png"
+    if result.outliers.empty:
+        for path in of_outliers:  # of an earlier run
+            path.unlink(missing_ok=True)
+        return
+    write_table(result.outliers, of_outliers[0])
+    save(outlier_calibration_plot(result.outliers), of_outliers[1])
 
 
 def write_outliers(out: Path, campaigns: int, seed: int, on_progress: Callable[[int], None]) -> Outliers:
@@ -137,7 +168,7 @@ def _cached_estimate(fit: CoverageFit, cache: TaskCache, name: str, seed: int, n
     return part
 
 
-def _curves(result: Calibration) -> RankCurves:
+def _curves(result: Calibration, drawn_from: str) -> RankCurves:
     """Return the ranks of each parameter against uniform ones, with a band that holds for all parameters together."""
     names, datasets = [str(name) for name in result.ranks.columns[1:]], len(result.ranks)
     at, lower, upper = band(datasets, 1.0 - (1.0 - TOGETHER) / len(names))
@@ -146,13 +177,13 @@ def _curves(result: Calibration) -> RankCurves:
         values = np.sort(pit(result.ranks[name].to_numpy(), result.draws, rng))
         excess[name] = np.searchsorted(values, at, side="right") / datasets - at
     calibrated = dict(zip(result.table["parameter"], result.table["calibrated"], strict=True))
-    return RankCurves(at, lower, upper, excess, calibrated, datasets, result.draws, TOGETHER)
+    return RankCurves(at, lower, upper, excess, calibrated, datasets, result.draws, TOGETHER, drawn_from)
 
 
-def _priors() -> pd.DataFrame:
+def _priors(priors: Priors) -> pd.DataFrame:
     rows = [
         (site, prior.family.__name__, " ".join(f"{value:g}" for value in prior.parameters), prior.unit, prior.reason)
-        for site, prior in study_priors().items()
+        for site, prior in priors.items()
     ]
     return pd.DataFrame(rows, columns=["site", "family", "parameters", "unit", "reason"])
 

@@ -18,6 +18,7 @@ from bayes_tyre.studies import motion_study
 from bayes_tyre.studies.calibration import Calibration
 from bayes_tyre.studies.coverage import CoverageFit
 from bayes_tyre.studies.motion_study import STATIONARY, MotionStudy, StudyRecord, study_records, summarise
+from bayes_tyre.studies.outlier_calibration import outlier_calibration
 from bayes_tyre.studies.outliers import KINDS, POSTERIOR, SHARES, Outliers, compare
 from bayes_tyre.studies.repeat_means import RULES
 from bayes_tyre.studies.uniformity import uniformity_table
@@ -35,7 +36,10 @@ def calibration(datasets: int, seed: int, wrong: bool) -> Calibration:
     table = uniformity_table({str(name): ranks[name].to_numpy() for name in ranks}, KEPT)
     ranks.insert(0, "dataset", np.arange(datasets))
     judged = pd.DataFrame({"dataset": np.arange(datasets), "sampling": ["R-hat", *["ok"] * (datasets - 1)]})
-    return Calibration(table, ranks, judged, KEPT)
+    predicted = rng.uniform(0.0, 0.5, (datasets, 3))
+    return Calibration(
+        table, ranks, judged, KEPT, outlier_calibration(predicted, rng.random((datasets, 3)) < predicted)
+    )
 
 
 def outliers(campaigns: int, seed: int) -> Outliers:
@@ -55,10 +59,13 @@ def outliers(campaigns: int, seed: int) -> Outliers:
 
 @pytest.mark.parametrize("wrong", [False, True])
 def test_calibration_is_written_and_code_4_where_it_fails(wrong, tmp_path, monkeypatch):
-    monkeypatch.setattr(workflow, "calibrate", lambda datasets, seed, _: calibration(datasets, seed, wrong))
+    monkeypatch.setattr(workflow, "DesignFit", lambda *_, **__: None)
+    monkeypatch.setattr(workflow, "calibrate", lambda datasets, seed, _, fit: calibration(datasets, seed, wrong))
     done = here("study", "calibration", "--out", tmp_path / "made", "--datasets", 100, "--seed", 3)
     assert done.exit_code == (4 if wrong else 0), done.stderr
     names = {
+        "outlier_calibration.csv",
+        "figures/outlier_calibration.png",
         "calibration.csv",
         "ranks.csv",
         "datasets.csv",
@@ -74,7 +81,15 @@ def test_calibration_is_written_and_code_4_where_it_fails(wrong, tmp_path, monke
     assert {"parameter", "coverage_95", "coverage_95_lower", "coverage_95_upper", "p_value", "calibrated"} <= set(table)
     assert table["calibrated"].tolist() == [not wrong, True]
     run = json.loads((tmp_path / "made" / "run.json").read_text())
-    assert (run["seed"], run["options"]["datasets"], run["origin"]) == (3, 100, "simulated")
+    assert (run["seed"], run["origin"]) == (3, "simulated")
+    assert run["options"] == {"datasets": 100, "noise": "iid", "seed": 3}
+    assert "outlier_probability: as many discordant records as predicted in " in done.stdout
+
+
+def test_noise_beside_around_is_a_usage_error(tmp_path):
+    done = here("study", "calibration", "--out", tmp_path / "made", "--around", tmp_path, "--noise", "ar1")
+    assert done.exit_code == 2
+    assert "contradicts --around, whose fit has its noise" in done.stderr
 
 
 def test_outliers_are_written_and_said_in_words(tmp_path, monkeypatch):

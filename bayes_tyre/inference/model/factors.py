@@ -91,9 +91,9 @@ class Factors:
     of_record: Int[np.ndarray, " records"]
     levels: RecordLevels = NO_LEVELS
 
-    def only(self, mask: Bool[np.ndarray, " records"]) -> "Factors":
-        """Return the factors of some of the records; all cases and levels stay."""
-        return replace(self, of_record=self.of_record[mask], levels=self.levels.only(mask))
+    def only(self, records: Bool[np.ndarray, " records"] | Int[np.ndarray, " chosen"]) -> "Factors":
+        """Return the factors of some of the records, by a mask or by their numbers; all cases and levels stay."""
+        return replace(self, of_record=self.of_record[records], levels=self.levels.only(records))
 
     @property
     def repeats(self) -> Int[np.ndarray, " cases"]:

@@ -119,7 +119,9 @@ class PreparedRecords(NamedTuple):
         factors = self.factors.only(mask)
         factor_table = self.factor_table[mask].reset_index(drop=True)
         whitening = None if self.whitening is None else whitening_of(self.whitening, mask)
-        return _prepared(self.measured.only(mask), self.batch.only(mask), factor_table, factors, whitening, model)
+        return prepare_with_noise(
+            self.measured.only(mask), self.batch.only(mask), factor_table, factors, whitening, model
+        )
 
 
 def prepare_records(table: pd.DataFrame, model: ModelSettings) -> PreparedRecords:
@@ -143,10 +145,10 @@ def prepare_records(table: pd.DataFrame, model: ModelSettings) -> PreparedRecord
 def prepare_batch(batch: Batch, factor_table: pd.DataFrame, factors: Factors, model: ModelSettings) -> PreparedRecords:
     """Return a batch of records as a model takes them; `factors` may hold cases without a record."""
     noise = with_noise(batch, factors.of_record, model)
-    return _prepared(batch, noise.batch, factor_table, factors, noise.whitening, model)
+    return prepare_with_noise(batch, noise.batch, factor_table, factors, noise.whitening, model)
 
 
-def _prepared(
+def prepare_with_noise(
     measured: Batch,
     batch: Batch,
     factor_table: pd.DataFrame,

@@ -78,10 +78,10 @@ class RecordLevels:
         covariates = {} if self.covariates is None else {COVARIATE: self.covariates.names}
         return {name: level.labels for name, level in self.groupings.items()} | covariates
 
-    def only(self, mask: Bool[np.ndarray, " records"]) -> "RecordLevels":
-        """Return the levels of some of the records; those of the others stay, without a record."""
-        groupings = {name: level._replace(of_record=level.of_record[mask]) for name, level in self.groupings.items()}
-        covariates = self.covariates and self.covariates._replace(values=self.covariates.values[mask])
+    def only(self, records: Bool[np.ndarray, " records"] | Int[np.ndarray, " chosen"]) -> "RecordLevels":
+        """Return the levels of some of the records, by a mask or by their numbers; all levels stay."""
+        groupings = {name: level._replace(of_record=level.of_record[records]) for name, level in self.groupings.items()}
+        covariates = self.covariates and self.covariates._replace(values=self.covariates.values[records])
         return replace(self, groupings=groupings, covariates=covariates)
 
     def offset(self, effects: Callable[[str], Array | np.ndarray]) -> Float[Array | np.ndarray, "*draws records"]:

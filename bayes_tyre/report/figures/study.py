@@ -20,6 +20,8 @@ ACROSS, ROW = 5, 1.15
 _SETTING = Setting("simulated")
 _BAND = {"facecolor": (PALE, 0.3), "edgecolor": "none", "linewidth": 0}
 _WRONG = "#CC79A7"
+#: Probability, %, below which labels of neighbouring points would overlap.
+_APART = 10.0
 
 
 class RankCurves(NamedTuple):
@@ -37,6 +39,8 @@ class RankCurves(NamedTuple):
         Numbers of truths, and of draws that each was ranked among.
     together:
         Probability that uniform ranks of all parameters keep inside.
+    drawn_from:
+        What the truths are drawn from.
     """
 
     at: np.ndarray
@@ -47,6 +51,7 @@ class RankCurves(NamedTuple):
     datasets: int
     draws: int
     together: float
+    drawn_from: str
 
 
 @matplotlib.style.context(STYLE)
@@ -63,9 +68,31 @@ def calibration_plot(curves: RankCurves) -> Figure:
     entries = [(Line2D([], [], color=INK), "calibrated"), (Line2D([], [], color=_WRONG), "not calibrated")]
     layout.legend(figure, [*entries, (Patch(**_BAND), f"{100 * curves.together:g} % band for all panels together")])
     note = (
-        f"Ranks of {curves.datasets} truths among {curves.draws} draws of their posteriors: the share up to "
-        "each rank less the share expected. Truths are drawn from the priors. All above zero: estimates too high; all "
+        f"Ranks of {curves.datasets} truths among {curves.draws} draws of their posteriors: the share up to each rank "
+        f"less the share expected. Truths are drawn from {curves.drawn_from}. All above zero: estimates too high; all "
         "below: too low; first below, then above: intervals too wide; first above, then below: too narrow."
+    )
+    return layout.finish(figure, _SETTING, note)
+
+
+@matplotlib.style.context(STYLE)
+def outlier_calibration_plot(table: pd.DataFrame) -> Figure:
+    """Return the share of records that were discordant against the probability that they are, in bands of it."""
+    figure = layout.page(WIDTH, 3.6)
+    ax = figure.subplots()
+    predicted, share = 100.0 * table["predicted"], 100.0 * table["discordant"]
+    ax.plot([0, 100], [0, 100], color=PALE, linewidth=0.8, zorder=0)
+    band = ax.vlines(predicted, 100.0 * table["lower"], 100.0 * table["upper"], color=PALE, linewidth=4)
+    (shares,) = ax.plot(predicted, share, color=INK, marker="o", linestyle="none", markersize=3.5)
+    apart = predicted > _APART
+    for x, y, count in zip(predicted[apart], share[apart], table["records"][apart], strict=True):
+        ax.annotate(f"{count}", (x, y), (4, -8), textcoords="offset points", fontsize=6)
+    ax.set(xlabel="outlier_probability, mean (%)", ylabel="discordant records (%)")
+    layout.legend(figure, [(shares, "share of discordant records"), (band, "95 % band for all together")])
+    note = (
+        "Simulated records with about the same posterior probability of being discordant, and how many of them are. "
+        f"Numbers: records, above {_APART:g} %. Bands: where shares of independent records lie if the probabilities "
+        "are right."
     )
     return layout.finish(figure, _SETTING, note)
 
