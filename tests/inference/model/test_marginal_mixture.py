@@ -245,7 +245,7 @@ def test_quantities_of_many_draws_together_are_those_of_each_by_itself(records, 
         return constrain_fn(model, (), arguments, z, return_deterministic=True)
 
     for draw in (0, 17, 39):
-        z = chains._blocks.unpack({name: jnp.asarray(values[0, draw]) for name, values in draws.items()})
+        z = chains.blocks.unpack({name: jnp.asarray(values[0, draw]) for name, values in draws.items()})
         alone = one(jnp.asarray(keys[0, draw]), z)
         for name, value in alone.items():
             np.testing.assert_allclose(together[name][0, draw], value, rtol=1e-9, atol=1e-12, err_msg=name)
