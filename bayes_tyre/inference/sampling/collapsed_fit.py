@@ -63,6 +63,7 @@ def sample_collapsed(
         if error.at_least <= SUMMARY_ERROR_MOST:
             return draws, runs, error
         place = pilot.about(place, draws.sites)
+        del draws  # gigabytes, of many records
         if attempt + 1 < ATTEMPTS:
             settings.on_note(f"{_off(error)}: made anew about these draws, for another run")
     settings.on_note(f"{_off(place.error)}: records are sampled as well")

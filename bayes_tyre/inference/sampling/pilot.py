@@ -6,6 +6,7 @@ the windows of the warmup in which each chain would learn it by itself are skipp
 """
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import jax
@@ -20,13 +21,14 @@ from bayes_tyre.inference.sampling.posterior_mode import normal_approximation
 from bayes_tyre.inference.sampling.run import Begun, SamplerSettings
 from bayes_tyre.inference.sampling.summary_error import SUMMARY_ERROR_MOST, SummaryError, flat, summary_error
 
-#: Times that the summaries are made anew about the mode, at most; and about a chunk of the chains, at least and at
-#: most, for so few draws do not show every error that is too large.
+#: Times that the summaries are made anew about the mode, at most; and about chunks of the chains, at least and at
+#: most: of many records the draws of a chunk are too few to show that an error is small.
 _ROUNDS_AT_MODE, _ROUNDS_OF_CHAINS = 4, (2, 4)
 #: Chunks before the first round of chains that begin far from the posterior.
 _ON_THE_WAY = 2
 #: Draws that what was known of the covariance counts as, beside a chunk's of each chain.
 _KNOWN_AS_DRAWS = 100
+_NO_SITES: Mapping[str, np.ndarray] = MappingProxyType({})
 
 
 class Place(NamedTuple):
@@ -39,17 +41,15 @@ class Place(NamedTuple):
     points, covariance:
         A point for each chain, and the covariance about them, of the unknowns of what the records share; None: not
         known.
+    sites:
+        Every site of the model at the draws of the last chunk of the chains; empty before there was one.
     """
 
     summaries: RecordSummaries
     error: SummaryError
     points: Float[np.ndarray, "chains unknowns"] | None = None
     covariance: Float[np.ndarray, "unknowns unknowns"] | None = None
-
-    @property
-    def accurate(self) -> bool:
-        """Whether the summaries were good enough, but for chance."""
-        return self.error.at_least <= SUMMARY_ERROR_MOST
+    sites: Mapping[str, np.ndarray] = _NO_SITES
 
 
 class Pilot(NamedTuple):
@@ -66,14 +66,14 @@ class Pilot(NamedTuple):
         place = first = Place(self.arguments["summaries"], self._unknown())
         for number in range(_ROUNDS_AT_MODE):
             place = self._about_mode(place, number) or first
-            if place is first or place.accurate:
+            if place is first or place.error.at_least <= SUMMARY_ERROR_MOST:
                 break
         least, most = _ROUNDS_OF_CHAINS
         for number in range(most):
             place = self._about_chunk(place, number)
-            if not np.isfinite(place.error.total) or (number + 1 >= least and place.accurate):
+            if not np.isfinite(place.error.total) or (number + 1 >= least and place.error.total <= SUMMARY_ERROR_MOST):
                 break
-        return place
+        return place._replace(sites=_NO_SITES)
 
     def about(self, place: Place, sites: Mapping[str, np.ndarray]) -> Place:
         """Return a place with its summaries made anew about draws of every site."""
@@ -118,12 +118,18 @@ class Pilot(NamedTuple):
         known = np.eye(draws.shape[1]) if place.covariance is None else place.covariance
         share = len(draws) / (len(draws) + _KNOWN_AS_DRAWS)
         covariance = share * np.cov(draws.T) + (1.0 - share) * known
-        return self._placed(sites)._replace(points=chains.blocks.join(state.z), covariance=covariance)
+        placed = self._placed(sites, place.sites)
+        return placed._replace(points=chains.blocks.join(state.z), covariance=covariance, sites=sites)
 
-    def _placed(self, sites: Mapping[str, np.ndarray]) -> Place:
-        """Return summaries about draws of every site, and how far those were off that the draws were made with."""
+    def _placed(self, sites: Mapping[str, np.ndarray], before: Mapping[str, np.ndarray] = _NO_SITES) -> Place:
+        """Return summaries about draws of every site, and how far those were off that the draws were made with.
+
+        They are about draws that were made `before`, with other summaries, as well: the more, the less is left to
+        chance.
+        """
         error = self.error(sites)
-        summaries = _summaries_about(sites, self.arguments)
+        both = {name: np.concatenate([draws, sites[name]], axis=1) for name, draws in before.items()} or sites
+        summaries = _summaries_about(both, self.arguments)
         if not all(np.isfinite(np.asarray(leaf)).all() for leaf in jax.tree.leaves(summaries)):
             # Draws that are all one, of chains that stood still, are no posterior to go by.
             error = self._unknown()
