@@ -68,10 +68,11 @@ RepeatsOption = Annotated[
     typer.Option(help="How repeats scatter: usual and discordant ones, Student-t, or normal."),
 ]
 NoiseOption = Annotated[
-    Literal["auto", "iid", "ar1"],
+    Literal["auto", "iid", "ar1", "student"],
     typer.Option(
         help="Noise of the force. auto: correlated from point to point by as much as the records show, and larger or "
-        "smaller near the start of a step; ar1: the correlation alone; iid: independent from point to point."
+        "smaller near the start of a step; ar1: the correlation alone; iid: independent from point to point; student: "
+        "that with heavy tails, for exact displacements (--displacement-sd 0 where they are in steps of a converter)."
     ),
 ]
 NoiseWindowOption = Annotated[

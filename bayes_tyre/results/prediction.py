@@ -21,7 +21,7 @@ from bayes_tyre.inference.record_data import EQUATION_2, LAWS
 from bayes_tyre.inference.sampling.datatree import law_of, priors_of, tree_cases
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import CASE_FACTORS, Case
-from bayes_tyre.results.cases.draws import CaseDraws, CaseValues, of_repeat, tested, travel_mm
+from bayes_tyre.results.cases.draws import CaseDraws, CaseValues, draw_noise, of_repeat, tested, travel_mm
 from bayes_tyre.results.cases.selection import CaseQuery, Choice, case_list, choose, sign_of, without_opposite
 from bayes_tyre.results.cases.untested import untested, untested_rng
 
@@ -212,12 +212,13 @@ def _bands(
 ) -> dict[str, np.ndarray]:
     """Return median, lower and upper of the force (kN) at each displacement, a bounded number of them at once."""
     tails = [0.5, (1.0 - interval) / 2.0, (1.0 + interval) / 2.0]
-    F_i, J, k, beta, _, sigma = (values[:, None] for values in draws)
+    F_i, J, k, beta, sigma = (getattr(draws, name)[:, None] for name in ("F_i", "J", "k", "beta", "sigma"))
+    nu = None if draws.noise_nu is None else draws.noise_nu[:, None]
     blocks = []
     for part in np.array_split(u, -(-len(u) * len(k) // CELLS)):
         force = force_kN(part, F_i, J, k, beta, law)
         if sigma.any():
-            force = force + sigma * rng.standard_normal(force.shape)
+            force = force + sigma * draw_noise(rng, force.shape, nu)
         blocks.append(np.quantile(force, tails, axis=0))
     return dict(zip(("median", "lower", "upper"), np.concatenate(blocks, axis=1), strict=True))
 

@@ -49,6 +49,8 @@ class Kind:
         Lag-1 autocorrelation of the noise of the force.
     noise_near_start:
         Factor on the noise within `NEAR_START_MM` of the start.
+    noise_freedom:
+        Degrees of freedom of Student's t that the noise of the force is, with scale `sigma_kN`; infinity: normal.
     small_step_limit:
         Whether records follow Equation 1's limit for small steps instead of Equation 2.
     hardening_per_mm:
@@ -79,6 +81,7 @@ class Kind:
     rest_points: int = 0
     rho: float = 0.0
     noise_near_start: float = 1.0
+    noise_freedom: float = np.inf
     small_step_limit: bool = False
     hardening_per_mm: float = 0.0
     repeat_freedom: float = np.inf
@@ -104,6 +107,9 @@ KINDS = {
     ),
     "correlated_noise": Kind(rho=0.35),
     "correlated_noise_as_iid": Kind(rho=0.35, options={"noise": "iid"}),
+    "heavy_tailed_noise": Kind(noise_freedom=3.0, options={"noise": "student"}),
+    "heavy_tailed_noise_as_normal": Kind(noise_freedom=3.0),
+    "clean_as_heavy_tailed": Kind(options={"noise": "student"}),
     "small_step_limit": Kind(small_step_limit=True),
     "small_step_limit_as_itself": Kind(small_step_limit=True, options={"law": "small_step_limit"}),
     "uneven_noise": Kind(noise_near_start=3.0),
@@ -216,6 +222,9 @@ def _noise(
     kind: Kind, u: Float[np.ndarray, "records points"], rng: np.random.Generator
 ) -> Float[np.ndarray, "records points"]:
     noise = rng.standard_normal(u.shape)
+    if np.isfinite(kind.noise_freedom):
+        squares = rng.spawn(1)[0].chisquare(kind.noise_freedom, u.shape)  # kinds keep their other random numbers
+        noise /= np.sqrt(squares / kind.noise_freedom)
     for i in range(1, u.shape[1]):
         noise[:, i] = kind.rho * noise[:, i - 1] + np.sqrt(1.0 - kind.rho**2) * noise[:, i]
     return kind.sigma_kN * noise * np.where(np.abs(u) < NEAR_START_MM, kind.noise_near_start, 1.0)

@@ -23,11 +23,12 @@ def log_density(values: Values, data: RecordData, factors: Factors, repeats: str
     ----------
     values:
         By name: hyperparameters, and `log_sd_repeat_by_speed`, `terms`, `log_cases`, `log_records`,
-        `log_sigma_typical`, `log_sigma_records`, `atanh_rho_typical`, `atanh_rho_records` as far as there are any.
+        `log_sigma_typical`, `log_sigma_records`, `atanh_rho_typical`, `atanh_rho_records`, `offsets_of_records` as
+        far as there are any.
     data, factors:
         The records and how they group.
     repeats, noise:
-        How repeats scatter, and whether noise is autoregressive.
+        How repeats scatter, and whether noise is autoregressive or a Student-t.
     """
     total = sum(PRIORS[name].scipy().logpdf(values[name]) for name in PRIORS if name in values and above(name))
     total += _terms(values, factors) + _levels(values, factors)
@@ -157,7 +158,10 @@ def _repeats(values: Values, factors: Factors, scatter: np.ndarray, repeats: str
 
 
 def _forces(values: Values, data: RecordData, factors: Factors, noise: str) -> float:
-    """Return the log density of the forces: normal, for they are linear in F_i and J, which are."""
+    """Return the log density of the forces: normal, for they are linear in F_i and J, which are.
+
+    With Student-t noise, of F_i and J too, which are then among the values.
+    """
     total = 0.0
     for r in range(len(values["log_records"])):
         present = np.asarray(data.present[r])
@@ -165,6 +169,16 @@ def _forces(values: Values, data: RecordData, factors: Factors, noise: str) -> f
         log_k, log_beta = values["log_records"][r]
         g = 1.0 - np.exp(-np.abs(u) / np.exp(log_beta))
         sigma = np.exp(values["log_sigma_records"][r] if "log_sigma_records" in values else values["log_sigma_typical"])
+        if noise == "student":
+            scale = np.array([data.span[r], values["sd_J"]])
+            total += stats.norm.logpdf(values["offsets_of_records"][r], 0.0, scale).sum()
+            F_i, J = values["offsets_of_records"][r] + [
+                data.F_0[r],
+                values["J_group"][factors.group.of_case[factors.of_record[r]]],
+            ]
+            mean = F_i + (J + np.exp(log_k) * u) * g
+            total += stats.t.logpdf(F, values["noise_nu"], mean, sigma).sum()
+            continue
         rho = 0.0
         if noise == "ar1":
             rho = np.tanh(

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 from bayes_tyre.laws.fancher import equation_2_offset, small_step_limit_offset
 from bayes_tyre.record_table import check_record_table
@@ -55,6 +56,12 @@ def test_forces_follow_the_law_of_their_truth(limit, offset):
     np.testing.assert_allclose(force, expected, rtol=0, atol=1e-9)
     assert (np.sign(truth["step_kN"]) == np.sign(J[:, 0])).all()
     assert (truth["step_kN"].abs() == STEP_KN).all()
+
+
+def test_noise_with_heavy_tails_is_a_student_t():
+    noise, _ = noise_of(KINDS["heavy_tailed_noise"])
+    # 9,600 numbers: further from SciPy's distribution than chance lets one of 1,000 samples be.
+    assert stats.kstest(np.ravel(noise) / KINDS["heavy_tailed_noise"].sigma_kN, stats.t(3.0).cdf).pvalue > 1e-3
 
 
 def test_a_fault_leaves_the_truths_as_they_are():

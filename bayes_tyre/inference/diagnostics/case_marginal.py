@@ -116,8 +116,8 @@ def densities_of_cases(
         jnp.asarray(random.standard_normal((POINTS, *shape)))
         for shape in ((cases,), (len(PARAMETERS), cases), (len(PARAMETERS), count))
     )
-    z_noise = student_points(random, (POINTS, unknowns(model.correlation) - len(PARAMETERS), count))
-    log_z = log_standard(jnp.moveaxis(z_noise, 1, -1))
+    z = student_points(random, (POINTS, unknowns(model.correlation) - len(PARAMETERS), count))
+    log_z = log_standard(jnp.moveaxis(z, 1, -1))
 
     def given(of_draw: tuple[Hyperparameters, CasePopulation]) -> RecordDensity:
         of, population = of_draw
@@ -132,8 +132,8 @@ def densities_of_cases(
             return collapsed.draw(of_choice, of_cases, of_records[None])[0, 0]
 
         log_values = jax.vmap(drawn)(of_choice, of_cases, of_records)
-        log_sigma, atanh_rho, narrow = noise_about(z_noise, estimates, of)
-        forces = forces_at(records.likelihood, records.data, of, log_values, log_sigma, atanh_rho)
+        log_sigma, atanh_rho, narrow = noise_about(z, estimates, of)
+        forces = forces_at(records.likelihood, records.data, of, log_values, log_sigma, atanh_rho, z[:, 1:])
         of_noise = log_prior_of_noise(log_sigma, atanh_rho, of) + narrow - log_z
         by_record = forces + of_noise - quadratic.at(log_values)
         by_case = jnp.zeros((POINTS, cases)).at[:, factors.of_record].add(by_record)

@@ -122,12 +122,12 @@ def leave_one_case_out(
 ) -> LeaveOneOut | None:
     """Return how well a fitted model predicts the records of each case from the other cases.
 
-    None for models whose cases cannot be integrated out, such as with Student-t repeats, and for a single case.
+    None for models whose cases cannot be integrated out, with Student-t repeats or noise, and for a single case.
     Parameters are those of `leave_one_record_out`.
     """
     records = prepare_records(table, model)
     labels = [case.label for case in records.factors.cases]
-    if len(labels) < 2 or not can_collapse(records.factors, model.repeats):
+    if len(labels) < 2 or model.noise == "student" or not can_collapse(records.factors, model.repeats):
         return None
     densities = densities_of_cases(as_measured(thinned(tree)), records, model)
 

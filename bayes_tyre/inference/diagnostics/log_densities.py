@@ -18,6 +18,7 @@ from scipy import stats
 
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood, Likelihood
+from bayes_tyre.inference.model.likelihood.student import StudentLikelihood
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.record_data import RecordData
 from bayes_tyre.inference.sampling.common_scales import as_measured
@@ -64,7 +65,7 @@ def log_prior(
     return without_labels(densities)
 
 
-def log_likelihood_of_records(posterior: xr.Dataset, likelihood: Likelihood) -> xr.Dataset:
+def log_likelihood_of_records(posterior: xr.Dataset, likelihood: Likelihood | StudentLikelihood) -> xr.Dataset:
     """Return the log density of each record's forces at each draw: `force`, dims chain, draw, record.
 
     ArviZ's `loo` on it leaves a record out and keeps the record's own parameters, which is not a prediction:
@@ -77,10 +78,13 @@ def log_likelihood_of_records(posterior: xr.Dataset, likelihood: Likelihood) -> 
         return values.reshape(-1, values.shape[2])
 
     theta = np.stack([flat("F_i"), flat("J"), np.log(flat("k")), np.log(flat("beta"))], axis=2)
-    rho = jnp.asarray(flat("rho")) if "rho" in measured else None
-    work = likelihood.data.u.size if isinstance(likelihood, DirectLikelihood) else theta.shape[1] * _GATHERED
+    shape_of_noise = jnp.asarray(flat("rho")) if "rho" in measured else None
+    if isinstance(likelihood, StudentLikelihood):
+        shape_of_noise = jnp.asarray(measured["noise_nu"].transpose(*SAMPLE).to_numpy().ravel())
+    by_point = isinstance(likelihood, (DirectLikelihood, StudentLikelihood))
+    work = likelihood.data.u.size if by_point else theta.shape[1] * _GATHERED
     together = max(1, min(len(theta), _TOGETHER // work))
-    density = _at_each(likelihood, jnp.asarray(theta), jnp.asarray(flat("sigma")), rho, together)
+    density = _at_each(likelihood, jnp.asarray(theta), jnp.asarray(flat("sigma")), shape_of_noise, together)
     shape = [measured.sizes[dim] for dim in (*SAMPLE, "record")]
     force = measured["sigma"].transpose(*SAMPLE, "record").copy(data=np.asarray(density).reshape(shape))
     return without_labels({"force": force})
@@ -88,13 +92,13 @@ def log_likelihood_of_records(posterior: xr.Dataset, likelihood: Likelihood) -> 
 
 @eqx.filter_jit
 def _at_each(
-    likelihood: Likelihood,
+    likelihood: Likelihood | StudentLikelihood,
     theta: Float[Array, "draws records 4"],
     sigma: Float[Array, "draws records"],
-    rho: Float[Array, "draws records"] | None,
+    shape_of_noise: Float[Array, "draws *records"] | None,
     together: int,
 ) -> Float[Array, "draws records"]:
-    return jax.lax.map(lambda one: likelihood(*one), (theta, sigma, rho), batch_size=together)
+    return jax.lax.map(lambda one: likelihood(*one), (theta, sigma, shape_of_noise), batch_size=together)
 
 
 def log_likelihood_of_print(posterior: xr.Dataset, printed: Mapping[str, np.ndarray]) -> xr.Dataset:

@@ -3,7 +3,7 @@
 Leave-one-out with a record's own k and beta in the model is not informative, because they adapt to the record. The
 predictive density of an unseen record is the integral over its parameters: by importance sampling about the Gaussian
 posterior of the record's Laplace approximation and each draw's hyperparameters, with the same quasi-random points for
-every draw. F_i and J are integrated out in closed form.
+every draw. F_i and J are integrated out in closed form, or with Student-t noise by the same points.
 """
 
 from typing import NamedTuple
@@ -27,6 +27,8 @@ from bayes_tyre.inference.model.coordinates.reparameterisation import (
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.likelihood.direct import Likelihood
+from bayes_tyre.inference.model.likelihood.offsets import sd_of_offsets
+from bayes_tyre.inference.model.likelihood.student import StudentLikelihood
 from bayes_tyre.inference.record_data import RecordData
 
 #: Points of each integral (a power of two, for Sobol's sequence), and degrees of freedom of the t they are drawn from.
@@ -51,6 +53,8 @@ class Hyperparameters(NamedTuple):
         Shape (draws,), or None where repeats are not so modelled.
     atanh_rho, sd_atanh_rho:
         Shape (draws,), or None for independent noise.
+    noise_nu:
+        Shape (draws,): degrees of freedom of Student-t noise, or None for normal noise.
     """
 
     log_case: Float[Array, "*draws records 2"]
@@ -63,6 +67,7 @@ class Hyperparameters(NamedTuple):
     student_nu: Float[Array, "*draws"] | None
     atanh_rho: Float[Array, "*draws"] | None
     sd_atanh_rho: Float[Array, "*draws"] | None
+    noise_nu: Float[Array, "*draws"] | None = None
 
 
 def hyperparameters(posterior: xr.Dataset, factors: Factors) -> Hyperparameters:
@@ -91,7 +96,7 @@ def hyperparameters(posterior: xr.Dataset, factors: Factors) -> Hyperparameters:
     mean_J = np.zeros(by_case[0].shape)
     if "J_group" in posterior:
         mean_J = flat(posterior["J_group"])[:, factors.group.of_case[records]]
-    names = ("discordant_weight", "student_nu", "atanh_rho_typical", "sd_atanh_rho")
+    names = ("discordant_weight", "student_nu", "atanh_rho_typical", "sd_atanh_rho", "noise_nu")
     return Hyperparameters(
         jnp.asarray(np.stack(by_case, axis=2)),
         jnp.asarray(np.log(np.stack(scatter, axis=2))),
@@ -123,8 +128,11 @@ class RecordDensity(NamedTuple):
 
 
 def unknowns(noise: str) -> int:
-    """Return over how many of its unknowns a record is integrated by points: log k, log beta, sigma, and rho."""
-    return 4 if noise == "ar1" else 3
+    """Return over how many of its unknowns a record is integrated by points.
+
+    They are log k, log beta, sigma; and rho of autoregressive noise, or F_i and J where the noise is a Student-t.
+    """
+    return {"ar1": 4, "student": 5}.get(noise, 3)
 
 
 def standard_points(of_each: int, seed: int, points: int = POINTS) -> Float[Array, "points dimensions"]:
@@ -150,7 +158,7 @@ def log_standard(z: Float[Array, "*points dimensions"]) -> Float[Array, "*points
 
 @eqx.filter_jit
 def record_density(
-    likelihood: Likelihood,
+    likelihood: Likelihood | StudentLikelihood,
     data: RecordData,
     estimates: RecordEstimates,
     of: Hyperparameters,
@@ -177,7 +185,7 @@ def record_density(
             wide = population._replace(log_scatter=population.log_scatter + log_widening)
             placed = _log_values(z[:, :2], estimates, wide)
             log_sigma, atanh_rho, narrow = noise_about(z[:, 2:], estimates, population)
-            forces = forces_at(likelihood, data, population, placed.value, log_sigma, atanh_rho)
+            forces = forces_at(likelihood, data, population, placed.value, log_sigma, atanh_rho, z[:, 3:])
             prior = log_prior_of_noise(log_sigma, atanh_rho, population) + _about_case(placed.value, wide)
             weight = forces + prior + placed.log_volume + narrow - log_z[:, None]
             total = logsumexp(weight, axis=0)
@@ -196,23 +204,30 @@ def record_density(
 
 
 def forces_at(
-    likelihood: Likelihood,
+    likelihood: Likelihood | StudentLikelihood,
     data: RecordData,
     of: Hyperparameters,
     log_values: Float[Array, "points records 2"],
     log_sigma: Float[Array, "points records"],
     atanh_rho: Float[Array, "points records"] | None,
+    z: Float[Array, "points some *records"],
 ) -> Float[Array, "points records"]:
-    """Return the log density of each record's forces at points of its parameters, F_i and J integrated out."""
-    sd_of_offsets = jnp.stack([data.span, jnp.broadcast_to(of.sd_J, data.span.shape)], axis=1)
+    """Return the log density of each record's forces at points of its parameters.
 
-    def at(log_values: Array, log_sigma: Array, atanh_rho: Array | None) -> Array:
+    F_i and J are integrated out in closed form; with Student-t noise they are at coordinates z, per unit of these.
+    """
+
+    def at(log_values: Array, log_sigma: Array, atanh_rho: Array | None, z: Array) -> Array:
+        if isinstance(likelihood, StudentLikelihood):
+            assert of.noise_nu is not None
+            noise, z = (jnp.exp(log_sigma), of.noise_nu), jnp.broadcast_to(z.T, log_values.shape)
+            return likelihood.at_coordinates(z, log_values, *noise, of.mean_J, of.sd_J)
         rho = None if atanh_rho is None else jnp.tanh(atanh_rho)
         of_offsets = likelihood.of_offsets(log_values, jnp.exp(log_sigma), rho)
         about = of_offsets.about(data.F_0 - likelihood.first_force, of.mean_J)
-        return about.with_prior(sd_of_offsets).log_marginal
+        return about.with_prior(sd_of_offsets(data, of.sd_J)).log_marginal
 
-    return jax.vmap(at, in_axes=(0, 0, None if atanh_rho is None else 0))(log_values, log_sigma, atanh_rho)
+    return jax.vmap(at, in_axes=(0, 0, None if atanh_rho is None else 0, 0))(log_values, log_sigma, atanh_rho, z)
 
 
 def _log_values(z: Float[Array, "points 2"], estimates: RecordEstimates, of: Hyperparameters) -> Reparameterised:

@@ -16,6 +16,7 @@ from bayes_tyre.inference.correlated_noise import Whitening, whiten
 from bayes_tyre.inference.lack_of_fit import curve_tangents
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.model.factors import find_factors
+from bayes_tyre.inference.model.noise.heavy_tails import estimated_heavy_tails, heavy_tails
 from bayes_tyre.inference.model.prepared_records import record_batch, with_noise
 from bayes_tyre.inference.record_data import EQUATION_2, force_curves
 from bayes_tyre.inference.sampling.common_scales import as_measured
@@ -51,6 +52,9 @@ class Residuals(NamedTuple):
         What the curves follow, of `bayes_tyre.inference.record_data.LAWS`.
     noise_near_start:
         How many times as large as elsewhere the model takes the noise near the start.
+    noise_nu:
+        Posterior mean of the degrees of freedom of Student-t noise (None: it is normal). White residuals are then
+        weighted: points far off count less.
     """
 
     batch: Batch
@@ -64,6 +68,7 @@ class Residuals(NamedTuple):
     displacement_sd_mm: Float[np.ndarray, " records"]
     law: str = EQUATION_2
     noise_near_start: float = 1.0
+    noise_nu: float | None = None
 
     @property
     def sigma_kN(self) -> Float[np.ndarray, " records"]:
@@ -83,11 +88,15 @@ class Residuals(NamedTuple):
 
     def refitted(self, law: str) -> "LawFit":
         """Return each record's own least squares with a law."""
-        batch, whitening = self.law_batch, self.law_whitening
+        batch, whitening, nu = self.law_batch, self.law_whitening, self.noise_nu
+        if nu is not None:
+            whitening = estimated_heavy_tails(batch, law, nu)
         estimates = estimate_records(batch, "iid" if self.rho is None else "ar1", whitening, law=law)
         curve = np.asarray(force_curves(jnp.asarray(self.u), estimates.centre, law))
         residual = np.where(batch.present, batch.force_kN - curve, 0.0)
         square = np.sum(whiten(residual, batch.present, self.rho, whitening) ** 2, axis=1)
+        if nu is not None:
+            square = _as_likely(residual, batch, np.exp(np.asarray(estimates.log_sigma)), nu)
         variance = np.linalg.inv(np.asarray(estimates.information))[:, 3, 3]
         return LawFit(square, np.asarray(estimates.log_beta), np.sqrt(variance))
 
@@ -112,7 +121,8 @@ class LawFit(NamedTuple):
     Attributes
     ----------
     square:
-        Shape (records,): sum of squares of the whitened residuals, kN^2.
+        Shape (records,): sum of squares of the whitened residuals, kN^2; with Student-t noise, what normal noise as
+        likely would have.
     log_beta, sd_log_beta:
         Shape (records,): its estimate (beta in mm) and standard error.
     """
@@ -122,15 +132,25 @@ class LawFit(NamedTuple):
     sd_log_beta: Float[np.ndarray, " records"]
 
 
+def _as_likely(
+    residual: Float[np.ndarray, "records points"], batch: Batch, sigma_kN: Float[np.ndarray, " records"], nu: float
+) -> Float[np.ndarray, " records"]:
+    """Return the sum of squares of normal noise as likely as residuals are as Student-t noise, but for a factor."""
+    scale = np.where(batch.present, np.log(sigma_kN)[:, None], 0.0)
+    log_density = -scale - 0.5 * (nu + 1.0) * np.log1p((residual / sigma_kN[:, None]) ** 2 / nu)
+    return np.exp(-2.0 * log_density.sum(axis=1) / batch.points)
+
+
 def residuals(tree: xr.DataTree, table: pd.DataFrame) -> Residuals:
     """Return the residuals (kN) of every record of a table at the posterior mean."""
     batch = record_batch(table)
     posterior = as_measured(with_records(tree))
-    names = [name for name in (*OF_CURVE, "sigma", "rho") if name in posterior]
+    names = [name for name in (*OF_CURVE, "sigma", "rho", "noise_nu") if name in posterior]
     mean = posterior[names].sel(record=list(batch.records)).mean(("chain", "draw"))
     means = {name: mean[name].to_numpy() for name in (*OF_CURVE, "sigma")}
     theta = [means["F_i"], means["J"], np.log(means["k"]), np.log(means["beta"])]
     model, rho = model_of(tree), mean["rho"].to_numpy() if "rho" in mean else None
+    nu = float(mean["noise_nu"]) if "noise_nu" in mean else None
     of_record = find_factors(record_factors(table)).of_record
     noise = stated = with_noise(batch, of_record, replace(model, noise=model.correlation))
     if model.uneven:
@@ -139,9 +159,11 @@ def residuals(tree: xr.DataTree, table: pd.DataFrame) -> Residuals:
     u = batch.displacement_mm - batch.displacement_mm[:, :1]
     curve = force_curves(jnp.asarray(u), jnp.asarray(np.stack(theta, axis=1)), model.law)
     residual = np.where(batch.present, batch.force_kN - np.asarray(curve), 0.0)
+    if nu is not None:
+        whitening = heavy_tails(residual, batch.present, means["sigma"], nu)
     white = whiten(residual, batch.present, rho, whitening)
     of_law = stated.batch, stated.whitening
-    return Residuals(batch, means, residual, white, rho, whitening, *of_law, sd_mm, model.law, factor)
+    return Residuals(batch, means, residual, white, rho, whitening, *of_law, sd_mm, model.law, factor, nu)
 
 
 def autocorrelations(of_records: Residuals) -> Float[np.ndarray, " records"]:

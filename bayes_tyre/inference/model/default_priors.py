@@ -96,6 +96,12 @@ PRIORS = Priors(
             dist.LogNormal, (np.log(0.03), 1.5), "kN", "0.0016 to 0.57 kN: a good cell to a coarse converter"
         ),
         "sd_log_sigma": Prior(dist.HalfNormal, (0.7,), "", "noise differs by a factor of a few among records"),
+        "noise_nu": Prior(
+            dist.LogNormal,
+            (np.log(10.0), 0.8),
+            "",
+            "2.1 to 48: heavy tails to nearly normal, much as the Gamma(2, 0.1) of Juarez and Steel (2010): 2.4 to 56",
+        ),
         "atanh_rho_typical": Prior(
             dist.Normal, (0.0, 0.7), "", "lag-1 autocorrelation of the noise of -0.88 to 0.88, about none"
         ),

@@ -44,6 +44,7 @@ def prior_sites(factors: Factors, repeats: str = "mixture", noise: str = "iid") 
     sites = [*_OF_RECORDS, *["sd_log_sigma"] * several]
     if noise == "ar1":
         sites += ["atanh_rho_typical", *["sd_atanh_rho"] * several]
+    sites += ["noise_nu"] * (noise == "student")
     return (*sites, *_case_sites(factors, PARAMETERS, repeats))
 
 

@@ -31,6 +31,8 @@ from bayes_tyre.inference.model.hyperparameters import (
 )
 from bayes_tyre.inference.model.likelihood.direct import Likelihood
 from bayes_tyre.inference.model.likelihood.force_distribution import RecordForces
+from bayes_tyre.inference.model.likelihood.offsets import sd_of_offsets, start_of
+from bayes_tyre.inference.model.likelihood.student import StudentForces, StudentLikelihood
 from bayes_tyre.inference.model.priors import Prior, Priors
 from bayes_tyre.inference.model.record_effects import sample_records
 from bayes_tyre.inference.record_data import EQUATION_2, RecordData
@@ -39,7 +41,7 @@ from bayes_tyre.inference.record_data import EQUATION_2, RecordData
 def records_model(
     data: RecordData,
     factors: Factors,
-    likelihood: Likelihood | None = None,
+    likelihood: Likelihood | StudentLikelihood | None = None,
     *,
     repeats: str = "mixture",
     noise: str = "iid",
@@ -56,11 +58,12 @@ def records_model(
     factors:
         Cases and how they group.
     likelihood:
-        Of the records' forces, where a quicker one than point by point is to serve.
+        Of the records' forces, where a quicker one than point by point is to serve; that of ``student`` noise is none.
     repeats:
         One of `REPEATS`; with fewer than `JUDGEABLE_REPEATS` repeats a case, always ``normal``.
     noise:
-        ``iid``, or ``ar1``, which samples a lag-1 autocorrelation rho for each record.
+        ``iid``; ``ar1``, which samples a lag-1 autocorrelation rho for each record; or ``student``, whose tails are
+        those of a Student-t: F_i and J are then sampled with the rest.
     law:
         One of `bayes_tyre.inference.record_data.LAWS`; a likelihood that is given must be of it.
     priors:
@@ -79,6 +82,13 @@ def records_model(
     log_sigma, typical = _of_records("log_sigma", priors["sigma_typical"], records, hyperparameters)
     deterministic("sigma_typical", jnp.exp(typical))
     sigma = deterministic("sigma", jnp.exp(log_sigma))
+    if noise == "student":
+        theta = jnp.concatenate([sample_start(data, mean_J, hyperparameters["sd_J"]), log_values], axis=1)
+        _keep_record(data, theta)
+        fn = StudentForces(data, theta, sigma, hyperparameters["noise_nu"], law)
+        numpyro.sample("force", fn, obs=data.F if observed else None)
+        return
+    assert not isinstance(likelihood, StudentLikelihood)
     fn = RecordForces(data, log_values, mean_J, hyperparameters["sd_J"], sigma, rho, likelihood, law)
     force = numpyro.sample("force", fn, obs=data.F if observed else None)
     sample_offsets(fn, jnp.asarray(force))
@@ -92,10 +102,22 @@ def sample_mean_J(factors: Factors, priors: Priors) -> Float[Array, " records"]:
 
 def sample_offsets(fn: RecordForces, force: Float[Array, "records points"]) -> None:
     """Sample F_i and J of each record given its forces (kN), and keep what a record is known by."""
-    k, beta = jnp.exp(fn.log_values).T
-    z = numpyro.sample("offsets_z", dist.Normal(0.0, 1.0).expand((len(k), 2)).to_event())
-    F_i, J = fn.start(fn.given(force).draw(jnp.asarray(z))).T
-    for name, value in {"k": k, "beta": beta, "J": J, "F_i": F_i, "C": F_i + J - k * fn.data.d_0}.items():
+    z = numpyro.sample("offsets_z", dist.Normal(0.0, 1.0).expand(fn.log_values.shape).to_event())
+    start = fn.start(fn.given(force).draw(jnp.asarray(z)))
+    _keep_record(fn.data, jnp.concatenate([start, fn.log_values], axis=1))
+
+
+def sample_start(
+    data: RecordData, mean_J: Float[Array, " records"], sd_J: Float[Array, ""]
+) -> Float[Array, "records 2"]:
+    """Sample F_i and J (kN) of each record, which its forces do not determine in closed form."""
+    offsets = numpyro.sample("offsets_of_records", dist.Normal(0.0, sd_of_offsets(data, sd_J)).to_event(2))
+    return start_of(data, mean_J, jnp.asarray(offsets))
+
+
+def _keep_record(data: RecordData, theta: Float[Array, "records 4"]) -> None:
+    F_i, J, (k, beta) = theta[:, 0], theta[:, 1], jnp.exp(theta[:, 2:]).T
+    for name, value in {"k": k, "beta": beta, "J": J, "F_i": F_i, "C": F_i + J - k * data.d_0}.items():
         numpyro.deterministic(name, value)
 
 

@@ -28,9 +28,11 @@ from bayes_tyre.inference.model.coordinates.laplace import (
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.likelihood.compressed import compress
 from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood, Likelihood
+from bayes_tyre.inference.model.likelihood.student import StudentLikelihood
 from bayes_tyre.inference.model.noise.converter_steps import between_steps, converter_step_mm
 from bayes_tyre.inference.model.noise.displacement_errors import DisplacementErrors, displacement_errors
 from bayes_tyre.inference.model.noise.displacement_noise import displacement_noise_mm
+from bayes_tyre.inference.model.noise.heavy_tails import check_independent, estimated_heavy_tails
 from bayes_tyre.inference.model.noise.rest import at_rest
 from bayes_tyre.inference.model.noise.uneven_noise import uneven_noise
 from bayes_tyre.inference.model.record_levels import find_levels
@@ -90,7 +92,7 @@ class PreparedRecords(NamedTuple):
     factor_table: pd.DataFrame
     factors: Factors
     whitening: Whitening | None
-    likelihood: Likelihood
+    likelihood: Likelihood | StudentLikelihood
 
     @property
     def digest(self) -> str:
@@ -102,6 +104,11 @@ class PreparedRecords(NamedTuple):
             for readings in (self.measured.displacement_mm, self.measured.force_kN):
                 found.update(np.ascontiguousarray(readings[i][present]).tobytes())
         return found.hexdigest()
+
+    @property
+    def normal_likelihood(self) -> Likelihood:
+        """The likelihood of normal noise: `likelihood`, or where that has heavy tails the one that it is placed by."""
+        return self.likelihood.weighted if isinstance(self.likelihood, StudentLikelihood) else self.likelihood
 
     def arguments(self, model: ModelSettings) -> dict[str, Any]:
         """Return the arguments of `bayes_tyre.inference.model.models.records_model`."""
@@ -162,6 +169,8 @@ def prepare_with_noise(
         likelihood = DirectLikelihood(data, whitening, model.law)
     else:
         likelihood = compress(data, neighbours=model.correlation == "ar1", whitening=whitening, law=model.law)
+    if model.noise == "student":
+        likelihood = StudentLikelihood(data, likelihood, model.law)
     return PreparedRecords(measured, batch, data, factor_table, factors, whitening, likelihood)
 
 
@@ -174,6 +183,11 @@ def with_noise(batch: Batch, of_record: Int[np.ndarray, " records"], model: Mode
         The records as they were measured, and the number of the case of each.
     model:
         What of it concerns the noise, and the law.
+
+    Raises
+    ------
+    BadInput
+        For errors of the records that heavy-tailed noise is not modelled with.
     """
     law = model.law
     if model.noise_window > 1:
@@ -181,6 +195,9 @@ def with_noise(batch: Batch, of_record: Int[np.ndarray, " records"], model: Mode
         return RecordNoise(batch, smoothed, np.zeros(len(batch.records)))
     batch, errors = _errors_of_displacement(batch, of_record, model)
     whitening, factor = None, 1.0
+    if model.noise == "student":
+        check_independent(batch, errors)
+        return RecordNoise(batch, estimated_heavy_tails(batch, law), errors.sd_mm.max(axis=1))
     if errors.sd_mm.any():
         batch, whitening = displacement_errors(batch, of_record, errors, law)
     if batch.force_error_kN is not None and batch.force_error_kN.any():

@@ -82,14 +82,19 @@ def prior_forces(
     values = [jnp.asarray(drawn[name][:, record, None]) for name in names]
     draws = len(values[0])
     u = jnp.broadcast_to(jnp.asarray(displacement_mm - displacement_mm[0]), (draws, len(displacement_mm)))
-    return np.asarray(_draw_forces(u, values, jax.random.PRNGKey(seed), law))
+    nu = jnp.asarray(drawn["noise_nu"]) if "noise_nu" in drawn else None
+    return np.asarray(_draw_forces(u, values, nu, jax.random.PRNGKey(seed), law))
 
 
 @partial(jax.jit, static_argnames="law")
 def _draw_forces(
-    u: Float[Array, "draws points"], values: list[Float[Array, "draws 1"]], key: Array, law: str
+    u: Float[Array, "draws points"],
+    values: list[Float[Array, "draws 1"]],
+    nu: Float[Array, " draws"] | None,
+    key: Array,
+    law: str,
 ) -> Float[Array, "draws points"]:
     """Draw forces of as many records as there are draws."""
     F_i, J, k, beta, sigma, *rho = values
     theta = jnp.concatenate([F_i, J, jnp.log(k), jnp.log(beta)], axis=1)
-    return draw_forces(key, u, theta, sigma[:, 0], rho[0][:, 0] if rho else None, law)
+    return draw_forces(key, u, theta, sigma[:, 0], rho[0][:, 0] if rho else None, law, nu)

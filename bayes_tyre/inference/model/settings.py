@@ -14,7 +14,7 @@ from bayes_tyre.inference.record_data import EQUATION_2, LAWS
 
 INITIAL_LOADS = ("nominal", "actual")
 LIKELIHOODS = ("compressed", "direct")
-NOISE = ("auto", "iid", "ar1")
+NOISE = ("auto", "iid", "ar1", "student")
 SAMPLERS = ("collapsed", "joint")
 
 
@@ -37,12 +37,14 @@ class ModelSettings:
         Standard deviation of the error of a displacement, mm; None: of rounding to the converter's steps, in records
         whose displacements are multiples of one, or with noise ``auto`` what the records show of it.
     likelihood:
-        ``compressed``: independent of the number of points; or ``direct``, point by point: the reference.
+        ``compressed``: independent of the number of points; or ``direct``, point by point: the reference. Noise
+        ``student`` is point by point with either.
     repeats:
         How repeats scatter about their case: a ``mixture`` of usual and discordant ones, ``student`` or ``normal``.
     noise:
         ``auto``: as ``ar1``, and as large near the start, and of the displacement, as the records show; ``ar1``: each
-        point's follows the one before, by as much as the records say; or ``iid``: independent from point to point.
+        point's follows the one before, by as much as the records say; ``iid``: independent from point to point; or
+        ``student``: that with heavy tails, a Student-t whose degrees of freedom all records share.
     noise_window:
         Samples of the moving average that went over the noise, such as 801; 1: none. It says all of the noise.
     priors:
@@ -104,14 +106,16 @@ class ModelSettings:
             raise BadInput(f"noise_window {self.noise_window} says all of the noise; give it without displacement_sd")
         if self.noise_window < 1:
             raise BadInput(f"noise_window is {self.noise_window}; give the samples averaged, or 1 for none")
-        if self.noise_window > 1 and self.noise == "ar1":
+        if self.noise == "student" and self.displacement_sd:
+            raise BadInput("noise student takes displacements as exact; give it without displacement_sd")
+        if self.noise_window > 1 and self.noise in ("ar1", "student"):
             raise BadInput(
                 f"noise_window {self.noise_window} says all of the noise; give it without noise {self.noise}"
             )
 
     @property
     def correlation(self) -> str:
-        """How the noise is correlated: ``iid`` or ``ar1``."""
+        """What the noise of a point is beside that of others: ``iid``, ``ar1`` or ``student``."""
         if self.noise == "auto":
             return "iid" if self.noise_window > 1 else "ar1"
         return self.noise

@@ -95,5 +95,5 @@ def _off(error: SummaryError) -> str:
 def _summarise(records: PreparedRecords, model: ModelSettings) -> tuple[LaplaceApproximation, RecordSummaries]:
     approximation = records.approximation(model)
     options = model.correlation, model.priors.discordant_widening
-    summaries = summarise_records(records.data, records.likelihood, approximation, records.factors, *options)
+    summaries = summarise_records(records.data, records.normal_likelihood, approximation, records.factors, *options)
     return approximation, summaries

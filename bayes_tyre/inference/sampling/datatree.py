@@ -61,7 +61,7 @@ def _quantities() -> dict[str, tuple[str | None, str]]:
             quantities[f"sd_log_{name}_{of}"] = (None, "")
             quantities[f"sd_log_{name}_{of}_over_speeds"] = (None, "")
             quantities[f"sd_log_{name}_{of}_by_speed"] = ("speed", "")
-    pure = ("discordant_weight", "student_nu", "sd_log_sigma", "atanh_rho_typical", "sd_atanh_rho")
+    pure = ("discordant_weight", "student_nu", "sd_log_sigma", "noise_nu", "atanh_rho_typical", "sd_atanh_rho")
     quantities |= dict.fromkeys(pure, (None, ""))
     quantities |= {"J_group": ("group", "kN"), "sd_J": (None, "kN"), "sigma_typical": (None, "kN")}
     return quantities

@@ -76,6 +76,8 @@ def fit_hierarchical(
     records = records or prepare_records(table, model)
     if text := without_effect(records.factors, model):
         settings.on_note(text)
+    if model.noise == "student" and model.sampler == "collapsed" and len(records.batch.records) >= LEAST_COLLAPSED:
+        settings.on_note("noise student has no summaries of records: records are sampled as well")
     tree = fit_prepared(records, settings, model)
     tree.attrs["origin"] = origin_of(table)
     if model.displacement_scale_sd > 0:
@@ -113,9 +115,12 @@ def fit_prepared(
 
 
 def collapses(records: PreparedRecords, model: ModelSettings) -> bool:
-    """Return whether records are integrated out: of few, what they share is not known well enough for summaries."""
-    enough = len(records.batch.records) >= LEAST_COLLAPSED
-    return model.sampler == "collapsed" and enough and can_collapse(records.factors, model.repeats)
+    """Return whether records are integrated out: of few, what they share is not known well enough for summaries.
+
+    Nor are they with Student-t noise, which keeps F_i and J of each open.
+    """
+    quadratic = model.noise != "student" and can_collapse(records.factors, model.repeats)
+    return model.sampler == "collapsed" and len(records.batch.records) >= LEAST_COLLAPSED and quadratic
 
 
 def joint_chains(records: PreparedRecords, settings: SamplerSettings, model: ModelSettings) -> Chains:

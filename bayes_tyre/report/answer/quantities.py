@@ -31,6 +31,7 @@ _SINGLE = {
     "student_nu": "degrees of freedom of the repeats",
     "sd_log_sigma": "standard deviation of log sigma between records",
     "sigma_typical": "typical noise sigma",
+    "noise_nu": "degrees of freedom of the noise",
     "sd_J": "standard deviation of J between records",
     "atanh_rho_typical": "typical correlation rho of the noise",
     "sd_atanh_rho": "standard deviation of the correlation rho between records",

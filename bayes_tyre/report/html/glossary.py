@@ -39,7 +39,10 @@ PARAMETERS = {
         "Change of force over the stroke, slow, at 1 Hz or in free vibration, on flat ground. With friction it exceeds "
         "k, the more the smaller the cycle: what a law predicts of other tests than the step it was fitted to.",
     ),
-    "sigma": ("sigma, kN", "Noise of the force about the fitted curve."),
+    "sigma": (
+        "sigma, kN",
+        "Standard deviation of the noise of the force about the curve; with --noise student its scale, which is less.",
+    ),
 }
 ALWAYS = {
     "Case, record, repeat": "A case is one test: configuration, direction, speed (km/h), initial load and step (kN). "

@@ -26,6 +26,8 @@ class CaseDraws(NamedTuple):
         Displacement at the start, mm.
     sigma:
         Noise of a single point, kN; 0 where a curve is meant and no measurement.
+    noise_nu:
+        Degrees of freedom of that noise; None: it is normal.
     """
 
     F_i: Float[np.ndarray, " draws"]
@@ -34,6 +36,7 @@ class CaseDraws(NamedTuple):
     beta: Float[np.ndarray, " draws"]
     d_i: Float[np.ndarray, " draws"]
     sigma: Float[np.ndarray, " draws"]
+    noise_nu: Float[np.ndarray, " draws"] | None = None
 
     @property
     def C(self) -> Float[np.ndarray, " draws"]:
@@ -108,7 +111,15 @@ def of_repeat(
     spread = _scalar(posterior, "sd_log_sigma") if "sd_log_sigma" in posterior else 0.0  # one record: no spread
     sigma = _scalar(posterior, "sigma_typical") * np.exp(spread * rng.standard_normal(draws))
     F_i, J, d_i = (draws[one] for draws in values.start)
-    return CaseDraws(F_i, J, k, beta, d_i, sigma)
+    nu = _scalar(posterior, "noise_nu") if "noise_nu" in posterior else None
+    return CaseDraws(F_i, J, k, beta, d_i, sigma, nu)
+
+
+def draw_noise(
+    rng: np.random.Generator, shape: tuple[int, ...], nu: Float[np.ndarray, "*#shape"] | None
+) -> Float[np.ndarray, "*shape"]:
+    """Return noise of scale 1: a Student-t of so many degrees of freedom; None: normal."""
+    return rng.standard_normal(shape) if nu is None else rng.standard_t(nu, shape)
 
 
 def _scatter_of_levels(posterior: xr.Dataset, parameter: str) -> Float[np.ndarray, "#draws"]:

@@ -10,6 +10,7 @@ from bayes_tyre.inference.sampling.common_scales import as_measured
 from bayes_tyre.inference.sampling.datatree import law_of
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record_table import record_factors
+from bayes_tyre.results.cases.draws import draw_noise
 from bayes_tyre.results.prediction import force_kN
 from bayes_tyre.results.summary import outlier_probability
 
@@ -78,6 +79,7 @@ def predictive_bands(
     rng = np.random.default_rng(0)
     batch = record_batch(table[table["record"].isin(records)])
     posterior = as_measured(with_records(tree)).sel(record=list(batch.records))
+    nu = posterior["noise_nu"].to_numpy().reshape(-1, 1) if "noise_nu" in posterior else None
     tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
     bands = []
     for i, record in enumerate(batch.records):
@@ -87,7 +89,8 @@ def predictive_bands(
         # With the padding, so that JAX compiles one length for all records.
         of_curve = {name: draws[name][chosen] for name in OF_CURVE}
         curves = force_kN(d - d[0], **of_curve, law=law_of(tree))[:, present]
-        new = curves + draws["sigma"][chosen] * rng.standard_normal(curves.shape)
+        of_noise = None if nu is None else nu[chosen]
+        new = curves + draws["sigma"][chosen] * draw_noise(rng, curves.shape, of_noise)
         lower, median, upper = np.quantile(new, tails, axis=0)
         band = {"displacement_mm": d[present], "median_kN": median, "lower_kN": lower, "upper_kN": upper}
         bands.append(pd.DataFrame({"record": record, **band}))

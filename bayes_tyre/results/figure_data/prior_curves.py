@@ -18,7 +18,7 @@ from bayes_tyre.results.cases.untested import has_slope
 #: The most panels; records of the data, and of the prior, in each; points of a prior record.
 PANELS, REAL, DRAWN, POINTS = 6, 5, 40, 80
 _BAND_DRAWS = 2000
-_DRAWN_SITES = ("F_i", "J", "k", "beta", "sigma", "rho")
+_DRAWN_SITES = ("F_i", "J", "k", "beta", "sigma", "rho", "noise_nu")
 
 
 class PriorPanel(NamedTuple):

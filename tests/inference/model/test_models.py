@@ -44,6 +44,7 @@ KINDS = {
     "a remainder of k alone, of cases that may stand apart": (SEVEN_STEPS, ModelSettings(noise="iid")),
     "mixture": (CROSSED, ModelSettings(noise="iid")),
     "autoregressive": (SEVERAL, ModelSettings(noise="ar1", initial_load="actual")),
+    "noise with heavy tails": (SEVERAL, ModelSettings(noise="student")),
     "student": (SEVERAL, ModelSettings(repeats="student", noise="iid")),
     "normal": (SEVERAL, ModelSettings(repeats="normal", likelihood="direct", noise="iid")),
     "one record": (ONE, ModelSettings(noise="ar1")),

@@ -36,6 +36,8 @@ FIRST_70_PER_CENT = {1: 1, 2: 2, 10: 7, 11: 8, 1198: 839}
         {"sampler": "gibbs"},
         {"noise_window": 0},
         {"noise": "ar1", "noise_window": 801},
+        {"noise": "student", "noise_window": 801},
+        {"noise": "student", "displacement_sd": 0.01},
         {"displacement_sd": -0.01},
         {"displacement_sd": float("nan")},
         {"displacement_sd": 0.01, "noise_window": 801},
@@ -53,6 +55,7 @@ def test_settings_that_cannot_be_are_refused(wrong):
         ({"noise_window": 801}, "iid", False),
         ({"noise": "ar1"}, "ar1", False),
         ({"noise": "iid"}, "iid", False),
+        ({"noise": "student"}, "student", False),
     ],
 )
 def test_noise_is_taken_as_the_records_show_it_unless_it_is_stated(given, correlation, uneven):

@@ -16,6 +16,7 @@ from numpyro.infer.reparam import Reparam
 from bayes_tyre.inference.model.case_effects import OFFSET, case_remainder, scatter_of_cases, with_remainder
 from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, RecordEstimates
 from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates, find_kinds
+from bayes_tyre.inference.model.coordinates.noise import noise_coordinates, student_coordinates
 from bayes_tyre.inference.model.coordinates.reparameterisation import Gaussian, Reparameterised, reparameterise_by_slope
 from bayes_tyre.inference.model.coordinates.reparams import (
     CasesReparam,
@@ -31,6 +32,7 @@ from bayes_tyre.inference.model.coordinates.reparams import (
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS, Hyperparameters, by_family, family_of, prior_sites
+from bayes_tyre.inference.model.likelihood.student import StudentLikelihood
 from bayes_tyre.inference.model.models import log_published, published_model, records_model
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.record_levels import COVARIATE, RecordLevels
@@ -45,6 +47,8 @@ _LEAST_SCATTER = 0.01
 def records_in_coordinates(approximation: LaplaceApproximation, **arguments: Any) -> None:
     """Run `records_model`, with these arguments, in coordinates that follow the records' Laplace approximation."""
     coordinates = record_coordinates(approximation, arguments["factors"], arguments.get("priors", PRIORS))
+    if isinstance(likelihood := arguments.get("likelihood"), StudentLikelihood):
+        coordinates = {**coordinates, **student_coordinates(approximation.records, arguments["factors"], likelihood)}
     InCoordinates(records_model, coordinates)(**arguments)
 
 
@@ -180,8 +184,8 @@ def record_coordinates(approximation: LaplaceApproximation, factors: Factors, pr
         **_level_coordinates(factors.levels, of_records),
         "J_group": of_mean_J,
         "offsets_z": lambda _: DrawnReparam(),
-        **_noise_coordinates("atanh_rho", atanh_rho),
-        **_noise_coordinates("log_sigma", log_sigma),
+        **noise_coordinates("atanh_rho", atanh_rho),
+        **noise_coordinates("log_sigma", log_sigma),
     }
 
 
@@ -200,24 +204,6 @@ def _level_coordinates(levels: RecordLevels, of_records: Callable[[Hyperparamete
         return coordinates
 
     return {f"log_{name}": of_effects(column) for name, column in columns.items()}
-
-
-def _noise_coordinates(name: str, estimate: Callable[[Hyperparameters], Gaussian]) -> Coordinates:
-    """Return the coordinates of a noise parameter of each record, and of its typical value.
-
-    The typical value follows its records' estimates too: the larger their standard deviation, the less they determine
-    it, and a step size made for the narrow part of that funnel diverges in the wide part.
-    """
-
-    def typical(values: Hyperparameters) -> Reparam:
-        of_records = estimate(values)
-        if of_records.value.shape == (1,):
-            return NormalReparam(Gaussian(of_records.value[0], of_records.precision[0]))
-        weight = 1.0 / (values[f"sd_{name}"] ** 2 + 1.0 / of_records.precision)
-        total = jnp.sum(weight)
-        return NormalReparam(Gaussian(jnp.sum(weight * of_records.value) / total, total))
-
-    return {f"{name}_typical": typical, f"{name}_records": lambda values: NormalReparam(estimate(values))}
 
 
 def published_coordinates(

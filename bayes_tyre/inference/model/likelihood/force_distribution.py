@@ -10,7 +10,7 @@ from numpyro import distributions as dist  # not `import numpyro.distributions`:
 from numpyro.distributions import constraints
 
 from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood, Likelihood
-from bayes_tyre.inference.model.likelihood.offsets import OffsetsPosterior
+from bayes_tyre.inference.model.likelihood.offsets import OffsetsPosterior, sd_of_offsets, start_of
 from bayes_tyre.inference.record_data import EQUATION_2, RecordData, force_curve
 
 
@@ -50,7 +50,7 @@ class RecordForces(dist.Distribution):
     ) -> None:
         self.data, self.log_values, self.sigma, self.rho, self.likelihood = data, log_values, sigma, rho, likelihood
         self.law, self.mean_J = law, mean_J
-        self.sd_of_offsets = jnp.stack([data.span, jnp.broadcast_to(sd_J, data.span.shape)], axis=1)
+        self.sd_of_offsets = sd_of_offsets(data, sd_J)
         super().__init__(data.u.shape[:1], data.u.shape[1:], validate_args=False)
 
     @override
@@ -76,7 +76,7 @@ class RecordForces(dist.Distribution):
 
     def start(self, offsets: Float[Array, "*sample records 2"]) -> Float[Array, "*sample records 2"]:
         """Return F_i and J (kN) from how far they are from F_0 and from the mean of J."""
-        return offsets + jnp.stack([self.data.F_0, self.mean_J], axis=1)
+        return start_of(self.data, self.mean_J, offsets)
 
 
 def draw_forces(
@@ -86,9 +86,11 @@ def draw_forces(
     sigma: Float[Array, " records"],
     rho: Float[Array, " records"] | None = None,
     law: str = EQUATION_2,
+    nu: Float[Array, " records"] | None = None,
 ) -> Float[Array, "*sample records points"]:
     """Draw forces (kN) at displacements u (mm) from the start, given (F_i, J, log k, log beta) and the noise."""
-    noise = jax.random.normal(key, (*theta.shape[:-1], u.shape[1]))
+    shape = (*theta.shape[:-1], u.shape[1])
+    noise = jax.random.normal(key, shape) if nu is None else jax.random.t(key, nu[:, None], shape)
     if rho is not None:
         noise = _autoregressive(noise, rho[:, None])
     curves = jnp.vectorize(partial(force_curve, law=law), signature="(p),(t)->(p)")

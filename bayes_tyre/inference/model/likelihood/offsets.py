@@ -9,6 +9,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from bayes_tyre.inference.record_data import RecordData
+
 Records = Float[Array, " records"]
 
 
@@ -80,7 +82,28 @@ class OffsetsPosterior(NamedTuple):
 
     def draw(self, z: Float[Array, "records 2"]) -> Float[Array, "records 2"]:
         """Return offsets (kN) drawn by standard normal numbers."""
+        return self.sd * self._in_sd(z)
+
+    def log_prior_of_drawn(self, z: Float[Array, "records 2"]) -> Records:
+        """Return the log density that the prior has at the offsets drawn by z, per unit of z, shape (records,)."""
+        # In units of the prior's sd, which cancels.
+        level, _, J = self.root.T
+        return -0.5 * jnp.sum(self._in_sd(z) ** 2, axis=1) - jnp.log(2.0 * jnp.pi) - jnp.log(level * J)
+
+    def _in_sd(self, z: Float[Array, "records 2"]) -> Float[Array, "records 2"]:
         level, both, J = self.root.T
         of_J = (self.half[:, 1] + z[:, 1]) / J
         of_level = (self.half[:, 0] + z[:, 0] - both * of_J) / level
-        return self.sd * jnp.stack([of_level, of_J], axis=1)
+        return jnp.stack([of_level, of_J], axis=1)
+
+
+def sd_of_offsets(data: RecordData, sd_J: Float[Array, ""]) -> Float[Array, "records 2"]:
+    """Return the standard deviations (kN) of the prior of F_i and of J of each record."""
+    return jnp.stack([data.span, jnp.broadcast_to(sd_J, data.span.shape)], axis=1)
+
+
+def start_of(
+    data: RecordData, mean_J: Records, offsets: Float[Array, "*sample records 2"]
+) -> Float[Array, "*sample records 2"]:
+    """Return F_i and J (kN) from how far they are from F_0 and from the mean of J."""
+    return offsets + jnp.stack([data.F_0, mean_J], axis=1)

@@ -41,7 +41,7 @@ def made(noise: str) -> Case:
     settings = ModelSettings(noise=noise)
     records = prepare_records(check_record_table(simulate(PLAN, 4)[0]), settings)
     approximation = records.approximation(settings)
-    known = records.data, records.likelihood, approximation, records.factors, noise
+    known = records.data, records.normal_likelihood, approximation, records.factors, noise
     return Case(records, approximation, summarise_records(*known, 6.0))
 
 
@@ -86,7 +86,7 @@ def by_importance(case: Case, shared: Shared) -> tuple[np.ndarray, np.ndarray, n
     log_prior = log_prior + norm.logpdf(noises, shared.noise, shared.sd).sum(axis=-1)
     log_proposal = norm.logpdf(z, 0.0, wider).sum(axis=1) - np.asarray(values.log_volume + noise.log_volume)
     of_each = (jnp.asarray(log_values), jnp.asarray(noises), shared.mean_J, shared.sd_J)
-    exact = np.asarray(log_densities(case.records.data, case.records.likelihood, *of_each))
+    exact = np.asarray(log_densities(case.records.data, case.records.normal_likelihood, *of_each))
     return log_values, noises, exact + log_prior - log_proposal
 
 
@@ -109,7 +109,7 @@ def refined(noise: str) -> tuple[Case, Shared]:
     values, noise_drawn = (
         jnp.asarray(np.take_along_axis(of, picked[..., None], axis=0)) for of in (log_values, noises)
     )
-    known = case.records.data, case.records.likelihood
+    known = case.records.data, case.records.normal_likelihood
     return case._replace(summaries=refine_summaries(*known, values, noise_drawn, shared.mean_J, shared.sd_J)), shared
 
 
@@ -157,7 +157,7 @@ def test_what_records_say_of_their_values_follows_their_noise(noise):
     log_values = jnp.asarray(centre + 0.3 * SCATTER * random.standard_normal((200, *centre.shape)))
     at = np.asarray(case.summaries.values.noise)
     noises = at + 0.02 * random.standard_normal((200, *at.shape))
-    known, mean_J = (case.records.data, case.records.likelihood), of_J(case)[0]
+    known, mean_J = (case.records.data, case.records.normal_likelihood), of_J(case)[0]
 
     def summed_up(noises: np.ndarray) -> ValueSummaries:
         # 1 kN leaves J open: what a narrow prior says does not scale with the noise.
