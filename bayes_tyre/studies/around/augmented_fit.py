@@ -33,8 +33,10 @@ def augmented_model(records: PreparedRecords, model: ModelSettings) -> ModelSett
     Raises
     ------
     BadInput
-        For one record: the noise of several has parameters that its own has not.
+        For one record: the noise of several has parameters that its own has not; and for Student-t noise.
     """
+    if model.noise == "student":
+        raise BadInput("was fitted with noise student, which calibration does not simulate; fit with another noise")
     if len(records.batch.records) == 1:
         raise BadInput(
             "holds one record, and the noise of two has a distribution that one has not; fit several records"

@@ -26,6 +26,7 @@ import numpy as np
 from jaxtyping import Float
 
 from bayes_tyre.inference.model.factors import INTERACTIONS
+from bayes_tyre.inference.model.likelihood.direct import Likelihood
 from bayes_tyre.inference.sampling.datatree import QUANTITIES
 from bayes_tyre.studies.around.augmented_fit import AugmentedFit, augmented, log_likelihoods
 from bayes_tyre.studies.around.new_records import draw_new_records
@@ -81,12 +82,11 @@ def _log_likelihoods(
     model = replace(fit.model, likelihood="direct")
     names = [name for name in ("F_i", "J", "k", "beta", "sigma", "rho") if name in truths]
     values = {name: np.concatenate([truths[name][:, None], draws[name]], axis=1) for name in names}
-    found = [
-        log_likelihoods(
-            augmented(fit.records, force, model).likelihood, {name: each[i] for name, each in values.items()}
-        )
-        for i, force in enumerate(new_force_kN)
-    ]
+    found = []
+    for i, force in enumerate(new_force_kN):
+        likelihood = augmented(fit.records, force, model).likelihood
+        assert isinstance(likelihood, Likelihood)  # noise is never a Student-t here
+        found.append(log_likelihoods(likelihood, {name: each[i] for name, each in values.items()}))
     return np.stack(found)[:, 0], np.stack(found)[:, 1:]
 
 

@@ -90,3 +90,8 @@ def test_one_record_is_refused():
     one = records_of(1).only(np.array([True, False, False, False]), IID)
     with pytest.raises(BadInput, match="holds one record"):
         augmented_model(one, replace(IID, repeats="normal"))
+
+
+def test_noise_that_is_not_simulated_is_refused():
+    with pytest.raises(BadInput, match="noise student, which calibration does not simulate"):
+        augmented_model(records_of(1), replace(IID, noise="student"))
