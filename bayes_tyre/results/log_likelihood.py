@@ -5,7 +5,7 @@ import pandas as pd
 import xarray as xr
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.diagnostics.leave_one_out import densities_of_records, thinned
+from bayes_tyre.inference.diagnostics.leave_one_out.fits import densities_of_records, thinned
 from bayes_tyre.inference.model.prepared_records import prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.common_scales import as_measured

@@ -6,8 +6,12 @@ import xarray as xr
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.constant_data import put_together
+from bayes_tyre.inference.diagnostics.leave_one_out.record_marginal import (
+    hyperparameters,
+    record_density,
+    standard_points,
+)
 from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST, smooth_log_weights
-from bayes_tyre.inference.diagnostics.record_marginal import hyperparameters, record_density, standard_points
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.model.prepared_records import prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings

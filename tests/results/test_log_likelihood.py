@@ -12,8 +12,8 @@ from helpers.simulated_records import simulate
 
 import bayes_tyre as bt
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.diagnostics import leave_one_out as leave_out
-from bayes_tyre.inference.diagnostics.leave_one_out import LeaveOneOut, leave_one_record_out
+from bayes_tyre.inference.diagnostics.leave_one_out import fits as leave_out
+from bayes_tyre.inference.diagnostics.leave_one_out.fits import LeaveOneOut, leave_one_record_out
 from bayes_tyre.inference.model.prepared_records import prepare_records
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
 from bayes_tyre.record_table import check_record_table

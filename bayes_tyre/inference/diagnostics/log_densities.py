@@ -69,7 +69,7 @@ def log_likelihood_of_records(posterior: xr.Dataset, likelihood: Likelihood | St
     """Return the log density of each record's forces at each draw: `force`, dims chain, draw, record.
 
     ArviZ's `loo` on it leaves a record out and keeps the record's own parameters, which is not a prediction:
-    `bayes_tyre.inference.diagnostics.leave_one_out` integrates them out.
+    `bayes_tyre.inference.diagnostics.leave_one_out.fits` integrates them out.
     """
     measured = as_measured(posterior)
 

@@ -6,7 +6,7 @@ from helpers.short_fits import OF_STANDING, STANDING
 from helpers.simulated_records import simulate
 from scipy.stats import binom
 
-from bayes_tyre.inference.diagnostics.leave_one_out import leave_one_record_out
+from bayes_tyre.inference.diagnostics.leave_one_out.fits import leave_one_record_out
 from bayes_tyre.inference.diagnostics.residual_checks import residual_checks
 from bayes_tyre.inference.diagnostics.residuals import residuals
 from bayes_tyre.inference.model.settings import ModelSettings

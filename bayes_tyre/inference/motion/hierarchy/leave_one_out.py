@@ -19,7 +19,7 @@ from scipy.special import gammaincinv
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.attempts import Attempt, directly
-from bayes_tyre.inference.diagnostics.leave_one_out import LeaveOneOut, left_out, thinned
+from bayes_tyre.inference.diagnostics.leave_one_out.fits import LeaveOneOut, left_out, thinned
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.motion.hierarchy.model import Motions, Readings, fit_motions
@@ -82,7 +82,7 @@ def leave_one_motion_out(
     tree:
         The posterior, with its estimates.
     refit, on_refit, attempt:
-        As `bayes_tyre.inference.diagnostics.leave_one_out.leave_one_record_out` has them.
+        As `bayes_tyre.inference.diagnostics.leave_one_out.fits.leave_one_record_out` has them.
 
     Raises
     ------

@@ -20,15 +20,15 @@ from jaxtyping import Bool, Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.attempts import Attempt, directly
-from bayes_tyre.inference.diagnostics.case_marginal import densities_of_cases
-from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
-from bayes_tyre.inference.diagnostics.record_marginal import (
+from bayes_tyre.inference.diagnostics.leave_one_out.case_marginal import densities_of_cases
+from bayes_tyre.inference.diagnostics.leave_one_out.record_marginal import (
     RecordDensity,
     hyperparameters,
     record_density,
     standard_points,
     unknowns,
 )
+from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
 from bayes_tyre.inference.model.collapsed.repeats import can_collapse
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records

@@ -13,7 +13,7 @@ import xarray as xr
 from jax.scipy.special import logsumexp
 from jaxtyping import Array, Float
 
-from bayes_tyre.inference.diagnostics.record_marginal import (
+from bayes_tyre.inference.diagnostics.leave_one_out.record_marginal import (
     Hyperparameters,
     RecordDensity,
     flat,

@@ -6,7 +6,7 @@ import xarray as xr
 from scipy import stats
 
 from bayes_tyre.inference.diagnostics.attempts import Attempts
-from bayes_tyre.inference.diagnostics.leave_one_out import left_out, with_noise_of_records
+from bayes_tyre.inference.diagnostics.leave_one_out.fits import left_out, with_noise_of_records
 from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
 from bayes_tyre.inference.model.default_priors import PRIORS
 

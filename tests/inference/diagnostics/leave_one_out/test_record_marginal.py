@@ -8,7 +8,7 @@ import xarray as xr
 from helpers.simulated_records import Plan, simulate
 from scipy import stats
 
-from bayes_tyre.inference.diagnostics.record_marginal import (
+from bayes_tyre.inference.diagnostics.leave_one_out.record_marginal import (
     POINTS,
     Hyperparameters,
     hyperparameters,

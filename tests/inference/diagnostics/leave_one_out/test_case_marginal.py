@@ -7,8 +7,13 @@ import xarray as xr
 from helpers.simulated_records import Plan, simulate
 from scipy import stats
 
-from bayes_tyre.inference.diagnostics.case_marginal import case_population, densities_of_cases
-from bayes_tyre.inference.diagnostics.record_marginal import hyperparameters, record_density, standard_points, unknowns
+from bayes_tyre.inference.diagnostics.leave_one_out.case_marginal import case_population, densities_of_cases
+from bayes_tyre.inference.diagnostics.leave_one_out.record_marginal import (
+    hyperparameters,
+    record_density,
+    standard_points,
+    unknowns,
+)
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
