@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 from arviz_stats import ELPDData
 
-from bayes_tyre.inference.diagnostics.leave_one_out.fits import EFFECTIVE_LEAST, PARETO_K_MOST, LeaveOneOut
+from bayes_tyre.inference.diagnostics.leave_one_out.left_out import EFFECTIVE_LEAST, LeaveOneOut
+from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
 
 #: Differences below this many standard errors, or below so much log density, tell no model from another (Sivula,
 #: Magnusson and Vehtari 2025, "Uncertainty in Bayesian leave-one-out cross-validation based model comparison").

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.diagnostics.leave_one_out.fits import LeaveOneOut
+from bayes_tyre.inference.diagnostics.leave_one_out.left_out import LeaveOneOut
 from bayes_tyre.inference.motion.hierarchy.leave_one_out import leave_one_motion_out, with_motions
 from bayes_tyre.inference.motion.hierarchy.model import Motions, Readings, fit_motions
 from bayes_tyre.inference.motion.laws import MOTION_LAWS, MotionLaw, motion_law

@@ -39,7 +39,7 @@ from helpers.quick_fits import once, put_draws_for_the_sampler, write_result
 from helpers.quick_motions import put_draws_for_the_motions
 
 from bayes_tyre.embedded import data_path
-from bayes_tyre.inference.diagnostics.leave_one_out.fits import LeaveOneOut
+from bayes_tyre.inference.diagnostics.leave_one_out.left_out import LeaveOneOut
 from bayes_tyre.report.figures import audit as audit_figures
 from bayes_tyre.report.figures import catalogue
 from bayes_tyre.rig.axle import load_rig

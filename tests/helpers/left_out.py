@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from arviz_stats import ELPDDataLOO
 
-from bayes_tyre.inference.diagnostics.leave_one_out.fits import LeaveOneOut
+from bayes_tyre.inference.diagnostics.leave_one_out.left_out import LeaveOneOut
 
 
 def made_up(elpd: np.ndarray, records: list[str], pareto_k: float = 0.1, effective: float = 200.0) -> LeaveOneOut:

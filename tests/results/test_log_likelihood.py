@@ -13,7 +13,9 @@ from helpers.simulated_records import simulate
 import bayes_tyre as bt
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.leave_one_out import fits as leave_out
-from bayes_tyre.inference.diagnostics.leave_one_out.fits import LeaveOneOut, leave_one_record_out
+from bayes_tyre.inference.diagnostics.leave_one_out.fits import leave_one_record_out
+from bayes_tyre.inference.diagnostics.leave_one_out.left_out import LeaveOneOut
+from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
 from bayes_tyre.inference.model.prepared_records import prepare_records
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
 from bayes_tyre.record_table import check_record_table
@@ -84,7 +86,7 @@ def test_the_records_above_the_largest_k_are_fitted_without(posterior, smoothed,
 
 def test_importance_sampling_and_a_fit_without_the_record_agree(smoothed):
     # The record with the largest k that importance sampling is said to handle.
-    handled = int(np.where(smoothed.pareto_k <= leave_out.PARETO_K_MOST, smoothed.pareto_k, -1.0).argmax())
+    handled = int(np.where(smoothed.pareto_k <= PARETO_K_MOST, smoothed.pareto_k, -1.0).argmax())
     again = leave_out._refit_without(handled, prepare_records(TABLE, MODEL), OF_STANDING, MODEL)
     # Two Monte Carlo estimates of one number of the order of 70. 600 draws each leave some 0.15; k up to 0.7 a few.
     assert again == pytest.approx(smoothed.elpd.elpd_i.to_numpy()[handled], abs=0.6)

@@ -14,7 +14,8 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder, whole_file
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.diagnostics.attempts import Attempt, Attempts
-from bayes_tyre.inference.diagnostics.leave_one_out.fits import LeaveOneOut, leave_one_case_out, leave_one_record_out
+from bayes_tyre.inference.diagnostics.leave_one_out.fits import leave_one_case_out, leave_one_record_out
+from bayes_tyre.inference.diagnostics.leave_one_out.left_out import LeaveOneOut
 from bayes_tyre.inference.motion.hierarchy.leave_one_out import leave_one_motion_out
 from bayes_tyre.inference.sampling.datatree import is_of_motions
 from bayes_tyre.inference.sampling.run import SamplerSettings, kept_acceptance

@@ -19,7 +19,8 @@ from scipy.special import gammaincinv
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.attempts import Attempt, directly
-from bayes_tyre.inference.diagnostics.leave_one_out.fits import LeaveOneOut, left_out, thinned
+from bayes_tyre.inference.diagnostics.leave_one_out.fits import thinned
+from bayes_tyre.inference.diagnostics.leave_one_out.left_out import LeaveOneOut, left_out
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.motion.hierarchy.model import Motions, Readings, fit_motions

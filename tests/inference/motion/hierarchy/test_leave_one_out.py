@@ -9,7 +9,8 @@ from helpers.synthetic_motions import make
 from scipy import stats
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.diagnostics.leave_one_out.fits import PARETO_K_MOST, left_out
+from bayes_tyre.inference.diagnostics.leave_one_out.left_out import left_out
+from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import MOTION_PARAMETERS
