@@ -295,6 +295,8 @@ def _advance(chains: Chains, settings: SamplerSettings, done: list[Chunk], parts
 def _spaced(parts: list[Draws]) -> Draws:
     """Return as many draws as one part has, evenly spaced among those of all."""
     every = len(parts)
+    if every == 1:
+        return parts[0]
     sites, statistics = _joined([part.sites for part in parts]), _joined([part.statistics for part in parts])
     diverging = statistics["diverging"]
     of_each = diverging.reshape(len(diverging), -1, every).any(axis=2)
