@@ -145,13 +145,20 @@ def test_other_options_of_the_hierarchy_use_the_estimates_that_are_kept(done, ra
     with monkeypatch.context() as kept:
         kept.setattr(motion_estimates, "_done", lambda _: pytest.fail("estimated again"))
         draw_none(kept)
-        other = here("motion", raw, "--out", out, *FEW, "--amplitude", 3, "--resume")
+        other = here("motion", raw, "--out", out, *FEW, "--amplitude", 3, "--force-scale-sd", 0.2, "--resume")
     assert other.exit_code == 4, other.stderr
     assert "option amplitude_mm was 2.0, is 3.0: sampling starts again" in other.stderr
     assert json.loads((out / "run.json").read_text())["options"]["amplitude_mm"] == 3.0
     assert (out / "estimates.csv").read_bytes() == (done[0] / "estimates.csv").read_bytes()
     energies = [pd.read_csv(folder / "cases.csv").query("parameter == 'energy_per_cycle'") for folder in (done[0], out)]
     assert (energies[1]["median"].to_numpy() > energies[0]["median"].to_numpy()).all()
+    # The factor on force widens the intervals of what is in proportion to it, and of nothing else: beta is the same.
+    tables = [
+        pd.read_csv(folder / "cases.csv").assign(width=lambda t: t["upper"] / t["lower"]) for folder in (done[0], out)
+    ]
+    widths = [table.pivot_table("width", ["configuration", "step_kN"], "parameter") for table in tables]
+    assert (widths[1][["k", "m"]] > 1.2 * widths[0][["k", "m"]]).to_numpy().all()
+    np.testing.assert_array_equal(widths[1]["beta"], widths[0]["beta"])
 
 
 @pytest.mark.parametrize(("option", "value"), [("law", "kelvin_voigt"), ("rig", "dual")])

@@ -11,10 +11,15 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 
+#: What motions have beside k: all that the equation of motion holds is in proportion to force.
+_OF_MOTIONS = (
+    *("x", "settled", "m", "c", "energy_per_cycle", "equivalent_damping", "separation"),
+    *("static_stiffness", "stiffness_at_1_Hz", "ring_down_stiffness"),
+)
 #: By the name of a factor in a posterior: the power with which each parameter follows it, whatever its level.
 POWERS: Mapping[str, Mapping[str, float]] = {
     "displacement_scale": {"k": -1.0, "beta": 1.0},
-    "force_scale": dict.fromkeys(("k", "J", "C", "F_i", "sigma"), 1.0),
+    "force_scale": dict.fromkeys(("k", "J", "C", "F_i", "sigma", *_OF_MOTIONS), 1.0),
 }
 #: What a parameter is called at its levels; the effects of factors are of logarithms, which a common factor leaves.
 _LEVELS = ("{}", "{}_case", "{}_group", "{}_typical", "sd_{}")
@@ -26,7 +31,7 @@ def with_scale(tree: xr.DataTree, name: str, relative_sd: float, seed: int) -> x
     Parameters
     ----------
     tree:
-        A posterior of records.
+        A posterior of records, or of motions for a factor on force.
     name:
         Of the factor, in `POWERS`.
     relative_sd:

@@ -21,6 +21,7 @@ from bayes_tyre.inference.motion.hierarchy.posterior_losses import Middle, with_
 from bayes_tyre.inference.motion.hierarchy.power_scaling import identify_motions
 from bayes_tyre.inference.motion.laws import motion_law
 from bayes_tyre.inference.motion.record.likelihood import WIDENED
+from bayes_tyre.inference.sampling.common_scales import with_scale
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.plain_text import listed
 from bayes_tyre.record_table import origin_of
@@ -71,6 +72,8 @@ class MotionPlan:
         Of the hierarchy.
     limit:
         What `cases.csv` says the probability of, such as ``k >= 1.8``; None: nothing.
+    force_scale_sd:
+        Relative standard deviation of a common factor on force, carried into k, x, m, c and the energy; 0: none.
     """
 
     sampler: SamplerSettings
@@ -83,10 +86,11 @@ class MotionPlan:
     interval: float = 0.95
     priors: Priors = PRIORS
     limit: str | None = None
+    force_scale_sd: float = 0.0
 
     @property
     def options(self) -> dict[str, object]:
-        """What `run.json` says of it, beside the seed and the inputs; a limit only where it was given."""
+        """What `run.json` says of it, beside the seed and the inputs; limit and factor only where they were given."""
         sources = {"rig": self.rig, "cases": None if self.cases is None else str(self.cases), "law": self.law}
         return {
             **sampler_options(self.sampler),
@@ -94,6 +98,7 @@ class MotionPlan:
             "priors": self.priors.given(),
             **{"amplitude_mm": self.amplitude_mm, "repeats": self.repeats, "interval": self.interval},
             **({} if self.limit is None else {"limit": self.limit}),
+            **({"force_scale_sd": self.force_scale_sd} if self.force_scale_sd else {}),
         }
 
 
@@ -216,6 +221,8 @@ def fit_estimates(
         attempts,
     )
     diagnostics = with_estimates(diagnostics, estimated)
+    if plan.force_scale_sd > 0:  # no record can tell of it, nor does any check above
+        tree = with_scale(tree, "force_scale", plan.force_scale_sd, plan.sampler.seed)
     beside = {ESTIMATES: estimated.table, REJECTED: estimated.rejected}
     limit = None if plan.limit is None else parse_limit(plan.limit)
     result = Result(tree, diagnostics.verdict, interval=plan.interval, motions=estimated.shown, limit=limit)

@@ -26,6 +26,7 @@ from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.motion.hierarchy.model import Motions, Readings, fit_motions
 from bayes_tyre.inference.motion.laws import motion_law
 from bayes_tyre.inference.motion.record.evidence import log_average
+from bayes_tyre.inference.sampling.common_scales import as_measured
 from bayes_tyre.inference.sampling.datatree import priors_of
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record import FACTORS
@@ -95,7 +96,7 @@ def leave_one_motion_out(
         raise BadInput("one record cannot be predicted from others; laws are compared on two or more")
     assert motions.readings is not None
     factors = find_factors(motions.factor_table)
-    posterior = thinned(tree)
+    posterior = as_measured(thinned(tree))
     priors = priors_of(tree)
     density = densities(posterior, motions, factors, repeats, priors.discordant_widening)
     by_chain = density.reshape(posterior.sizes["chain"], -1, density.shape[1])
