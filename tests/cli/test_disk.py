@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -116,7 +117,8 @@ def quick(monkeypatch) -> None:
         *((published.campaign, "reconstruct"), (least_squares, "fit_records"), (loops, "fit_records")),
     ):
         monkeypatch.setattr(module, work, once(getattr(module, work)))
-    monkeypatch.setattr(compare, "leave_one_record_out", left_out)
+    monkeypatch.setattr(compare, "leave_one_record_out", partial(left_out, "record"))
+    monkeypatch.setattr(compare, "leave_one_case_out", partial(left_out, "case"))
     monkeypatch.setattr(published, "fit_records", lambda *_: None)
     monkeypatch.setattr(published.campaign, "case_means", lambda _: None)
     monkeypatch.setattr(published.checks, "published_check", lambda _: check)
@@ -131,10 +133,10 @@ def quick(monkeypatch) -> None:
     monkeypatch.setitem(PLANS, "quick", lambda rate: whole_plan(rate)[:2])
 
 
-def left_out(tree: xr.DataTree, *_: object) -> LeaveOneOut:
-    """Return a made-up leave-one-record-out of each record of a posterior."""
-    records = tree["posterior"]["record"].to_numpy()
-    return made_up(np.random.default_rng(0).normal(50.0, 1.0, len(records)), list(records))
+def left_out(unit: str, tree: xr.DataTree, *_: object) -> LeaveOneOut:
+    """Return a made-up leave-one-out of each record, or case, of a posterior."""
+    units = tree["posterior"][unit].to_numpy()
+    return made_up(np.random.default_rng(0).normal(50.0, 1.0, len(units)), list(units))
 
 
 def fill_the_disk_after(files: int, monkeypatch: pytest.MonkeyPatch) -> list[str]:
