@@ -4,7 +4,7 @@ import functools
 import inspect
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 BAD_INPUT, NOT_TRUSTED = 3, 4
 RESUME = "--resume"
+#: Options of which one makes a command keep what it has done; others with --resume always do.
+_KEEPS_ONLY_WITH = {"lsq": ("workers", "cluster", "resume")}
 
 RECORD_TABLE = typer.Argument(
     metavar="RECORDS...",
@@ -128,10 +130,10 @@ def guarded(command: Callable[..., None], group: str = "") -> Callable[..., None
 
     def explained(*args: Any, **kwargs: Any) -> None:
         try:
-            with one_line_each(), ending_at_interrupt(*_resume_advice(command)), sole_run(kwargs.get("out")):
+            with one_line_each(), ending_at_interrupt(*_resume_advice(command, kwargs)), sole_run(kwargs.get("out")):
                 command(*args, **kwargs)
         except CutShort as error:
-            fault("; ".join([str(error), *_resume_advice(command)]))
+            fault("; ".join([str(error), *_resume_advice(command, kwargs)]))
             raise typer.Exit(BAD_INPUT) from None
         except BadInput as error:
             fault(memory.with_needs(error, name))
@@ -172,9 +174,10 @@ def _with_common_options(own: inspect.Signature) -> inspect.Signature:
     return own.replace(parameters=[*options, *of_log])
 
 
-def _resume_advice(command: Callable[..., None]) -> tuple[str, ...]:
-    """Return how to resume an interrupted command; nothing for commands that cannot be resumed."""
-    if "resume" not in inspect.signature(command).parameters:
+def _resume_advice(command: Callable[..., None], given: Mapping[str, object]) -> tuple[str, ...]:
+    """Return how to resume an interrupted command; nothing where it keeps nothing of what it has done."""
+    needed = _KEEPS_ONLY_WITH.get(command.__name__, ("out",))
+    if "resume" not in inspect.signature(command).parameters or not any(given.get(name) for name in needed):
         return ()
     call = command_line(*(option for option in sys.argv[1:] if option != RESUME), RESUME)
     return (f"resume with: {call}",)
