@@ -17,6 +17,7 @@ from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.prepared_records import prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling import pilot
+from bayes_tyre.inference.sampling.datatree import PROBABILITIES
 from bayes_tyre.inference.sampling.hierarchical_fit import LEAST_COLLAPSED, collapses, fit_hierarchical
 from bayes_tyre.inference.sampling.pilot import Pilot
 from bayes_tyre.inference.sampling.run import SamplerSettings, sampler_runs
@@ -70,7 +71,10 @@ def test_both_samplers_give_one_posterior(levels):
     one, other = (tree["posterior"].to_dataset() for tree in trees)
     assert set(one.data_vars) == set(other.data_vars)
     for statistic in STATISTICS:
-        off = np.concatenate([_off(one[[name]], other[[name]], statistic) for name in one.data_vars])
+        # The standard deviation of a probability that is 0 or 1 in most draws rests on the few in between: its Monte
+        # Carlo error is not known from them, as the verdict has it too. Of probabilities the means are compared.
+        names = [name for name in one.data_vars if statistic == "mean" or name not in PROBABILITIES]
+        off = np.concatenate([_off(one[[name]], other[[name]], statistic) for name in names])
         # Some 900 numbers, many of which move together. Their errors are estimates too: one in 900 beyond 5 in 5e-4 of
         # seeds if they were normal, and rms within 15 % of 1 where 40 of them were independent.
         assert np.abs(off).max() < 5

@@ -59,11 +59,17 @@ def test_a_comparison_is_shown_as_it_was_printed_but_not_beside_a_posterior(tmp_
     columns = "rank,model,elpd,se,elpd_difference,difference_se,weight,records,verdict\n"
     folder = folder_of(tmp_path, comparison=f"{columns}1,one,10,1,0,0,0.9,24,pass\n2,two,2,1.5,-8,2,0.1,24,fail\n")
     assert answer(folder) == [
-        "models compared by leave-one-record-out",
+        "models compared by leave-one-out",
+        "records left out, one at a time:",
         "1  one  elpd 10.0 ± 1.0  difference 0.0 ± 0.0  weight 0.90  pass",
         "2  two  elpd 2.0 ± 1.5  difference -8.0 ± 2.0  weight 0.10  fail",
         "one predicts a record left out better than two (-8.0 ± 2.0), by more than chance.",
     ]
+    (folder / "comparison_cases.csv").write_text(
+        f"{columns.replace('records', 'cases')}1,two,10,1,0,0,0.9,8,pass\n2,one,9,1.5,-1,2,0.1,8,pass\n"
+    )
+    assert "cases left out, one at a time:" in answer(folder)
+    assert answer(folder)[-1].startswith("two predicts a case left out best, but these 8 cases cannot tell it from one")
     (folder / "posterior.nc").touch()
     assert answer(folder) == []
 
