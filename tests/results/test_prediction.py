@@ -244,6 +244,14 @@ def test_the_noise_of_a_repeat_is_that_of_a_new_record():
     assert tails["upper"] - tails["lower"] > 5 * 2 * 2.58 * 0.02
 
 
+def test_the_noise_of_a_repeat_has_the_tails_of_the_posterior():
+    silent = {name: fixed(1e-9, draws=2000) for name in ("sd_log_k_repeat", "sd_log_beta_repeat")}
+    heavy = single_case(**silent, noise_nu=fixed(2.0, draws=2000))
+    row = predict(heavy, "single (0)20-30", u=[0.0], of="repeat", interval=0.9).curves.iloc[0]
+    # The 95 % quantile of a t(2) is 2.92, of a normal 1.64; 8,000 draws leave 3 % of it uncertain.
+    assert (row["upper"] - row["lower"]) / 2 == pytest.approx(2.92 * 0.02, rel=0.12)
+
+
 def test_a_posterior_without_the_scatter_of_repeats_tells_of_no_repeat():
     tree = campaign()
     with pytest.raises(BadInput, match=r"lacks sd_log_k_repeat.*; ask for the case"):

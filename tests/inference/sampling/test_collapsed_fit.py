@@ -217,7 +217,7 @@ def test_a_run_whose_summaries_were_off_is_followed_by_one_about_its_draws(monke
     assert SummaryError.from_json(tree.attrs[RECORD_SUMMARIES]) == of_draws[-1]
 
 
-def test_few_records_and_students_repeats_are_sampled_as_well():
+def test_few_records_and_students_repeats_or_noise_are_sampled_as_well():
     def chosen(records: int, **options: Any) -> bool:
         prepared = prepare_records(check_record_table(simulate(CLEAN, 1)[0]), ModelSettings(likelihood="direct"))
         some = np.arange(len(prepared.batch.records)) < records
@@ -228,3 +228,4 @@ def test_few_records_and_students_repeats_are_sampled_as_well():
     assert not chosen(LEAST_COLLAPSED - 1)
     assert not chosen(LEAST_COLLAPSED, repeats="student")
     assert not chosen(LEAST_COLLAPSED, sampler="joint")
+    assert not chosen(LEAST_COLLAPSED, noise="student")

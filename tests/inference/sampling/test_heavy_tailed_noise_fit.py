@@ -1,5 +1,7 @@
 """Records whose noise has heavy tails: what is put in comes back, and unseen records are predicted better with them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.short_fits import OF_STANDING, STANDING
@@ -22,7 +24,7 @@ SIGMA_KN, NU = 0.03, 3.0
 def heavy():
     """Return a table of 24 records of 40 points with t(3) noise, its truth, and the fit with such noise."""
     table, truth = simulate(STANDING, seed=5)
-    quiet, _ = simulate(STANDING.__class__(**{**vars(STANDING), "noise_kN": 1e-12}), seed=5)
+    quiet, _ = simulate(replace(STANDING, noise_kN=1e-12), seed=5)
     noise = np.random.default_rng(5).standard_t(NU, len(table))
     table = check_record_table(table.assign(force_kN=quiet["force_kN"] + SIGMA_KN * noise))
     return table, truth, fit_hierarchical(table, OF_STANDING, ModelSettings(noise="student"))
@@ -37,9 +39,9 @@ def test_what_was_put_in_comes_back(heavy):
     # Were coverage exactly 95 %, fewer than 40 of 48 would come up with probability 0.2 %.
     assert binom.cdf(39, of, 0.95) < 0.0025
     assert hits >= 40
-    # The information of 960 points on log nu and log sigma at nu = 3 leaves standard errors of 0.13 and 0.045; four.
-    assert np.log(posterior["noise_nu"].median().item() / NU) == pytest.approx(0.0, abs=0.52)
-    assert np.log(posterior["sigma_typical"].median().item() / SIGMA_KN) == pytest.approx(0.0, abs=0.18)
+    # The information of 960 points on log nu and log sigma at nu = 3 leaves standard errors of 0.11 and 0.042; four.
+    assert np.log(posterior["noise_nu"].median().item() / NU) == pytest.approx(0.0, abs=0.44)
+    assert np.log(posterior["sigma_typical"].median().item() / SIGMA_KN) == pytest.approx(0.0, abs=0.17)
     assert int(tree["sample_stats"]["diverging"].sum()) == 0
     # Ten checks that fail by chance with probability 1e-3 each.
     assert [check.name for check in residual_checks(tree, table) if not check.passed] == []

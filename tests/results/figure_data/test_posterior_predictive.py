@@ -96,6 +96,15 @@ def test_the_middle_of_a_band_is_equation_2_and_its_width_the_noise():
     assert list(band.columns) == ["record", "displacement_mm", "median_kN", "lower_kN", "upper_kN"]
 
 
+def test_a_band_is_as_wide_as_the_tails_of_the_noise():
+    tree, truth = known(1, sigma=0.001, spread={"noise_nu": fixed(2.0, draws=500)})
+    d = path(60)
+    band = posterior_predictive.predictive_bands(tree, table_of([np.linspace(0, 1, 60)], [d]), ["r0"])
+    # The 97.5 % quantile of a t(2) is 4.30, of a normal 1.96; over 60 points of 1,000 draws 1.3 % of it is uncertain.
+    width = (band["upper_kN"] - band["lower_kN"]).mean()
+    assert width == pytest.approx(2 * 4.30 * truth["sigma"], rel=0.06)
+
+
 def test_bands_stand_at_the_points_of_the_records_asked_for_whatever_their_length():
     tree, _ = known(4)
     lengths = [20, 31, 12, 40]
