@@ -13,6 +13,7 @@ from helpers.simulated_records import simulate
 import bayes_tyre as bt
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.diagnostics.leave_one_out import fits as leave_out
+from bayes_tyre.inference.diagnostics.leave_one_out import left_out
 from bayes_tyre.inference.diagnostics.leave_one_out.fits import leave_one_record_out
 from bayes_tyre.inference.diagnostics.leave_one_out.left_out import LeaveOneOut
 from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
@@ -72,7 +73,7 @@ def test_what_is_not_the_posterior_s_own_is_refused(posterior):
 def test_the_records_above_the_largest_k_are_fitted_without(posterior, smoothed, monkeypatch):
     assert not smoothed.refitted.any()
     record, refitted, told = int(smoothed.pareto_k.argmax()), [], []
-    monkeypatch.setattr(leave_out, "PARETO_K_MOST", float(np.sort(smoothed.pareto_k)[-2:].mean()))
+    monkeypatch.setattr(left_out, "PARETO_K_MOST", float(np.sort(smoothed.pareto_k)[-2:].mean()))
     monkeypatch.setattr(leave_out, "_refit_without", lambda record, *_: refitted.append(record) or 70.0)
     exact = leave_one_record_out(posterior, TABLE, MODEL, OF_STANDING, told.append)
     assert refitted == [record]
