@@ -46,12 +46,17 @@ def sample_linear_predictor(
     """
     terms = find_terms(factors, parameters, priors)
     sampled = numpyro.sample("terms", dist.Normal(terms.mean, terms.sd(hyperparameters)).to_event(1))
-    values = terms.stacked(jnp.asarray(sampled))
-    for parameter, value in zip(parameters, values, strict=True):
-        deterministic(f"{parameter}_group", jnp.exp(value[: len(factors.group.labels)]))
+    predictors = []
+    for parameter, value in zip(parameters, terms.stacked(jnp.asarray(sampled)), strict=True):
+        cells = value[: len(factors.group.labels)]
+        deterministic(f"{parameter}_group", jnp.exp(cells))
+        predictor, effects = cells[factors.group.of_case], factors.effects(parameter)
         for name, (start, basis) in effects_in_terms(parameter, factors).items():
-            deterministic(f"log_{parameter}_{name}", jnp.asarray(basis) @ value[start : start + basis.shape[1]])
-    return jnp.einsum("pct,pt->pc", jnp.asarray(terms.design), values)
+            effect = jnp.asarray(basis) @ value[start : start + basis.shape[1]]
+            deterministic(f"log_{parameter}_{name}", effect)
+            predictor = predictor + effect[effects[name].of_case] * effects[name].weight
+        predictors.append(predictor)
+    return jnp.stack(predictors)
 
 
 def sample_scatter_by_speed(

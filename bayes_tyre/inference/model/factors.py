@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -127,7 +128,15 @@ class Factors:
 
     def spare_cases(self, parameter: str) -> int:
         """Return how many more cases there are than their factors can fit exactly."""
-        return len(self.cases) - int(np.linalg.matrix_rank(self.design(parameter)))
+        effects = tuple(self.effects(parameter))
+        if effects not in self._ranks:
+            self._ranks[effects] = int(np.linalg.matrix_rank(self.design(parameter)))
+        return len(self.cases) - self._ranks[effects]
+
+    @cached_property
+    def _ranks(self) -> dict[tuple[str, ...], int]:
+        """Ranks of designs, by the names of their effects, once known: of hundreds of columns each takes a second."""
+        return {}
 
 
 def _factor(values: Sequence[Any]) -> Factor:

@@ -21,6 +21,7 @@ from numpyro.infer.util import constrain_fn, log_density, potential_energy
 from scipy import stats
 
 from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, laplace_approximation
+from bayes_tyre.inference.model.coordinates import sites as sites_of_coordinates
 from bayes_tyre.inference.model.coordinates.sites import published_in_coordinates, records_in_coordinates
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import find_factors
@@ -180,6 +181,11 @@ def test_the_density_in_coordinates_is_the_same_with_their_volume(kind):
     _assert_change_of_variables(
         partial(records_in_coordinates, **arguments), partial(records_model, **case.arguments), density_of(kind), case
     )
+
+
+def test_terms_of_so_many_levels_that_each_is_placed_alone_have_the_same_density_with_their_volume(monkeypatch):
+    monkeypatch.setattr(sites_of_coordinates, "MOST_TOGETHER", 0)
+    test_the_density_in_coordinates_is_the_same_with_their_volume("mixture")
 
 
 def test_the_density_of_printed_means_is_that_of_numpy_and_in_coordinates_the_same_with_their_volume():

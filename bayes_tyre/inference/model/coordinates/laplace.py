@@ -255,7 +255,9 @@ def empty_approximation(records: int, factors: Factors) -> LaplaceApproximation:
         jnp.asarray(np.zeros((len(PARAMETERS), n))) for n in (len(factors.cases), len(factors.speed.labels))
     )
     none, apart = (jnp.asarray(np.zeros(shape, dtype=bool)) for shape in ((records,), cases.shape))
-    return LaplaceApproximation(blank, CaseEstimates(cases, cases, Gaussian(speeds, speeds), none, apart))
+    most = max(factors.design(parameter).shape[1] for parameter in PARAMETERS)
+    terms = jnp.asarray(np.zeros((len(PARAMETERS), most)))
+    return LaplaceApproximation(blank, CaseEstimates(cases, cases, Gaussian(speeds, speeds), none, apart, terms))
 
 
 def cases_of(records: RecordEstimates, factors: Factors, priors: Priors = PRIORS) -> CaseEstimates:

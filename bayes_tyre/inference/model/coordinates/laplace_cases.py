@@ -22,6 +22,8 @@ from bayes_tyre.inference.model.priors import Priors
 _UNKNOWN_SCATTER = 0.1
 #: Rounds of reweighted least squares, and the residual below which a case counts no more: far below any scatter.
 _ROUNDS, _LEAST_RESIDUAL = 30, 1e-4
+#: What is added to the diagonal of normal equations, of its mean: a design may leave terms open.
+_RIDGE = 1e-10
 #: Cases that cost next to nothing to be taken one by one.
 _FEW_CASES = 30
 
@@ -39,6 +41,9 @@ class CaseEstimates(NamedTuple):
         Shape (records,): which records look discordant.
     apart:
         Shape (parameters, cases): which cases look as if they stood apart from the others.
+    terms:
+        Least squares of each linear predictor's terms (`bayes_tyre.inference.model.terms.Terms`), a row a parameter,
+        shorter rows filled up.
     """
 
     middle: Float[Array, "parameters cases"]
@@ -46,6 +51,7 @@ class CaseEstimates(NamedTuple):
     log_scatter: Gaussian
     discordant: Bool[Array, " records"]
     apart: Bool[Array, "parameters cases"]
+    terms: Float[Array, "parameters most"]
 
 
 def case_estimates(
@@ -75,7 +81,25 @@ def case_estimates(
         each = zip(parameters, middle, of_mean, strict=True)
         apart = np.stack([_look_apart(*one, factors, weight, priors.apart_widening) for one in each])
     looks = jnp.asarray(discordant), jnp.asarray(apart)
-    return CaseEstimates(jnp.asarray(middle), jnp.asarray(variance), log_scatter, *looks)
+    terms = _terms(middle, [factors.design(parameter) for parameter in parameters])
+    return CaseEstimates(jnp.asarray(middle), jnp.asarray(variance), log_scatter, *looks, jnp.asarray(terms))
+
+
+def _terms(
+    values: Float[np.ndarray, "parameters cases"], designs: Sequence[Float[np.ndarray, "cases terms"]]
+) -> Float[np.ndarray, "parameters most"]:
+    """Return least squares of the terms of each design, shorter rows filled up."""
+    rows = [_least_squares(*both, np.ones(len(both[0]))) for both in zip(designs, values, strict=True)]
+    return np.stack([np.pad(row, (0, max(map(len, rows)) - len(row))) for row in rows])
+
+
+def _least_squares(
+    design: Float[np.ndarray, "cases terms"], values: Float[np.ndarray, " cases"], weight: Float[np.ndarray, " cases"]
+) -> Float[np.ndarray, " terms"]:
+    """Return weighted least squares; terms that the cases leave open are near zero."""
+    normal = (design.T * weight) @ design
+    ridge = _RIDGE * np.trace(normal) / len(normal) * np.eye(len(normal))
+    return np.linalg.solve(normal + ridge, design.T @ (weight * values))
 
 
 def _look_discordant(
@@ -122,9 +146,7 @@ def _least_absolute_residuals(
     """Return residuals of least absolute deviations, by least squares weighted with the residuals' own inverse."""
     off = values - np.median(values)
     for _ in range(_ROUNDS):
-        root = 1.0 / np.sqrt(np.maximum(np.abs(off), _LEAST_RESIDUAL))
-        terms = np.linalg.lstsq(root[:, None] * design, root * values, rcond=None)[0]
-        off = values - design @ terms
+        off = values - design @ _least_squares(design, values, 1.0 / np.maximum(np.abs(off), _LEAST_RESIDUAL))
     return off
 
 
@@ -160,27 +182,36 @@ class KindsOfCase(NamedTuple):
         What each term adds to each case, shape (parameters, cases, terms).
     member:
         Whether a case is of a kind, shape (cases, kinds).
-    products:
-        Of the terms' columns of the design in each kind, shape (parameters, kinds, terms, terms).
     """
 
     design: Float[np.ndarray, "parameters cases terms"]
     member: Float[np.ndarray, "cases kinds"]
-    products: Float[np.ndarray, "parameters kinds terms terms"]
 
     def estimate(
         self, values: Float[ArrayLike, "parameters cases"], variance: Float[Array, "parameters cases"]
     ) -> QuadraticApproximation:
         """Return the estimate of the terms from one of each case, with the mean variance of its kind."""
-        precision = 1.0 / (variance @ jnp.asarray(self.member / self.member.sum(axis=0)))
+        precision = self._precision(variance)
         of_cases = precision @ jnp.asarray(self.member.T)
         slope = jnp.einsum("pct,pc->pt", jnp.asarray(self.design), of_cases * values)
-        of_terms = jnp.einsum("pk,pkts->pts", precision, jnp.asarray(self.products))
+        products = np.einsum("pct,ck,pcs->pkts", self.design, self.member, self.design, optimize=True)
+        of_terms = jnp.einsum("pk,pkts->pts", precision, jnp.asarray(products))
         return QuadraticApproximation(jnp.zeros_like(slope), slope, of_terms)
+
+    def each_alone(
+        self, terms: Float[Array, "parameters terms"], variance: Float[Array, "parameters cases"]
+    ) -> Gaussian:
+        """Return what `estimate` says of each term were the others at these values, those of least squares."""
+        squares = np.einsum("pct,ck->pkt", self.design**2, self.member)
+        return Gaussian(terms, jnp.einsum("pk,pkt->pt", self._precision(variance), jnp.asarray(squares)))
+
+    def _precision(self, variance: Float[Array, "parameters cases"]) -> Float[Array, "parameters kinds"]:
+        """Return the precision of the estimate of a case of each kind."""
+        return 1.0 / (variance @ jnp.asarray(self.member / self.member.sum(axis=0)))
 
 
 def find_kinds(design: Float[np.ndarray, "parameters cases terms"], factors: Factors) -> KindsOfCase:
-    """Return the information of the cases on the terms: those at one speed with as many repeats are alike.
+    """Return the kinds of the cases: those at one speed with as many repeats are alike.
 
     Hundreds of cases are then no more work in a gradient than a dozen kinds. Few are taken one by one.
     """
@@ -188,5 +219,4 @@ def find_kinds(design: Float[np.ndarray, "parameters cases terms"], factors: Fac
     if len(kind) > _FEW_CASES:
         both = np.stack([factors.speed.of_case, factors.repeats])
         kind = np.unique(both, axis=1, return_inverse=True)[1].ravel()
-    member = np.eye(kind.max() + 1)[kind]
-    return KindsOfCase(design, member, np.einsum("pct,ck,pcs->pkts", design, member, design, optimize=True))
+    return KindsOfCase(design, np.eye(kind.max() + 1)[kind])

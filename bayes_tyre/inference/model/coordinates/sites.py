@@ -38,6 +38,8 @@ from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.record_levels import COVARIATE, RecordLevels
 from bayes_tyre.inference.model.terms import find_terms
 
+#: Most terms of a linear predictor that are placed together: with the cube of their number, time goes into little else.
+MOST_TOGETHER = 64
 #: Repeats that a case without any counts as in its coordinates: an estimate without weight.
 _ALMOST_NONE = 1e-6
 #: Scatter of printed means where they fit exactly.
@@ -124,6 +126,8 @@ def case_coordinates(
 
     def of_terms(values: Hyperparameters) -> Reparam:
         of_cases = variance(values) + (wider * case_remainder(factors, values, parameters)) ** 2
+        if terms.design.shape[2] > MOST_TOGETHER:
+            return NormalReparam(Gaussian(*map(terms.flat, kinds.each_alone(estimates.terms, of_cases))))
         return TermsReparam(terms, kinds.estimate(middle(values), of_cases))
 
     return {

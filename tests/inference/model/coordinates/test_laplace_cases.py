@@ -113,6 +113,28 @@ def test_kinds_give_the_normal_equations_of_the_cases():
     np.testing.assert_allclose(estimate.precision, precision, atol=1e-9)
     slope = np.einsum("pct,pc->pt", design, (values - np.einsum("pct,pt->pc", design, at)) / variance)
     np.testing.assert_allclose(estimate.slope_at(jnp.asarray(at)), slope, atol=1e-9)
+    # With the others held, a term's estimate has its own element of the precision.
+    alone = kinds.each_alone(jnp.asarray(at), jnp.asarray(variance))
+    np.testing.assert_allclose(alone.precision, np.diagonal(precision, axis1=1, axis2=2), atol=1e-9)
+    np.testing.assert_array_equal(alone.value, at)
+
+
+def test_terms_are_least_squares_of_the_cases():
+    random = np.random.default_rng(1)
+    rows = [
+        {"configuration": configuration, "direction": "loading", "speed_km_h": speed, "initial_load_kN": load}
+        for configuration in ("single", "dual")
+        for speed in SPEEDS
+        for load in LOADS[: 6 if configuration == "dual" else 4]
+    ]
+    factors = find_factors(pd.DataFrame(rows))
+    values = random.standard_normal((len(rows), len(PARAMETERS)))
+    found = np.asarray(case_estimates(values, np.full(values.shape, SD**2), factors).terms)
+    for parameter, of_one, terms in zip(PARAMETERS, values.T, found, strict=True):
+        design = factors.design(parameter)
+        expected = np.linalg.lstsq(design, of_one, rcond=None)[0]
+        np.testing.assert_allclose(terms[: len(expected)], expected, atol=1e-6)
+        assert not terms[len(expected) :].any()
 
 
 def test_few_cases_keep_a_variance_each():
