@@ -25,13 +25,15 @@ _FIRST_POINT_OVER_BETA, _BETA_OVER_TRAVEL = 40.0, 100.0
 _SMALLEST_STEP_OVER_TRAVEL = 1e-9
 #: Products of a form that depend on beta: g, h with 1, with each other, and with y.
 _PRODUCTS = 7
+#: Records tabulated at once: what is between the points and the table takes several times the memory of the table.
+_AT_ONCE = 1000
 
 
 class CompressedLikelihood(Likelihood):
     """The same likelihood from a table of inner products; build it with `compress`.
 
     A form is a bilinear form in the residual: the sum of squares, and for autoregressive noise the sum over neighbours
-    and the squares of the first and of the last point.
+    and the squares of the first and the last point.
 
     Attributes
     ----------
@@ -86,7 +88,7 @@ class CompressedLikelihood(Likelihood):
             if self.constants.shape[1] < 2:
                 raise ValueError("autoregressive noise needs the products of neighbours: compress(neighbours=True)")
             # (1 - rho^2) r_1^2 + sum (r_t - rho r_(t-1))^2: the ends count once in the sum of squares.
-            weights = jnp.stack([1.0 + rho**2, -2.0 * rho, -(rho**2), -(rho**2)], axis=1) / (1.0 - rho**2)[:, None]
+            weights = jnp.stack([1.0 + rho**2, -2.0 * rho, -(rho**2)], axis=1) / (1.0 - rho**2)[:, None]
         forms = self._forms(log_values)
         form = jax.tree.map(lambda of: jnp.einsum("rf,rf...->r...", weights, of[:, : weights.shape[1]]), forms)
         return offsets_of_form(form, self.points, sigma, rho, self.log_volume)
@@ -141,7 +143,8 @@ def _all_products(
         # Padding is zero in every column, and follows the points.
         forms.append(_form_products(columns[:, 1:], columns[:, :-1]))
         last = jnp.sum(data.present) - 1
-        forms.extend(_form_products(end[:, None], end[:, None]) for end in (columns[:, 0], columns[:, last]))
+        ends = jnp.stack([columns[:, 0], columns[:, last]], axis=1)
+        forms.append(_form_products(ends, ends))
     return jnp.stack(forms)
 
 
@@ -164,6 +167,27 @@ def compress(
     law:
         One of `bayes_tyre.inference.record_data.LAWS`.
     """
+    records = len(data.present)
+    if records <= _AT_ONCE:
+        return _compress(data, neighbours, whitening, law)
+
+    def some(start: Array | int) -> CompressedLikelihood:
+        def cut(leaf: Array) -> Array:
+            return jax.lax.dynamic_slice_in_dim(leaf, start, _AT_ONCE)
+
+        of_some = whitening if whitening is None or whitening.axis is None else jax.tree.map(cut, whitening)
+        return _compress(jax.tree.map(cut, data), neighbours, of_some, law)
+
+    def fill(number: Array, whole: CompressedLikelihood) -> CompressedLikelihood:
+        # The last ones overlap with those before them.
+        start = jnp.minimum(number * _AT_ONCE, records - _AT_ONCE)
+        return jax.tree.map(lambda all, new: jax.lax.dynamic_update_slice_in_dim(all, new, start, 0), whole, some(start))
+
+    empty = jax.tree.map(lambda leaf: jnp.zeros((records, *leaf.shape[1:])), jax.eval_shape(some, 0))
+    return jax.lax.fori_loop(0, -(-records // _AT_ONCE), fill, empty)
+
+
+def _compress(data: RecordData, neighbours: bool, whitening: Whitening | None, law: str) -> CompressedLikelihood:
     distance = jnp.where(data.present, jnp.abs(data.u), 0.0)
     travel = jnp.max(distance, axis=1)
     least = jnp.min(jnp.where(distance > 0, distance, jnp.inf), axis=1)

@@ -12,6 +12,7 @@ from jaxtyping import Array
 from bayes_tyre.inference.correlated_noise import SharedError, UnequalNoise, smoothed_noise
 from bayes_tyre.inference.model.coordinates.laplace import RecordEstimates, estimate_records
 from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.likelihood import compressed
 from bayes_tyre.inference.model.likelihood.compressed import CompressedLikelihood, compress
 from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood
 from bayes_tyre.inference.model.prepared_records import record_batch
@@ -142,6 +143,19 @@ def test_offsets_are_those_of_the_density_point_by_point(records, kind, law):
             about = jnp.asarray(random.standard_normal((len(sigma), 2)))
             moved = of_offsets.about(*about.T).at(offsets - about)
             np.testing.assert_allclose(moved, of_offsets.at(offsets), rtol=1e-9, atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["independent", "smoothed", "displaced"])
+def test_records_are_tabulated_some_at_a_time_as_all_at_once(records, kind, monkeypatch):
+    data = records[0].data
+    maps = {"smoothed": smoothed_noise(data.u.shape[1], 20), "displaced": displaced(data.present)}
+    whole = compress(data, neighbours=True, whitening=maps.get(kind))
+    # Lots of five whose last overlaps with the one before it.
+    assert len(data.u) % 5 != 0
+    monkeypatch.setattr(compressed, "_AT_ONCE", 5)
+    in_lots = compress.__wrapped__(data, neighbours=True, whitening=maps.get(kind))
+    for ours, theirs in zip(jax.tree.leaves(in_lots), jax.tree.leaves(whole), strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12 * float(jnp.max(jnp.abs(theirs))))
 
 
 def test_padding_does_not_count(records):
