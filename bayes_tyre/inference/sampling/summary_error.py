@@ -16,6 +16,8 @@ RECORD_SUMMARIES = "record_summaries"
 SUMMARY_ERROR_MOST = 0.05
 #: The same after the pilot run, whose summaries are not about the posterior yet.
 PILOT_ERROR_MOST = 1.0
+#: Largest share of the variance that unknowns explain by chance at which draws say how much they explain.
+_MOST_BY_CHANCE = 0.2
 
 
 class SummaryError(NamedTuple):
@@ -59,11 +61,10 @@ def summary_error(sites: Mapping[str, np.ndarray], sampled: Sequence[str], cases
     cases:
         Labels of the cases.
     """
-    unknowns = np.concatenate([flat(sites[name]).reshape(-1, _width(sites[name])) for name in sampled], axis=1)
-    unknowns = np.column_stack([np.ones(len(unknowns)), unknowns - unknowns.mean(axis=0)])
     missed = flat(sites[SUMMARY_ERROR])
     if not np.isfinite(missed).all():
         return SummaryError(np.inf, np.inf, cases[int(np.argmin(np.isfinite(missed).all(axis=0)))], np.inf)
+    unknowns = [flat(sites[name]).reshape(len(missed), -1) for name in sampled]
     explained, chance = _explained(unknowns, np.column_stack([missed.sum(axis=1), missed]))
     total, at_least, *of_case = np.sqrt(np.maximum([explained[0], explained[0] - 2.0 * chance[0], *explained[1:]], 0.0))
     case = int(np.argmax(of_case))
@@ -71,25 +72,35 @@ def summary_error(sites: Mapping[str, np.ndarray], sampled: Sequence[str], cases
 
 
 def _explained(
-    unknowns: Float[np.ndarray, "draws unknowns"], values: Float[np.ndarray, "draws values"]
+    sites: Sequence[Float[np.ndarray, "draws _"]], values: Float[np.ndarray, "draws values"]
 ) -> tuple[Float[np.ndarray, " values"], Float[np.ndarray, " values"]]:
-    """Return the variance that the unknowns explain of each value, and its standard error by chance.
+    """Return the variance that the unknowns of some sites explain of each value, and its standard error by chance.
 
-    Where draws are too few to tell, or miss so much by themselves that nothing can be told, it is all of the variance.
+    Sites are regressed on together, the shortest first, as far as there are two draws for each unknown. Unknowns of
+    longer ones, such as the effects of hundreds of levels, are coordinates with nothing to do with each other: what one
+    of them explains adds to what the others do. Where draws are too few to tell, or miss so much by themselves that
+    nothing can be told, it is all of the variance.
     """
-    draws, count = unknowns.shape
-    variance = values.var(axis=0)
-    if draws <= 2 * count:
-        return variance, np.zeros_like(variance)
-    residual = values - unknowns @ np.linalg.lstsq(unknowns, values)[0]
-    left = np.sum(residual**2, axis=0) / (draws - count)
-    chance = left * np.sqrt(2.0 * count) / draws
-    measurable = 2.0 * chance <= PILOT_ERROR_MOST**2
-    return np.where(measurable, variance - left, variance), np.where(measurable, chance, 0.0)
+    draws, variance = len(values), values.var(axis=0)
+    together, singly, count = [np.ones((draws, 1))], [np.zeros((draws, 0))], 1
+    for site in sorted(sites, key=lambda site: site.shape[1]):
+        fits = 2 * (count + site.shape[1]) < draws
+        (together if fits else singly).append(site - site.mean(axis=0))
+        count += site.shape[1] * fits
+    regressors = np.concatenate(together, axis=1)
 
+    def rest(of_all: Float[np.ndarray, "draws _"]) -> Float[np.ndarray, "draws _"]:
+        return of_all - regressors @ np.linalg.lstsq(regressors, of_all)[0]
 
-def _width(values: np.ndarray) -> int:
-    return int(np.prod(values.shape[2:]))
+    residual, others = rest(values), rest(np.concatenate(singly, axis=1))
+    others = others / np.maximum(others.std(axis=0), np.finfo(float).tiny)
+    left = np.sum(residual**2, axis=0) / max(draws - count, 1)
+    # Their squared covariances, less those of what nothing explains.
+    singly_explained = np.sum((others.T @ residual) ** 2, axis=0) - np.sum(others**2) * left
+    explained = variance - left + singly_explained / (draws * max(draws - count, 1))
+    chance = left * np.sqrt(2.0 * (count + others.shape[1])) / draws
+    measurable = (_MOST_BY_CHANCE * left >= chance) & (2.0 * chance <= PILOT_ERROR_MOST**2)
+    return np.where(measurable, explained, variance), np.where(measurable, chance, 0.0)
 
 
 def flat(values: np.ndarray) -> np.ndarray:

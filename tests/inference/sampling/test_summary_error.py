@@ -42,6 +42,22 @@ def test_what_draws_miss_by_themselves_is_no_error_of_what_is_shared():
     assert found.at_least == 0.0
 
 
+@pytest.mark.parametrize("slope", [0.0, 0.5])
+def test_of_unknowns_more_than_draws_each_is_taken_by_itself(slope):
+    random, found = np.random.default_rng(1), []
+    for _ in range(20):
+        sites = {"terms_z": random.standard_normal((4, 100, 1000)), "log_sigma": random.standard_normal((4, 100, 30))}
+        missed = random.standard_normal((4, 100, len(CASES))) / np.sqrt(len(CASES))
+        missed[..., 1] += slope * sites["terms_z"][..., 7]
+        found.append(summary_error(sites | {SUMMARY_ERROR: missed}, ("terms_z", "log_sigma"), CASES))
+    squares = np.array([[one.total, one.at_least] for one in found]) ** 2
+    # By chance 1000 unknowns explain (1 + slope^2) sqrt(2000) / 400 of the variance, give or take: 0.11 to 0.14, of which
+    # the mean of 20, with what is negative set to zero, is within 0.1 but once in a thousand.
+    assert squares[:, 0].mean() == pytest.approx(slope**2, abs=0.1)
+    assert (squares[:, 1] <= squares[:, 0]).all()
+    assert squares[:, 1].mean() < slope**2 + 0.01
+
+
 def test_of_too_few_draws_all_is_error():
     found = summary_error(made(0.0, draws=5), SAMPLED, CASES)
     assert found.at_least == found.total == pytest.approx(NOISE, rel=0.6)
