@@ -17,7 +17,7 @@ _IDENTITY, _FORMAT, _STATE, _DRAWS, _STATISTICS = "identity", "format", "state",
 _NAME = "chunk-{:06d}.npz"
 #: Raised when a state or a draw comes to mean something else, such as other coordinates: these are kept as they are
 #: sampled.
-FORMAT = 6
+FORMAT = 7
 _OTHER_FORMAT = "was saved by a version whose states and draws mean something else"
 
 

@@ -29,8 +29,8 @@ from bayes_tyre.inference.sampling.summary_error import (
     SummaryError,
 )
 
-#: Runs whose summaries are too far off for their draws to be kept, at most, less one: the summaries of the next are
-#: made about their draws, of which there are more than a pilot has.
+#: Attempts before records are sampled as well, each with summaries made about the draws of the one before: of these
+#: there are more than a pilot has.
 ATTEMPTS = 2
 
 
@@ -62,10 +62,11 @@ def sample_collapsed(
         runs += tuple(one._replace(sampler="collapsed") for one in made)
         if error.at_least <= SUMMARY_ERROR_MOST:
             return draws, runs, error
-        place = pilot.about(place, draws.sites)
-        del draws  # gigabytes, of many records
+        place = place._replace(error=error)
         if attempt + 1 < ATTEMPTS:
+            place = pilot.about(place, draws.sites)
             settings.on_note(f"{_off(error)}: made anew about these draws, for another run")
+        del draws  # gigabytes, of many records
     settings.on_note(f"{_off(place.error)}: records are sampled as well")
     return None, runs, place.error
 

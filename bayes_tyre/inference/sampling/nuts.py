@@ -44,9 +44,11 @@ START_SPREAD, START_RADIUS = 0.2, 0.5
 _STARTS_TRIED = 20
 #: Fields of NumPyro's state by ArviZ's name.
 STATISTICS = {"diverging": "diverging", "energy": "energy", "n_steps": "num_steps", "acceptance_rate": "accept_prob"}
-#: Draws of a chunk constrained at once, a divisor of `CHUNK`. All at once takes longer, and gigabytes where records are
-#: in thousands.
-_DRAWS_AT_ONCE = 10
+#: Draws of a chunk constrained at once, divisors of `CHUNK`, the first that draw no more normals than are allowed: all at
+#: once takes longer, and gigabytes where records are in thousands.
+_DRAWS_AT_ONCE, _NORMALS_AT_ONCE = (10, 5, 2, 1), 150_000
+#: Most normals of a draw at which what begins the chains is compiled as what runs once.
+_SMALL = 15_000
 
 _CHAINS = "chains"
 
@@ -111,7 +113,7 @@ class Chains:
         acceptance: float = TARGET_ACCEPTANCE,
     ) -> None:
         self.chains, self._warmup = chains, warmup
-        self._data, self._fixed = eqx.partition(dict(arguments), lambda leaf: isinstance(leaf, jax.Array))
+        data, self._fixed = eqx.partition(dict(arguments), lambda leaf: isinstance(leaf, jax.Array))
         self._model, self._starts, self.acceptance = model, starts, acceptance
         # Traced once for all that is compiled: tracing a hierarchy takes as long as compiling many a model.
         self._potential = jax.jit(self._potential_energy)
@@ -119,6 +121,7 @@ class Chains:
         devices = jax.local_devices()
         self._together = max(n for n in range(1, min(chains, len(devices)) + 1) if chains % n == 0)
         self._mesh = Mesh(np.asarray(devices[: self._together]), (_CHAINS,))
+        self._data = self._on_devices(data)
         self._shapes, self._normals = self._find_shapes()
         self.blocks = Blocks(self._shapes, tuple(starts))
         self._begin, self._advance, self._constrain = self._compile_together()
@@ -127,7 +130,7 @@ class Chains:
     def given(self, arguments: Mapping[str, Any], starts: Mapping[str, Any]) -> "Chains":
         """Return these chains, compiled as they are, of other data of the same shapes and from other starts."""
         other = copy(self)
-        other._data = eqx.filter(dict(arguments), lambda leaf: isinstance(leaf, jax.Array))
+        other._data = self._on_devices(eqx.filter(dict(arguments), lambda leaf: isinstance(leaf, jax.Array)))
         other._starts = starts
         return other
 
@@ -140,6 +143,11 @@ class Chains:
         if acceptance not in made:
             made[acceptance] = Chains(self._model, arguments, self.chains, self._warmup, self._starts, acceptance)
         return made[acceptance].given(arguments, self._starts)
+
+    @property
+    def _size(self) -> int:
+        """How many normals the model draws by: some for each record."""
+        return sum(math.prod(shape) for shape in self._normals.values())
 
     @property
     def sampled(self) -> tuple[str, ...]:
@@ -159,15 +167,18 @@ class Chains:
         points: Float[np.ndarray, "chains unknowns"],
         covariance: Float[np.ndarray, "unknowns unknowns"],
         seed: int,
+        done: int,
     ) -> HMCState:
-        """Return the state of chains at points of a posterior whose covariance is known, a chunk before warmup ends.
+        """Return the state of chains at points of a posterior whose covariance is known, so much of the warmup done.
 
-        The iterations that are left adapt the step size, and keep the mass matrix that the covariance makes.
+        Within its last chunk iterations adapt the step size, and keep the mass matrix that the covariance makes.
         """
         state = self._begin_at(self.blocks.split(points), seed, self.blocks.inverse_mass(covariance))
-        last = len(build_adaptation_schedule(self._warmup)) - 1
-        adapted = state.adapt_state._replace(window_idx=jnp.full(self.chains, last))
-        return state._replace(i=jnp.full(self.chains, max(self._warmup - CHUNK, 0)), adapt_state=adapted)
+        windows = build_adaptation_schedule(self._warmup)
+        within = done < self._warmup - CHUNK
+        window = next(i for i, one in enumerate(windows) if one.end >= done) if within else len(windows) - 1
+        adapted = state.adapt_state._replace(window_idx=jnp.full(self.chains, window))
+        return state._replace(i=jnp.full(self.chains, done), adapt_state=adapted)
 
     def potential(self, points: Float[np.ndarray, "chains unknowns"]) -> tuple[np.ndarray, np.ndarray]:
         """Return the potential energy and its gradient at as many points as there are chains.
@@ -176,14 +187,6 @@ class Chains:
         """
         state = self._begin_at(self.blocks.split(points), 0)
         return np.asarray(state.potential_energy), self.blocks.join(state.z_grad)
-
-    def carried(self, state: HMCState) -> HMCState:
-        """Return a state of chains of other data, of the same shapes, as one of these: where it is, and as adapted.
-
-        A state carries the potential energy and its gradient: those of other data would hold the next iteration there.
-        """
-        here = self._begin_at(state.z, 0)
-        return state._replace(potential_energy=here.potential_energy, z_grad=here.z_grad)
 
     @property
     def middle(self) -> Float[np.ndarray, " unknowns"]:
@@ -268,7 +271,8 @@ class Chains:
             lowered = advance.lower(state, (self._data, np.int64(0)))
             advancing = pool.submit(lowered.compile, compiler_options=run_often())
             lowered = begin.lower(jax.tree.map(together, fresh), self._data)
-            beginning = pool.submit(lowered.compile, compiler_options=RUN_ONCE)
+            # It looks for the mode too: hundreds of gradients, which of many records take longer than to compile.
+            beginning = pool.submit(lowered.compile, compiler_options=RUN_ONCE if self._size <= _SMALL else run_often())
             keys = jax.ShapeDtypeStruct((self._together, CHUNK, 2), np.uint32)
             lowered = constrain.lower((chunk, keys), self._data)
             constraining = pool.submit(lowered.compile, compiler_options=run_often())
@@ -309,12 +313,22 @@ class Chains:
             model = handlers.substitute(self._model, data=named_normals(key, self._normals))
             return constrain_fn(model, (), self._arguments(data), self.blocks.unpack(z), return_deterministic=True)
 
+        at_once = next((n for n in _DRAWS_AT_ONCE if n * self._size <= _NORMALS_AT_ONCE), _DRAWS_AT_ONCE[-1])
         # Not by `batch_size` of `jax.lax.map`, which cannot take a site without elements.
-        parts = jax.tree.map(
-            lambda a: a.reshape(CHUNK // _DRAWS_AT_ONCE, _DRAWS_AT_ONCE, *a.shape[1:]), unconstrained_and_keys
-        )
+        parts = jax.tree.map(lambda a: a.reshape(CHUNK // at_once, at_once, *a.shape[1:]), unconstrained_and_keys)
         sites = jax.lax.map(lambda part: jax.vmap(one)(*part), parts)
         return jax.tree.map(lambda a: a.reshape(CHUNK, *a.shape[2:]), sites)
+
+    def _on_devices(self, data: Any) -> Any:
+        """Return data placed for all chains: devices of one host share its memory, where each would hold gigabytes."""
+        everywhere = NamedSharding(self._mesh, PartitionSpec())
+
+        def place(leaf: jax.Array) -> jax.Array:
+            on_host = np.asarray(leaf)
+            of_each = [jax.device_put(on_host, device, may_alias=True) for device in self._mesh.devices]
+            return jax.make_array_from_single_device_arrays(leaf.shape, everywhere, of_each)
+
+        return jax.tree.map(place, data)
 
     def _arguments(self, data: Any) -> Any:
         return eqx.combine(data, self._fixed)

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
+from numpyro.infer.hmc import HMCState
 
 from bayes_tyre.inference.model.collapsed.nearest_summaries import refine_summaries
 from bayes_tyre.inference.model.collapsed.record_summaries import RecordSummaries
@@ -26,6 +27,8 @@ from bayes_tyre.inference.sampling.summary_error import SUMMARY_ERROR_MOST, Summ
 _ROUNDS_AT_MODE, _ROUNDS_OF_CHAINS = 4, (2, 4)
 #: Chunks before the first round of chains that begin far from the posterior.
 _ON_THE_WAY = 2
+#: Iterations of the warmup that the pilot run stands for: those of the default but for a chunk.
+_WARMUP_BY_PILOT = 500
 #: Draws that what was known of the covariance counts as, beside a chunk's of each chain.
 _KNOWN_AS_DRAWS = 100
 _NO_SITES: Mapping[str, np.ndarray] = MappingProxyType({})
@@ -82,11 +85,11 @@ class Pilot(NamedTuple):
     def chains_at(self, place: Place, number: int) -> tuple[Chains, Begun]:
         """Return the chains with the summaries of a place, and the state in which they are there.
 
-        They are a chunk before the end of their warmup; `number` tells one such state from others.
+        Of their warmup the last chunk is left, and all beyond `_WARMUP_BY_PILOT` iterations; `number` tells one such
+        state from others.
         """
-        chains = self._given(place.summaries)
-        state = self._begin(chains, place, _ROUNDS_OF_CHAINS[1] + number)
-        return chains, Begun(state, max(self.settings.warmup - CHUNK, 0))
+        chains, done = self._given(place.summaries), max(min(self.settings.warmup - CHUNK, _WARMUP_BY_PILOT), 0)
+        return chains, Begun(self._begin(chains, place, _ROUNDS_OF_CHAINS[1] + number, done), done)
 
     def error(self, sites: Mapping[str, np.ndarray]) -> SummaryError:
         """Return how far the summaries are off that draws of every site were made with."""
@@ -107,7 +110,8 @@ class Pilot(NamedTuple):
     def _about_chunk(self, place: Place, number: int) -> Place:
         """Return where the chains are after a chunk that begins at a place."""
         chains, settings = self._given(place.summaries), self.settings
-        state, count = self._begin(chains, place, number), 1 if place.points is not None else 1 + _ON_THE_WAY
+        last = max(settings.warmup - CHUNK, 0)
+        state, count = self._begin(chains, place, number, last), 1 if place.points is not None else 1 + _ON_THE_WAY
         settings.on_stage("pilot run", count * CHUNK)
         for _ in range(count):
             chunk = chains.advance(state, CHUNK)
@@ -138,11 +142,11 @@ class Pilot(NamedTuple):
     def _given(self, summaries: RecordSummaries) -> Chains:
         return self.chains.given({**self.arguments, "summaries": summaries}, self.starts)
 
-    def _begin(self, chains: Chains, place: Place, number: int) -> Any:
+    def _begin(self, chains: Chains, place: Place, number: int, done: int) -> HMCState:
         if place.points is None or place.covariance is None:
             return chains.begin(self.settings.seed)
         seed = int(np.random.SeedSequence((self.settings.seed, number)).generate_state(1)[0])
-        return chains.begin_where(place.points, place.covariance, seed)
+        return chains.begin_where(place.points, place.covariance, seed, done)
 
     def _unknown(self) -> SummaryError:
         return SummaryError(np.inf, np.inf, self._cases()[0], np.inf)

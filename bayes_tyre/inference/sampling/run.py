@@ -27,9 +27,9 @@ REPEAT_ACCEPTANCE = 0.99
 RUNS_AT_MOST = 2
 #: How many times as many draws a run takes at most, unless their number was asked for.
 LONGEST = 4
-#: Above so many records, draws of each chain, and how many times as many a run takes at most: their number sets the
-#: time and the memory of all that follows the chains, and what so many records share mixes well.
-_MANY_RECORDS, _OF_MANY_RECORDS = 1000, (750, 8)
+#: Above so many records: draws of each chain, and how many times as many a run takes at most. Their number sets the time
+#: and the memory of all that follows the chains, and what so many records share mixes well.
+_OF_MANY_RECORDS = {5000: (250, 24), 1000: (750, 8)}
 #: Attribute of a posterior's tree with the runs of the sampler behind it, as JSON.
 RUNS = "sampler_runs"
 
@@ -88,9 +88,10 @@ class SamplerSettings:
 
     def for_records(self, count: int) -> "SamplerSettings":
         """Return the settings for so many records: of many fewer draws, unless their number was asked for."""
-        if self.longest == 1 or count <= _MANY_RECORDS:
+        fewer = next((fewer for above, fewer in _OF_MANY_RECORDS.items() if count > above), None)
+        if self.longest == 1 or fewer is None:
             return self
-        draws, longest = _OF_MANY_RECORDS
+        draws, longest = fewer
         return replace(self, draws=draws, longest=longest)
 
 
@@ -199,9 +200,9 @@ def run_until_sound(
     """Return the draws of chains, or of a second run with shorter steps where transitions diverged; and the runs made.
 
     A divergence says that steps were too long somewhere, and only shorter ones reach it. The second run is the one that
-    `target_accept` of `REPEAT_ACCEPTANCE` would be, with the same seed, so that either can be had by itself. An
-    acceptance that the user asked for is left alone. Draws that are not `usable` are not repeated, nor kept. The first
-    run goes on from where the chains have `begun`.
+    `target_accept` of `REPEAT_ACCEPTANCE` would be, with the same seed, so that either can be had by itself; of chains
+    that have `begun` both go on from there. An acceptance that the user asked for is left alone. Draws that are not
+    `usable` are not repeated, nor kept.
     """
     repeatable = settings.target_accept is None
     first = run(chains, settings, lambda draws: usable(draws) and not (repeatable and draws.divergences), begun)
@@ -213,7 +214,7 @@ def run_until_sound(
         f"{first.divergences} divergent transitions at target acceptance {chains.acceptance:g}: sampled once more at "
         f"{REPEAT_ACCEPTANCE:g}"
     )
-    second = run(chains.at_acceptance(REPEAT_ACCEPTANCE), after_runs(settings, 1))
+    second = run(chains.at_acceptance(REPEAT_ACCEPTANCE), after_runs(settings, 1), begun=begun)
     better = second.divergences <= first.divergences
     runs = (
         SamplerRun(chains.acceptance, first.divergences, not better, every=first.every),
@@ -264,16 +265,14 @@ def run(
         )
 
 
-def first_state(chains: Chains, seed: int, begun: Begun | None) -> HMCState:
-    """Return the state that chains go on from: where they have begun, or what begins them."""
-    return chains.begin(seed) if begun is None else chains.carried(begun.state)
-
-
 def _advance(chains: Chains, settings: SamplerSettings, done: list[Chunk], parts: int, begun: Begun | None) -> None:
     """Add the missing chunks of a run, up to the end of `parts` + 1 times its draws."""
     warmup, draws = _lengths(settings.warmup), _lengths(settings.draws)
     lengths, resumed = warmup + (parts + 1) * draws, len(done)
-    state = done[-1].state if done else first_state(chains, settings.seed, begun)
+    if done:
+        state = done[-1].state
+    else:
+        state = chains.begin(settings.seed) if begun is None else begun.state
     for number, length in enumerate(lengths[resumed:], resumed):
         if number in (resumed, len(warmup)):
             first = len(warmup) + parts * len(draws)

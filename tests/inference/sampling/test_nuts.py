@@ -78,23 +78,6 @@ def test_chains_made_for_other_data_give_the_draws_of_chains_made_for_these(draw
     assert not np.array_equal(sampling.run(elsewhere, SETTINGS).sites["mu"], drawn.sites["mu"])
 
 
-def test_a_state_of_other_data_goes_on_where_it_is_with_the_energy_of_these():
-    of_other = chains.Chains(model, {"y": DATA["y"] + 3.0}, 2, 130, STARTS)
-    state = of_other.advance(of_other.begin(3), 20).state
-    own = of_other.given(DATA, STARTS)
-    carried = own.carried(state)
-    kept, before = (jax.tree.leaves((one.z, one.adapt_state)) for one in (carried, state))
-    for found, expected in zip(kept, before, strict=True):
-        np.testing.assert_array_equal(found, expected)
-    for chain in range(2):
-        at = {name: np.asarray(values)[chain] for name, values in state.z.items()}
-        energy, gradient = jax.value_and_grad(own._potential_energy, argnums=1)(own._data, at)
-        assert float(carried.potential_energy[chain]) == pytest.approx(float(energy), rel=1e-9)
-        for name, slope in gradient.items():
-            np.testing.assert_allclose(np.asarray(carried.z_grad[name])[chain], slope, rtol=1e-9, atol=1e-9)
-    assert not np.isclose(carried.potential_energy, state.potential_energy).any()
-
-
 def test_chains_of_another_acceptance_are_compiled_once_for_all_data():
     first = chains.Chains(model, {"y": DATA["y"] + 1.0}, 2, 130, STARTS)
     ones, others = first.at_acceptance(0.9), first.given(DATA, STARTS).at_acceptance(0.9)
@@ -136,7 +119,7 @@ def test_chains_that_begin_where_the_covariance_is_known_keep_its_mass_matrix_an
     made = chains.Chains(model, DATA, 2, 130, STARTS)
     unknowns = len(made.middle)
     root = np.eye(unknowns) + 0.1 * np.tri(unknowns, k=-1)
-    state = made.begin_where(np.stack([made.middle] * 2), root @ root.T, seed=4)
+    state = made.begin_where(np.stack([made.middle] * 2), root @ root.T, seed=4, done=30)
     np.testing.assert_array_equal(np.asarray(state.i), 30)
     np.testing.assert_array_equal(made.blocks.join(state.z), np.stack([made.middle] * 2))
     after = made.advance(state, 100).state
@@ -146,3 +129,34 @@ def test_chains_that_begin_where_the_covariance_is_known_keep_its_mass_matrix_an
     assert (np.asarray(after.adapt_state.step_size) != np.asarray(state.adapt_state.step_size)).all()
     # The warmup is over: whatever the acceptance, steps stay.
     np.testing.assert_array_equal(made.advance(after, 10).state.adapt_state.step_size, after.adapt_state.step_size)
+
+
+def test_more_of_a_warmup_than_its_last_chunk_adapts_the_mass_matrix_too():
+    made = chains.Chains(model, DATA, 2, 400, STARTS)
+    state = made.begin_where(np.stack([made.middle] * 2), np.eye(len(made.middle)), seed=4, done=150)
+    for _ in range(3):
+        state = made.advance(state, 100).state
+    # Slow windows of a warmup of 400 end at 100, 150 and 350: one of 200 iterations is left, and then only the steps.
+    for matrix in state.adapt_state.inverse_mass_matrix.values():
+        assert not np.isclose(np.asarray(matrix), 1.0).any()
+    later = made.advance(state, 50).state.adapt_state.inverse_mass_matrix
+    for block, matrix in state.adapt_state.inverse_mass_matrix.items():
+        np.testing.assert_array_equal(matrix, later[block])
+
+
+def test_devices_of_a_host_share_the_data():
+    made = chains.Chains(model, DATA, 2, 130, STARTS)
+    shards = made._data["y"].addressable_shards
+    assert len(shards) == 2
+    assert len({shard.data.unsafe_buffer_pointer() for shard in shards}) == 1
+    np.testing.assert_array_equal(made._data["y"], DATA["y"])
+
+
+def test_draws_are_constrained_alike_however_many_at_once(monkeypatch):
+    few = chains.Chains(model, DATA, 2, 130, STARTS)
+    chunk = few.advance(few.begin(3), 40)
+    expected = few.constrain(chunk.unconstrained, (3, 0))
+    monkeypatch.setattr(chains, "_NORMALS_AT_ONCE", -1)
+    one_by_one = chains.Chains(model, DATA, 2, 130, STARTS).constrain(chunk.unconstrained, (3, 0))
+    for name, values in expected.items():
+        np.testing.assert_allclose(one_by_one[name], values, rtol=1e-12, err_msg=name)

@@ -45,14 +45,13 @@ class MadeUp(Chains):
         self.states: list[Any] = []
 
     def at_acceptance(self, acceptance: float) -> "MadeUp":
-        return MadeUp(self.divergent, acceptance, self.advanced)
+        other = MadeUp(self.divergent, acceptance, self.advanced)
+        other.states = self.states
+        return other
 
     def begin(self, seed: int) -> Any:
         assert seed == SETTINGS.seed
         return self.shapes
-
-    def carried(self, state: Any) -> Any:
-        return state._replace(z={"x": state.z["x"] + 1.0})
 
     def advance(self, state: Any, iterations: int) -> Chunk:
         self.advanced.append(self.acceptance)
@@ -142,7 +141,14 @@ def test_chains_that_have_begun_do_what_is_left_of_their_warmup(begun, left):
     settings = replace(settings, on_stage=lambda name, count: stages.append((name, count)))
     run_until_sound(chains, settings, begun=Begun(state_at(5.0), begun))
     assert stages[0] == ("warm-up", left)
-    assert chains.states[0].z["x"].tolist() == [[6.0], [6.0]]
+    assert chains.states[0].z["x"].tolist() == [[5.0], [5.0]]
+
+
+def test_a_run_repeated_begins_where_the_first_one_began():
+    chains = made(3)
+    run_until_sound(chains, SETTINGS, begun=Begun(state_at(5.0), 0))
+    assert chains.advanced == [0.65, 0.65, 0.65, *[REPEAT_ACCEPTANCE] * 3]
+    assert [state.z["x"].tolist() for state in chains.states] == 6 * [[[5.0], [5.0]]]
 
 
 @pytest.mark.parametrize("target", [0.49, 0.995, float("nan")])
@@ -237,5 +243,7 @@ def test_many_records_have_fewer_draws_unless_their_number_was_asked_for():
     assert asked.for_records(1001) is asked
     many = default.for_records(1001)
     assert many.draws < default.draws
+    more = default.for_records(5001)
+    assert more.draws < many.draws
     # As many as ever where they are needed.
-    assert many.draws * many.longest == default.draws * default.longest
+    assert {one.draws * one.longest for one in (default, many, more)} == {default.draws * default.longest}
