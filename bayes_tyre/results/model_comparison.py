@@ -95,7 +95,7 @@ def by_record(predicted: Mapping[str, LeaveOneOut]) -> pd.DataFrame:
 def sentence(table: pd.DataFrame) -> str:
     """Return what a comparison means: which model predicts best, and whether that is more than luck."""
     best, others = table.iloc[0], table.iloc[1:]
-    unit = CASE if f"{CASE}s" in table else RECORD
+    unit = _unit(table)
     difference = others["elpd_difference"].abs()
     tied = (difference < STANDARD_ERRORS * others["difference_se"]) | (difference < LEAST_DIFFERENCE)
     sentences = []

@@ -117,10 +117,11 @@ def compare_folders(
     tables = {NAME: compare(left_out, verdicts), BY_RECORD: by_record(left_out)}
     if of_cases.keys() == left_out.keys():  # a ranking of some of the models would be taken for one of all
         tables[OF_CASES] = compare(of_cases, verdicts, CASE)
-    elif of_cases:
+    elif of_cases and not failed:
         without = next(name for name in left_out if name not in of_cases)
         on_note(
-            f"cases left out are not ranked: those of {without} cannot be integrated out (Student-t repeats or noise)"
+            f"cases left out are not ranked: those of {without} cannot be integrated out (Student-t repeats or noise, "
+            "or more than six repeats of a case)"
         )
     prepare_folder(out)
     (out / OF_CASES).unlink(missing_ok=True)

@@ -72,7 +72,10 @@ def case_population(posterior: xr.Dataset, factors: Factors) -> CasePopulation:
     for parameter in PARAMETERS:
         mean = np.log(flat(posterior[f"{parameter}_group"]))[:, factors.group.of_case]
         for name, factor in factors.effects(parameter).items():
-            mean = mean + flat(posterior[f"log_{parameter}_{name}"])[:, factor.of_case] * factor.weight
+            # A posterior holds no levels whose effect is zero by construction (`to_datatree`).
+            effects = np.zeros((draws, len(factor.labels)))
+            effects[:, factor.free] = flat(posterior[f"log_{parameter}_{name}"])
+            mean = mean + effects[:, factor.of_case] * factor.weight
         sd = f"sd_log_{parameter}_case"
         of_case = flat(posterior[sd]) if sd in posterior else np.zeros(draws)
         sd = f"sd_log_{parameter}_repeat"

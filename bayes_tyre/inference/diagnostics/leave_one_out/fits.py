@@ -87,7 +87,8 @@ def leave_one_case_out(
 ) -> LeaveOneOut | None:
     """Return how well a fitted model predicts the records of each case from the other cases.
 
-    None for models whose cases cannot be integrated out, with Student-t repeats or noise, and for a single case.
+    None for models whose cases cannot be integrated out, with Student-t repeats or noise or more than six repeats of a
+    case, and for a single case.
     Parameters are those of `leave_one_record_out`.
     """
     records = prepare_records(table, model)

@@ -25,55 +25,55 @@ EFFECTIVE_LEAST = 20.0
 
 @dataclass(frozen=True)
 class LeaveOneOut:
-    """What a model predicts of each record that it has not seen.
+    """What a model predicts of each unit, a record or a case, that it has not seen.
 
     Attributes
     ----------
     elpd:
-        ArviZ's sum and record-wise values of the log predictive density.
+        ArviZ's sum and values of each unit of the log predictive density.
     pareto_k:
-        Shape (records,): of the importance weights, before any refit.
+        Shape (units,): of the importance weights, before any refit.
     refitted:
-        Shape (records,): True where the model was fitted again without the record.
+        Shape (units,): True where the model was fitted again without the unit.
     effective_points:
-        Shape (records,): effective number of points of the integral over the record's own parameters.
+        Shape (units,): effective number of points of the integral over the unit's own parameters.
     """
 
     elpd: ELPDData
-    pareto_k: Float[np.ndarray, " records"]
+    pareto_k: Float[np.ndarray, " units"]
     refitted: np.ndarray
-    effective_points: Float[np.ndarray, " records"]
+    effective_points: Float[np.ndarray, " units"]
 
 
 def left_out(
-    by_chain: Float[np.ndarray, "chains draws records"],
-    records: Sequence[str],
-    effective: Float[np.ndarray, " records"],
+    by_chain: Float[np.ndarray, "chains draws units"],
+    units: Sequence[str],
+    effective: Float[np.ndarray, " units"],
     refit_without: Callable[[int], float] | None,
     on_refit: Callable[[str], None],
     attempt: Attempt = directly,
 ) -> LeaveOneOut:
-    """Return the log predictive densities of records left out, from those at draws of the posterior with them.
+    """Return the log predictive densities of units left out, from those at draws of the posterior with them.
 
     Parameters
     ----------
     by_chain:
-        Log densities of the records, their own parameters integrated out.
-    records:
-        Their names; of cases, their labels.
+        Log densities of the units, their own parameters integrated out.
+    units:
+        Names of records, or labels of cases.
     effective:
         Effective numbers of points of those integrals.
     refit_without:
-        Gives the log predictive density of a record from a fit without it, where importance sampling fails; None:
+        Gives the log predictive density of a unit from a fit without it, where importance sampling fails; None:
         no refit.
     on_refit:
-        Called with the record's name before each refit.
+        Called with the unit's name before each refit.
     attempt:
         Runs each refit.
     """
     tree = arviz_base.from_dict(
         {"posterior": {"level": by_chain.mean(axis=2)}, "log_likelihood": {"record_force": by_chain}},
-        coords={"record": list(records)},
+        coords={"record": list(units)},
         dims={"record_force": ["record"], "level": []},
     )
     with warnings.catch_warnings():
@@ -84,11 +84,11 @@ def left_out(
     failed, values = np.zeros(len(pareto_k), bool), elpd.elpd_i.copy()
     if refit_without is not None:
         failed = pareto_k > PARETO_K_MOST
-        for record in map(int, np.flatnonzero(failed)):
-            on_refit(records[record])
-            refitted = attempt(f"fit without {records[record]}", partial(refit_without, record), None)
-            failed[record] = refitted is not None
-            values[record] = values[record] if refitted is None else refitted
+        for unit in map(int, np.flatnonzero(failed)):
+            on_refit(units[unit])
+            refitted = attempt(f"fit without {units[unit]}", partial(refit_without, unit), None)
+            failed[unit] = refitted is not None
+            values[unit] = values[unit] if refitted is None else refitted
     elpd.elpd_i, elpd.elpd = values, float(values.sum())
     elpd.se = float(np.sqrt(len(values) * values.var(ddof=1)))  # as ArviZ has it
     return LeaveOneOut(elpd, pareto_k, failed, effective)

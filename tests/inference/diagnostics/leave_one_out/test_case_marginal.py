@@ -2,6 +2,7 @@
 
 import jax.numpy as jnp
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from helpers.simulated_records import Plan, simulate
@@ -15,8 +16,10 @@ from bayes_tyre.inference.diagnostics.leave_one_out.record_marginal import (
     unknowns,
 )
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
+from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.datatree import to_datatree
 from bayes_tyre.record_table import check_record_table
 
 #: Eight cases of three repeats, one of them discordant; two loads.
@@ -61,6 +64,34 @@ def test_the_linear_predictor_and_the_scales_are_the_posteriors(records):
     np.testing.assert_allclose(population.remainder[:, :, 0], [REMAINDER, REMAINDER])
     np.testing.assert_allclose(population.scatter[1, 1], 1.5 * SCATTER[1])
     assert not np.asarray(population.offset).any()
+
+
+def test_levels_whose_effect_is_zero_by_construction_are_not_in_a_posterior(records):
+    factors = find_factors(
+        pd.DataFrame(
+            [
+                {"configuration": "a", "direction": direction, "initial_load_kN": load, "step_kN": way * step}
+                for direction, way, steps in (("loading", 1.0, (5.0, 7.0)), ("unloading", -1.0, (5.0,)))
+                for step in steps
+                for load in (20.0, 30.0, 40.0)
+            ]
+        )
+    )
+    free = factors.direction_step.free
+    assert not free.all()
+    random, draws = np.random.default_rng(0), 3
+    effects = {f"log_beta_{name}": factor for name, factor in factors.effects("beta").items()}
+    sites = {name: random.normal(size=(1, draws, len(factor.labels))) for name, factor in effects.items()}
+    sites |= {f"log_k_{name}": 0.0 * sites[f"log_beta_{name}"] for name in factors.effects("k")}
+    sites |= {f"{name}_group": np.ones((1, draws, len(factors.group.labels))) for name in ("k", "beta")}
+    sites |= {f"sd_log_{name}_repeat": np.full((1, draws), 0.05) for name in ("k", "beta")}
+    tree = to_datatree(sites, {"diverging": np.zeros((1, draws), bool)}, factors, pd.DataFrame({"record": []}), {})
+    population = case_population(tree["posterior"].to_dataset(), factors)
+    expected = np.zeros((draws, len(factors.cases)))
+    for name, factor in effects.items():
+        zero_or_all = np.where(factor.free if name.endswith("direction_step") else True, sites[name][0], 0.0)
+        expected += zero_or_all[:, factor.of_case]
+    np.testing.assert_allclose(population.mean[:, 1], expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("weight", [None, 0.1])
