@@ -21,10 +21,10 @@ from bayes_tyre.workflow.execution.batch import Machines, run_batch
 from bayes_tyre.workflow.execution.outcome import Done, Fault, attempted
 from bayes_tyre.workflow.execution.task_cache import TaskCache
 from bayes_tyre.workflow.least_squares import FITS, write_fits
-from bayes_tyre.workflow.record_tables import Given, check_names, of_files, read_one, table_files
+from bayes_tyre.workflow.record_tables import Given, check_columns, check_names, of_files, our_columns, read_one, table_files
 
-#: Attributes of a part: what is said of its file.
-_SUSPICIONS, _NOTES = "suspicions", "notes"
+#: Attributes of a part: what is said of its file, and which of our columns it has.
+_SUSPICIONS, _NOTES, _COLUMNS = "suspicions", "notes", "columns"
 
 
 class TableTask(NamedTuple):
@@ -100,15 +100,17 @@ def fit_files(
     Raises
     ------
     BadInput
-        For a table that cannot be used, and a record that stands in two; nothing is written then.
+        For a table that cannot be used, a record that stands in two, and a column that some tables lack; nothing is
+        written then.
     """
     prepare_folder(out)
     outcomes = run_batch(fit_file, tasks, TaskCache(out / FITS), machines, on_progress)
     files = [task.table for task in tasks]
     for file, outcome in zip(files, outcomes, strict=True):
         if isinstance(outcome, Fault):
-            raise BadInput(f"{file}: {outcome.reason}")
+            raise BadInput(f"{file}: {outcome.reason.removeprefix(f'{file}: ')}")
     fits = [pd.read_parquet(outcome) for outcome in outcomes if isinstance(outcome, Path)]
+    check_columns(files, [table.attrs[_COLUMNS] for table in fits])
     check_names(files, fits)
     suspicions = of_files(files, [table.attrs[_SUSPICIONS] for table in fits], together=False)
     notes = of_files(files, [table.attrs[_NOTES] for table in fits])
@@ -131,5 +133,6 @@ def _done(task: TableTask) -> Done:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         fits = fit_records(given.table, task.settings)
-    fits.attrs = {_SUSPICIONS: given.suspicions, _NOTES: [*given.notes, *(str(one.message) for one in caught)]}
+    notes = [*given.notes, *(str(one.message) for one in caught)]
+    fits.attrs = {_SUSPICIONS: given.suspicions, _NOTES: notes, _COLUMNS: our_columns(given.table)}
     return Done(fits)

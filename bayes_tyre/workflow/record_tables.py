@@ -58,7 +58,7 @@ def read_given(paths: Sequence[Path], columns: Path | None = None, kind: Kind = 
     column_map, (files, notes) = read_column_map(columns), table_files(paths)
     each = [read_one(file, column_map, len(files) > 1, kind) for file in files]
     tables = [given.table for given in each]
-    _check_columns(files, tables)
+    check_columns(files, [our_columns(table) for table in tables])
     check_names(files, tables, kind.unit)
     suspicions = of_files(files, [given.suspicions for given in each], together=False)
     notes += of_files(files, [given.notes for given in each])
@@ -116,11 +116,21 @@ def table_files(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
     return list(dict.fromkeys(files)), notes
 
 
-def _check_columns(files: Sequence[Path], tables: Sequence[pd.DataFrame]) -> None:
-    """Refuse a column of ours that only some of the files have."""
-    ours = [{*table.columns} & {*OUR_COLUMNS} for table in tables]
+def our_columns(table: pd.DataFrame) -> list[str]:
+    """Return the columns of a table that mean something here."""
+    return sorted({*table.columns} & {*OUR_COLUMNS})
+
+
+def check_columns(files: Sequence[Path], ours: Sequence[Sequence[str]]) -> None:
+    """Refuse a column of ours that only some of the files have.
+
+    Raises
+    ------
+    BadInput
+        With the column, a file that has it and one that does not.
+    """
     for file, columns in zip(files, ours, strict=True):
-        if lacks := sorted(ours[0] ^ columns):
+        if lacks := sorted({*ours[0]} ^ {*columns}):
             has, has_not = (file, files[0]) if lacks[0] in columns else (files[0], file)
             raise BadInput(f"{has_not}: has no column {lacks[0]}, which {has} has; add it, or fit them apart")
 

@@ -159,6 +159,10 @@ def test_other_options_of_the_hierarchy_use_the_estimates_that_are_kept(done, ra
     widths = [table.pivot_table("width", ["configuration", "step_kN"], "parameter") for table in tables]
     assert (widths[1][["k", "m"]] > 1.2 * widths[0][["k", "m"]]).to_numpy().all()
     np.testing.assert_array_equal(widths[1]["beta"], widths[0]["beta"])
+    # And their Monte Carlo errors are those of the wider draws.
+    errors = [table.pivot_table("mcse_mean", ["configuration", "step_kN"], "parameter") for table in tables]
+    assert (errors[1][["k", "m"]] > 1.2 * errors[0][["k", "m"]]).to_numpy().all()
+    np.testing.assert_array_equal(errors[1]["beta"], errors[0]["beta"])
 
 
 @pytest.mark.parametrize(("option", "value"), [("law", "kelvin_voigt"), ("rig", "dual")])

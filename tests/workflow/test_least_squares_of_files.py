@@ -86,6 +86,26 @@ def test_a_record_in_two_files_is_refused(halves, tmp_path):
         fitted(halves, tmp_path / "out")
 
 
+def test_a_column_that_one_of_the_files_lacks_is_refused_as_it_is_of_files_fitted_together(halves, tmp_path):
+    written(pd.read_csv(halves / "a.csv").drop(columns="speed_km_h"), halves / "a.csv")
+    with pytest.raises(BadInput, match=r"a\.csv: has no column speed_km_h, which .*b\.parquet has") as refused:
+        fitted(halves, tmp_path / "out")
+    assert not (tmp_path / "out" / FITS).exists()
+    with pytest.raises(BadInput) as together:
+        read_given([halves])
+    assert str(refused.value) == str(together.value)
+
+
+def test_a_sheet_that_cannot_be_used_is_named_once(tmp_path):
+    table = small().astype({"force_kN": object})
+    table.loc[4, "force_kN"] = "x"
+    with pd.ExcelWriter(tmp_path / "w.xlsx") as workbook:
+        table.to_excel(workbook, sheet_name="S", index=False)
+    with pytest.raises(BadInput) as refused:
+        fitted(Path(f"{tmp_path / 'w.xlsx'}#S"), tmp_path / "out")
+    assert str(refused.value).count("w.xlsx") == 1
+
+
 def test_what_is_said_of_a_file_names_it(halves, tmp_path):
     table = pd.read_csv(halves / "a.csv")
     written(table.assign(force_kN=1000 * table["force_kN"]), halves / "a.csv")

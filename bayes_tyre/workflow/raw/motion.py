@@ -1,5 +1,6 @@
 """Raw files in; the posterior of tyre, mass and damping from the motion itself out, a folder as `fit` writes it."""
 
+import math
 import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,7 +12,8 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder, remove_leftovers
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.diagnostics.attempts import Attempts
-from bayes_tyre.inference.diagnostics.judge import judge
+from bayes_tyre.inference.diagnostics.convergence import with_figures
+from bayes_tyre.inference.diagnostics.judge import judge, with_failures
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics, data_checks
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.priors import Priors
@@ -87,6 +89,10 @@ class MotionPlan:
     priors: Priors = PRIORS
     limit: str | None = None
     force_scale_sd: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.force_scale_sd < math.inf:
+            raise BadInput(f"force_scale_sd is {self.force_scale_sd:g}; give 0 or more, such as 0.01")
 
     @property
     def options(self) -> dict[str, object]:
@@ -223,6 +229,8 @@ def fit_estimates(
     diagnostics = with_estimates(diagnostics, estimated)
     if plan.force_scale_sd > 0:  # no record can tell of it, nor does any check above
         tree = with_scale(tree, "force_scale", plan.force_scale_sd, plan.sampler.seed)
+        tree = attempts("convergence statistics", lambda: with_figures(tree), tree, kind="sampling")
+        diagnostics = with_failures(diagnostics, attempts.failed)
     beside = {ESTIMATES: estimated.table, REJECTED: estimated.rejected}
     limit = None if plan.limit is None else parse_limit(plan.limit)
     result = Result(tree, diagnostics.verdict, interval=plan.interval, motions=estimated.shown, limit=limit)
