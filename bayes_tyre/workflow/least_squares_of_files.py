@@ -21,7 +21,15 @@ from bayes_tyre.workflow.execution.batch import Machines, run_batch
 from bayes_tyre.workflow.execution.outcome import Done, Fault, attempted
 from bayes_tyre.workflow.execution.task_cache import TaskCache
 from bayes_tyre.workflow.least_squares import FITS, write_fits
-from bayes_tyre.workflow.record_tables import Given, check_columns, check_names, of_files, our_columns, read_one, table_files
+from bayes_tyre.workflow.record_tables import (
+    Given,
+    check_columns,
+    check_names,
+    of_files,
+    our_columns,
+    read_one,
+    table_files,
+)
 
 #: Attributes of a part: what is said of its file, and which of our columns it has.
 _SUSPICIONS, _NOTES, _COLUMNS = "suspicions", "notes", "columns"

@@ -44,8 +44,8 @@ START_SPREAD, START_RADIUS = 0.2, 0.5
 _STARTS_TRIED = 20
 #: Fields of NumPyro's state by ArviZ's name.
 STATISTICS = {"diverging": "diverging", "energy": "energy", "n_steps": "num_steps", "acceptance_rate": "accept_prob"}
-#: Draws of a chunk constrained at once, divisors of `CHUNK`, the first that draw no more normals than are allowed: all at
-#: once takes longer, and gigabytes where records are in thousands.
+#: Draws of a chunk constrained at once, divisors of `CHUNK`: the first that need no more normals than this. All at once
+#: takes longer, and gigabytes where records are in thousands.
 _DRAWS_AT_ONCE, _NORMALS_AT_ONCE = (10, 5, 2, 1), 150_000
 #: Most normals of a draw at which what begins the chains is compiled as what runs once.
 _SMALL = 15_000

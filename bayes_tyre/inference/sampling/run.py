@@ -27,8 +27,8 @@ REPEAT_ACCEPTANCE = 0.99
 RUNS_AT_MOST = 2
 #: How many times as many draws a run takes at most, unless their number was asked for.
 LONGEST = 4
-#: Above so many records: draws of each chain, and how many times as many a run takes at most. Their number sets the time
-#: and the memory of all that follows the chains, and what so many records share mixes well.
+#: Above so many records: draws of each chain, and how many times as many a run takes at most. Their number sets the
+#: time and the memory of all that follows the chains, and what so many records share mixes well.
 _OF_MANY_RECORDS = {5000: (250, 24), 1000: (750, 8)}
 #: Attribute of a posterior's tree with the runs of the sampler behind it, as JSON.
 RUNS = "sampler_runs"
@@ -269,10 +269,7 @@ def _advance(chains: Chains, settings: SamplerSettings, done: list[Chunk], parts
     """Add the missing chunks of a run, up to the end of `parts` + 1 times its draws."""
     warmup, draws = _lengths(settings.warmup), _lengths(settings.draws)
     lengths, resumed = warmup + (parts + 1) * draws, len(done)
-    if done:
-        state = done[-1].state
-    else:
-        state = chains.begin(settings.seed) if begun is None else begun.state
+    state = done[-1].state if done else _first_state(chains, settings.seed, begun)
     for number, length in enumerate(lengths[resumed:], resumed):
         if number in (resumed, len(warmup)):
             first = len(warmup) + parts * len(draws)
@@ -289,6 +286,11 @@ def _advance(chains: Chains, settings: SamplerSettings, done: list[Chunk], parts
         if settings.checkpoints:
             settings.checkpoints.save(number, chunk)
         settings.on_progress(length)
+
+
+def _first_state(chains: Chains, seed: int, begun: Begun | None) -> HMCState:
+    """Return the state that chains go on from: where they have begun, or what begins them."""
+    return chains.begin(seed) if begun is None else begun.state
 
 
 def _spaced(parts: list[Draws]) -> Draws:

@@ -20,8 +20,8 @@ from numpyro.infer.initialization import init_to_feasible
 from numpyro.infer.util import constrain_fn, log_density, potential_energy
 from scipy import stats
 
-from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, laplace_approximation
 from bayes_tyre.inference.model.coordinates import sites as sites_of_coordinates
+from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, laplace_approximation
 from bayes_tyre.inference.model.coordinates.sites import published_in_coordinates, records_in_coordinates
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import find_factors

@@ -51,8 +51,8 @@ def test_of_unknowns_more_than_draws_each_is_taken_by_itself(slope):
         missed[..., 1] += slope * sites["terms_z"][..., 7]
         found.append(summary_error(sites | {SUMMARY_ERROR: missed}, ("terms_z", "log_sigma"), CASES))
     squares = np.array([[one.total, one.at_least] for one in found]) ** 2
-    # By chance 1000 unknowns explain (1 + slope^2) sqrt(2000) / 400 of the variance, give or take: 0.11 to 0.14, of which
-    # the mean of 20, with what is negative set to zero, is within 0.1 but once in a thousand.
+    # By chance 1000 unknowns explain (1 + slope^2) sqrt(2000) / 400 of the variance, give or take: 0.11 to 0.14, of
+    # which the mean of 20, with what is negative set to zero, is within 0.1 but once in a thousand.
     assert squares[:, 0].mean() == pytest.approx(slope**2, abs=0.1)
     assert (squares[:, 1] <= squares[:, 0]).all()
     assert squares[:, 1].mean() < slope**2 + 0.01

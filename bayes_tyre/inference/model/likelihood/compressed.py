@@ -181,7 +181,9 @@ def compress(
     def fill(number: Array, whole: CompressedLikelihood) -> CompressedLikelihood:
         # The last ones overlap with those before them.
         start = jnp.minimum(number * _AT_ONCE, records - _AT_ONCE)
-        return jax.tree.map(lambda all, new: jax.lax.dynamic_update_slice_in_dim(all, new, start, 0), whole, some(start))
+        return jax.tree.map(
+            lambda all, new: jax.lax.dynamic_update_slice_in_dim(all, new, start, 0), whole, some(start)
+        )
 
     empty = jax.tree.map(lambda leaf: jnp.zeros((records, *leaf.shape[1:])), jax.eval_shape(some, 0))
     return jax.lax.fori_loop(0, -(-records // _AT_ONCE), fill, empty)
