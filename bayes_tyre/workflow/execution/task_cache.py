@@ -14,7 +14,8 @@ from bayes_tyre.workflow.execution.outcome import Done, Fault
 _RESULT, _REASON, _PICTURE = ".part", ".reason", ".picture"
 _README = """Results of each raw file, table or simulated data set of {out}: with --resume, bayes-tyre computes only
 what is missing here or has changed. Names are fingerprints of all that decides a result: the file's content, factors,
-rig, method, version; of a table its sheet, column map, settings; of a data set its kind, number, seed, sampler, version.
+rig, method, version; of a table its sheet, column map, settings; of a data set its kind, number, seed, sampler and
+version.
 
 .part     the rows of a record, or of a data set (Parquet)
 .reason   why a file was rejected (JSON)

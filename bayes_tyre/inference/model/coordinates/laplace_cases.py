@@ -86,7 +86,7 @@ def case_estimates(
 
 
 def _terms(
-    values: Float[np.ndarray, "parameters cases"], designs: Sequence[Float[np.ndarray, "cases terms"]]
+    values: Float[np.ndarray, "parameters cases"], designs: Sequence[Float[np.ndarray, "cases _"]]
 ) -> Float[np.ndarray, "parameters most"]:
     """Return least squares of the terms of each design, shorter rows filled up."""
     rows = [_least_squares(*both, np.ones(len(both[0]))) for both in zip(designs, values, strict=True)]
