@@ -58,8 +58,8 @@ Draws = Annotated[
     int | None,
     typer.Option(
         min=4,
-        help="Iterations of each chain to keep. Default: 1500 (published: 2000; 750 of more than 1,000 records, 250 of "
-        "more than 5,000), taken from up to 6000 (8000) where R-hat or ESS falls short.",
+        help="Iterations of each chain to keep. Default: 1500 (published: 2000; 750 of more than 1,000 records), taken "
+        "from up to 6000 (8000) where R-hat or ESS falls short.",
         show_default=False,
     ),
 ]

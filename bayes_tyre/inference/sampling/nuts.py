@@ -123,6 +123,7 @@ class Chains:
         self._mesh = Mesh(np.asarray(devices[: self._together]), (_CHAINS,))
         self._data = self._on_devices(data)
         self._shapes, self._normals = self._find_shapes()
+        self._drawn_by = {name.removesuffix("_drawn") for name in self._normals}
         self.blocks = Blocks(self._shapes, tuple(starts))
         self._begin, self._advance, self._constrain = self._compile_together()
         self._of_acceptance: dict[float, Chains] = {}
@@ -214,7 +215,8 @@ class Chains:
     def constrain(self, unconstrained: Mapping[str, np.ndarray], seed: Sequence[int]) -> dict[str, np.ndarray]:
         """Return a chunk's draws of every site of the model, deterministic ones included.
 
-        What the model draws given the sampled sites (`standard_normals`) it draws from this seed.
+        What the model draws given the sampled sites (`standard_normals`) it draws from this seed. The normals that it
+        is drawn by are left out: of thousands of records they would be gigabytes that nobody asks for.
         """
         length = next(iter(unconstrained.values())).shape[1]
 
@@ -311,7 +313,8 @@ class Chains:
     def _constrained(self, unconstrained_and_keys: tuple[dict[str, jax.Array], jax.Array], data: Any) -> Any:
         def one(z: dict[str, jax.Array], key: jax.Array) -> dict[str, jax.Array]:
             model = handlers.substitute(self._model, data=named_normals(key, self._normals))
-            return constrain_fn(model, (), self._arguments(data), self.blocks.unpack(z), return_deterministic=True)
+            sites = constrain_fn(model, (), self._arguments(data), self.blocks.unpack(z), return_deterministic=True)
+            return {name: values for name, values in sites.items() if name not in self._drawn_by}
 
         at_once = next((n for n in _DRAWS_AT_ONCE if n * self._size <= _NORMALS_AT_ONCE), _DRAWS_AT_ONCE[-1])
         # Not by `batch_size` of `jax.lax.map`, which cannot take a site without elements.

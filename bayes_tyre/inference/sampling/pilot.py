@@ -32,6 +32,8 @@ _WARMUP_BY_PILOT = 500
 #: Draws that what was known of the covariance counts as, beside a chunk's of each chain.
 _KNOWN_AS_DRAWS = 100
 _NO_SITES: Mapping[str, np.ndarray] = MappingProxyType({})
+#: Sites whose draws summaries are made about.
+_OF_SUMMARIES = ("k", "beta", "sigma", "rho", "J_group", "sd_J")
 
 
 class Place(NamedTuple):
@@ -45,7 +47,8 @@ class Place(NamedTuple):
         A point for each chain, and the covariance about them, of the unknowns of what the records share; None: not
         known.
     sites:
-        Every site of the model at the draws of the last chunk of the chains; empty before there was one.
+        What summaries are made of (`_OF_SUMMARIES`) at the draws of the last chunk of the chains; empty before there
+        was one.
     """
 
     summaries: RecordSummaries
@@ -123,7 +126,8 @@ class Pilot(NamedTuple):
         share = len(draws) / (len(draws) + _KNOWN_AS_DRAWS)
         covariance = share * np.cov(draws.T) + (1.0 - share) * known
         placed = self._placed(sites, place.sites)
-        return placed._replace(points=chains.blocks.join(state.z), covariance=covariance, sites=sites)
+        kept = {name: sites[name] for name in _OF_SUMMARIES if name in sites}
+        return placed._replace(points=chains.blocks.join(state.z), covariance=covariance, sites=kept)
 
     def _placed(self, sites: Mapping[str, np.ndarray], before: Mapping[str, np.ndarray] = _NO_SITES) -> Place:
         """Return summaries about draws of every site, and how far those were off that the draws were made with.
@@ -132,8 +136,8 @@ class Pilot(NamedTuple):
         chance.
         """
         error = self.error(sites)
-        both = {name: np.concatenate([draws, sites[name]], axis=1) for name, draws in before.items()} or sites
-        summaries = _summaries_about(both, self.arguments)
+        both = {name: np.concatenate([draws, sites[name]], axis=1) for name, draws in before.items()}
+        summaries = _summaries_about(both or sites, self.arguments)
         if not all(np.isfinite(np.asarray(leaf)).all() for leaf in jax.tree.leaves(summaries)):
             # Draws that are all one, of chains that stood still, are no posterior to go by.
             error = self._unknown()
