@@ -1,7 +1,7 @@
 """The hierarchical posterior of many records: how time and memory grow. Run: python benchmarks/posterior_growth.py.
 
-The collapsed sampler on simulated records, and of few the joint one, each fit in a process of its own: its time includes
-compilation, its peak memory is its own. With --quick, the smallest size alone.
+The collapsed sampler on simulated records, and of few the joint one, each fit in a process of its own: its time
+includes compilation, its peak memory is its own. With --quick, the smallest size alone.
 """
 
 import json
