@@ -248,23 +248,16 @@ def run(
         settings = replace(settings, warmup=max(settings.warmup - begun.iterations, min(settings.warmup, CHUNK)))
     warmup, draws, saved = _lengths(settings.warmup), _lengths(settings.draws), settings.checkpoints
     done = saved.load(chains.shapes, warmup + settings.longest * draws) if saved else []
-    parts: list[Draws] = []
+    every = 0
     while True:
-        _advance(chains, settings, done, len(parts), begun)
+        every += 1
+        _advance(chains, settings, done, every - 1, begun)
         settings.on_stage("quantities of each draw", None)
-        first = len(warmup) + len(parts) * len(draws)
-        chunks = done[first : first + len(draws)]
-        numbers = range(len(parts) * len(draws), (len(parts) + 1) * len(draws))
-        each = zip(chunks, numbers, strict=True)
-        sites = _joined(
-            (chains.constrain(chunk.unconstrained, (settings.seed, i)) for chunk, i in each), settings.draws
-        )
-        parts.append(Draws(sites, _joined((chunk.statistics for chunk in chunks), settings.draws)))
-        draws_of_all = _spaced(parts)
-        if len(parts) == settings.longest or not worthwhile(draws_of_all) or not _falls_short(draws_of_all):
-            return draws_of_all
+        kept = _evenly_spaced(chains, settings, done[len(warmup) : len(warmup) + every * len(draws)], every)
+        if every == settings.longest or not worthwhile(kept) or not _falls_short(kept):
+            return kept
         settings.on_note(
-            f"R-hat or ESS falls short after {settings.draws * len(parts)} draws of each chain: it draws "
+            f"R-hat or ESS falls short after {settings.draws * every} draws of each chain: it draws "
             f"{settings.draws} more, and keeps {settings.draws} of all"
         )
 
@@ -297,18 +290,21 @@ def _first_state(chains: Chains, seed: int, begun: Begun | None) -> HMCState:
     return chains.begin(seed) if begun is None else begun.state
 
 
-def _spaced(parts: list[Draws]) -> Draws:
-    """Return as many draws as one part has, evenly spaced among those of all."""
-    every = len(parts)
-    if every == 1:
-        return parts[0]
-    draws = sum(part.statistics["diverging"].shape[1] for part in parts)
-    sites, statistics = _joined((one.sites for one in parts), draws), _joined((one.statistics for one in parts), draws)
+def _evenly_spaced(chains: Chains, settings: SamplerSettings, chunks: Sequence[Chunk], every: int) -> Draws:
+    """Return one of every so many draws of these chunks: what is not kept is not computed from them either."""
+    last, count = slice(every - 1, None, every), settings.draws * every
+    statistics = _joined((chunk.statistics for chunk in chunks), count)
     diverging = statistics["diverging"]
     of_each = diverging.reshape(len(diverging), -1, every).any(axis=2)
-    last = slice(every - 1, None, every)
-    statistics_of_draws = {name: values[:, last] for name, values in statistics.items()} | {"diverging": of_each}
-    return Draws({name: values[:, last] for name, values in sites.items()}, statistics_of_draws, every)
+    unconstrained = {name: z[:, last] for name, z in _joined((chunk.unconstrained for chunk in chunks), count).items()}
+    starts = range(0, settings.draws, CHUNK)
+    first = (every - 1) * len(starts)  # draws that were judged before are drawn anew
+    constrained = (
+        chains.constrain({name: z[:, i : i + CHUNK] for name, z in unconstrained.items()}, (settings.seed, number))
+        for number, i in enumerate(starts, first)
+    )
+    kept = {name: values[:, last] for name, values in statistics.items()} | {"diverging": of_each}
+    return Draws(_joined(constrained, settings.draws), kept, every)
 
 
 def _falls_short(draws: Draws) -> bool:

@@ -43,6 +43,7 @@ class MadeUp(Chains):
         self.divergent, self.acceptance, self.advanced = divergent, acceptance, advanced
         self.shapes: Any = state_at(0.0)
         self.states: list[Any] = []
+        self.constrained = 0
 
     def at_acceptance(self, acceptance: float) -> "MadeUp":
         other = MadeUp(self.divergent, acceptance, self.advanced)
@@ -62,6 +63,7 @@ class MadeUp(Chains):
         return Chunk(state, {"x": np.full((2, iterations, 1), self.acceptance)}, {"diverging": diverging})
 
     def constrain(self, unconstrained: Mapping[str, np.ndarray], seed: Sequence[int]) -> dict[str, np.ndarray]:
+        self.constrained += next(iter(unconstrained.values())).shape[1]
         return dict(unconstrained)
 
 
@@ -193,6 +195,8 @@ def test_a_run_goes_on_where_an_effective_sample_size_falls_short(rho, every):
     assert draws.sites["k"].shape == (2, 520, 1)
     assert len(chains.advanced) == 1 + every * 6
     assert len(said) == every - 1
+    # What is not kept is computed of no draw, each time that it is judged.
+    assert chains.constrained == every * 520
     assert all(note.startswith("R-hat or ESS falls short after ") for note in said)
     assert draws.statistics["diverging"].shape == (2, 520)
 
