@@ -53,7 +53,13 @@ Resume = Annotated[
     typer.Option(RESUME, help="Continue from the last checkpoint of the same run in --out; the bytes are the same."),
 ]
 Chains = Annotated[int, typer.Option(min=1, help="Chains, run in parallel.")]
-Warmup = Annotated[int, typer.Option(min=1, help="Iterations of each chain to adapt.")]
+Warmup = Annotated[
+    int,
+    typer.Option(
+        min=1,
+        help="Iterations of each chain to adapt (fit of 100 records and more: a pilot run stands for the first 500).",
+    ),
+]
 Draws = Annotated[
     int | None,
     typer.Option(
