@@ -25,6 +25,8 @@ from bayes_tyre.inference.sampling.summary_error import SUMMARY_ERROR_MOST, Summ
 #: Times that the summaries are made anew about the mode, at most; and about chunks of the chains, at least and at
 #: most: of many records the draws of a chunk are too few to show that an error is small.
 _ROUNDS_AT_MODE, _ROUNDS_OF_CHAINS = 4, (2, 4)
+#: Error of the summaries that may be hidden by chance where one looks small.
+_BY_CHANCE_MOST = 0.25
 #: Chunks before the first round of chains that begin far from the posterior.
 _ON_THE_WAY = 2
 #: Iterations of the warmup that the pilot run stands for: those of the default but for a chunk.
@@ -77,7 +79,9 @@ class Pilot(NamedTuple):
         least, most = _ROUNDS_OF_CHAINS
         for number in range(most):
             place = self._about_chunk(place, number)
-            if not np.isfinite(place.error.total) or (number + 1 >= least and place.error.total <= SUMMARY_ERROR_MOST):
+            error = place.error
+            small = error.total <= SUMMARY_ERROR_MOST and 2.0 * error.chance <= _BY_CHANCE_MOST**2
+            if not np.isfinite(error.total) or (number + 1 >= least and small):
                 break
         return place._replace(sites=_NO_SITES)
 

@@ -29,12 +29,15 @@ class SummaryError(NamedTuple):
         Of all records together; and what it is at least, by two standard errors of the regression behind it.
     case, of_case:
         Label of the case whose records are off most, and by how much.
+    chance:
+        Standard error of the square of `total`.
     """
 
     total: float
     at_least: float
     case: str
     of_case: float
+    chance: float = 0.0
 
     def to_json(self) -> str:
         """Return it as a posterior's tree carries it in `RECORD_SUMMARIES`."""
@@ -68,7 +71,7 @@ def summary_error(sites: Mapping[str, np.ndarray], sampled: Sequence[str], cases
     explained, chance = _explained(unknowns, np.column_stack([missed.sum(axis=1), missed]))
     total, at_least, *of_case = np.sqrt(np.maximum([explained[0], explained[0] - 2.0 * chance[0], *explained[1:]], 0.0))
     case = int(np.argmax(of_case))
-    return SummaryError(float(total), float(at_least), cases[case], float(of_case[case]))
+    return SummaryError(float(total), float(at_least), cases[case], float(of_case[case]), float(chance[0]))
 
 
 def _explained(
