@@ -247,8 +247,8 @@ def test_quantities_of_many_draws_together_are_those_of_each_by_itself(records, 
     for draw in (0, 17, 39):
         z = chains.blocks.unpack({name: jnp.asarray(values[0, draw]) for name, values in draws.items()})
         alone = one(jnp.asarray(keys[0, draw]), z)
-        for name, value in alone.items():
-            np.testing.assert_allclose(together[name][0, draw], value, rtol=1e-9, atol=1e-12, err_msg=name)
+        for name, values in together.items():
+            np.testing.assert_allclose(values[0, draw], alone[name], rtol=1e-9, atol=1e-12, err_msg=name)
 
 
 @pytest.mark.slow
