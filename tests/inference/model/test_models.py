@@ -174,18 +174,17 @@ def _of_auxiliaries(values: dict[str, Any]) -> float:
     return float(sum(stats.norm.logpdf(values[name]).sum() for name in DRAWN if name in values))
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_density_in_coordinates_is_the_same_with_their_volume(kind):
+# Terms of hundreds of levels are each placed alone, those of few together.
+@pytest.mark.parametrize(
+    ("kind", "most_together"), [*((kind, sites_of_coordinates.MOST_TOGETHER) for kind in KINDS), ("mixture", 0)]
+)
+def test_the_density_in_coordinates_is_the_same_with_their_volume(kind, most_together, monkeypatch):
+    monkeypatch.setattr(sites_of_coordinates, "MOST_TOGETHER", most_together)
     case = made(kind)
     arguments = {"approximation": case.approximation, **case.arguments}
     _assert_change_of_variables(
         partial(records_in_coordinates, **arguments), partial(records_model, **case.arguments), density_of(kind), case
     )
-
-
-def test_terms_of_so_many_levels_that_each_is_placed_alone_have_the_same_density_with_their_volume(monkeypatch):
-    monkeypatch.setattr(sites_of_coordinates, "MOST_TOGETHER", 0)
-    test_the_density_in_coordinates_is_the_same_with_their_volume("mixture")
 
 
 def test_the_density_of_printed_means_is_that_of_numpy_and_in_coordinates_the_same_with_their_volume():
