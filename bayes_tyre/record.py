@@ -18,6 +18,8 @@ NUMBER_COLUMNS = ("displacement_mm", "force_kN", "time_s", "speed_km_h", "initia
 #: Where a moving mass was taken off: that mass (kg), how well it is known (kg), and by how much a force would change
 #: with another kilogram of it (kN).
 MASS, MASS_SD, FORCE_PER_KG = "mass_kg", "mass_sd_kg", "force_per_kg_kN"
+#: Relative standard deviation of an unknown factor on all displacements, or all forces, of a rig.
+DISPLACEMENT_SCALE_SD, FORCE_SCALE_SD = "displacement_scale_sd", "force_scale_sd"
 
 #: Units by parameter; the parameters that a record has. Those after `sigma` are of motions; `settled` is x - k beta.
 RECORD_UNITS = {

@@ -17,21 +17,25 @@ InitialLoadOption = Annotated[
     ),
 ]
 DisplacementScaleOption = Annotated[
-    float,
+    float | None,
     typer.Option(
         min=0.0,
         max=1.0,
         help="Relative standard deviation of a common, unknown factor on displacement (0.05: a gauge accurate to 5 %); "
-        "it widens the intervals of k and beta, not those of their ratios.",
+        "it widens the intervals of k and beta, not those of their ratios. Default: what [accuracy] of the rig file "
+        "said, or 0.",
+        show_default=False,
     ),
 ]
 ForceScaleOption = Annotated[
-    float,
+    float | None,
     typer.Option(
         min=0.0,
         max=1.0,
         help="Relative standard deviation of a common, unknown factor on force (0.01: load cell and lever arms are "
-        "known to 1 %); it widens the intervals of k and of forces, not those of ratios or of beta.",
+        "known to 1 %); it widens the intervals of k and of forces, not those of ratios or of beta. Default: what "
+        "[accuracy] of the rig file says, or 0.",
+        show_default=False,
     ),
 ]
 DisplacementSdOption = Annotated[

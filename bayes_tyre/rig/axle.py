@@ -137,6 +137,17 @@ class Sensors(Section):
     load_delay_sd_ms: NotNegative = 2.0
 
 
+class Accuracy(Section):
+    """How accurate a rig's factors are, by standard deviations: of load cell and displacement sensor, and lever arms.
+
+    They are errors that all recordings of the rig share; nothing is known of one that is 0.
+    """
+
+    load_relative_sd: Share = 0.0
+    displacement_relative_sd: Share = 0.0
+    lever_arm_sd_mm: NotNegative = 0.0
+
+
 class SecondMode(Section):
     """A second mode of the rig, such as its beam's bending: its frequency (Hz), and how well that is known."""
 
@@ -160,6 +171,7 @@ class Rig(Section):
     channels: Channels = Channels()
     signs: Signs = Signs()
     sensors: Sensors = Sensors()
+    accuracy: Accuracy = Accuracy()
     second_mode: SecondMode | None = None
 
     @model_validator(mode="after")
@@ -169,6 +181,8 @@ class Rig(Section):
             absent += ["axle.support_to_wheel_centre_mm", "axle.support_to_load_mm", "axle.support_to_measurement_mm"]
         if self.beam and self.axle.mass_kg is None:
             absent.append("axle.mass_kg")
+        if self.accuracy.lever_arm_sd_mm and not self.axle.has_lever:
+            absent.append("axle.support_to_wheel_centre_mm")
         if absent:
             raise _missing(*absent)
         if self.rollers and self.tyre:

@@ -93,6 +93,26 @@ def wheel_centre_displacement(rig: Rig, measured_mm: Values | float) -> Values:
     return _array(measured_mm) * ratio
 
 
+def force_relative_sd(rig: Rig) -> float:
+    """Return the relative standard deviation of the factor on all forces: that of the load cell, and of its lever.
+
+    The arm to the wheel centre divides forces and multiplies displacements, so that k has its error twice. Its variance
+    counts twice here and in `displacement_relative_sd`: k then has all of it, and a force somewhat more than its own.
+    """
+    return math.hypot(rig.accuracy.load_relative_sd, _lever_relative_sd(rig, rig.axle.support_to_load_mm))
+
+
+def displacement_relative_sd(rig: Rig) -> float:
+    """Return the relative standard deviation of the factor on all displacements, as `force_relative_sd` does."""
+    lever = _lever_relative_sd(rig, rig.axle.support_to_measurement_mm)
+    return math.hypot(rig.accuracy.displacement_relative_sd, lever)
+
+
+def _lever_relative_sd(rig: Rig, arm_mm: float) -> float:
+    centre_mm, sd_mm = rig.axle.support_to_wheel_centre_mm, rig.accuracy.lever_arm_sd_mm
+    return sd_mm * math.hypot(1 / arm_mm, math.sqrt(2) / centre_mm)
+
+
 def sin_theta(rig: Rig, wheel_centre_mm: Values | float) -> Values:
     """Return the sine of the angle between the horizontal and the line from a roller's axis to the wheel centre.
 

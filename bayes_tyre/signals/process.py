@@ -3,7 +3,8 @@
 from collections.abc import Callable
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.record import RawSignals
+from bayes_tyre.record import DISPLACEMENT_SCALE_SD, FORCE_SCALE_SD, RawSignals
+from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.signals.channels import find_channels
 from bayes_tyre.signals.factors import RecordFactors
@@ -53,4 +54,14 @@ def process(raw: RawSignals, rig: Rig, factors: RecordFactors, method: str) -> P
     BadInput
         If they cannot be used; the message has the reason and the value.
     """
-    return METHODS[method](prepare(raw, rig, factors), rig)
+    processed = METHODS[method](prepare(raw, rig, factors), rig)
+    return processed._replace(extras=processed.extras | scale_sds(rig))
+
+
+def scale_sds(rig: Rig) -> dict[str, float]:
+    """Return how well the factors on displacement and force are known, by column; nothing of one with no word on it."""
+    sds = {
+        DISPLACEMENT_SCALE_SD: geometry.displacement_relative_sd(rig),
+        FORCE_SCALE_SD: geometry.force_relative_sd(rig),
+    }
+    return {column: sd for column, sd in sds.items() if sd > 0}

@@ -22,9 +22,11 @@ from bayes_tyre.inference.model.prepared_records import prepare_records, used_po
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.record_levels import LEVELS
 from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.common_scales import with_scales_of
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical, fit_published
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.published import tables
+from bayes_tyre.record import FORCE_SCALE_SD
 from bayes_tyre.record_table import origin_of
 from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.results.columns import texts
@@ -39,7 +41,7 @@ _SAMPLER = ("chains", "warmup", "draws")
 #: Missing in a `run.json` of an earlier version, and then None.
 _TARGET, _COLUMNS, _LONGEST = "target_accept", "columns", "longest"
 #: Options that a `run.json` has only where they were given: of the plan, and of the model.
-_IF_GIVEN, _OF_MODEL_IF_GIVEN = ("limit", "reference", "record_draws"), (*LEVELS, "covariates", "force_scale_sd")
+_IF_GIVEN, _OF_MODEL_IF_GIVEN = ("limit", "reference", "record_draws"), (*LEVELS, "covariates", FORCE_SCALE_SD)
 
 
 @dataclass(frozen=True)
@@ -125,6 +127,7 @@ def planned_in(path: Path, warn: Callable[[str], None]) -> Plan:
         further = {"seed": run["seed"], _TARGET: options.get(_TARGET), _LONGEST: options.get(_LONGEST, 1)}
         sampler = SamplerSettings(**{key: options[key] for key in _SAMPLER}, **further)
         chosen = {key: value for key, value in options.items() if key in fields_of_model - {"priors"}}
+        chosen.setdefault(FORCE_SCALE_SD, 0.0)  # left out where there was none, whatever the table says
         model = ModelSettings(**chosen, priors=PRIORS.changed(options.get("priors", {})))
         records = [_input(path, name, digest) for name, digest in run["inputs"].items()]
         columns = None if options.get(_COLUMNS) is None else records.pop()
@@ -192,6 +195,10 @@ def fit_table(
     limit = None if plan.limit is None else parse_limit(plan.limit, OF_RECORDS)
     if plan.reference is not None:
         check_reference(plan.reference, texts(table, "configuration"))
+    try:
+        plan = replace(plan, model=with_scales_of(table, plan.model))
+    except BadInput as error:
+        raise BadInput(f"{names(plan.records)}: {error}") from None
     callbacks = callbacks or Callbacks()
     call = shlex.join(["bayes-tyre", *command])
     run = begin_run(call, plan.options, plan.sampler.seed, plan.inputs, origin_of(table))

@@ -5,7 +5,7 @@ from pydantic import ValidationError
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.errors import BadInput
-from bayes_tyre.rig.axle import Rollers, Sensors, Tyre, load_rig
+from bayes_tyre.rig.axle import Accuracy, Rollers, Sensors, Tyre, load_rig
 from bayes_tyre.rig.sensors import columns_of, sensors_of
 
 
@@ -34,6 +34,17 @@ def test_a_rig_of_ones_own_and_its_defaults(tmp_path, single_text):
     assert load_rig(str(own)) == rig
     own.write_text(f"{single_text}\n[sensors]\ndisplacement_delay_ms = 1.5\nload_delay_sd_ms = 0\n")
     assert load_rig(own).sensors == Sensors(displacement_delay_ms=1.5, load_delay_sd_ms=0.0)
+
+
+def test_lever_arms_without_a_lever_have_no_accuracy(tmp_path):
+    own = tmp_path / "own.toml"
+    start = (
+        'name = "mine"\n[axle]\naxle_load_kN = 0.0\neffective_mass_kg = 120.0\n[accuracy]\nload_relative_sd = 0.01\n'
+    )
+    own.write_text(start)
+    assert load_rig(own).accuracy == Accuracy(load_relative_sd=0.01)
+    own.write_text(f"{start}lever_arm_sd_mm = 2.0\n")
+    assert "key axle.support_to_wheel_centre_mm: is missing" in refusal(own)
 
 
 def test_channels_by_number(tmp_path, single_text):

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bayes_tyre.rig import geometry
-from bayes_tyre.rig.axle import load_rig
+from bayes_tyre.rig.axle import Accuracy, load_rig
 
 RIGS = {name: load_rig(name) for name in ("single", "dual")}
 
@@ -27,6 +27,24 @@ def test_constants_and_lever_arms(name, height, factor, force, displacement):
     assert geometry.wheel_centre_force(rig, 1.0) == pytest.approx(force)
     assert geometry.wheel_centre_displacement(rig, 1.0) == pytest.approx(displacement)
     assert geometry.tyre_load(rig, 0.0) == pytest.approx(rig.axle.axle_load_kN)
+
+
+def test_k_has_all_of_the_error_of_sensors_and_arms():
+    """k is force over displacement: its relative variance is that of both factors, by the arms' finite differences."""
+    given = {"load_relative_sd": 0.004, "displacement_relative_sd": 0.007, "lever_arm_sd_mm": 3.0}
+    rig = RIGS["dual"].model_copy(update={"accuracy": Accuracy(**given)})
+    arms, step_mm = ("support_to_wheel_centre_mm", "support_to_load_mm", "support_to_measurement_mm"), 0.01
+
+    def log_k(**other: float) -> float:
+        axle = rig.axle.model_copy(update=other)
+        moved = rig.model_copy(update={"axle": axle})
+        return float(np.log(geometry.wheel_centre_force(moved, 1.0) / geometry.wheel_centre_displacement(moved, 1.0)))
+
+    slopes = [(log_k(**{arm: getattr(rig.axle, arm) + step_mm}) - log_k()) / step_mm for arm in arms]
+    expected = np.sqrt(0.004**2 + 0.007**2 + np.sum((3.0 * np.asarray(slopes)) ** 2))
+    found = np.hypot(geometry.force_relative_sd(rig), geometry.displacement_relative_sd(rig))
+    assert found == pytest.approx(expected, rel=1e-4)
+    assert geometry.force_relative_sd(RIGS["dual"]) == geometry.displacement_relative_sd(RIGS["dual"]) == 0.0
 
 
 @pytest.mark.parametrize("array", [np.asarray, jnp.asarray])

@@ -10,6 +10,7 @@ from helpers.steps_made import RIGS, simulated
 from bayes_tyre.errors import BadInput
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.record import RawSignals
+from bayes_tyre.rig.axle import Accuracy
 from bayes_tyre.signals.process import METHODS, process
 from bayes_tyre.signals.processed import Processed
 
@@ -85,6 +86,16 @@ def test_columns_are_a_record_table_with_extras(method):
     arrays = [value for value in columns.values() if isinstance(value, np.ndarray)]
     assert len({len(values) for values in arrays}) == 1
     assert all(np.isfinite(values).all() for values in arrays)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_records_say_how_accurate_the_rig_is_where_its_file_does(method):
+    record, factors = simulated("DynamicS(0)30-20(1).lvm")
+    rig = RIGS["single"].model_copy(update={"accuracy": Accuracy(load_relative_sd=0.01)})
+    assert process(record.raw, rig, factors, method).columns()["force_scale_sd"] == 0.01
+    rig = rig.model_copy(update={"accuracy": Accuracy(displacement_relative_sd=0.02)})
+    columns = process(record.raw, rig, factors, method).columns()
+    assert (columns["displacement_scale_sd"], "force_scale_sd" in columns) == (0.02, False)
 
 
 def test_a_rolling_record_gives_k():

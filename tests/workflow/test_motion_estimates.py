@@ -1,5 +1,7 @@
 """What is said of records whose estimate failed its check, or that have none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -56,9 +58,10 @@ def test_files_without_an_estimate_are_counted():
     assert found.limitations[-1].startswith("2 files have no estimate")
 
 
-def test_rig_files_of_the_cases_are_inputs(monkeypatch, tmp_path):
+def test_rig_files_of_the_cases_are_inputs_and_say_how_accurate_they_are(monkeypatch, tmp_path):
     files = [tmp_path / f"{name}.lvm" for name in "abc"]
-    (tmp_path / "mine.toml").write_text(data_path("rigs/single.toml").read_text())
+    accuracy = "\n[accuracy]\nload_relative_sd = 0.01\n"
+    (tmp_path / "mine.toml").write_text(data_path("rigs/single.toml").read_text() + accuracy)
     cases = pd.DataFrame({"file": [file.name for file in files], "rig": ["mine.toml", "dual", "mine.toml"]})
     factors = {"configuration": "wide", "speed_km_h": 0, "initial_load_kN": 20, "step_kN": 10, "repeat": 1}
     cases.assign(**factors).to_csv(tmp_path / "cases.csv", index=False)
@@ -70,13 +73,18 @@ def test_rig_files_of_the_cases_are_inputs(monkeypatch, tmp_path):
     plan = MotionPlan(SamplerSettings(), cases=tmp_path / "cases.csv")
     found = estimate_files(files, plan, Machines(1, None, False), tmp_path / "out", lambda done: None)
     assert found.rig_files == (tmp_path / "mine.toml",)
-    inputs = []
+    inputs, known = [], {}
 
     def begun(call, options, seed, files, origin):
         inputs.extend(files)
+        known.update(options)
         raise InterruptedError
 
     monkeypatch.setattr(motion, "begin_run", begun)
     with pytest.raises(InterruptedError):
         fit_estimates(found, plan, tmp_path / "out", [])
     assert inputs == [*files, tmp_path / "mine.toml", tmp_path / "cases.csv"]
+    assert known["force_scale_sd"] == 0.01  # of the least accurate rig
+    with pytest.raises(InterruptedError):
+        fit_estimates(found, replace(plan, force_scale_sd=0.02), tmp_path / "out", [])
+    assert known["force_scale_sd"] == 0.02

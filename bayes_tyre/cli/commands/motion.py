@@ -40,7 +40,7 @@ def motion(
         ),
     ] = 1.0,
     repeats: RepeatsOption = "mixture",
-    force_scale_sd: ForceScaleOption = 0.0,
+    force_scale_sd: ForceScaleOption = None,
     priors: PriorsOption = None,
     figures: Annotated[
         Path | None, typer.Option(help="Folder for a figure a record: readings, fitted motion, what is left over.")

@@ -30,9 +30,10 @@ class ModelSettings:
         What k and beta may change with: ``nominal``, an effect of each `initial_load_kN`, or ``actual``, a slope
         over the mean force that a case's records really started from.
     displacement_scale_sd:
-        Relative standard deviation of a common factor on displacement, carried into k and beta; 0: none.
+        Relative standard deviation of a common factor on displacement, carried into k and beta; 0: none; None: what
+        a column of this name says of the records.
     force_scale_sd:
-        Relative standard deviation of a common factor on force, carried into k, J, C and F_i; 0: none.
+        Likewise of a factor on force, carried into k, J, C and F_i.
     displacement_sd:
         Standard deviation of the error of a displacement, mm; None: of rounding to the converter's steps, in records
         whose displacements are multiples of one, or with noise ``auto`` what the records show of it.
@@ -68,7 +69,7 @@ class ModelSettings:
 
     region: str = "all"
     initial_load: str = "nominal"
-    displacement_scale_sd: float = 0.0
+    displacement_scale_sd: float | None = None
     likelihood: str = "compressed"
     repeats: str = "mixture"
     noise: str = "auto"
@@ -80,7 +81,7 @@ class ModelSettings:
     specimen: str | None = None
     day: str | None = None
     covariates: Sequence[str] = ()
-    force_scale_sd: float = 0.0
+    force_scale_sd: float | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.priors, Priors):
@@ -98,8 +99,8 @@ class ModelSettings:
             if getattr(self, name) not in allowed:
                 raise BadInput(f"{name} {getattr(self, name)!r} is unknown; use {' or '.join(allowed)}")
         for name in ("displacement_scale_sd", "force_scale_sd"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise BadInput(f"{name} is {getattr(self, name)}; give 0 or a relative sd such as 0.05")
+            if (sd := getattr(self, name)) is not None and not 0 <= sd < np.inf:
+                raise BadInput(f"{name} is {sd}; give 0 or a relative sd such as 0.05")
         if self.displacement_sd is not None and not 0 <= self.displacement_sd < np.inf:
             raise BadInput(f"displacement_sd is {self.displacement_sd}; give mm, such as 0.01, or 0 for none")
         if self.noise_window > 1 and self.displacement_sd:

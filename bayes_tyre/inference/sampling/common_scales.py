@@ -7,9 +7,15 @@ of two beta changes. Displacement has no power in C = F_i + J - k d_i, since d_i
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import xarray as xr
+
+from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.record import DISPLACEMENT_SCALE_SD, FORCE_SCALE_SD
 
 #: What motions have beside k: all that the equation of motion holds is in proportion to force.
 _OF_MOTIONS = (
@@ -23,6 +29,38 @@ POWERS: Mapping[str, Mapping[str, float]] = {
 }
 #: What a parameter is called at its levels; the effects of factors are of logarithms, which a common factor leaves.
 _LEVELS = ("{}", "{}_case", "{}_group", "{}_typical", "sd_{}")
+
+
+def with_scales_of(table: pd.DataFrame, model: ModelSettings) -> ModelSettings:
+    """Return options with how well factors are known where they do not say: by the table's columns, or else exactly.
+
+    The factor is common to all records, so that of several rigs the least accurate one counts.
+
+    Raises
+    ------
+    BadInput
+        For a column that holds something else.
+    """
+    named = (DISPLACEMENT_SCALE_SD, FORCE_SCALE_SD)
+    return replace(model, **{name: known_sd(table, name) for name in named if getattr(model, name) is None})
+
+
+def known_sd(table: pd.DataFrame, column: str) -> float:
+    """Return the largest standard deviation in a column of `with_scales_of`; 0 without the column, or where empty.
+
+    Raises
+    ------
+    BadInput
+        As `with_scales_of` does.
+    """
+    if column not in table.columns:
+        return 0.0
+    given = pd.to_numeric(table[column], errors="coerce")
+    bad = table[column].notna() & ~((given >= 0) & (given < np.inf))
+    if bad.any():
+        cell = str(table[column][bad].iloc[0])[:40]
+        raise BadInput(f"column {column}: {cell!r} is no relative standard deviation; mend the cell or remove it")
+    return float(given.fillna(0.0).max())
 
 
 def with_scale(tree: xr.DataTree, name: str, relative_sd: float, seed: int) -> xr.DataTree:

@@ -20,7 +20,7 @@ from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.collapsed_fit import ATTEMPTS, sample_collapsed
-from bayes_tyre.inference.sampling.common_scales import with_scale
+from bayes_tyre.inference.sampling.common_scales import with_scale, with_scales_of
 from bayes_tyre.inference.sampling.datatree import RECORDS_DIGEST, attributes_of, to_datatree
 from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.run import (
@@ -72,7 +72,7 @@ def fit_hierarchical(
     BadInput
         For a record with too few points or no travel.
     """
-    settings, model = settings or SamplerSettings(), model or ModelSettings()
+    settings, model = settings or SamplerSettings(), with_scales_of(table, model or ModelSettings())
     records = records or prepare_records(table, model)
     if text := without_effect(records.factors, model):
         settings.on_note(text)
@@ -80,9 +80,9 @@ def fit_hierarchical(
         settings.on_note("noise student has no summaries of records: records are sampled as well")
     tree = fit_prepared(records, settings, model)
     tree.attrs["origin"] = origin_of(table)
-    if model.displacement_scale_sd > 0:
+    if model.displacement_scale_sd:
         tree = with_scale(tree, "displacement_scale", model.displacement_scale_sd, settings.seed)
-    if model.force_scale_sd > 0:
+    if model.force_scale_sd:
         tree = with_scale(tree, "force_scale", model.force_scale_sd, settings.seed + 1)
     return tree
 

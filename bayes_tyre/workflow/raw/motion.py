@@ -3,7 +3,7 @@
 import math
 import shlex
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
@@ -30,6 +30,7 @@ from bayes_tyre.record_table import origin_of
 from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.results.limits import parse_limit
 from bayes_tyre.results.provenance import RUN_JSON, begin_run, read_run
+from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.workflow.execution.batch import Machines, run_batch
 from bayes_tyre.workflow.execution.resume import Callbacks, open_checkpoints
@@ -75,7 +76,8 @@ class MotionPlan:
     limit:
         What `cases.csv` says the probability of, such as ``k >= 1.8``; None: nothing.
     force_scale_sd:
-        Relative standard deviation of a common factor on force, carried into k, x, m, c and the energy; 0: none.
+        Relative standard deviation of a common factor on force, carried into k, x, m, c and the energy; 0: none; None:
+        that of the least accurate rig.
     """
 
     sampler: SamplerSettings
@@ -88,10 +90,10 @@ class MotionPlan:
     interval: float = 0.95
     priors: Priors = PRIORS
     limit: str | None = None
-    force_scale_sd: float = 0.0
+    force_scale_sd: float | None = None
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.force_scale_sd < math.inf:
+        if self.force_scale_sd is not None and not 0.0 <= self.force_scale_sd < math.inf:
             raise BadInput(f"force_scale_sd is {self.force_scale_sd:g}; give 0 or more, such as 0.01")
 
     @property
@@ -205,6 +207,9 @@ def fit_estimates(
     BadInput
         If the folder is of no use.
     """
+    if plan.force_scale_sd is None:
+        known = [geometry.force_relative_sd(middle.rig) for middle in estimated.middles]
+        plan = replace(plan, force_scale_sd=max(known, default=0.0))
     callbacks, origin = callbacks or Callbacks(), estimated.origin
     call = shlex.join(["bayes-tyre", *command])
     inputs = [*estimated.files, *estimated.rig_files, *_files_of_options(plan)]
@@ -227,7 +232,7 @@ def fit_estimates(
         attempts,
     )
     diagnostics = with_estimates(diagnostics, estimated)
-    if plan.force_scale_sd > 0:  # no record can tell of it, nor does any check above
+    if plan.force_scale_sd:  # no record can tell of it, nor does any check above
         tree = with_scale(tree, "force_scale", plan.force_scale_sd, plan.sampler.seed)
         tree = attempts("convergence statistics", lambda: with_figures(tree), tree, kind="sampling")
         diagnostics = with_failures(diagnostics, attempts.failed)

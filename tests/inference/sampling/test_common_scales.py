@@ -1,11 +1,14 @@
 """Common factors on displacement and force: what moves with them, what does not, and no ratio."""
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from helpers.hand_made_posteriors import grid, posterior, scattered
 
-from bayes_tyre.inference.sampling.common_scales import as_measured, with_scale
+from bayes_tyre.errors import BadInput
+from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.common_scales import as_measured, with_scale, with_scales_of
 from bayes_tyre.results.contrasts import contrasts
 
 #: Powers with which each quantity follows a factor, as the laws have it.
@@ -38,6 +41,22 @@ def test_a_common_factor_moves_all_that_follow_it_together_and_no_ratio(name):
     np.testing.assert_allclose(ratios[1], ratios[0], rtol=1e-12)
     again = with_scale(tree, name, 0.05, seed=3)["posterior"]["k"]
     np.testing.assert_array_equal(again, new["k"])
+
+
+def test_how_well_factors_are_known_is_the_tables_unless_it_is_given():
+    table = pd.DataFrame({"force_scale_sd": [0.01, np.nan, 0.02]})
+    model = with_scales_of(table, ModelSettings())
+    assert (model.force_scale_sd, model.displacement_scale_sd) == (0.02, 0.0)
+    assert with_scales_of(table, ModelSettings(force_scale_sd=0.0)).force_scale_sd == 0.0
+    assert with_scales_of(table.assign(force_scale_sd=np.nan), ModelSettings()).force_scale_sd == 0.0
+    assert with_scales_of(table.assign(displacement_scale_sd="0.05"), model) == model
+
+
+@pytest.mark.parametrize("cell", ["good", -0.01, np.inf])
+def test_a_column_that_is_no_standard_deviation_is_refused(cell):
+    table = pd.DataFrame({"displacement_scale_sd": [0.01, cell, 0.01]})
+    with pytest.raises(BadInput, match=rf"column displacement_scale_sd: '{cell}' is no .*; mend the cell or remove"):
+        with_scales_of(table, ModelSettings())
 
 
 def test_what_was_measured_is_what_was_scaled_by_both_factors():
