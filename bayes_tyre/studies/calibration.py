@@ -6,20 +6,18 @@ single scales hardly show that all repeats scatter more widely than the model ta
 """
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 import pandas as pd
 from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
 
 from bayes_tyre.inference.diagnostics.sampling_checks import BFMI_LEAST
-from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.datatree import PROBABILITIES, QUANTITIES
-from bayes_tyre.studies.design_fit import DesignFit, Sampled
+from bayes_tyre.studies.design_fit import Sampled, SimulatedSets, Thinned
 from bayes_tyre.studies.outlier_calibration import draw_discordant, outlier_calibration
-from bayes_tyre.studies.ranked_quantities import OF_RECORD, log_likelihood_of_records, with_derived
-from bayes_tyre.studies.truths import NOTHING, Planted, Truths, draw_truths
+from bayes_tyre.studies.ranked_quantities import OF_RECORD, Hierarchy, with_derived
+from bayes_tyre.studies.truths import NOTHING, Planted, Truths
 from bayes_tyre.studies.uniformity import ranks, uniformity_table
 
 #: Of one chain's halves, the worst of everything kept: above it sampling is called failed. Halves of 40 independent
@@ -29,6 +27,27 @@ R_HAT_MOST = 1.2
 NEW = "_new"
 #: Data sets whose estimates and draws are in memory at a time.
 AT_ONCE = 100
+
+
+@runtime_checkable
+class SimulatedFit(Protocol):
+    """The fit of one model, to data sets of which as many can be simulated as one likes."""
+
+    @property
+    def hierarchy(self) -> Hierarchy:
+        """What is above the records."""
+        ...
+
+    @property
+    def sampling(self) -> Thinned:
+        """How much is sampled of each data set."""
+        ...
+
+    def simulated(
+        self, sets: int, of_truths: int, of_sampler: int, planted: Planted, on_progress: Callable[[int], None]
+    ) -> SimulatedSets:
+        """Return so many data sets and what was sampled of each; the seeds are of truths and noise, and of draws."""
+        ...
 
 
 class Calibration(NamedTuple):
@@ -61,10 +80,10 @@ def calibrate(
     seed: int = 0,
     on_progress: Callable[[int], None] = lambda _: None,
     *,
-    fit: DesignFit,
+    fit: SimulatedFit,
     planted: Planted = NOTHING,
 ) -> Calibration:
-    """Return ranks and coverage of truths drawn from the priors, with noise on every point of every record.
+    """Return ranks and coverage of truths drawn from the priors, with noise on every reading.
 
     All data sets count, those whose sampling failed too; `Calibration.datasets` says which those are.
 
@@ -77,21 +96,15 @@ def calibrate(
     on_progress:
         Called with the number of data sets just done.
     fit:
-        Compiled already, with its design and how much to sample.
+        Compiled already, with what is tested and how much to sample.
     planted:
         Errors to be found: truths of another model than the one fitted.
     """
     rng, lots = np.random.default_rng(seed), list[Lot]()
     for start in range(0, datasets, AT_ONCE):
-        of_truths, of_sampler = map(int, rng.integers(2**31, size=2))
-        count = min(AT_ONCE, datasets - start)
-        truths, force = draw_truths(fit.design, count, of_truths, fit.model.priors, planted, fit.model.noise)
-        sampled = fit.sample(force, fit.approximations(force), of_sampler, on_progress)
-        of_records = [
-            log_likelihood_of_records(fit.design, values, forces)
-            for values, forces in ((truths, force), (sampled.draws, force[:, None]))
-        ]
-        lots.append(calibrate_lot(fit.design.factors, fit.model, truths, sampled, of_records, start, rng))
+        seeds = rng.integers(2**31, size=2)
+        sets = fit.simulated(min(AT_ONCE, datasets - start), int(seeds[0]), int(seeds[1]), planted, on_progress)
+        lots.append(calibrate_lot(fit.hierarchy, sets.truths, sets.sampled, sets.of_records, start, rng))
     return joined(lots, fit.sampling.draws, seed)
 
 
@@ -114,8 +127,7 @@ class Lot(NamedTuple):
 
 
 def calibrate_lot(
-    factors: Factors,
-    model: ModelSettings,
+    hierarchy: Hierarchy,
     truths: Truths,
     sampled: Sampled,
     of_records: Sequence[np.ndarray],
@@ -127,12 +139,12 @@ def calibrate_lot(
 
     Parameters
     ----------
-    factors, model:
-        Of the records, and the options they are fitted with.
+    hierarchy:
+        Above the records.
     truths, sampled:
         The truths, and what was sampled of each data set.
     of_records:
-        Log densities of the forces of each record, at truths and at draws.
+        Log densities of the readings of each record, at truths and at draws.
     first:
         Number of the first of these data sets.
     rng:
@@ -141,14 +153,14 @@ def calibrate_lot(
         How many records, the last ones, have names of their own (`k_new`) among what is ranked.
     """
     true, draws = (
-        _new_apart(with_derived(factors, model, values, of_record), new)
+        _new_apart(with_derived(hierarchy, values, of_record), new)
         for values, of_record in zip((truths, sampled.draws), of_records, strict=True)
     )
     ranks, datasets = rank_truths(true, draws, first, rng), judge_sampling(sampled, first)
     if "discordant_weight" not in truths:
         return Lot(ranks, datasets, np.zeros((len(ranks), 0)), np.zeros((len(ranks), 0), dtype=bool))
     predicted = sampled.draws["outlier_probability"].mean(axis=1)
-    return Lot(ranks, datasets, predicted, draw_discordant(factors, truths, model.priors.discordant_widening, rng))
+    return Lot(ranks, datasets, predicted, draw_discordant(hierarchy, truths, rng))
 
 
 def _new_apart(values: Truths, new: int) -> Truths:

@@ -14,6 +14,8 @@ from bayes_tyre.record import CASE_FACTORS, Case
 
 #: Travel of every record, mm, and the displacement it starts from.
 TRAVEL_MM, START_MM = 5.0, 10.0
+#: Points of a record, and of a weak one.
+POINTS, WEAK_POINTS = 40, 10
 
 
 @dataclass(frozen=True)
@@ -68,8 +70,8 @@ def design(cases: list[Case], repeats: int, points: int) -> Design:
     )
 
 
-def calibration_design() -> Design:
-    """Return 8 cases x 3 repeats x 40 points: the fewest cases in which every kind of term of the model exists.
+def calibration_design(repeats: int = 3, points: int = POINTS) -> Design:
+    """Return 8 cases x so many repeats x points: the fewest cases in which every kind of term of the model exists.
 
     Group means, effects of speed, of step, of direction x step and of configuration x speed, a remainder of each case,
     scatter by speed, discordant repeats. Initial load enters as speed does.
@@ -80,7 +82,7 @@ def calibration_design() -> Design:
         for speed, step in ((0.0, 5.0), (0.0, 10.0), (25.0, 10.0))
     ]
     cases += [Case("dual", "loading", speed, 20.0, 10.0) for speed in (0.0, 25.0)]
-    return design(cases, repeats=3, points=40)
+    return design(cases, repeats, points)
 
 
 def outlier_design() -> Design:
@@ -91,4 +93,4 @@ def outlier_design() -> Design:
         for speed in (0.0, 25.0)
         for load in (10.0, 20.0, 30.0)
     ]
-    return design(cases, repeats=3, points=40)
+    return design(cases, repeats=3, points=POINTS)

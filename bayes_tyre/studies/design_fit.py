@@ -20,12 +20,15 @@ from bayes_tyre.inference.model.coordinates.laplace import (
 )
 from bayes_tyre.inference.model.coordinates.sites import record_starts, records_in_coordinates
 from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.hyperparameters import prior_sites
 from bayes_tyre.inference.model.prepared_records import prepare_batch
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.run import SamplerSettings, run
 from bayes_tyre.studies.design import Design
+from bayes_tyre.studies.ranked_quantities import Hierarchy, log_likelihood_of_records
+from bayes_tyre.studies.truths import Planted, Truths, draw_truths
 
 #: Records that least squares takes at a time.
 ESTIMATED = 1000
@@ -66,6 +69,23 @@ class Sampled(NamedTuple):
     energy: np.ndarray
 
 
+class SimulatedSets(NamedTuple):
+    """Data sets of known truth, and what was sampled of each.
+
+    Attributes
+    ----------
+    truths, sampled:
+        True values by name, shape (sets, ...), and draws.
+    of_records:
+        Log density of the readings of each record at truths and at draws: shapes (sets, records) and (sets, draws,
+        records).
+    """
+
+    truths: Truths
+    sampled: Sampled
+    of_records: tuple[np.ndarray, np.ndarray]
+
+
 def sample_thinned(chains: Chains, sampling: Thinned, seed: int) -> Sampled:
     """Return draws of one data set, by site of shape (draws, ...), and the statistics of its chains."""
     settings, thin, draws = sampling
@@ -93,7 +113,7 @@ class DesignFit:
         Whether the prior of F_i is about the nominal start of each record, as truths are drawn, or as in a fit of
         measured records about the first force.
     noise:
-        ``iid``, or ``ar1``.
+        ``iid``, ``ar1`` or ``student``.
     """
 
     def __init__(
@@ -148,6 +168,23 @@ class DesignFit:
             sets.append(self._sample_one(force, approximation, seed + i))
             on_progress(1)
         return jax.tree.map(lambda *parts: np.stack(parts), *sets)
+
+    @property
+    def hierarchy(self) -> Hierarchy:
+        """What is above the records."""
+        sites = prior_sites(self.design.factors, self.model.repeats, self.model.correlation)
+        return Hierarchy(self.design.factors, self.model.priors, sites)
+
+    def simulated(
+        self, sets: int, of_truths: int, of_sampler: int, planted: Planted, on_progress: Callable[[int], None]
+    ) -> SimulatedSets:
+        """Return data sets drawn from the priors and what was sampled of each, as `calibrate` asks for them."""
+        design = self.design
+        truths, force = draw_truths(design, sets, of_truths, self.model.priors, planted, self.model.noise)
+        sampled = self.sample(force, self.approximations(force), of_sampler, on_progress)
+        at_truths = log_likelihood_of_records(design, truths, force)
+        at_draws = log_likelihood_of_records(design, sampled.draws, force[:, None])
+        return SimulatedSets(truths, sampled, (at_truths, at_draws))
 
     def _sample_one(
         self, force_kN: Float[np.ndarray, "records points"], approximation: LaplaceApproximation, seed: int

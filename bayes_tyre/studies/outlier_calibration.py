@@ -5,8 +5,7 @@ import pandas as pd
 from jaxtyping import Bool, Float
 from scipy.stats import binom
 
-from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.studies.ranked_quantities import discordance_probability
+from bayes_tyre.studies.ranked_quantities import Hierarchy, discordance_probability
 from bayes_tyre.studies.truths import Truths
 from bayes_tyre.studies.uniformity import TOGETHER
 
@@ -14,15 +13,13 @@ from bayes_tyre.studies.uniformity import TOGETHER
 EDGES = (0.0, 0.01, 0.02, 0.05, 0.1, 0.3, 0.7, 0.95, 1.0)
 
 
-def draw_discordant(
-    factors: Factors, truths: Truths, widening: float, rng: np.random.Generator
-) -> Bool[np.ndarray, "sets records"]:
+def draw_discordant(hierarchy: Hierarchy, truths: Truths, rng: np.random.Generator) -> Bool[np.ndarray, "sets records"]:
     """Return which records of true values are discordant.
 
-    The choice made when the values were drawn is not kept. It bears on k and beta of the record alone, so that one
-    drawn given these is jointly distributed with everything else as that was.
+    The choice made when the values were drawn is not kept. It bears on the record's own values alone, so that one drawn
+    given these is jointly distributed with everything else as that was.
     """
-    probability = discordance_probability(factors, truths, widening)
+    probability = discordance_probability(hierarchy, truths)
     return rng.random(probability.shape) < probability
 
 

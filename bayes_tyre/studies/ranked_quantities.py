@@ -5,15 +5,18 @@ quantities shapes sensitivity": ranks of parameters alone do not show all that c
 which depend on the data too, do. Each is written out here once more, apart from the program that is sampled.
 """
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float
 from scipy.special import expit
-from scipy.stats import norm
+from scipy.stats import norm, t
 
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.hyperparameters import PARAMETERS, prior_sites
+from bayes_tyre.inference.model.hyperparameters import PARAMETERS
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.datatree import QUANTITIES
 from bayes_tyre.studies.design import Design
 from bayes_tyre.studies.truths import Truths, noiseless_forces
 
@@ -21,25 +24,42 @@ from bayes_tyre.studies.truths import Truths, noiseless_forces
 OF_RECORD = "log_likelihood_of_record"
 
 
-def with_derived(
-    factors: Factors, model: ModelSettings, values: Truths, of_record: Float[np.ndarray, "*sets records"]
-) -> Truths:
+class Hierarchy(NamedTuple):
+    """What is above the records.
+
+    Attributes
+    ----------
+    factors:
+        How they group into cases, and these.
+    priors, sites:
+        Priors, and the names of those that the model has.
+    parameters:
+        What a case, and a record of it, has values of.
+    """
+
+    factors: Factors
+    priors: Priors
+    sites: Sequence[str]
+    parameters: Sequence[str] = PARAMETERS
+
+
+def with_derived(hierarchy: Hierarchy, values: Truths, of_record: Float[np.ndarray, "*sets records"]) -> Truths:
     """Return truths or draws, shape (sets, ...) each, with what is ranked beside them.
 
     Parameters
     ----------
-    factors, model:
-        Of the records, and the options that they are fitted with.
+    hierarchy:
+        Above the records.
     values:
         By name.
     of_record:
-        Log density of the forces of each record at these.
+        Log density of the readings of each record at these.
     """
     derived: Truths = {OF_RECORD: of_record, "log_likelihood": of_record.sum(axis=-1)}
-    derived["log_prior"] = log_prior(prior_sites(factors, model.repeats, model.correlation), values, model.priors)
+    derived["log_prior"] = log_prior(hierarchy.sites, values, hierarchy.priors)
     if "student_nu" not in values:
-        derived["log_repeats"] = log_repeats(factors, values, model.priors.discordant_widening)
-    return {**values, **derived, **configuration_ratios(factors, values)}
+        derived["log_repeats"] = log_repeats(hierarchy, values)
+    return {**values, **derived, **configuration_ratios(hierarchy.factors, values)}
 
 
 def log_likelihood_of_records(
@@ -47,52 +67,56 @@ def log_likelihood_of_records(
 ) -> Float[np.ndarray, "*sets records"]:
     """Return the log density of the forces of each record of a design at truths or draws, shape (sets, ...) each."""
     z = (force_kN - noiseless_forces(design, values)) / values["sigma"][..., None]
+    log_volume = z.shape[-1] * np.log(values["sigma"])
+    if "noise_nu" in values:
+        return t.logpdf(z, values["noise_nu"][..., None, None]).sum(axis=-1) - log_volume
     log_density = norm.logpdf(z[..., 0])
     rho = values.get("rho", np.zeros(values["sigma"].shape))[..., None]
     new = (z[..., 1:] - rho * z[..., :-1]) / np.sqrt(1.0 - rho**2)
-    log_density = log_density + (norm.logpdf(new) - 0.5 * np.log1p(-(rho**2))).sum(axis=-1)
-    return log_density - z.shape[-1] * np.log(values["sigma"])
+    return log_density + (norm.logpdf(new) - 0.5 * np.log1p(-(rho**2))).sum(axis=-1) - log_volume
 
 
-def log_prior(sites: tuple[str, ...], values: Truths, priors: Priors) -> Float[np.ndarray, "..."]:
+def log_prior(sites: Sequence[str], values: Truths, priors: Priors) -> Float[np.ndarray, "..."]:
     """Return the joint log density of the hyperparameters, those spread on a logarithm per unit of that."""
-    total = np.zeros(values["sd_J"].shape)
+    total = np.zeros(())
     for site in sites:
         density = priors[site].scipy().logpdf(values[site])
         if priors[site].of_logarithm:
             density = density + np.log(values[site])
-        total = total + density.reshape(*total.shape, -1).sum(axis=-1)
+        scalar = QUANTITIES[site][0] is None
+        total = total + (density if scalar else density.sum(axis=-1))
     return total
 
 
-def log_repeats(factors: Factors, values: Truths, widening: float) -> Float[np.ndarray, "..."]:
-    """Return the log density of log k and log beta of all records about their cases, at truths or draws.
+def log_repeats(hierarchy: Hierarchy, values: Truths) -> Float[np.ndarray, "..."]:
+    """Return the log density of the logarithms of all records' values about their cases', at truths or draws.
 
     As `bayes_tyre.inference.model.repeat_distribution` has its normal and its mixture.
     """
     if "discordant_weight" not in values:
-        return _log_about_case(factors, values, 1.0).sum(axis=-1)
-    return np.logaddexp(*_log_each(factors, values, widening)).sum(axis=-1)
+        return _log_about_case(hierarchy, values, 1.0).sum(axis=-1)
+    return np.logaddexp(*_log_each(hierarchy, values)).sum(axis=-1)
 
 
-def discordance_probability(factors: Factors, values: Truths, widening: float) -> Float[np.ndarray, "*sets records"]:
-    """Return the probability that each record is discordant, given its own k and beta and its case's."""
-    usual, discordant = _log_each(factors, values, widening)
+def discordance_probability(hierarchy: Hierarchy, values: Truths) -> Float[np.ndarray, "*sets records"]:
+    """Return the probability that each record is discordant, given its own values and its case's."""
+    usual, discordant = _log_each(hierarchy, values)
     return expit(discordant - usual)
 
 
-def _log_each(factors: Factors, values: Truths, widening: float) -> tuple[np.ndarray, np.ndarray]:
+def _log_each(hierarchy: Hierarchy, values: Truths) -> tuple[np.ndarray, np.ndarray]:
     """Return the log densities of usual and of discordant repeats, shape (..., records)."""
     weight = values["discordant_weight"][..., None]
-    usual, discordant = (_log_about_case(factors, values, wider) for wider in (1.0, widening))
+    widening = hierarchy.priors.discordant_widening
+    usual, discordant = (_log_about_case(hierarchy, values, wider) for wider in (1.0, widening))
     return np.log1p(-weight) + usual, np.log(weight) + discordant
 
 
-def _log_about_case(factors: Factors, values: Truths, wider: float) -> np.ndarray:
+def _log_about_case(hierarchy: Hierarchy, values: Truths, wider: float) -> np.ndarray:
     log_density = np.zeros(values["k"].shape)
-    for parameter in PARAMETERS:
-        off = np.log(values[parameter] / centre_of_records(factors, parameter, values))
-        log_density += norm.logpdf(off, 0.0, wider * scatter_of_records(factors, parameter, values))
+    for parameter in hierarchy.parameters:
+        off = np.log(values[parameter] / centre_of_records(hierarchy.factors, parameter, values))
+        log_density += norm.logpdf(off, 0.0, wider * scatter_of_records(hierarchy.factors, parameter, values))
     return log_density
 
 

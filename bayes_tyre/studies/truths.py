@@ -38,6 +38,9 @@ NARROWED: dict[str, Prior] = {
     "sd_log_sigma": Prior(dist.HalfNormal, (0.4,), "", "noise differs by a factor of two among records"),
 }
 
+#: Of weak records: about 0.3 kN of a step of 10 kN, with `WEAK_POINTS` points.
+COARSE = Prior(dist.LogNormal, (np.log(0.3), 0.4), "kN", "0.14 to 0.65 kN: coarse")
+
 #: Truths by name of the site, shape (sets, ...).
 Truths = dict[str, np.ndarray]
 
@@ -68,7 +71,7 @@ def draw_truths(
 ) -> tuple[Truths, Float[np.ndarray, "sets records points"]]:
     """Return `sets` independent draws of all that the model of a design's records holds, by name, and their forces.
 
-    Parameters of `planted` other than 1 make them truths of another model. `noise` is ``iid`` or ``ar1``.
+    Parameters of `planted` other than 1 make them truths of another model. `noise` is ``iid``, ``ar1`` or ``student``.
     """
     factors = design.factors
     scales = [name for parameter in PARAMETERS for name in effect_scales(parameter, factors)]
@@ -100,6 +103,6 @@ def simulate_forces(
     return force + truths["sigma"][..., None] * rng.standard_normal(force.shape)
 
 
-def study_priors() -> Priors:
-    """Return every prior of a calibration: those of the model, some of them narrowed."""
-    return PRIORS.changed(NARROWED)
+def study_priors(weak: bool = False) -> Priors:
+    """Return every prior of a calibration: those of the model, some of them narrowed; of weak records, coarse noise."""
+    return PRIORS.changed(NARROWED | ({"sigma_typical": COARSE} if weak else {}))

@@ -6,12 +6,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from bayes_tyre.formats.files import prepare_folder, write_text
 from bayes_tyre.formats.tables.table_files import write_table
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.published.tables import characteristic_deflection
 from bayes_tyre.report.figures import audit as audit_figures
@@ -28,10 +30,11 @@ from bayes_tyre.studies.audit.grid import FACTOR_NAMES, PLANS, TYPICAL_LEVELS
 from bayes_tyre.studies.audit.overview import beta_by_window, bias_by_factor, overview
 from bayes_tyre.studies.audit.sentences import conclusion
 from bayes_tyre.studies.audit.study import study_audit
-from bayes_tyre.studies.calibration import Calibration, calibrate
+from bayes_tyre.studies.calibration import Calibration, SimulatedFit, calibrate
 from bayes_tyre.studies.coverage import CoverageFit, coverage, verdicts
-from bayes_tyre.studies.design import calibration_design
+from bayes_tyre.studies.design import POINTS, WEAK_POINTS, calibration_design
 from bayes_tyre.studies.design_fit import DesignFit
+from bayes_tyre.studies.estimates_fit import MotionsFit, PublishedFit
 from bayes_tyre.studies.law_ranking import Ranked, rank_laws
 from bayes_tyre.studies.motion_study import MotionStudy, study_motion, study_records
 from bayes_tyre.studies.outliers import Outliers, study_outliers
@@ -55,17 +58,45 @@ def study_run(command: str, out: Path, seed: int, inputs: Sequence[Path] = (), /
     write_run(run, out)
 
 
-def write_calibration(
-    out: Path, datasets: int, seed: int, on_progress: Callable[[int], None], noise: str = "iid"
-) -> Calibration:
-    """Write what `write_calibration_files` does, with truths drawn from the priors of a calibration.
+class Calibrated(NamedTuple):
+    """What is calibrated.
 
-    `noise` is ``iid`` or ``ar1``.
+    Attributes
+    ----------
+    model:
+        ``records``; ``published``, of the printed case means; or ``motion``, of estimates of motions.
+    noise:
+        Of records: ``iid``, ``ar1`` or ``student``.
+    repeats:
+        Of each case; of printed means there are none.
+    weak:
+        Whether records are weak ones: few points, coarse noise.
     """
-    with study_run("study calibration", out, seed, datasets=datasets, noise=noise):
-        fit = DesignFit(calibration_design(), priors=study_priors(), noise=noise)
+
+    model: str = "records"
+    noise: str = "iid"
+    repeats: int = 3
+    weak: bool = False
+
+    def fit(self) -> tuple[SimulatedFit, Priors]:
+        """Return the fit, compiled, and the priors that truths are drawn from."""
+        if self.model == "published":
+            return PublishedFit(), PRIORS
+        design = calibration_design(self.repeats, WEAK_POINTS if self.weak else POINTS)
+        if self.model == "motion":
+            return MotionsFit(design), PRIORS
+        priors = study_priors(self.weak)
+        return DesignFit(design, priors=priors, noise=self.noise), priors
+
+
+def write_calibration(
+    out: Path, datasets: int, seed: int, on_progress: Callable[[int], None], calibrated: Calibrated
+) -> Calibration:
+    """Write what `write_calibration_files` does, with truths drawn from the priors of a calibration."""
+    with study_run("study calibration", out, seed, datasets=datasets, **calibrated._asdict()):
+        fit, priors = calibrated.fit()
         result = calibrate(datasets, seed, on_progress, fit=fit)
-        write_calibration_files(out, result, study_priors(), "the priors")
+        write_calibration_files(out, result, priors, "the priors")
     return result
 
 

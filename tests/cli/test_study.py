@@ -13,6 +13,7 @@ from helpers.coverage_studies import estimated
 from helpers.law_rankings import ranked
 from helpers.motion_studies import motion_rows
 
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.studies import motion_study
 from bayes_tyre.studies.calibration import Calibration
@@ -21,6 +22,7 @@ from bayes_tyre.studies.motion_study import STATIONARY, MotionStudy, StudyRecord
 from bayes_tyre.studies.outlier_calibration import outlier_calibration
 from bayes_tyre.studies.outliers import KINDS, POSTERIOR, SHARES, Outliers, compare
 from bayes_tyre.studies.repeat_means import RULES
+from bayes_tyre.studies.truths import COARSE
 from bayes_tyre.studies.uniformity import uniformity_table
 from bayes_tyre.workflow import studies as workflow
 
@@ -42,6 +44,18 @@ def calibration(datasets: int, seed: int, wrong: bool) -> Calibration:
     )
 
 
+class NoFit:
+    """What stands for a fit that is not asked for anything."""
+
+    hierarchy = sampling = None
+
+    def __init__(self, *given: Any, **named: Any) -> None:
+        self.given, self.named = given, named
+
+    def simulated(self, *_: Any) -> Any:
+        raise AssertionError
+
+
 def outliers(campaigns: int, seed: int) -> Outliers:
     rng = np.random.default_rng(seed)
     told = [
@@ -59,7 +73,7 @@ def outliers(campaigns: int, seed: int) -> Outliers:
 
 @pytest.mark.parametrize("wrong", [False, True])
 def test_calibration_is_written_and_code_4_where_it_fails(wrong, tmp_path, monkeypatch):
-    monkeypatch.setattr(workflow, "DesignFit", lambda *_, **__: None)
+    monkeypatch.setattr(workflow, "DesignFit", NoFit)
     monkeypatch.setattr(workflow, "calibrate", lambda datasets, seed, _, fit: calibration(datasets, seed, wrong))
     done = here("study", "calibration", "--out", tmp_path / "made", "--datasets", 100, "--seed", 3)
     assert done.exit_code == (4 if wrong else 0), done.stderr
@@ -82,14 +96,53 @@ def test_calibration_is_written_and_code_4_where_it_fails(wrong, tmp_path, monke
     assert table["calibrated"].tolist() == [not wrong, True]
     run = json.loads((tmp_path / "made" / "run.json").read_text())
     assert (run["seed"], run["origin"]) == (3, "simulated")
-    assert run["options"] == {"datasets": 100, "noise": "iid", "seed": 3}
+    of_records = {"model": "records", "noise": "iid", "repeats": 3, "weak": False}
+    assert run["options"] == {"datasets": 100, "seed": 3, **of_records}
     assert "outlier_probability: as many discordant records as predicted in " in done.stdout
 
 
-def test_noise_beside_around_is_a_usage_error(tmp_path):
-    done = here("study", "calibration", "--out", tmp_path / "made", "--around", tmp_path, "--noise", "ar1")
+@pytest.mark.parametrize(
+    ("options", "name", "sigma_typical"),
+    [
+        (("--model", "published"), "PublishedFit", PRIORS["sigma_typical"]),
+        (("--model", "motion", "--repeats", 5), "MotionsFit", PRIORS["sigma_typical"]),
+        (("--noise", "student", "--weak", "--repeats", 1), "DesignFit", COARSE),
+    ],
+)
+def test_what_is_calibrated_can_be_chosen(options, name, sigma_typical, tmp_path, monkeypatch):
+    made = []
+
+    def calibrated(datasets, seed, _, fit):
+        made.append(fit)
+        return calibration(datasets, seed, False)
+
+    monkeypatch.setattr(workflow, name, NoFit)
+    monkeypatch.setattr(workflow, "calibrate", calibrated)
+    done = here("study", "calibration", "--out", tmp_path / "made", "--datasets", 20, *options)
+    assert done.exit_code == 0, done.stderr
+    (fit,) = made
+    for design in fit.given:
+        repeats, points = design.factor_table["repeat"].nunique(), design.u.shape[1]
+        assert (repeats, points) == (options[-1], 10 if "--weak" in options else 40)
+    assert fit.named.get("noise", "student") == "student"
+    of_noise = pd.read_csv(tmp_path / "made" / "priors.csv").set_index("site").loc["sigma_typical"]
+    assert of_noise["reason"] == sigma_typical.reason
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--around", ".", "--noise", "ar1"), "contradicts --around, whose fit says it"),
+        (("--around", ".", "--model", "motion"), "contradicts --around, whose fit says it"),
+        (("--model", "published", "--repeats", 2), "is of records, not of --model published"),
+        (("--model", "motion", "--weak"), "is of records, not of --model motion"),
+    ],
+)
+def test_options_that_what_is_calibrated_does_not_have_are_refused(options, said, tmp_path):
+    done = here("study", "calibration", "--out", tmp_path / "made", *options)
     assert done.exit_code == 2
-    assert "contradicts --around, whose fit has its noise" in done.stderr
+    assert said in " ".join(done.stderr.replace("│", " ").split())
+    assert not (tmp_path / "made").exists()
 
 
 def test_outliers_are_written_and_said_in_words(tmp_path, monkeypatch):

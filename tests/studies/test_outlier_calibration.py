@@ -5,7 +5,9 @@ import pytest
 from helpers.quick_design import quick_design
 
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING
+from bayes_tyre.inference.model.hyperparameters import prior_sites
 from bayes_tyre.studies.outlier_calibration import EDGES, draw_discordant, outlier_calibration
+from bayes_tyre.studies.ranked_quantities import Hierarchy
 from bayes_tyre.studies.truths import draw_truths, study_priors
 
 
@@ -35,7 +37,8 @@ def test_only_rows_with_records_are_there():
 def test_records_drawn_discordant_are_as_many_and_as_far_off_as_the_prior_says():
     design, sets = quick_design(), 4000
     truths, _ = draw_truths(design, sets, 3, study_priors())
-    discordant = draw_discordant(design.factors, truths, DISCORDANT_WIDENING, np.random.default_rng(4))
+    hierarchy = Hierarchy(design.factors, study_priors(), prior_sites(design.factors))
+    discordant = draw_discordant(hierarchy, truths, np.random.default_rng(4))
     weight = truths["discordant_weight"]
     # Given the weights, a sum of independent choices: within 4 standard deviations but for 6 in 100 000 seeds.
     expected, variance = 12 * weight.sum(), 12 * np.sum(weight * (1.0 - weight))

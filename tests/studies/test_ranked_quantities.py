@@ -11,10 +11,10 @@ from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING, PRIOR
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import prior_sites
 from bayes_tyre.inference.model.repeat_distribution import MixtureAbout
-from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.studies.design import calibration_design
 from bayes_tyre.studies.ranked_quantities import (
     OF_RECORD,
+    Hierarchy,
     configuration_ratios,
     discordance_probability,
     log_likelihood_of_records,
@@ -56,8 +56,8 @@ def repeats(truths: Truths, i: int) -> tuple[MixtureAbout, np.ndarray]:
 def test_the_density_of_repeats_at_truths_is_that_of_the_model():
     design = quick_design()
     truths, _ = draw_truths(design, 3, 0, study_priors())
-    density = log_repeats(design.factors, truths, DISCORDANT_WIDENING)
-    probability = discordance_probability(design.factors, truths, DISCORDANT_WIDENING)
+    hierarchy = Hierarchy(design.factors, study_priors(), prior_sites(design.factors))
+    density, probability = log_repeats(hierarchy, truths), discordance_probability(hierarchy, truths)
     for i in range(3):
         about, records = repeats(truths, i)
         np.testing.assert_allclose(density[i], jnp.sum(about.log_prob(jnp.asarray(records))), rtol=1e-9)
@@ -97,11 +97,12 @@ def test_ratios_are_of_two_configurations_over_the_cases_that_match():
 
 
 def test_draws_of_many_sets_are_weighed_as_truths_are():
-    design, model = calibration_design(), ModelSettings(noise="iid", priors=study_priors())
-    truths, force = draw_truths(design, 4, 1, study_priors())
+    design, priors = calibration_design(), study_priors()
+    hierarchy = Hierarchy(design.factors, priors, prior_sites(design.factors))
+    truths, force = draw_truths(design, 4, 1, priors)
     draws = {name: np.stack([values, values], axis=1) for name, values in truths.items()}
-    of_truths = with_derived(design.factors, model, truths, log_likelihood_of_records(design, truths, force))
-    of_draws = with_derived(design.factors, model, draws, log_likelihood_of_records(design, draws, force[:, None]))
+    of_truths = with_derived(hierarchy, truths, log_likelihood_of_records(design, truths, force))
+    of_draws = with_derived(hierarchy, draws, log_likelihood_of_records(design, draws, force[:, None]))
     derived = {OF_RECORD, "log_likelihood", "log_prior", "log_repeats", "k_ratio", "beta_ratio"}
     assert set(of_draws) == set(of_truths) == set(truths) | derived
     for name in derived:

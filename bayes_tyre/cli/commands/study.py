@@ -43,14 +43,29 @@ def calibration(
             "a data set takes 2 to 3 s on two cores, 100 of them 5 minutes.",
         ),
     ] = None,
-    noise: Annotated[
-        Literal["iid", "ar1"] | None,
+    model: Annotated[
+        Literal["records", "published", "motion"] | None,
         typer.Option(
-            help="Noise of the records, simulated and fitted: independent (iid), or autoregressive (ar1). Default: "
-            "iid; with --around that of the fit.",
+            help="What is calibrated: the model of records, that of the printed case means (of published --posterior), "
+            "or the hierarchy of motions. Default: records.",
             show_default=False,
         ),
     ] = None,
+    noise: Annotated[
+        Literal["iid", "ar1", "student"] | None,
+        typer.Option(
+            help="Noise of the records, simulated and fitted: independent (iid), autoregressive (ar1), or with heavy "
+            "tails (student; half a minute a data set). Default: iid; with --around that of the fit.",
+            show_default=False,
+        ),
+    ] = None,
+    repeats: Annotated[
+        int | None,
+        typer.Option(min=1, max=8, help="Repeats of each case. Default: 3.", show_default=False),
+    ] = None,
+    weak: Annotated[
+        bool, typer.Option("--weak", help="Weak records: 10 points instead of 40, and noise of about 0.3 kN.")
+    ] = False,
     seed: Seed = 0,
     quiet: Quiet = False,
 ) -> None:
@@ -63,22 +78,31 @@ def calibration(
 
     Example: bayes-tyre study calibration --out results/calibration --datasets 500
     """
-    if around is not None and noise is not None:
-        raise typer.BadParameter("contradicts --around, whose fit has its noise; leave it out", param_hint="--noise")
+    given = {"--model": model, "--noise": noise, "--repeats": repeats, "--weak": weak or None}
+    _check_calibrated(model, around, [name for name, value in given.items() if value is not None])
     prepare_jax(DEVICES)
     from bayes_tyre.workflow.from_results.calibration_around import read_around, write_calibration_around
-    from bayes_tyre.workflow.studies import write_calibration
+    from bayes_tyre.workflow.studies import Calibrated, write_calibration
 
     if around is None:
-        sets = datasets or DATASETS
+        sets, calibrated = datasets or DATASETS, Calibrated(model or "records", noise or "iid", repeats or 3, weak)
         with progress("calibrating", sets, quiet) as on_progress:
-            result = write_calibration(out, sets, seed, on_progress, noise or "iid")
+            result = write_calibration(out, sets, seed, on_progress, calibrated)
     else:
         sets = datasets or DATASETS_AROUND
         fitted = read_around(around, sets, warn)
         with progress(f"calibrating around {around}", sets, quiet) as on_progress:
             result = write_calibration_around(out, fitted, sets, seed, on_progress)
     _say_calibration(result, out, quiet)
+
+
+def _check_calibrated(model: str | None, around: Path | None, given: list[str]) -> None:
+    """Refuse options that what is calibrated does not have."""
+    if around is not None and given:
+        raise typer.BadParameter("contradicts --around, whose fit says it; leave it out", param_hint=given[0])
+    without = {"published": ("--noise", "--repeats", "--weak"), "motion": ("--noise", "--weak")}.get(model or "", ())
+    if refused := next((name for name in given if name in without), None):
+        raise typer.BadParameter(f"is of records, not of --model {model}; leave it out", param_hint=refused)
 
 
 def _say_calibration(result: "Calibration", out: Path, quiet: bool) -> None:

@@ -8,9 +8,8 @@ backwards; the coordinates in which they are sampled stand in `coordinates`.
 from collections.abc import Mapping
 
 import jax.numpy as jnp
-import numpy as np
 import numpyro
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
 from bayes_tyre.inference.model.case_effects import (
@@ -136,7 +135,7 @@ def _of_records(
 
 
 def published_model(
-    values: Mapping[str, Float[np.ndarray, " cases"]], factors: Factors, priors: Priors = PRIORS
+    values: Mapping[str, Float[ArrayLike, " cases"]] | None, factors: Factors, priors: Priors = PRIORS
 ) -> None:
     """Model printed case means, one a case, such as Tables 9 and 11.
 
@@ -148,7 +147,7 @@ def published_model(
     Parameters
     ----------
     values:
-        ``k`` (kN/mm) and ``beta`` (mm) by case.
+        ``k`` (kN/mm) and ``beta`` (mm) by case; None draws them, for a prior predictive.
     factors:
         How the cases group.
     priors:
@@ -161,11 +160,10 @@ def published_model(
     mean = sample_linear_predictor(factors, hyperparameters, priors=priors)
     scatter = scatter_of_cases(factors, {**hyperparameters, **by_speed}, of="published")
     deterministic_each("*_case", PARAMETERS, jnp.exp(mean))
-    numpyro.sample(
-        "log_published", dist.StudentT(hyperparameters["student_nu"], mean, scatter), obs=log_published(values)
-    )
+    fn = dist.StudentT(hyperparameters["student_nu"], mean, scatter)
+    numpyro.sample("log_published", fn, obs=None if values is None else log_published(values))
 
 
-def log_published(values: Mapping[str, Float[np.ndarray, " cases"]]) -> Float[np.ndarray, "parameters cases"]:
+def log_published(values: Mapping[str, Float[ArrayLike, " cases"]]) -> Float[Array, "parameters cases"]:
     """Return the logarithms of printed case means, in the order of `PARAMETERS`."""
-    return np.log(np.stack([values[parameter] for parameter in PARAMETERS]))
+    return jnp.log(jnp.stack([jnp.asarray(values[parameter]) for parameter in PARAMETERS]))

@@ -26,11 +26,13 @@ import numpy as np
 from jaxtyping import Float
 
 from bayes_tyre.inference.model.factors import INTERACTIONS
+from bayes_tyre.inference.model.hyperparameters import prior_sites
 from bayes_tyre.inference.model.likelihood.direct import Likelihood
 from bayes_tyre.inference.sampling.datatree import QUANTITIES
 from bayes_tyre.studies.around.augmented_fit import AugmentedFit, augmented, log_likelihoods
 from bayes_tyre.studies.around.new_records import draw_new_records
 from bayes_tyre.studies.calibration import AT_ONCE, Calibration, Lot, calibrate_lot, joined
+from bayes_tyre.studies.ranked_quantities import Hierarchy
 from bayes_tyre.studies.truths import NOTHING, Planted, Truths
 
 
@@ -61,14 +63,15 @@ def calibrate_around(
     rng, datasets = np.random.default_rng(seed), len(truths["sd_J"])
     new, force = draw_new_records(fit.records, fit.model, truths, rng, planted)
     truths = truths | {name: np.concatenate([truths[name], of_new], axis=1) for name, of_new in new.items()}
-    lots: list[Lot] = []
+    sites = prior_sites(fit.factors, fit.model.repeats, fit.model.correlation)
+    hierarchy, lots = Hierarchy(fit.factors, fit.model.priors, sites), list[Lot]()
     for start in range(0, datasets, AT_ONCE):
         here = slice(start, start + AT_ONCE)
         sampled = fit.sample(force[here], int(rng.integers(2**31)), on_progress)
         sampled = sampled._replace(draws={name: _as_on_disk(fit, name, each) for name, each in sampled.draws.items()})
         true = {name: values[here] for name, values in truths.items()}
         densities = _log_likelihoods(fit, force[here], true, sampled.draws)
-        lots.append(calibrate_lot(fit.factors, fit.model, true, sampled, densities, start, rng, force.shape[1]))
+        lots.append(calibrate_lot(hierarchy, true, sampled, densities, start, rng, force.shape[1]))
     return joined(lots, fit.sampling.draws, seed)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 from numpyro.distributions import biject_to
 from numpyro.infer.reparam import Reparam
@@ -211,7 +211,7 @@ def _level_coordinates(levels: RecordLevels, of_records: Callable[[Hyperparamete
 
 
 def published_coordinates(
-    values: Mapping[str, Float[np.ndarray, " cases"]], factors: Factors, priors: Priors = PRIORS
+    values: Mapping[str, Float[ArrayLike, " cases"]], factors: Factors, priors: Priors = PRIORS
 ) -> Coordinates:
     """Return the coordinates of `bayes_tyre.inference.model.models.published_model`."""
     terms, printed = find_terms(factors, PARAMETERS, priors), log_published(values)
@@ -227,13 +227,12 @@ def published_coordinates(
 
 
 def _log_scatter_of_residuals(
-    printed: Float[np.ndarray, "parameters cases"], design: Float[np.ndarray, "parameters cases most"], factors: Factors
+    printed: Float[Array, "parameters cases"], design: Float[np.ndarray, "parameters cases most"], factors: Factors
 ) -> Gaussian:
     """Return estimates by speed of the logarithm of what least squares leave, of as many means as are spare."""
-    rest = [y - x @ np.linalg.lstsq(x, y, rcond=None)[0] for y, x in zip(printed, design, strict=True)]
-    count = np.bincount(factors.speed.of_case)
-    spare = np.array([1.0 - np.linalg.matrix_rank(x) / printed.shape[1] for x in design])[:, None] * count
-    squares = np.stack([np.bincount(factors.speed.of_case, weights=each**2) for each in rest])
-    variance = (squares + _LEAST_SCATTER**2) / np.maximum(spare, _ALMOST_NONE)
-    estimate = np.where(spare > _ALMOST_NONE, 0.5 * np.log(variance), np.log(_LEAST_SCATTER))
-    return Gaussian(jnp.asarray(estimate), jnp.asarray(2.0 * spare))
+    rest = jnp.stack([y - x @ (np.linalg.pinv(x) @ y) for y, x in zip(printed, design, strict=True)])
+    at_speed = factors.speed.of_case[:, None] == np.arange(len(factors.speed.labels))
+    spare = np.array([1.0 - np.linalg.matrix_rank(x) / len(x) for x in design])[:, None] * at_speed.sum(axis=0)
+    variance = (rest**2 @ at_speed + _LEAST_SCATTER**2) / np.maximum(spare, _ALMOST_NONE)
+    estimate = jnp.where(spare > _ALMOST_NONE, 0.5 * jnp.log(variance), np.log(_LEAST_SCATTER))
+    return Gaussian(estimate, jnp.asarray(2.0 * spare))

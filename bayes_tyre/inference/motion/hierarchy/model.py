@@ -82,7 +82,7 @@ def log_likelihood(
 
 def motions_model(
     rows: Float[Array, "records p p"],
-    target: Float[Array, "records p"],
+    target: Float[Array, "records p"] | None,
     factors: Factors,
     *,
     repeats: str = "mixture",
@@ -94,7 +94,7 @@ def motions_model(
     Parameters
     ----------
     rows, target:
-        As `Motions` has them.
+        As `Motions` has them; without a target it is drawn, for a prior predictive.
     factors:
         Cases and how they group.
     repeats:
@@ -132,6 +132,21 @@ def _deterministic_with_x(ending: str, values: Float[Array, "p units"], law: Mot
     numpyro.deterministic(f"x{ending}", settled + k * beta)
 
 
+def motion_arguments(
+    motions: Motions, repeats: str, factors: Factors, priors: Priors
+) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Return the arguments of `motions_in_coordinates`, and where the hyperparameters start."""
+    parameters = motions.law.parameters
+    cases = case_estimates(motions.log_mean, motions.log_variance, factors, priors, parameters)
+    arguments = {
+        **{"rows": jnp.asarray(motions.rows), "target": jnp.asarray(motions.target), "factors": factors},
+        **{"cases": cases, "repeats": repeats},
+        **{"law": motions.law, "priors": priors},
+    }
+    starts = hyperparameter_starts(motion_sites(factors, repeats, parameters), priors.medians(), priors)
+    return arguments, starts
+
+
 def fit_motions(
     motions: Motions,
     settings: SamplerSettings | None = None,
@@ -164,14 +179,8 @@ def fit_motions(
     """
     if repeats not in REPEATS:
         raise BadInput(f"repeats {repeats!r} is unknown; use {' or '.join(REPEATS)}")
-    factors, parameters = factors or find_factors(motions.factor_table), motions.law.parameters
-    cases = case_estimates(motions.log_mean, motions.log_variance, factors, priors, parameters)
-    arguments = {
-        **{"rows": jnp.asarray(motions.rows), "target": jnp.asarray(motions.target), "factors": factors},
-        **{"cases": cases, "repeats": repeats},
-        **{"law": motions.law, "priors": priors},
-    }
-    starts = hyperparameter_starts(motion_sites(factors, repeats, parameters), priors.medians(), priors)
+    factors = factors or find_factors(motions.factor_table)
+    arguments, starts = motion_arguments(motions, repeats, factors, priors)
     settings = settings or SamplerSettings()
     chains = make_chains(motions_in_coordinates, arguments, settings, starts, CAREFUL_ACCEPTANCE)
     draws, runs = run_until_sound(chains, settings)
