@@ -21,7 +21,16 @@ from bayes_tyre.inference.record_data import EQUATION_2, LAWS
 from bayes_tyre.inference.sampling.datatree import law_of, priors_of, tree_cases
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import CASE_FACTORS, Case
-from bayes_tyre.results.cases.draws import CaseDraws, CaseValues, draw_noise, of_repeat, tested, travel_mm
+from bayes_tyre.results.cases.draws import (
+    CaseDraws,
+    CaseValues,
+    draw_noise,
+    joined,
+    of_repeat,
+    tested,
+    thinned,
+    travel_mm,
+)
 from bayes_tyre.results.cases.selection import CaseQuery, Choice, case_list, choose, sign_of, without_opposite
 from bayes_tyre.results.cases.untested import untested, untested_rng
 
@@ -40,6 +49,13 @@ COLUMNS = (
 )
 _changes_of_force = {name: jax.jit(law) for name, law in LAWS.items()}
 _NEEDED = {"k_case": "case", "beta_case": "case", "k": "record", "J": "record", "C": "record", "F_i": "record"}
+
+
+class Weighted(NamedTuple):
+    """One of several models: its posterior of records, and the weight of what it predicts."""
+
+    tree: xr.DataTree
+    weight: float
 
 
 class Prediction(NamedTuple):
@@ -79,6 +95,34 @@ def predict(
     ----------
     tree:
         A posterior of records (`bayes_tyre.inference.sampling.hierarchical_fit.fit_hierarchical`).
+    query, displacement_mm, verdict, of, interval, seed:
+        As `predict_stack` has them.
+
+    Raises
+    ------
+    BadInput
+        As `predict_stack` does.
+    """
+    alone = [Weighted(tree, 1.0)]
+    return predict_stack(alone, query, displacement_mm, verdict=verdict, of=of, interval=interval, seed=seed)
+
+
+def predict_stack(
+    models: Sequence[Weighted],
+    query: CaseQuery,
+    displacement_mm: Float[np.ndarray, " points"] | None = None,
+    *,
+    verdict: str,
+    of: str = "case",
+    interval: float = 0.95,
+    seed: int = 0,
+) -> Prediction:
+    """Return what several models predict together, the draws of each in proportion to its weight.
+
+    Parameters
+    ----------
+    models:
+        Posteriors of the same records, and their weights.
     query:
         The cases asked for, as `bayes_tyre.results.cases.selection.parse_query` gives them. A speed, load or step for
         which there is no case is predicted by `bayes_tyre.results.cases.untested`.
@@ -87,7 +131,7 @@ def predict(
         otherwise loading takes those from 0 up, unloading those from 0 down. A case that does not say its direction
         takes them as they are. By default 101 points from 0 to as far as the case's records go.
     verdict:
-        Of the posterior, put into each row.
+        Of the posteriors, put into each row.
     of:
         ``case``: the mean curve of the case; ``repeat``: one more repeat of it, with the noise of each point.
         `bayes_tyre.results.cases.draws` says what either takes from the posterior.
@@ -100,33 +144,70 @@ def predict(
     Raises
     ------
     BadInput
-        For a posterior without records, no case that matches, and displacements that no chosen case can use.
+        For a posterior without records, no case that matches, displacements that no chosen case can use, models of
+        other records, and weights that are all 0.
+
+    Source: Yao, Vehtari, Simpson & Gelman (2018), "Using stacking to average Bayesian predictive distributions".
     """
     if of not in KINDS:
         raise BadInput(f"of is {of!r}; use {' or '.join(KINDS)}")
-    cases = predictable_cases(tree)
-    posterior = with_records(tree)
+    cases, *others = (predictable_cases(model.tree) for model in models)
+    if any(other != cases for other in others):
+        raise BadInput("models of other records have other cases; stack models of the same records")
     choice = choose(query, cases)
+    posterior, laws = with_records(models[0].tree), {law_of(model.tree) for model in models}
     warnings = [f"no opposite direction of {case_list([cases[i].label for i in choice.alone])}"] if choice.alone else []
     warnings += about_untested(choice.untested, cases)
+    if len(laws) > 1:
+        warnings.append("the models have different laws: there are no parameters of one of them")
     curves, parameters, unused = [], [], []
-    priors = priors_of(tree)
-    for values, rng, kind in _chosen(posterior, choice, priors, seed):
-        draws = values.mean() if of == "case" else of_repeat(posterior, values, rng, priors.discordant_widening)
-        u = _displacements(values.case, displacement_mm, posterior)
+    for each in zip(*_stacked(models, choice, of, seed), strict=True):
+        case, kind = each[0].case, each[0].kind
+        u = _displacements(case, displacement_mm, posterior)
         if not len(u):
-            unused.append(values.case.label)
+            unused.append(case.label)
             continue
-        curve = pd.DataFrame({"displacement_mm": u, **_bands(u, draws, interval, rng, law_of(tree))})
-        curves.append(curve.assign(**values.case._asdict(), of=f"{kind}{of}"))
-        parameters.append(_parameters(values.case, draws, interval, kind))
+        curve = pd.DataFrame({"displacement_mm": u, **_bands(u, each, interval)})
+        curves.append(curve.assign(**case._asdict(), of=f"{kind}{of}"))
+        if len(laws) == 1:
+            parameters.append(_parameters(case, joined([one.draws for one in each]), interval, kind))
     if unused:
         warnings.append(f"no displacement has the sign of {case_list(unused)}")
     if not curves:
         raise BadInput(f"{warnings[-1]}; give magnitudes, or both signs")
-    constants = {"parameter": "force", "unit": "kN", "interval": interval, "origin": tree.attrs["origin"]}
+    constants = {"parameter": "force", "unit": "kN", "interval": interval, "origin": models[0].tree.attrs["origin"]}
     table = pd.concat(curves, ignore_index=True).assign(**constants, verdict=verdict)
     return Prediction(table[list(COLUMNS)], tuple(parameters), tuple(warnings))
+
+
+class _Drawn(NamedTuple):
+    """What a model draws of a case: the word before what is predicted, and what noise is drawn with, beside it."""
+
+    case: Case
+    kind: str
+    draws: CaseDraws
+    law: str
+    rng: np.random.Generator
+
+
+def _stacked(models: Sequence[Weighted], choice: Choice, of: str, seed: int) -> list[Iterator[_Drawn]]:
+    """Return the draws of the cases chosen by each model that has any weight, as many as its weight is."""
+    total = sum(model.weight for model in models)
+    if total <= 0:
+        raise BadInput("the weights of all models are 0")
+    shares = {i: model.weight / total for i, model in enumerate(models) if model.weight > 0}
+    sizes = {i: with_records(models[i].tree).sizes for i in shares}
+    most = min(sizes[i]["chain"] * sizes[i]["draw"] / share for i, share in shares.items())
+    counts = {i: round(share * most) for i, share in shares.items()}
+    return [_drawn(models[i].tree, choice, of, seed, count) for i, count in counts.items() if count]
+
+
+def _drawn(tree: xr.DataTree, choice: Choice, of: str, seed: int, count: int) -> Iterator[_Drawn]:
+    """Yield the cases chosen, of each so many draws, evenly spaced, and random numbers of its own."""
+    posterior, priors, law = with_records(tree), priors_of(tree), law_of(tree)
+    for values, rng, kind in _chosen(posterior, choice, priors, seed):
+        draws = values.mean() if of == "case" else of_repeat(posterior, values, rng, priors.discordant_widening)
+        yield _Drawn(values.case, kind, thinned(draws, count), law, rng)
 
 
 def _chosen(
@@ -207,20 +288,25 @@ def force_kN(
         return F_i + np.asarray(_changes_of_force[law](u, k=k, J=J, beta=beta))
 
 
-def _bands(
-    u: np.ndarray, draws: CaseDraws, interval: float, rng: np.random.Generator, law: str
-) -> dict[str, np.ndarray]:
+def _bands(u: np.ndarray, models: Sequence[_Drawn], interval: float) -> dict[str, np.ndarray]:
     """Return median, lower and upper of the force (kN) at each displacement, a bounded number of them at once."""
     tails = [0.5, (1.0 - interval) / 2.0, (1.0 + interval) / 2.0]
-    F_i, J, k, beta, sigma = (getattr(draws, name)[:, None] for name in ("F_i", "J", "k", "beta", "sigma"))
-    nu = None if draws.noise_nu is None else draws.noise_nu[:, None]
-    blocks = []
-    for part in np.array_split(u, -(-len(u) * len(k) // CELLS)):
-        force = force_kN(part, F_i, J, k, beta, law)
-        if sigma.any():
-            force = force + sigma * draw_noise(rng, force.shape, nu)
+    count, blocks = sum(len(model.draws.k) for model in models), []
+    for part in np.array_split(u, -(-len(u) * count // CELLS)):
+        force = np.concatenate([_forces(part, model) for model in models])
         blocks.append(np.quantile(force, tails, axis=0))
     return dict(zip(("median", "lower", "upper"), np.concatenate(blocks, axis=1), strict=True))
+
+
+def _forces(u: np.ndarray, model: _Drawn) -> Float[np.ndarray, "draws points"]:
+    """Return the force (kN) in each draw of a model, with the noise of each point where it has any."""
+    draws = model.draws
+    F_i, J, k, beta, sigma = (getattr(draws, name)[:, None] for name in ("F_i", "J", "k", "beta", "sigma"))
+    force = force_kN(u, F_i, J, k, beta, model.law)
+    if not sigma.any():
+        return force
+    nu = None if draws.noise_nu is None else draws.noise_nu[:, None]
+    return force + sigma * draw_noise(model.rng, force.shape, nu)
 
 
 def _parameters(case: Case, draws: CaseDraws, interval: float, kind: str) -> dict[str, object]:

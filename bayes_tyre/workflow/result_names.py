@@ -5,6 +5,9 @@ from pathlib import Path
 
 from bayes_tyre.errors import BadInput
 
+#: The table of models that `compare` writes into its folder.
+COMPARISON = "comparison.csv"
+
 
 def names(folders: Sequence[Path]) -> list[str]:
     """Return names of results: the shortest ends of their paths that are distinct.

@@ -148,6 +148,45 @@ def test_a_posterior_that_failed_is_written_says_so_and_ends_with_4(tmp_path):
     assert tomllib.loads((folder / "prediction.toml").read_text(encoding="utf-8"))["verdict"] == "fail"
 
 
+def compared(folder: Path, **weights: float) -> Path:
+    folder.mkdir()
+    rows = {"model": list(weights), "weight": list(weights.values())}
+    pd.DataFrame(rows).to_csv(folder / "comparison.csv", index=False)
+    return folder
+
+
+def test_fits_that_were_compared_predict_together(tmp_path):
+    fits = [a_fit(tmp_path / "one"), a_fit(tmp_path / "two", verdict="fail")]
+    of = ["--case", "single (25)30-20", "--displacement", "0,1,3"]
+    done = here("predict", *fits, "--weights", compared(tmp_path / "all", one=0.6, two=0.4), *of)
+    assert done.exit_code == 4
+    assert f"{fits[1] / 'diagnostics.json'} gives the reason" in done.stderr.replace("\n", "")
+    made = tomllib.loads((tmp_path / "all/prediction.toml").read_text(encoding="utf-8"))
+    assert (made["weights"], made["verdict"]) == ({"one": 0.6, "two": 0.4}, "fail")
+    alone = here("predict", *fits, "--weights", compared(tmp_path / "one alone", one=1.0, two=0.0), *of)
+    assert alone.exit_code == 0, alone.stderr  # the one that failed has no weight
+    here("predict", fits[0], *of)
+    first, second = (pd.read_csv(tmp_path / name / "prediction.csv") for name in ("one alone", "one"))
+    pd.testing.assert_frame_equal(first, second)
+
+
+@pytest.mark.parametrize(
+    ("weights", "said"),
+    [
+        ({"one": 0.5, "other": 0.5}, "compares one, other, the folders are one, two"),
+        ({"one": 1.5, "two": -0.5}, "column weight: a weight is 0 or more"),
+    ],
+)
+def test_weights_that_are_not_of_these_fits_are_refused(weights, said, tmp_path):
+    fits = [a_fit(tmp_path / "one"), a_fit(tmp_path / "two")]
+    table = compared(tmp_path / "all", **weights)
+    done = here("predict", *fits, "--weights", table, "--case", "single (25)30-20")
+    assert_refused(done.exit_code, done.stderr, str(table / "comparison.csv"), said)
+    done = here("predict", *fits, "--case", "single (25)30-20")
+    assert done.exit_code == 2
+    assert "of several fits each has a weight" in " ".join(done.stderr.split())
+
+
 def test_a_disk_that_fills_leaves_both_older_files_as_they_were(fitted, monkeypatch):
     assert here("predict", fitted, "--case", "single (0)20-30").exit_code == 0
     before = tree_of(fitted)

@@ -12,7 +12,7 @@ from bayes_tyre.inference.sampling.common_scales import with_scale
 from bayes_tyre.record import Case
 from bayes_tyre.results import prediction
 from bayes_tyre.results.cases.selection import parse_query
-from bayes_tyre.results.prediction import Prediction, force_kN, predictable_cases
+from bayes_tyre.results.prediction import Prediction, Weighted, force_kN, predictable_cases
 
 FIGURES = ["mean", "sd", "lower", "upper"]
 PARAMETERS = ["k_kN_per_mm", "beta_mm", "J_kN", "C_kN", "F_i_kN", "d_i_mm"]
@@ -306,3 +306,55 @@ def test_only_a_posterior_of_records_can_be_predicted_from():
     ):
         with pytest.raises(BadInput, match=said):
             predictable_cases(tree)
+
+
+def stacked(*models: tuple[xr.DataTree, float], u: list[float]) -> Prediction:
+    query = parse_query(["single (0)20-30"], predictable_cases(models[0][0]))
+    return prediction.predict_stack([Weighted(*model) for model in models], query, np.asarray(u), verdict="pass")
+
+
+def wide(seed: int, **attributes: str) -> xr.DataTree:
+    k = np.random.default_rng(seed).normal(1.8 + 0.4 * seed, 0.05, fixed([0.0], draws=2000).shape)
+    tree = single_case(k_case=k)
+    tree.attrs |= attributes
+    return tree
+
+
+def test_a_stack_draws_from_each_model_as_often_as_its_weight_is():
+    one, other = wide(0), wide(1)
+    made = stacked((one, 0.3), (other, 0.1), u=[3.0])
+    k = np.concatenate([one["posterior"]["k_case"].to_numpy().ravel(), other["posterior"]["k_case"].to_numpy().ravel()])
+    weight = np.repeat([1.5 / len(k), 0.5 / len(k)], len(k) // 2)
+    order = np.argsort(k)
+    # All draws of the one and a third of the other's: thinning moves a quantile by less than its Monte Carlo error.
+    expected = k[order][np.searchsorted(np.cumsum(weight[order]), [0.025, 0.5, 0.975])]
+    said = made.curves[["lower", "median", "upper"]].to_numpy()[0]
+    np.testing.assert_allclose(said, 15.0 + (0.4 + 3.0 * expected), atol=0.04)
+    assert made.parameters[0]["k_kN_per_mm"]["mean"] == pytest.approx(np.sum(weight * k), abs=0.003)
+
+
+def test_a_model_without_weight_says_nothing():
+    one, other = wide(0), wide(1)
+    alone = predict(one, "single (0)20-30", u=[0.0, 0.05, 3.0])
+    both = stacked((one, 2.0), (other, 0.0), u=[0.0, 0.05, 3.0])
+    pd.testing.assert_frame_equal(both.curves, alone.curves)
+    assert both.parameters == alone.parameters
+
+
+def test_models_of_different_laws_have_a_curve_together_and_no_parameters():
+    one, other = wide(0), wide(1, law="small_step_limit")
+    made = stacked((one, 0.5), (other, 0.5), u=[0.05])
+    gone = 1.0 - np.exp(-1.0)  # at u = beta
+    k, other_k = (tree["posterior"]["k_case"].to_numpy().ravel() for tree in (one, other))
+    forces = 15.0 + (0.4 + 0.05 * k) * gone, 15.0 + 0.4 * gone + 0.05 * other_k
+    expected = np.quantile(np.concatenate(forces), [0.025, 0.5, 0.975])
+    np.testing.assert_allclose(made.curves[["lower", "median", "upper"]].to_numpy()[0], expected, rtol=1e-12)
+    assert made.parameters == ()
+    assert made.warnings[-1] == "the models have different laws: there are no parameters of one of them"
+
+
+def test_models_of_other_cases_and_without_weights_are_refused():
+    with pytest.raises(BadInput, match="other cases"):
+        stacked((wide(0), 0.5), (campaign(), 0.5), u=[1.0])
+    with pytest.raises(BadInput, match="weights of all models are 0"):
+        stacked((wide(0), 0.0), (wide(1), 0.0), u=[1.0])

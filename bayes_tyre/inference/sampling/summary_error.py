@@ -90,10 +90,10 @@ def _explained(
         fits = 2 * (count + site.shape[1]) < draws
         (together if fits else singly).append(site - site.mean(axis=0))
         count += site.shape[1] * fits
-    regressors = np.concatenate(together, axis=1)
+    directions = np.linalg.qr(np.concatenate(together, axis=1)).Q
 
     def rest(of_all: Float[np.ndarray, "draws _"]) -> Float[np.ndarray, "draws _"]:
-        return of_all - regressors @ np.linalg.lstsq(regressors, of_all)[0]
+        return of_all - directions @ (directions.T @ of_all)
 
     residual, others = rest(values), rest(np.concatenate(singly, axis=1))
     others = others / np.maximum(others.std(axis=0), np.finfo(float).tiny)

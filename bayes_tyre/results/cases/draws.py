@@ -44,6 +44,17 @@ class CaseDraws(NamedTuple):
         return self.F_i + self.J - self.k * self.d_i
 
 
+def thinned(draws: CaseDraws, count: int) -> CaseDraws:
+    """Return so many of the draws, evenly spaced."""
+    chosen = np.linspace(0, len(draws.k) - 1, count).round().astype(int)
+    return CaseDraws(*(None if values is None else values[chosen] for values in draws))
+
+
+def joined(parts: Sequence[CaseDraws]) -> CaseDraws:
+    """Return draws one after the other, without their noise, which need not be of one kind."""
+    return CaseDraws(*(np.concatenate(each) for each in list(zip(*parts, strict=True))[:-1]))
+
+
 class Start(NamedTuple):
     """Where the records of a case start, each of shape (draws, records).
 

@@ -24,9 +24,9 @@ from bayes_tyre.results.provenance import RUN_JSON, read_run
 from bayes_tyre.workflow.fit import Plan, planned_in
 from bayes_tyre.workflow.from_results.predict import Result, read_posterior, read_result
 from bayes_tyre.workflow.record_tables import read_given
-from bayes_tyre.workflow.result_names import names
+from bayes_tyre.workflow.result_names import COMPARISON, names
 
-NAME, BY_RECORD, OF_CASES = "comparison.csv", "comparison_records.csv", "comparison_cases.csv"
+BY_RECORD, OF_CASES = "comparison_records.csv", "comparison_cases.csv"
 #: A refit gets fewer draws than a fit: only averages over them are needed.
 REFIT = SamplerSettings(warmup=400, draws=250)
 
@@ -114,7 +114,7 @@ def compare_folders(
         on_progress(1)
     if len(left_out) < 2:
         raise BadInput(f"fewer than two models are left to compare: {'; '.join(failed)}")
-    tables = {NAME: compare(left_out, verdicts), BY_RECORD: by_record(left_out)}
+    tables = {COMPARISON: compare(left_out, verdicts), BY_RECORD: by_record(left_out)}
     if of_cases.keys() == left_out.keys():  # a ranking of some of the models would be taken for one of all
         tables[OF_CASES] = compare(of_cases, verdicts, CASE)
     elif of_cases and not failed:
@@ -128,8 +128,8 @@ def compare_folders(
     with ExitStack() as whole:
         for name, table in tables.items():
             write_table(table, whole.enter_context(whole_file(out / name)))
-    ranked = [tables[name] for name in (NAME, OF_CASES) if name in tables]
-    untrusted = (_untrusted(name, verdicts[name], tables[NAME]) for name in left_out)
+    ranked = [tables[name] for name in (COMPARISON, OF_CASES) if name in tables]
+    untrusted = (_untrusted(name, verdicts[name], tables[COMPARISON]) for name in left_out)
     return Comparison(
         tuple(ranked),
         tuple(map(sentence, ranked)),

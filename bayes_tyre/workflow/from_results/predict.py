@@ -1,5 +1,6 @@
 """Prediction from a result's folder: `prediction.csv` and `prediction.toml`."""
 
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
@@ -13,14 +14,15 @@ from bayes_tyre.errors import BadInput, errors_name
 from bayes_tyre.formats.files import check_folder, whole_file, write_text
 from bayes_tyre.formats.netcdf import read_tree
 from bayes_tyre.formats.structured_text import read_json
-from bayes_tyre.formats.tables.table_files import write_table
-from bayes_tyre.inference.sampling.datatree import law_of
+from bayes_tyre.formats.tables.table_files import read_table, write_table
+from bayes_tyre.inference.sampling.datatree import RECORDS_DIGEST, law_of
 from bayes_tyre.plain_text import one_line
 from bayes_tyre.record import CASE_FACTORS, Case
 from bayes_tyre.report.answer.load import VERDICTS
 from bayes_tyre.results.cases.selection import CaseQuery
 from bayes_tyre.results.columns import numbers, texts
-from bayes_tyre.results.prediction import Prediction, predict, predictable_cases
+from bayes_tyre.results.prediction import Prediction, Weighted, predict_stack, predictable_cases
+from bayes_tyre.workflow.result_names import COMPARISON, names
 
 NAME = "prediction.csv"
 #: Comment at the top of the TOML. Labels come from files and are never put into a comment.
@@ -115,8 +117,72 @@ def answers(curves: pd.DataFrame, most: int = 4) -> list[str]:
     ]
 
 
+class Stack(NamedTuple):
+    """Fits of the same records that predict together, by name; and the weight of each."""
+
+    results: dict[str, Result]
+    weights: dict[str, float]
+
+    @property
+    def verdict(self) -> str:
+        """``pass`` where it is that of every fit with a weight."""
+        verdicts = [result.verdict for name, result in self.results.items() if self.weights[name] > 0]
+        return next((verdict for verdict in verdicts if verdict != "pass"), "pass")
+
+    @property
+    def first(self) -> Result:
+        """One of the fits: cases and origin are those of all."""
+        return next(iter(self.results.values()))
+
+
+def alone(folder: Path) -> Stack:
+    """Return the one fit in a folder.
+
+    Raises
+    ------
+    BadInput
+        As `read_result` does.
+    """
+    return Stack({folder.name: read_result(folder)}, {folder.name: 1.0})
+
+
+def read_stack(folders: Sequence[Path], weights: Path) -> Stack:
+    """Return fits, each in its folder, and their weights in a table that `compare` wrote of the same folders.
+
+    Parameters
+    ----------
+    folders:
+        Of the fits.
+    weights:
+        The table, or the folder with ``comparison.csv``.
+
+    Raises
+    ------
+    BadInput
+        If a folder holds no fit, fits are of other records, or the table is not of these.
+    """
+    path = weights / COMPARISON if weights.is_dir() else weights
+    table = read_table(path)
+    if not {"model", "weight"} <= set(table.columns):
+        raise BadInput(f"{path}: has no columns model and weight; name a table that compare wrote")
+    given = dict(zip(texts(table, "model"), numbers(table, "weight"), strict=True))
+    by_name = dict(zip(names(folders), folders, strict=True))
+    if given.keys() != by_name.keys():
+        raise BadInput(
+            f"{path}: compares {', '.join(sorted(given))}, the folders are {', '.join(sorted(by_name))}; name the "
+            "folders that were compared"
+        )
+    if not all(np.isfinite(weight) and weight >= 0 for weight in given.values()):
+        raise BadInput(f"{path}, column weight: a weight is 0 or more; run compare again")
+    results = {name: read_result(folder) for name, folder in by_name.items()}
+    digests = {name: result.tree.attrs.get(RECORDS_DIGEST) for name, result in results.items()}
+    if len(set(digests.values())) > 1:
+        raise BadInput(f"{' and '.join(digests)} are not fits of the same records; stack fits of one table")
+    return Stack(results, {name: float(given[name]) for name in by_name})
+
+
 def write_prediction(
-    result: Result,
+    stack: Stack,
     query: CaseQuery,
     out: Path,
     *,
@@ -124,24 +190,27 @@ def write_prediction(
     of: str = "case",
     interval: float = 0.95,
     seed: int = 0,
-) -> tuple[Prediction, tuple[Path, Path]]:
-    """Predict, and write curves to `out` (`.csv`) and parameters beside it (`.toml`), both or none; return both paths.
+) -> tuple[Prediction, tuple[Path, ...]]:
+    """Predict, and write curves to `out` (`.csv`) and parameters beside it (`.toml`); return what was written.
 
-    Arguments are those of `bayes_tyre.results.prediction.predict`.
+    Both are written or none; of fits by different laws there are no parameters. Arguments are those of
+    `bayes_tyre.results.prediction.predict_stack`.
     """
-    with errors_name(result.path):
-        prediction = predict(
-            result.tree, query, displacement_mm, verdict=result.verdict, of=of, interval=interval, seed=seed
-        )
-    head = {
-        "equation": EQUATIONS[law_of(result.tree)],
-        "of": of,
-        "interval": interval,
-        "origin": result.tree.attrs["origin"],
-    }
-    head |= {"verdict": result.verdict, "version": f"bayes-tyre {version('bayes-tyre')}"}
-    text = ABOUT + tomli_w.dumps({**head, "case": list(prediction.parameters)})
+    models = [Weighted(result.tree, stack.weights[name]) for name, result in stack.results.items()]
+    options = {"verdict": stack.verdict, "of": of, "interval": interval, "seed": seed}
+    with errors_name(stack.first.path):
+        prediction = predict_stack(models, query, displacement_mm, **options)
     beside = out.with_suffix(".toml")
+    if not prediction.parameters:
+        with whole_file(out) as curves:
+            write_table(prediction.curves, curves)
+        beside.unlink(missing_ok=True)
+        return prediction, (out,)
+    tree = stack.first.tree
+    head = {"equation": EQUATIONS[law_of(tree)], "of": of, "interval": interval, "origin": tree.attrs["origin"]}
+    head |= {"verdict": stack.verdict, "version": f"bayes-tyre {version('bayes-tyre')}"}
+    weights = {"weights": stack.weights} if len(models) > 1 else {}
+    text = ABOUT + tomli_w.dumps({**head, **weights, "case": list(prediction.parameters)})
     with whole_file(out) as curves, whole_file(beside) as parameters:
         write_table(prediction.curves, curves)
         write_text(text, parameters)

@@ -18,7 +18,10 @@ MOST_POINTS, FARTHEST_MM = 100_000, 1e6
 
 
 def predict(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder that fit wrote.")],
+    folders: Annotated[
+        list[Path],
+        typer.Argument(metavar="DIR...", help="Folder that fit wrote; with --weights all folders that were compared."),
+    ],
     case: Annotated[
         list[str] | None,
         typer.Option(
@@ -40,8 +43,18 @@ def predict(
         Literal["case", "repeat"],
         typer.Option(help="The mean curve of the case; or one more repeat, its deviation and noise included."),
     ] = "case",
+    weights: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder that compare wrote, or one of its tables: what its models predict together, each with its "
+            "stacking weight.",
+        ),
+    ] = None,
     interval: Interval = 0.95,
-    out: Annotated[Path | None, typer.Option(help="Folder, or a .csv file; default: DIR.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder, or a .csv file; default: DIR, with --weights that of the comparison.")
+    ] = None,
     seed: Seed = 0,
     quiet: Quiet = False,
 ) -> None:
@@ -53,20 +66,24 @@ def predict(
     Example: bayes-tyre predict results/fit --case 'single (0)30-20' --displacement 0:4:81
     """
     grid = _grid(displacement) if displacement is not None else None
-    from bayes_tyre.workflow.from_results.predict import answers, read_result, target, write_prediction
+    if weights is None and len(folders) > 1:
+        raise typer.BadParameter(
+            "of several fits each has a weight; name the folder that compare wrote of them", param_hint="--weights"
+        )
+    from bayes_tyre.workflow.from_results.predict import alone, answers, read_stack, target, write_prediction
 
-    result = read_result(folder)
-    query = _query(case or [], result.cases)
-    path = target(folder, out)
-    prediction, paths = write_prediction(result, query, path, displacement_mm=grid, of=of, interval=interval, seed=seed)
+    stack = alone(folders[0]) if weights is None else read_stack(folders, weights)
+    query = _query(case or [], stack.first.cases)
+    compared = weights if weights is None or weights.is_dir() else weights.parent
+    path = target(compared or folders[0], out)
+    prediction, paths = write_prediction(stack, query, path, displacement_mm=grid, of=of, interval=interval, seed=seed)
     for text in (*answers(prediction.curves), *prediction.warnings):
         say(text, quiet)
     for written in paths:
-        say(f"wrote {written} (data: {result.tree.attrs['origin']}, verdict {result.verdict})", quiet)
-    if result.verdict != "pass":
-        warn(
-            f"the posterior is not to be trusted, nor is the prediction; {folder / 'diagnostics.json'} gives the reason"
-        )
+        say(f"wrote {written} (data: {stack.first.tree.attrs['origin']}, verdict {stack.verdict})", quiet)
+    if stack.verdict != "pass":
+        reasons = ", ".join(str(folder / "diagnostics.json") for folder in folders)
+        warn(f"the posterior is not to be trusted, nor is the prediction; {reasons} gives the reason")
         raise typer.Exit(NOT_TRUSTED)
 
 
