@@ -22,6 +22,7 @@ from bayes_tyre.inference.model.collapsed.record_summaries import (
     OffsetSummaries,
     RecordSummaries,
     record_log_density,
+    third_hermite,
 )
 from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, RecordEstimates
 from bayes_tyre.inference.model.factors import Factors
@@ -158,7 +159,7 @@ def _nearest(data: RecordData, likelihood: Likelihood, of_J: _OfJ, values: Momen
     # One node at a time: memory is that of one value of each record, however many nodes there are.
     density, in_mean, in_variance = jnp.moveaxis(jax.lax.map(at, jnp.asarray(nodes)), 1, 0)
     weighted = jnp.asarray(weights)[:, None] * density
-    third = jnp.einsum("mr,mi->ri", weighted, jnp.asarray(of_noise**3 - 3.0 * of_noise))
+    third = jnp.einsum("mr,mijk->rijk", weighted, third_hermite(of_noise))
     interaction = 0.5 * _slope_variance(weighted, of_noise, weights)
     noises = NoiseSummaries(project(weighted, of_noise, noise), jnp.linalg.inv(noise.root), third, interaction)
     of_values_given_J = project_values(weighted, of_values, of_noise, values, noise)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.model.likelihood.direct import Likelihood
 from bayes_tyre.inference.model.likelihood.force_distribution import RecordForces
@@ -29,20 +29,21 @@ class NoiseSummaries(NamedTuple):
     whiten:
         Shape (records, q, q): times the noise about the centre, standard normals under the approximate posterior.
     third:
-        Shape (records, q): third derivative of the log density along each of these.
+        Shape (records, q, q, q): third derivatives of the log density along these. Those of several parameters count:
+        how wide one is moves the other, by as much in every record.
     interaction:
         Shape (records, q): half the variance of the slope along each, which differs with log k and log beta.
     """
 
     quadratic: QuadraticApproximation
     whiten: Float[Array, "records q q"]
-    third: Float[Array, "records q"]
+    third: Float[Array, "records q q q"]
     interaction: Float[Array, "records q"]
 
     def at(self, noise: Float[Array, "*draws records q"]) -> Float[Array, "*draws records"]:
         """Return the log density at values of the noise, less that at the centre."""
         z = jnp.einsum("rij,...rj->...ri", self.whiten, noise - self.quadratic.centre)
-        return self.quadratic.at(noise) + jnp.sum(self.third * (z**3 - 3.0 * z), axis=-1) / 6.0
+        return self.quadratic.at(noise) + jnp.sum(self.third * third_hermite(z), axis=(-3, -2, -1)) / 6.0
 
     def log_marginal(
         self, above: Float[Array, "records q"], sd: Float[Array, "records q"]
@@ -56,10 +57,28 @@ class NoiseSummaries(NamedTuple):
         posterior = NormalPosterior(quadratic.slope_at(above).T, jnp.moveaxis(quadratic.precision, 0, -1), sd.T)
         mean = above + posterior.draw(jnp.zeros_like(above.T)).T
         z = jnp.einsum("rij,rj->ri", self.whiten, mean - quadratic.centre)
-        variance = jnp.sum(jnp.einsum("rij,jkr->rik", self.whiten, posterior.root()) ** 2, axis=-1)
-        third = jnp.sum(self.third * (z**3 + 3.0 * z * (variance - 1.0)), axis=-1) / 6.0
-        interaction = jnp.sum(self.interaction * variance, axis=-1)
+        root = jnp.einsum("rij,jkr->rik", self.whiten, posterior.root())
+        covariance = jnp.sum(root[:, :, None] * root[:, None], axis=-1)
+        third = jnp.sum(self.third * third_hermite(z, covariance), axis=(-3, -2, -1)) / 6.0
+        interaction = jnp.sum(self.interaction * jnp.diagonal(covariance, axis1=1, axis2=2), axis=-1)
         return quadratic.at(above) + posterior.log_marginal + third + interaction, interaction, posterior
+
+
+def third_hermite(
+    z: Float[ArrayLike, "*batch q"], covariance: Float[Array, "*#batch q q"] | None = None
+) -> Float[Array, "*batch q q q"]:
+    """Return the means of Hermite's polynomials of degree three in variables about z; None: at z itself.
+
+    They are orthogonal to every quadratic over standard normals.
+    """
+    z = jnp.asarray(z)
+    beyond = (0.0 if covariance is None else covariance) - jnp.eye(z.shape[-1])
+    pairs = z[..., :, None] * z[..., None, :]
+    return (
+        (pairs + beyond)[..., None] * z[..., None, None, :]
+        + beyond[..., :, None, :] * z[..., None, :, None]
+        + beyond[..., None, :, :] * z[..., :, None, None]
+    )
 
 
 class ValueSummaries(NamedTuple):
@@ -190,6 +209,6 @@ def empty_summaries(records: int, noise: str) -> RecordSummaries:
     of_noise = QuadraticApproximation(blank(q), blank(q), blank(q, q))
     by_value, by_noise = blank(VALUES), blank(VALUES, q)
     values = ValueSummaries(by_value, blank(VALUES, VALUES), by_value, by_noise, by_noise, by_value, blank(q))
-    noises = NoiseSummaries(of_noise, of_noise.precision, of_noise.slope, of_noise.slope)
+    noises = NoiseSummaries(of_noise, of_noise.precision, blank(q, q, q), of_noise.slope)
     offsets = OffsetSummaries(blank(), by_value, blank(), blank(), blank(), jnp.asarray(np.zeros(())))
     return RecordSummaries(values, noises, offsets)

@@ -34,8 +34,10 @@ def converter_step_mm(batch: Batch) -> Float[np.ndarray, " records"]:
         apart = np.diff(np.unique(displacement[present]))
         least = np.min(apart)
         multiples = np.round(apart / least)
-        # Spacings of a plan may be multiples of one too: those of a converter repeat readings, or mix its steps.
-        mixed = _MIXED < np.mean(multiples == 1) < 1.0 - _MIXED
+        # Spacings of a plan may be multiples of one too: those of a converter repeat readings, or mix its steps. The
+        # squares 0, 1, 4, 9, ... do too, but no rounding is in them.
+        rounded = np.abs(np.diff(displacement[present], n=3)) > least / 2.0
+        mixed = bool(np.any(rounded)) and _MIXED < np.mean(multiples == 1) < 1.0 - _MIXED
         repeated = len(apart) + 1 < np.sum(present)
         if (mixed or repeated) and np.abs(apart / least - multiples).max() < _OFF_STEP:
             steps[record] = least

@@ -1,6 +1,7 @@
 """Records summed up: what they say of what they share, against integrals over their own density."""
 
 from functools import cache
+from itertools import permutations
 from typing import NamedTuple
 
 import equinox as eqx
@@ -14,13 +15,14 @@ from scipy.stats import norm
 
 from bayes_tyre.inference.model.collapsed.nearest_summaries import refine_summaries, summarise_records
 from bayes_tyre.inference.model.collapsed.record_summaries import (
+    NoiseSummaries,
     RecordSummaries,
     ValueSummaries,
     empty_summaries,
     record_log_density,
 )
 from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation
-from bayes_tyre.inference.model.normal_posterior import NormalPosterior
+from bayes_tyre.inference.model.normal_posterior import NormalPosterior, QuadraticApproximation
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.record_table import check_record_table
@@ -135,6 +137,28 @@ def test_the_log_density_of_what_is_shared_is_that_of_the_records_integrated(noi
     # Only differences mean anything. The densities move by up to 1; importance sampling has a standard error of 0.005
     # at weights that vary by 0.7.
     np.testing.assert_allclose(np.array(found) - found[0], 0.0, atol=0.01)
+
+
+@pytest.mark.parametrize("sd", [[0.05, 0.15], [0.2, 0.02], [1e-6, 0.1]])
+def test_third_derivatives_along_two_parameters_of_the_noise_count_together(sd):
+    """Against the integral over the density itself: equal to first order in the third derivatives."""
+    rng, whiten = np.random.default_rng(1), np.array([[[8.0, 0.0], [1.0, 5.0]]])
+    third = 1e-3 * sum(np.transpose(rng.uniform(0.5, 1.0, (2, 2, 2)), order) for order in permutations(range(3)))
+    precision, centre, slope = whiten.mT @ whiten, np.array([[-3.5, 0.1]]), np.array([[2.0, -1.0]])
+    quadratic = QuadraticApproximation(*map(jnp.asarray, (centre, slope, precision)))
+    summaries = NoiseSummaries(quadratic, jnp.asarray(whiten), jnp.asarray(third[None]), jnp.zeros((1, 2)))
+    nodes, weights = np.polynomial.hermite_e.hermegauss(60)
+    grid = np.stack(np.meshgrid(nodes, nodes, indexing="ij"), axis=-1).reshape(-1, 1, 2)
+    weights = np.outer(weights, weights).ravel() / weights.sum() ** 2
+    for above in (centre, centre + np.array([0.05, -0.1])):
+        integral = logsumexp(np.asarray(summaries.at(jnp.asarray(above + sd * grid)))[:, 0], b=weights)
+        of_each = [jnp.asarray(np.broadcast_to(each, (1, 2))) for each in (above, sd)]
+        found, without = (
+            float(each.log_marginal(*of_each)[0][0])
+            for each in (summaries, summaries._replace(third=jnp.zeros((1, 2, 2, 2))))
+        )
+        # What is of second order is a share of the whole as small as they are.
+        assert abs(found - integral) < 0.03 * abs(without - integral)
 
 
 @pytest.mark.slow

@@ -51,6 +51,7 @@ def test_the_step_of_a_converter_is_found(step, slower, seed):
     [
         np.linspace(0.0, 2.0, 80),
         4.0 * np.linspace(0.0, 1.0, 80) ** 2,
+        10.0 - 5.0 * np.linspace(0.0, 1.0, 10) ** 2,  # one of its nine spacings is the least
         1.0 - np.cos(np.linspace(0.0, np.pi, 80)),
         np.random.default_rng(1).uniform(0.0, 2.0, 80),
         np.r_[np.random.default_rng(1).uniform(0.0, 2.0, 80), 0.5, 0.5],
