@@ -21,7 +21,8 @@ from bayes_tyre.inference.model.coordinates.laplace import (
 from bayes_tyre.inference.model.coordinates.sites import record_starts, records_in_coordinates
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.hyperparameters import prior_sites
-from bayes_tyre.inference.model.prepared_records import prepare_batch
+from bayes_tyre.inference.model.likelihood.student import StudentLikelihood
+from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_batch
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.nuts import Chains
@@ -134,6 +135,8 @@ class DesignFit:
 
     def approximations(self, force_kN: Float[np.ndarray, "sets records points"]) -> list[LaplaceApproximation]:
         """Return the Laplace approximation of each data set's records, least squares taking many sets together."""
+        if self.model.noise == "student":  # each with weights of its own, which least squares together have not
+            return [self._records(force).approximation(self.model) for force in force_kN]
         sets, records, points = force_kN.shape
         noise = self.model.noise
         together = _estimates(np.tile(self.design.u, (sets, 1)), force_kN.reshape(sets * records, points), noise)
@@ -196,11 +199,17 @@ class DesignFit:
         return sample_thinned(chains, self.sampling, seed)
 
     def _arguments(self, force_kN: Float[np.ndarray, "records points"]) -> dict[str, Any]:
+        return self._records(force_kN).arguments(self.model)
+
+    def _records(self, force_kN: Float[np.ndarray, "records points"]) -> PreparedRecords:
         design = self.design
         records = prepare_batch(design.batch(force_kN), design.factor_table, design.factors, self.model)
-        if self.nominal_start:
-            records = records._replace(data=design.nominal(records.data))
-        return records.arguments(self.model)
+        if not self.nominal_start:
+            return records
+        data, likelihood = design.nominal(records.data), records.likelihood
+        if isinstance(likelihood, StudentLikelihood):  # its offsets, too, are about where the prior is
+            likelihood = replace(likelihood, data=data)
+        return records._replace(data=data, likelihood=likelihood)
 
 
 def _estimates(

@@ -4,7 +4,7 @@ Like `bayes_tyre.studies.design_fit.DesignFit`, with the priors and the samplers
 simulated: a normal of the logarithms, as `bayes_tyre.inference.motion.record.likelihood` hands it to the hierarchy.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax
@@ -149,7 +149,7 @@ class MotionsFit:
         return norm.logpdf(readings - self._whitened(values)).sum(axis=-1)
 
 
-def _log_values(values: Truths, ending: str, parameters: tuple[str, ...] = PARAMETERS) -> Float[np.ndarray, "..."]:
+def _log_values(values: Truths, ending: str, parameters: Sequence[str] = PARAMETERS) -> Float[np.ndarray, "..."]:
     """Return the logarithms of the values of records or cases, parameters along the last axis but one."""
     return np.log(np.stack([values[f"{name}{ending}"] for name in parameters], axis=-2))
 

@@ -330,7 +330,9 @@ def test_a_stack_draws_from_each_model_as_often_as_its_weight_is():
     expected = k[order][np.searchsorted(np.cumsum(weight[order]), [0.025, 0.5, 0.975])]
     said = made.curves[["lower", "median", "upper"]].to_numpy()[0]
     np.testing.assert_allclose(said, 15.0 + (0.4 + 3.0 * expected), atol=0.04)
-    assert made.parameters[0]["k_kN_per_mm"]["mean"] == pytest.approx(np.sum(weight * k), abs=0.003)
+    statistics = made.parameters[0]["k_kN_per_mm"]
+    assert isinstance(statistics, dict)
+    assert statistics["mean"] == pytest.approx(np.sum(weight * k), abs=0.003)
 
 
 def test_a_model_without_weight_says_nothing():

@@ -55,7 +55,7 @@ def calibration(
         Literal["iid", "ar1", "student"] | None,
         typer.Option(
             help="Noise of the records, simulated and fitted: independent (iid), autoregressive (ar1), or with heavy "
-            "tails (student; half a minute a data set). Default: iid; with --around that of the fit.",
+            "tails (student). Default: iid; with --around that of the fit.",
             show_default=False,
         ),
     ] = None,

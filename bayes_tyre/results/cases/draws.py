@@ -47,7 +47,9 @@ class CaseDraws(NamedTuple):
 def thinned(draws: CaseDraws, count: int) -> CaseDraws:
     """Return so many of the draws, evenly spaced."""
     chosen = np.linspace(0, len(draws.k) - 1, count).round().astype(int)
-    return CaseDraws(*(None if values is None else values[chosen] for values in draws))
+    nu = None if draws.noise_nu is None else draws.noise_nu[chosen]
+    *values, _ = draws
+    return CaseDraws(*(each[chosen] for each in values), noise_nu=nu)
 
 
 def joined(parts: Sequence[CaseDraws]) -> CaseDraws:
