@@ -154,14 +154,14 @@ def predict_stack(
     cases, *others = (predictable_cases(model.tree) for model in models)
     if any(other != cases for other in others):
         raise BadInput("models of other records have other cases; stack models of the same records")
-    choice = choose(query, cases)
-    posterior, laws = with_records(models[0].tree), {law_of(model.tree) for model in models}
+    choice, shares = choose(query, cases), _shares(models)
+    posterior, laws = with_records(models[0].tree), {law_of(tree) for tree, _ in shares}
     warnings = [f"no opposite direction of {case_list([cases[i].label for i in choice.alone])}"] if choice.alone else []
     warnings += about_untested(choice.untested, cases)
     if len(laws) > 1:
         warnings.append("the models have different laws: there are no parameters of one of them")
     curves, parameters, unused = [], [], []
-    for each in zip(*_stacked(models, choice, of, seed), strict=True):
+    for each in zip(*(_drawn(*share, choice, of, seed) for share in shares), strict=True):
         case, kind = each[0].case, each[0].kind
         u = _displacements(case, displacement_mm, posterior)
         if not len(u):
@@ -190,19 +190,24 @@ class _Drawn(NamedTuple):
     rng: np.random.Generator
 
 
-def _stacked(models: Sequence[Weighted], choice: Choice, of: str, seed: int) -> list[Iterator[_Drawn]]:
-    """Return the draws of the cases chosen by each model that has any weight, as many as its weight is."""
+def _shares(models: Sequence[Weighted]) -> list[tuple[xr.DataTree, int]]:
+    """Return the posterior of each model that has any weight, and how many of its draws are as many as its weight is.
+
+    Raises
+    ------
+    BadInput
+        If none has.
+    """
     total = sum(model.weight for model in models)
-    if total <= 0:
-        raise BadInput("the weights of all models are 0")
-    shares = {i: model.weight / total for i, model in enumerate(models) if model.weight > 0}
-    sizes = {i: with_records(models[i].tree).sizes for i in shares}
-    most = min(sizes[i]["chain"] * sizes[i]["draw"] / share for i, share in shares.items())
-    counts = {i: round(share * most) for i, share in shares.items()}
-    return [_drawn(models[i].tree, choice, of, seed, count) for i, count in counts.items() if count]
+    if not total > 0:
+        raise BadInput("the weights of all models are 0; run compare again")
+    weighted = [(tree, weight / total) for tree, weight in models if weight > 0]
+    sizes = [with_records(tree).sizes for tree, _ in weighted]
+    most = min(size["chain"] * size["draw"] / share for size, (_, share) in zip(sizes, weighted, strict=True))
+    return [(tree, count) for tree, share in weighted if (count := round(share * most))]
 
 
-def _drawn(tree: xr.DataTree, choice: Choice, of: str, seed: int, count: int) -> Iterator[_Drawn]:
+def _drawn(tree: xr.DataTree, count: int, choice: Choice, of: str, seed: int) -> Iterator[_Drawn]:
     """Yield the cases chosen, of each so many draws, evenly spaced, and random numbers of its own."""
     posterior, priors, law = with_records(tree), priors_of(tree), law_of(tree)
     for values, rng, kind in _chosen(posterior, choice, priors, seed):

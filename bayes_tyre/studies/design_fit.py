@@ -1,6 +1,6 @@
 """The shipped sampler on many small data sets of one design, compiled once."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -99,6 +99,18 @@ def sample_thinned(chains: Chains, sampling: Thinned, seed: int) -> Sampled:
     return Sampled(every, *(statistics[name] for name in ("diverging", "n_steps", "energy")))
 
 
+def sample_each(of_sets: Iterable[Chains], sampling: Thinned, seed: int, on_progress: Callable[[int], None]) -> Sampled:
+    """Return draws of each data set from its chains; the seed is that of the first, the others have those that follow.
+
+    `on_progress` is called with the number of data sets just done.
+    """
+    sets = []
+    for i, chains in enumerate(of_sets):
+        sets.append(sample_thinned(chains, sampling, seed + i))
+        on_progress(1)
+    return jax.tree.map(lambda *parts: np.stack(parts), *sets)
+
+
 class DesignFit:
     """The fit of a design's records, compiled once for as many data sets as will come.
 
@@ -166,11 +178,8 @@ class DesignFit:
         on_progress:
             Called with the number of data sets just done.
         """
-        sets = []
-        for i, (force, approximation) in enumerate(zip(force_kN, approximations, strict=True)):
-            sets.append(self._sample_one(force, approximation, seed + i))
-            on_progress(1)
-        return jax.tree.map(lambda *parts: np.stack(parts), *sets)
+        each = (self._chains_of(*one) for one in zip(force_kN, approximations, strict=True))
+        return sample_each(each, self.sampling, seed, on_progress)
 
     @property
     def hierarchy(self) -> Hierarchy:
@@ -189,14 +198,10 @@ class DesignFit:
         at_draws = log_likelihood_of_records(design, sampled.draws, force[:, None])
         return SimulatedSets(truths, sampled, (at_truths, at_draws))
 
-    def _sample_one(
-        self, force_kN: Float[np.ndarray, "records points"], approximation: LaplaceApproximation, seed: int
-    ) -> Sampled:
+    def _chains_of(self, force_kN: Float[np.ndarray, "records points"], approximation: LaplaceApproximation) -> Chains:
         arguments = self._arguments(force_kN)
-        chains = self._chains.given(
-            {"approximation": approximation, **arguments}, record_starts(arguments, approximation.records)
-        )
-        return sample_thinned(chains, self.sampling, seed)
+        starts = record_starts(arguments, approximation.records)
+        return self._chains.given({"approximation": approximation, **arguments}, starts)
 
     def _arguments(self, force_kN: Float[np.ndarray, "records points"]) -> dict[str, Any]:
         return self._records(force_kN).arguments(self.model)

@@ -7,7 +7,6 @@ simulated: a normal of the logarithms, as `bayes_tyre.inference.motion.record.li
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -32,7 +31,7 @@ from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.published import tables
 from bayes_tyre.record import CASE_FACTORS
 from bayes_tyre.studies.design import Design
-from bayes_tyre.studies.design_fit import Sampled, SimulatedSets, Thinned, sample_thinned
+from bayes_tyre.studies.design_fit import SimulatedSets, Thinned, sample_each
 from bayes_tyre.studies.ranked_quantities import Hierarchy
 from bayes_tyre.studies.truths import Planted, Truths
 
@@ -40,7 +39,7 @@ from bayes_tyre.studies.truths import Planted, Truths
 #: correlations, as a ring-down has them: k and m make the frequency, x and beta the first millimetres.
 _SD = np.array([0.01, 0.05, 0.10, 0.015, 0.15])
 _CORRELATED = {(0, 3): 0.8, (1, 2): -0.5, (1, 4): -0.4}
-#: How many times as wide every third record is, as rolling ones are.
+#: How many times as wide the estimates of rolling records are.
 _WIDER = 4.0
 _MIXTURE = "mixture"
 #: How much to sample of motions: five parameters of each record mix more slowly than two. With a third as many
@@ -74,11 +73,8 @@ class PublishedFit:
         truths = draw_prior(published_model, arguments, [*QUANTITIES, "log_published"], sets, of_truths)
         drawn, typical = truths.pop("log_published"), _log_values(truths, "_case")
         printed = typical + planted.noise * (drawn - typical)
-        each = (
-            (self._chains.given(self._arguments(np.exp(one)), self._starts), of_sampler + i)
-            for i, one in enumerate(printed)
-        )
-        sampled = _sample_each(each, self.sampling, on_progress)
+        each = (self._chains.given(self._arguments(np.exp(one)), self._starts) for one in printed)
+        sampled = sample_each(each, self.sampling, of_sampler, on_progress)
         both = self._log_likelihood(truths, printed), self._log_likelihood(sampled.draws, printed[:, None])
         return SimulatedSets(truths, sampled, both)
 
@@ -113,7 +109,7 @@ class MotionsFit:
         correlation = np.eye(len(_SD))
         for place, value in _CORRELATED.items():
             correlation[place] = correlation[place[::-1]] = value
-        wider = np.where(np.arange(len(design.factor_table)) % 3 == 2, _WIDER, 1.0)
+        wider = np.where(design.factor_table["speed_km_h"] > 0, _WIDER, 1.0)
         self._covariance = wider[:, None, None] ** 2 * (_SD[:, None] * correlation * _SD)
         self._rows = np.linalg.inv(np.linalg.cholesky(self._covariance))
         settings, blank = self.sampling.settings, self._arguments(np.zeros(self._rows.shape[:2]))
@@ -129,8 +125,8 @@ class MotionsFit:
         truths = draw_prior(motions_model, arguments, [*QUANTITIES, "readings"], sets, of_truths)
         drawn, true = truths.pop("readings"), self._whitened(truths)
         readings = true + planted.noise * (drawn - true)
-        each = ((self._chains.given(*self._arguments(one)), of_sampler + i) for i, one in enumerate(readings))
-        sampled = _sample_each(each, self.sampling, on_progress)
+        each = (self._chains.given(*self._arguments(one)) for one in readings)
+        sampled = sample_each(each, self.sampling, of_sampler, on_progress)
         both = self._log_likelihood(truths, readings), self._log_likelihood(sampled.draws, readings[:, None])
         return SimulatedSets(truths, sampled, both)
 
@@ -152,12 +148,3 @@ class MotionsFit:
 def _log_values(values: Truths, ending: str, parameters: Sequence[str] = PARAMETERS) -> Float[np.ndarray, "..."]:
     """Return the logarithms of the values of records or cases, parameters along the last axis but one."""
     return np.log(np.stack([values[f"{name}{ending}"] for name in parameters], axis=-2))
-
-
-def _sample_each(each: Any, sampling: Thinned, on_progress: Callable[[int], None]) -> Sampled:
-    """Return draws of data sets from their chains and seeds."""
-    sets = []
-    for chains, seed in each:
-        sets.append(sample_thinned(chains, sampling, seed))
-        on_progress(1)
-    return jax.tree.map(lambda *parts: np.stack(parts), *sets)

@@ -58,7 +58,7 @@ def study_run(command: str, out: Path, seed: int, inputs: Sequence[Path] = (), /
     write_run(run, out)
 
 
-class Calibrated(NamedTuple):
+class CalibrationTarget(NamedTuple):
     """What is calibrated.
 
     Attributes
@@ -78,6 +78,12 @@ class Calibrated(NamedTuple):
     repeats: int = 3
     weak: bool = False
 
+    @property
+    def options(self) -> dict[str, object]:
+        """What `run.json` says of it: the options that its model has."""
+        without = {"published": ("noise", "repeats", "weak"), "motion": ("noise", "weak")}.get(self.model, ())
+        return {name: value for name, value in self._asdict().items() if name not in without}
+
     def fit(self) -> tuple[SimulatedFit, Priors]:
         """Return the fit, compiled, and the priors that truths are drawn from."""
         if self.model == "published":
@@ -90,11 +96,11 @@ class Calibrated(NamedTuple):
 
 
 def write_calibration(
-    out: Path, datasets: int, seed: int, on_progress: Callable[[int], None], calibrated: Calibrated
+    out: Path, datasets: int, seed: int, on_progress: Callable[[int], None], target: CalibrationTarget
 ) -> Calibration:
     """Write what `write_calibration_files` does, with truths drawn from the priors of a calibration."""
-    with study_run("study calibration", out, seed, datasets=datasets, **calibrated._asdict()):
-        fit, priors = calibrated.fit()
+    with study_run("study calibration", out, seed, datasets=datasets, **target.options):
+        fit, priors = target.fit()
         result = calibrate(datasets, seed, on_progress, fit=fit)
         write_calibration_files(out, result, priors, "the priors")
     return result

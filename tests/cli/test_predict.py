@@ -13,6 +13,7 @@ from helpers.command_line import assert_refused, here, installed, tree_of
 from helpers.hand_made_posteriors import fixed, grid, posterior, scattered
 
 from bayes_tyre.formats.netcdf import write_tree
+from bayes_tyre.inference.sampling.common_scales import with_scale
 from bayes_tyre.results.prediction import COLUMNS
 from bayes_tyre.workflow.from_results import predict as workflow
 
@@ -148,9 +149,9 @@ def test_a_posterior_that_failed_is_written_says_so_and_ends_with_4(tmp_path):
     assert tomllib.loads((folder / "prediction.toml").read_text(encoding="utf-8"))["verdict"] == "fail"
 
 
-def compared(folder: Path, **weights: float) -> Path:
+def compared(folder: Path, verdict: str = "pass", **weights: float) -> Path:
     folder.mkdir()
-    rows = {"model": list(weights), "weight": list(weights.values())}
+    rows = {"model": list(weights), "weight": list(weights.values()), "verdict": verdict}
     pd.DataFrame(rows).to_csv(folder / "comparison.csv", index=False)
     return folder
 
@@ -160,7 +161,8 @@ def test_fits_that_were_compared_predict_together(tmp_path):
     of = ["--case", "single (25)30-20", "--displacement", "0,1,3"]
     done = here("predict", *fits, "--weights", compared(tmp_path / "all", one=0.6, two=0.4), *of)
     assert done.exit_code == 4
-    assert f"{fits[1] / 'diagnostics.json'} gives the reason" in done.stderr.replace("\n", "")
+    said = " ".join(done.stderr.split())
+    assert f"nor is the prediction; {fits[1] / 'diagnostics.json'} gives the reason" in said  # not that of the other
     made = tomllib.loads((tmp_path / "all/prediction.toml").read_text(encoding="utf-8"))
     assert (made["weights"], made["verdict"]) == ({"one": 0.6, "two": 0.4}, "fail")
     alone = here("predict", *fits, "--weights", compared(tmp_path / "one alone", one=1.0, two=0.0), *of)
@@ -170,11 +172,22 @@ def test_fits_that_were_compared_predict_together(tmp_path):
     pd.testing.assert_frame_equal(first, second)
 
 
+def test_a_comparison_that_is_not_to_be_trusted_makes_no_prediction_that_is(tmp_path):
+    fits = [a_fit(tmp_path / "one"), a_fit(tmp_path / "two")]
+    table = compared(tmp_path / "all", verdict="fail", one=0.6, two=0.4)
+    done = here("predict", *fits, "--weights", table / "comparison.csv", "--case", "single (25)30-20")
+    assert done.exit_code == 4
+    assert f"{table / 'comparison.csv'} gives the reason" in " ".join(done.stderr.split())
+    assert set(pd.read_csv(table / "prediction.csv")["verdict"]) == {"fail"}
+
+
 @pytest.mark.parametrize(
     ("weights", "said"),
     [
         ({"one": 0.5, "other": 0.5}, "compares one, other, the folders are one, two"),
-        ({"one": 1.5, "two": -0.5}, "column weight: a weight is 0 or more"),
+        ({"one": 1.0}, "compares one, the folders are one, two"),
+        ({"one": 1.5, "two": -0.5}, "column weight: weights are 0 or more"),
+        ({"one": 0.0, "two": 0.0}, "and not all of them 0; run compare again"),
     ],
 )
 def test_weights_that_are_not_of_these_fits_are_refused(weights, said, tmp_path):
@@ -185,6 +198,16 @@ def test_weights_that_are_not_of_these_fits_are_refused(weights, said, tmp_path)
     done = here("predict", *fits, "--case", "single (25)30-20")
     assert done.exit_code == 2
     assert "of several fits each has a weight" in " ".join(done.stderr.split())
+
+
+def test_fits_with_and_without_an_unknown_factor_are_not_stacked(tmp_path):
+    fits = [a_fit(tmp_path / "one"), a_fit(tmp_path / "two")]
+    with xr.open_datatree(fits[1] / "posterior.nc", engine="h5netcdf") as tree:
+        scaled = with_scale(tree.load(), "force_scale", 0.02, seed=1)
+    write_tree(scaled, fits[1] / "posterior.nc")
+    table = compared(tmp_path / "all", one=0.5, two=0.5)
+    done = here("predict", *fits, "--weights", table, "--case", "single (25)30-20")
+    assert_refused(done.exit_code, done.stderr, "one and two have an unknown force_scale", "--force-scale-sd")
 
 
 def test_a_disk_that_fills_leaves_both_older_files_as_they_were(fitted, monkeypatch):

@@ -336,7 +336,7 @@ def test_a_stack_draws_from_each_model_as_often_as_its_weight_is():
 
 
 def test_a_model_without_weight_says_nothing():
-    one, other = wide(0), wide(1)
+    one, other = wide(0), wide(1, law="small_step_limit")
     alone = predict(one, "single (0)20-30", u=[0.0, 0.05, 3.0])
     both = stacked((one, 2.0), (other, 0.0), u=[0.0, 0.05, 3.0])
     pd.testing.assert_frame_equal(both.curves, alone.curves)

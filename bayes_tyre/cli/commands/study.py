@@ -82,12 +82,12 @@ def calibration(
     _check_calibrated(model, around, [name for name, value in given.items() if value is not None])
     prepare_jax(DEVICES)
     from bayes_tyre.workflow.from_results.calibration_around import read_around, write_calibration_around
-    from bayes_tyre.workflow.studies import Calibrated, write_calibration
+    from bayes_tyre.workflow.studies import CalibrationTarget, write_calibration
 
     if around is None:
-        sets, calibrated = datasets or DATASETS, Calibrated(model or "records", noise or "iid", repeats or 3, weak)
+        sets, what = datasets or DATASETS, CalibrationTarget(model or "records", noise or "iid", repeats or 3, weak)
         with progress("calibrating", sets, quiet) as on_progress:
-            result = write_calibration(out, sets, seed, on_progress, calibrated)
+            result = write_calibration(out, sets, seed, on_progress, what)
     else:
         sets = datasets or DATASETS_AROUND
         fitted = read_around(around, sets, warn)

@@ -42,11 +42,11 @@ def with_scales_of(table: pd.DataFrame, model: ModelSettings) -> ModelSettings:
         For a column that holds something else.
     """
     named = (DISPLACEMENT_SCALE_SD, FORCE_SCALE_SD)
-    return replace(model, **{name: known_sd(table, name) for name in named if getattr(model, name) is None})
+    return replace(model, **{name: largest_sd(table, name) for name in named if getattr(model, name) is None})
 
 
-def known_sd(table: pd.DataFrame, column: str) -> float:
-    """Return the largest standard deviation in a column of `with_scales_of`; 0 without the column, or where empty.
+def largest_sd(table: pd.DataFrame, column: str) -> float:
+    """Return the largest relative standard deviation in a column; 0 without the column, or where it is empty.
 
     Raises
     ------
@@ -55,12 +55,16 @@ def known_sd(table: pd.DataFrame, column: str) -> float:
     """
     if column not in table.columns:
         return 0.0
+    empty = table[column].isna() | (table[column].astype(str).str.strip() == "")
     given = pd.to_numeric(table[column], errors="coerce")
-    bad = table[column].notna() & ~((given >= 0) & (given < np.inf))
+    bad = ~empty & ~given.between(0.0, 1.0)
     if bad.any():
-        cell = str(table[column][bad].iloc[0])[:40]
-        raise BadInput(f"column {column}: {cell!r} is no relative standard deviation; mend the cell or remove it")
-    return float(given.fillna(0.0).max())
+        record, cell = (str(table.loc[bad, name].iloc[0])[:40] for name in ("record", column))
+        raise BadInput(
+            f"record {record!r}, column {column}: {cell!r} is no relative standard deviation from 0 to 1 (0.02 for "
+            "2 %); mend the cell or remove the column"
+        )
+    return float(given[~empty].max()) if not empty.all() else 0.0
 
 
 def with_scale(tree: xr.DataTree, name: str, relative_sd: float, seed: int) -> xr.DataTree:

@@ -19,7 +19,8 @@ from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare
 from bayes_tyre.inference.model.repeat_distribution import judgeable
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.hierarchical_fit import joint_chains
-from bayes_tyre.studies.design_fit import Sampled, Thinned, sample_thinned
+from bayes_tyre.inference.sampling.nuts import Chains
+from bayes_tyre.studies.design_fit import Sampled, Thinned, sample_each
 
 #: What the name of a new record ends with.
 NEW = " new"
@@ -36,7 +37,10 @@ def augmented_model(records: PreparedRecords, model: ModelSettings) -> ModelSett
         For one record: the noise of several has parameters that its own has not; and for Student-t noise.
     """
     if model.noise == "student":
-        raise BadInput("was fitted with noise student, which calibration does not simulate; fit with another noise")
+        raise BadInput(
+            "was fitted with noise student, which --around does not simulate; fit with another noise, or run study "
+            "calibration --noise student"
+        )
     if len(records.batch.records) == 1:
         raise BadInput(
             "holds one record, and the noise of two has a distribution that one has not; fit several records"
@@ -114,13 +118,11 @@ class AugmentedFit:
         on_progress: Callable[[int], None] = lambda _: None,
     ) -> Sampled:
         """Return draws of each set; the user's records come first. `seed` is that of the first set."""
-        sets = []
-        for i, force in enumerate(new_force_kN):
-            records = self.augmented(force)
-            arguments, approximation = records.arguments(self.model), records.approximation(self.model)
-            chains = self._chains.given(
-                {"approximation": approximation, **arguments}, record_starts(arguments, approximation.records)
-            )
-            sets.append(sample_thinned(chains, self.sampling, seed + i))
-            on_progress(1)
-        return jax.tree.map(lambda *parts: np.stack(parts), *sets)
+        each = (self._chains_of(force) for force in new_force_kN)
+        return sample_each(each, self.sampling, seed, on_progress)
+
+    def _chains_of(self, new_force_kN: Float[np.ndarray, "records points"]) -> Chains:
+        records = self.augmented(new_force_kN)
+        arguments, approximation = records.arguments(self.model), records.approximation(self.model)
+        starts = record_starts(arguments, approximation.records)
+        return self._chains.given({"approximation": approximation, **arguments}, starts)

@@ -1,6 +1,6 @@
 """Prediction from a result's folder: `prediction.csv` and `prediction.toml`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
@@ -15,6 +15,7 @@ from bayes_tyre.formats.files import check_folder, whole_file, write_text
 from bayes_tyre.formats.netcdf import read_tree
 from bayes_tyre.formats.structured_text import read_json
 from bayes_tyre.formats.tables.table_files import read_table, write_table
+from bayes_tyre.inference.sampling.common_scales import POWERS
 from bayes_tyre.inference.sampling.datatree import RECORDS_DIGEST, law_of
 from bayes_tyre.plain_text import one_line
 from bayes_tyre.record import CASE_FACTORS, Case
@@ -24,7 +25,7 @@ from bayes_tyre.results.columns import numbers, texts
 from bayes_tyre.results.prediction import Prediction, Weighted, predict_stack, predictable_cases
 from bayes_tyre.workflow.result_names import COMPARISON, names
 
-NAME = "prediction.csv"
+NAME, DIAGNOSTICS_JSON = "prediction.csv", "diagnostics.json"
 #: Comment at the top of the TOML. Labels come from files and are never put into a comment.
 ABOUT = """\
 # Parameters of a tyre for a vehicle model, a table [[case]] for each case and direction: kN, mm, kN/mm, km/h.
@@ -68,7 +69,7 @@ def read_posterior(folder: Path) -> tuple[Path, xr.DataTree, str]:
     """
     if not (folder / "run.json").is_file():
         raise BadInput(f"{folder}: holds no run.json, so no finished result; name a folder that fit wrote")
-    diagnostics = folder / "diagnostics.json"
+    diagnostics = folder / DIAGNOSTICS_JSON
     try:
         verdict = read_json(diagnostics)["verdict"]
     except (OSError, ValueError, KeyError, TypeError):
@@ -118,32 +119,42 @@ def answers(curves: pd.DataFrame, most: int = 4) -> list[str]:
 
 
 class Stack(NamedTuple):
-    """Fits of the same records that predict together, by name; and the weight of each."""
+    """Fits of the same records that predict together.
+
+    Attributes
+    ----------
+    results, weights:
+        By name.
+    failed:
+        What says that a fit, or the comparison that the weights are from, is not to be trusted: its files.
+    """
 
     results: dict[str, Result]
     weights: dict[str, float]
+    failed: tuple[Path, ...] = ()
 
     @property
     def verdict(self) -> str:
-        """``pass`` where it is that of every fit with a weight."""
-        verdicts = [result.verdict for name, result in self.results.items() if self.weights[name] > 0]
-        return next((verdict for verdict in verdicts if verdict != "pass"), "pass")
+        """``pass``, or where anything failed ``fail``."""
+        return "fail" if self.failed else "pass"
 
     @property
     def first(self) -> Result:
-        """One of the fits: cases and origin are those of all."""
-        return next(iter(self.results.values()))
+        """The first fit that has a weight: cases and origin are those of all."""
+        return next(result for name, result in self.results.items() if self.weights[name] > 0)
 
 
-def alone(folder: Path) -> Stack:
-    """Return the one fit in a folder.
+def single_fit(folder: Path) -> Stack:
+    """Return the fit in a folder as a stack of one.
 
     Raises
     ------
     BadInput
         As `read_result` does.
     """
-    return Stack({folder.name: read_result(folder)}, {folder.name: 1.0})
+    result = read_result(folder)
+    failed = () if result.verdict == "pass" else (folder / DIAGNOSTICS_JSON,)
+    return Stack({folder.name: result}, {folder.name: 1.0}, failed)
 
 
 def read_stack(folders: Sequence[Path], weights: Path) -> Stack:
@@ -159,26 +170,47 @@ def read_stack(folders: Sequence[Path], weights: Path) -> Stack:
     Raises
     ------
     BadInput
-        If a folder holds no fit, fits are of other records, or the table is not of these.
+        If a folder holds no fit, the table is not of these, or fits are not of the same records with the same factors.
     """
     path = weights / COMPARISON if weights.is_dir() else weights
     table = read_table(path)
-    if not {"model", "weight"} <= set(table.columns):
-        raise BadInput(f"{path}: has no columns model and weight; name a table that compare wrote")
-    given = dict(zip(texts(table, "model"), numbers(table, "weight"), strict=True))
-    by_name = dict(zip(names(folders), folders, strict=True))
-    if given.keys() != by_name.keys():
-        raise BadInput(
-            f"{path}: compares {', '.join(sorted(given))}, the folders are {', '.join(sorted(by_name))}; name the "
-            "folders that were compared"
-        )
-    if not all(np.isfinite(weight) and weight >= 0 for weight in given.values()):
-        raise BadInput(f"{path}, column weight: a weight is 0 or more; run compare again")
+    if not {"model", "weight", "verdict"} <= set(table.columns):
+        raise BadInput(f"{path}: lacks one of the columns model, weight, verdict; name a table that compare wrote")
+    given = dict(zip(texts(table, "model"), numbers(table, "weight").to_numpy(float), strict=True))
+    by_name = _folders_of(list(given), folders, path)
+    if not (all(0 <= weight < np.inf for weight in given.values()) and sum(given.values()) > 0):
+        raise BadInput(f"{path}, column weight: weights are 0 or more, and not all of them 0; run compare again")
     results = {name: read_result(folder) for name, folder in by_name.items()}
-    digests = {name: result.tree.attrs.get(RECORDS_DIGEST) for name, result in results.items()}
-    if len(set(digests.values())) > 1:
-        raise BadInput(f"{' and '.join(digests)} are not fits of the same records; stack fits of one table")
-    return Stack(results, {name: float(given[name]) for name in by_name})
+    _check_alike(results)
+    failed = [by_name[name] / DIAGNOSTICS_JSON for name in given if given[name] > 0 and results[name].verdict != "pass"]
+    # The weights rest on what every model predicts of records left out.
+    compared = set(texts(table, "verdict")) == {"pass"}
+    return Stack(results, {name: float(given[name]) for name in results}, (*failed, *([] if compared else [path])))
+
+
+def _folders_of(models: Sequence[str], folders: Sequence[Path], path: Path) -> dict[str, Path]:
+    """Return the folder of each model of a comparison, whose name is the end of its path."""
+    ends = {folder: f"/{folder.resolve().as_posix()}" for folder in folders}
+    found = {model: [folder for folder, end in ends.items() if end.endswith(f"/{model}")] for model in models}
+    used = [each[0] for each in found.values() if len(each) == 1]
+    if len(used) < len(models) or set(used) != set(folders):
+        raise BadInput(
+            f"{path}: compares {', '.join(sorted(models))}, the folders are {', '.join(sorted(names(folders)))}; name "
+            "the folders that were compared"
+        )
+    return {model: each[0] for model, each in found.items()}
+
+
+def _check_alike(results: Mapping[str, Result]) -> None:
+    digests = {result.tree.attrs.get(RECORDS_DIGEST) for result in results.values()}
+    if len(digests) > 1:
+        raise BadInput(f"{' and '.join(results)} are not fits of the same records; stack fits of one table")
+    for scale in POWERS:  # records cannot tell of one, so that neither can weights
+        if len({scale in result.tree["posterior"] for result in results.values()}) > 1:
+            raise BadInput(
+                f"some of {' and '.join(results)} have an unknown {scale}, others have none; fit all with one "
+                f"--{scale.replace('_', '-')}-sd"
+            )
 
 
 def write_prediction(
@@ -198,7 +230,7 @@ def write_prediction(
     """
     models = [Weighted(result.tree, stack.weights[name]) for name, result in stack.results.items()]
     options = {"verdict": stack.verdict, "of": of, "interval": interval, "seed": seed}
-    with errors_name(stack.first.path):
+    with errors_name(" and ".join(str(result.path) for result in stack.results.values())):
         prediction = predict_stack(models, query, displacement_mm, **options)
     beside = out.with_suffix(".toml")
     if not prediction.parameters:

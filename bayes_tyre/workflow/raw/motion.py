@@ -208,8 +208,8 @@ def fit_estimates(
         If the folder is of no use.
     """
     if plan.force_scale_sd is None:
-        known = [geometry.force_relative_sd(middle.rig) for middle in estimated.middles]
-        plan = replace(plan, force_scale_sd=max(known, default=0.0))
+        sds = [geometry.force_relative_sd(middle.rig) for middle in estimated.middles]
+        plan = replace(plan, force_scale_sd=max(sds, default=0.0))
     callbacks, origin = callbacks or Callbacks(), estimated.origin
     call = shlex.join(["bayes-tyre", *command])
     inputs = [*estimated.files, *estimated.rig_files, *_files_of_options(plan)]

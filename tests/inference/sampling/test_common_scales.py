@@ -44,18 +44,20 @@ def test_a_common_factor_moves_all_that_follow_it_together_and_no_ratio(name):
 
 
 def test_how_well_factors_are_known_is_the_tables_unless_it_is_given():
-    table = pd.DataFrame({"force_scale_sd": [0.01, np.nan, 0.02]})
+    table = pd.DataFrame({"record": list("abc"), "force_scale_sd": [0.01, np.nan, 0.02]})
     model = with_scales_of(table, ModelSettings())
     assert (model.force_scale_sd, model.displacement_scale_sd) == (0.02, 0.0)
     assert with_scales_of(table, ModelSettings(force_scale_sd=0.0)).force_scale_sd == 0.0
-    assert with_scales_of(table.assign(force_scale_sd=np.nan), ModelSettings()).force_scale_sd == 0.0
+    assert with_scales_of(table.assign(force_scale_sd=["0.01", "", " "]), ModelSettings()).force_scale_sd == 0.01
+    for empty in (np.nan, ""):
+        assert with_scales_of(table.assign(force_scale_sd=empty), ModelSettings()).force_scale_sd == 0.0
     assert with_scales_of(table.assign(displacement_scale_sd="0.05"), model) == model
 
 
-@pytest.mark.parametrize("cell", ["good", -0.01, np.inf])
+@pytest.mark.parametrize("cell", ["good", -0.01, np.inf, 2.0])
 def test_a_column_that_is_no_standard_deviation_is_refused(cell):
-    table = pd.DataFrame({"displacement_scale_sd": [0.01, cell, 0.01]})
-    with pytest.raises(BadInput, match=rf"column displacement_scale_sd: '{cell}' is no .*; mend the cell or remove"):
+    table = pd.DataFrame({"record": list("abc"), "displacement_scale_sd": [0.01, cell, 0.01]})
+    with pytest.raises(BadInput, match=rf"record 'b', column displacement_scale_sd: '{cell}' is no .*; mend the cell"):
         with_scales_of(table, ModelSettings())
 
 

@@ -93,5 +93,5 @@ def test_one_record_is_refused():
 
 
 def test_noise_that_is_not_simulated_is_refused():
-    with pytest.raises(BadInput, match="noise student, which calibration does not simulate"):
+    with pytest.raises(BadInput, match="noise student, which --around does not simulate"):
         augmented_model(records_of(1), replace(IID, noise="student"))

@@ -46,7 +46,7 @@ def predict(
     weights: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR",
+            metavar="PATH",
             help="Folder that compare wrote, or one of its tables: what its models predict together, each with its "
             "stacking weight.",
         ),
@@ -70,9 +70,9 @@ def predict(
         raise typer.BadParameter(
             "of several fits each has a weight; name the folder that compare wrote of them", param_hint="--weights"
         )
-    from bayes_tyre.workflow.from_results.predict import alone, answers, read_stack, target, write_prediction
+    from bayes_tyre.workflow.from_results.predict import answers, read_stack, single_fit, target, write_prediction
 
-    stack = alone(folders[0]) if weights is None else read_stack(folders, weights)
+    stack = single_fit(folders[0]) if weights is None else read_stack(folders, weights)
     query = _query(case or [], stack.first.cases)
     compared = weights if weights is None or weights.is_dir() else weights.parent
     path = target(compared or folders[0], out)
@@ -81,9 +81,10 @@ def predict(
         say(text, quiet)
     for written in paths:
         say(f"wrote {written} (data: {stack.first.tree.attrs['origin']}, verdict {stack.verdict})", quiet)
-    if stack.verdict != "pass":
-        reasons = ", ".join(str(folder / "diagnostics.json") for folder in folders)
-        warn(f"the posterior is not to be trusted, nor is the prediction; {reasons} gives the reason")
+    if stack.failed:
+        reasons = ", ".join(map(str, stack.failed))
+        what = "the posterior is" if len(stack.results) == 1 else "these models are"
+        warn(f"{what} not to be trusted, nor is the prediction; {reasons} gives the reason")
         raise typer.Exit(NOT_TRUSTED)
 
 
