@@ -22,8 +22,8 @@ DisplacementScaleOption = Annotated[
         min=0.0,
         max=1.0,
         help="Relative standard deviation of a common, unknown factor on displacement (0.05: a gauge accurate to 5 %); "
-        "it widens the intervals of k and beta, not those of their ratios. Default: what [accuracy] of the rig file "
-        "said, or 0.",
+        "it widens the intervals of k and beta, not those of their ratios. Default: the largest in the column "
+        "displacement_scale_sd, which process writes from [accuracy] of the rig file, or 0.",
         show_default=False,
     ),
 ]
@@ -34,7 +34,7 @@ ForceScaleOption = Annotated[
         max=1.0,
         help="Relative standard deviation of a common, unknown factor on force (0.01: load cell and lever arms are "
         "known to 1 %); it widens the intervals of k and of forces, not those of ratios or of beta. Default: what "
-        "[accuracy] of the rig file says, or 0.",
+        "[accuracy] of the rig file says (in a record table the column force_scale_sd), or 0.",
         show_default=False,
     ),
 ]

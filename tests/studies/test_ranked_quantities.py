@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from helpers.quick_design import quick_design
 from scipy.linalg import toeplitz
-from scipy.stats import beta, halfnorm, norm
+from scipy.stats import beta, halfnorm, norm, t
 
 from bayes_tyre.inference.model.default_priors import DISCORDANT_WIDENING, PRIORS
 from bayes_tyre.inference.model.factors import find_factors
@@ -38,6 +38,15 @@ def test_the_log_likelihood_of_truths_is_that_of_their_noise(noise):
         square = residual[place] @ np.linalg.solve(covariance, residual[place])
         log_volume = np.linalg.slogdet(2.0 * np.pi * covariance)[1]
         assert found[place] == pytest.approx(-0.5 * (square + log_volume))
+
+
+def test_the_log_likelihood_of_truths_with_heavy_tailed_noise_is_that_of_a_t_at_every_point():
+    design = quick_design()
+    truths, force = draw_truths(design, 2, 0, study_priors(), noise="student")
+    found, residual = log_likelihood_of_records(design, truths, force), force - noiseless_forces(design, truths)
+    for i, record in np.ndindex(found.shape):
+        fn = t(truths["noise_nu"][i], scale=truths["sigma"][i, record])
+        assert found[i, record] == pytest.approx(np.sum(fn.logpdf(residual[i, record])))
 
 
 def repeats(truths: Truths, i: int) -> tuple[MixtureAbout, np.ndarray]:

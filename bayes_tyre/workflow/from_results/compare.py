@@ -22,6 +22,7 @@ from bayes_tyre.inference.sampling.run import SamplerSettings, kept_acceptance
 from bayes_tyre.results.model_comparison import CASE, by_record, compare, sentence
 from bayes_tyre.results.provenance import RUN_JSON, read_run
 from bayes_tyre.workflow.fit import Plan, planned_in
+from bayes_tyre.workflow.from_results.predict import NAME as PREDICTION
 from bayes_tyre.workflow.from_results.predict import Result, read_posterior, read_result
 from bayes_tyre.workflow.record_tables import read_given
 from bayes_tyre.workflow.result_names import COMPARISON, names
@@ -124,7 +125,10 @@ def compare_folders(
             "or more than six repeats of a case)"
         )
     prepare_folder(out)
-    (out / OF_CASES).unlink(missing_ok=True)
+    # What models predicted together had the weights of before; what a fit predicted alone stays as it is.
+    together = () if (out / "posterior.nc").exists() else (PREDICTION, str(Path(PREDICTION).with_suffix(".toml")))
+    for name in (OF_CASES, *together):
+        (out / name).unlink(missing_ok=True)
     with ExitStack() as whole:
         for name, table in tables.items():
             write_table(table, whole.enter_context(whole_file(out / name)))

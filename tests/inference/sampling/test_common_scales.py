@@ -5,10 +5,14 @@ import pandas as pd
 import pytest
 import xarray as xr
 from helpers.hand_made_posteriors import grid, posterior, scattered
+from helpers.simulated_records import Plan, simulate
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.settings import ModelSettings
-from bayes_tyre.inference.sampling.common_scales import as_measured, with_scale, with_scales_of
+from bayes_tyre.inference.sampling import hierarchical_fit
+from bayes_tyre.inference.sampling.common_scales import POWERS, as_measured, with_scale, with_scales_of
+from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
+from bayes_tyre.record_table import check_record_table
 from bayes_tyre.results.contrasts import contrasts
 
 #: Powers with which each quantity follows a factor, as the laws have it.
@@ -52,6 +56,15 @@ def test_how_well_factors_are_known_is_the_tables_unless_it_is_given():
     for empty in (np.nan, ""):
         assert with_scales_of(table.assign(force_scale_sd=empty), ModelSettings()).force_scale_sd == 0.0
     assert with_scales_of(table.assign(displacement_scale_sd="0.05"), model) == model
+
+
+def test_a_fit_takes_the_factors_that_its_table_names(monkeypatch):
+    """Of draws put there in place of the sampler's."""
+    monkeypatch.setattr(hierarchical_fit, "fit_prepared", lambda *_: before())
+    table = check_record_table(simulate(Plan(), 1)[0].assign(force_scale_sd=0.02))
+    assert set(POWERS) & set(fit_hierarchical(table)["posterior"].data_vars) == {"force_scale"}
+    plain = fit_hierarchical(table, model=ModelSettings(force_scale_sd=0.0, displacement_scale_sd=0.1))
+    assert set(POWERS) & set(plain["posterior"].data_vars) == {"displacement_scale"}
 
 
 @pytest.mark.parametrize("cell", ["good", -0.01, np.inf, 2.0])
