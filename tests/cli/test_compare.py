@@ -52,6 +52,13 @@ def test_the_mixture_predicts_better_where_a_repeat_is_discordant(folder, tmp_pa
     assert 8 * 3 * 40.0 < of_cases["elpd"].iloc[0] < table["elpd"].iloc[0]
     shown = here("show", tmp_path)
     assert "cases left out, one at a time:" in shown.stdout
+    both = folder / "normal", folder / "mixture"
+    done = here("predict", *both, "--weights", tmp_path, "--case", "speed_km_h=0", "--displacement", "0,1")
+    assert done.exit_code == 4, done.stderr  # the fits have too few draws
+    assert set(pd.read_csv(tmp_path / "prediction.csv")["verdict"]) == {"fail"}
+    here("compare", *both, "--no-refit", "--out", tmp_path, "--quiet")
+    assert not (tmp_path / "prediction.csv").exists()  # it had the weights of before
+    assert not (tmp_path / "prediction.toml").exists()
 
 
 def test_folders_that_hold_no_two_fits_of_the_same_points_are_refused(folder, tmp_path):
