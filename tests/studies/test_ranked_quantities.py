@@ -45,8 +45,8 @@ def test_the_log_likelihood_of_truths_with_heavy_tailed_noise_is_that_of_a_t_at_
     truths, force = draw_truths(design, 2, 0, study_priors(), noise="student")
     found, residual = log_likelihood_of_records(design, truths, force), force - noiseless_forces(design, truths)
     for i, record in np.ndindex(found.shape):
-        fn = t(truths["noise_nu"][i], scale=truths["sigma"][i, record])
-        assert found[i, record] == pytest.approx(np.sum(fn.logpdf(residual[i, record])))
+        density = t.logpdf(residual[i, record], truths["noise_nu"][i], scale=truths["sigma"][i, record])
+        assert found[i, record] == pytest.approx(np.sum(density))
 
 
 def repeats(truths: Truths, i: int) -> tuple[MixtureAbout, np.ndarray]:

@@ -230,7 +230,8 @@ def _log_scatter_of_residuals(
     printed: Float[Array, "parameters cases"], design: Float[np.ndarray, "parameters cases most"], factors: Factors
 ) -> Gaussian:
     """Return estimates by speed of the logarithm of what least squares leave, of as many means as are spare."""
-    rest = jnp.stack([y - x @ (np.linalg.pinv(x, rtol=None) @ y) for y, x in zip(printed, design, strict=True)])
+    cut = max(design.shape[1:]) * np.finfo(float).eps  # as `matrix_rank` has it
+    rest = jnp.stack([y - x @ (np.linalg.pinv(x, rtol=cut) @ y) for y, x in zip(printed, design, strict=True)])
     at_speed = factors.speed.of_case[:, None] == np.arange(len(factors.speed.labels))
     spare = np.array([1.0 - np.linalg.matrix_rank(x) / len(x) for x in design])[:, None] * at_speed.sum(axis=0)
     variance = (rest**2 @ at_speed + _LEAST_SCATTER**2) / np.maximum(spare, _ALMOST_NONE)
