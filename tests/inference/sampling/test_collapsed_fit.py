@@ -191,7 +191,8 @@ def test_records_that_no_summary_stands_for_are_sampled_as_well():
 def test_chains_find_the_posterior_without_its_mode_too(monkeypatch):
     monkeypatch.setattr(pilot, "normal_approximation", lambda *_: None)
     tree = fit_hierarchical(check_record_table(simulate(CLEAN, 1)[0]), ENOUGH)
-    assert [one.sampler for one in sampler_runs(tree)] == ["collapsed"]
+    # After so short a pilot from so far off, summaries may have to be made anew about the draws of a first run.
+    assert [one.sampler for one in sampler_runs(tree) if one.kept] == ["collapsed"]
     assert SummaryError.from_json(tree.attrs[RECORD_SUMMARIES]).at_least <= SUMMARY_ERROR_MOST
     names = ["k_group", "beta_group", "sd_log_k_case", "sd_log_k_repeat", "sd_J"]
     off = _off(posterior_of(tree)[names], posterior_of(fitted(CLEAN))[names], "mean")
