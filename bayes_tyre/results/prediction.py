@@ -6,7 +6,7 @@ A posterior may hold `displacement_scale`, an unknown common factor on the displ
 beta then hold for true displacement, and so does what is predicted here.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
@@ -16,28 +16,16 @@ import xarray as xr
 from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.record_data import EQUATION_2, LAWS
-from bayes_tyre.inference.sampling.datatree import law_of, priors_of, tree_cases
+from bayes_tyre.inference.sampling.datatree import law_of, tree_cases
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import CASE_FACTORS, Case
-from bayes_tyre.results.cases.draws import (
-    CaseDraws,
-    CaseValues,
-    draw_noise,
-    joined,
-    of_repeat,
-    tested,
-    thinned,
-    travel_mm,
-)
-from bayes_tyre.results.cases.selection import CaseQuery, Choice, case_list, choose, sign_of, without_opposite
-from bayes_tyre.results.cases.untested import untested, untested_rng
+from bayes_tyre.results.cases.draws import CaseDraws, draw_noise, joined, travel_mm
+from bayes_tyre.results.cases.selection import CaseQuery, case_list, choose, sign_of, without_opposite
+from bayes_tyre.results.cases.stacked import DrawnCase, Weighted, drawn_cases, shares_of
 
 #: The mean curve of a case, or a repeat of it that was not measured.
 KINDS = ("case", "repeat")
-#: The word before either, of a case without records.
-UNTESTED = "untested "
 #: Factors that are numbers, in words, and their units.
 _NUMBERS = {"speed_km_h": ("speed", "km/h"), "initial_load_kN": ("initial load", "kN"), "step_kN": ("step", "kN")}
 DEFAULT_POINTS = 101
@@ -49,13 +37,6 @@ COLUMNS = (
 )
 _changes_of_force = {name: jax.jit(law) for name, law in LAWS.items()}
 _NEEDED = {"k_case": "case", "beta_case": "case", "k": "record", "J": "record", "C": "record", "F_i": "record"}
-
-
-class Weighted(NamedTuple):
-    """One of several models: its posterior of records, and the weight of what it predicts."""
-
-    tree: xr.DataTree
-    weight: float
 
 
 class Prediction(NamedTuple):
@@ -154,14 +135,14 @@ def predict_stack(
     cases, *others = (predictable_cases(model.tree) for model in models)
     if any(other != cases for other in others):
         raise BadInput("models of other records have other cases; stack models of the same records")
-    choice, shares = choose(query, cases), _shares(models)
+    choice, shares = choose(query, cases), shares_of(models)
     posterior, laws = with_records(models[0].tree), {law_of(tree) for tree, _ in shares}
     warnings = [f"no opposite direction of {case_list([cases[i].label for i in choice.alone])}"] if choice.alone else []
     warnings += about_untested(choice.untested, cases)
     if len(laws) > 1:
         warnings.append("the models have different laws: there are no parameters of one of them")
     curves, parameters, unused = [], [], []
-    for each in zip(*(_drawn(*share, choice, of, seed) for share in shares), strict=True):
+    for each in zip(*(drawn_cases(*share, choice, of, seed) for share in shares), strict=True):
         case, kind = each[0].case, each[0].kind
         u = _displacements(case, displacement_mm, posterior)
         if not len(u):
@@ -178,52 +159,6 @@ def predict_stack(
     constants = {"parameter": "force", "unit": "kN", "interval": interval, "origin": models[0].tree.attrs["origin"]}
     table = pd.concat(curves, ignore_index=True).assign(**constants, verdict=verdict)
     return Prediction(table[list(COLUMNS)], tuple(parameters), tuple(warnings))
-
-
-class _Drawn(NamedTuple):
-    """What a model draws of a case: the word before what is predicted, and what noise is drawn with, beside it."""
-
-    case: Case
-    kind: str
-    draws: CaseDraws
-    law: str
-    rng: np.random.Generator
-
-
-def _shares(models: Sequence[Weighted]) -> list[tuple[xr.DataTree, int]]:
-    """Return the posterior of each model that has any weight, and how many of its draws are as many as its weight is.
-
-    Raises
-    ------
-    BadInput
-        If none has.
-    """
-    total = sum(model.weight for model in models)
-    if not total > 0:
-        raise BadInput("the weights of all models are 0; run compare again")
-    weighted = [(tree, weight / total) for tree, weight in models if weight > 0]
-    sizes = [with_records(tree).sizes for tree, _ in weighted]
-    most = min(size["chain"] * size["draw"] / share for size, (_, share) in zip(sizes, weighted, strict=True))
-    return [(tree, count) for tree, share in weighted if (count := round(share * most))]
-
-
-def _drawn(tree: xr.DataTree, count: int, choice: Choice, of: str, seed: int) -> Iterator[_Drawn]:
-    """Yield the cases chosen, of each so many draws, evenly spaced, and random numbers of its own."""
-    posterior, priors, law = with_records(tree), priors_of(tree), law_of(tree)
-    for values, rng, kind in _chosen(posterior, choice, priors, seed):
-        draws = values.mean() if of == "case" else of_repeat(posterior, values, rng, priors.discordant_widening)
-        yield _Drawn(values.case, kind, thinned(draws, count), law, rng)
-
-
-def _chosen(
-    posterior: xr.Dataset, choice: Choice, priors: Priors, seed: int
-) -> Iterator[tuple[CaseValues, np.random.Generator, str]]:
-    """Yield the cases chosen, each with random numbers of its own, and the word before what is predicted of it."""
-    for i in choice.cases:
-        yield tested(posterior, i), np.random.default_rng((seed, i)), ""
-    for case in choice.untested:
-        rng = untested_rng(posterior, seed)
-        yield untested(posterior, priors, case, rng), rng, UNTESTED
 
 
 def about_untested(untested: Sequence[Case], cases: Sequence[Case]) -> list[str]:
@@ -293,7 +228,7 @@ def force_kN(
         return F_i + np.asarray(_changes_of_force[law](u, k=k, J=J, beta=beta))
 
 
-def _bands(u: np.ndarray, models: Sequence[_Drawn], interval: float) -> dict[str, np.ndarray]:
+def _bands(u: np.ndarray, models: Sequence[DrawnCase], interval: float) -> dict[str, np.ndarray]:
     """Return median, lower and upper of the force (kN) at each displacement, a bounded number of them at once."""
     tails = [0.5, (1.0 - interval) / 2.0, (1.0 + interval) / 2.0]
     count, blocks = sum(len(model.draws.k) for model in models), []
@@ -303,7 +238,7 @@ def _bands(u: np.ndarray, models: Sequence[_Drawn], interval: float) -> dict[str
     return dict(zip(("median", "lower", "upper"), np.concatenate(blocks, axis=1), strict=True))
 
 
-def _forces(u: np.ndarray, model: _Drawn) -> Float[np.ndarray, "draws points"]:
+def _forces(u: np.ndarray, model: DrawnCase) -> Float[np.ndarray, "draws points"]:
     """Return the force (kN) in each draw of a model, with the noise of each point where it has any."""
     draws = model.draws
     F_i, J, k, beta, sigma = (getattr(draws, name)[:, None] for name in ("F_i", "J", "k", "beta", "sigma"))

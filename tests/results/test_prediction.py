@@ -12,7 +12,8 @@ from bayes_tyre.inference.sampling.common_scales import with_scale
 from bayes_tyre.record import Case
 from bayes_tyre.results import prediction
 from bayes_tyre.results.cases.selection import parse_query
-from bayes_tyre.results.prediction import Prediction, Weighted, force_kN, predictable_cases
+from bayes_tyre.results.cases.stacked import Weighted
+from bayes_tyre.results.prediction import Prediction, force_kN, predictable_cases
 
 FIGURES = ["mean", "sd", "lower", "upper"]
 PARAMETERS = ["k_kN_per_mm", "beta_mm", "J_kN", "C_kN", "F_i_kN", "d_i_mm"]

@@ -21,8 +21,9 @@ from bayes_tyre.plain_text import one_line
 from bayes_tyre.record import CASE_FACTORS, Case
 from bayes_tyre.report.answer.load import VERDICTS
 from bayes_tyre.results.cases.selection import CaseQuery
+from bayes_tyre.results.cases.stacked import Weighted
 from bayes_tyre.results.columns import numbers, texts
-from bayes_tyre.results.prediction import Prediction, Weighted, predict_stack, predictable_cases
+from bayes_tyre.results.prediction import Prediction, predict_stack, predictable_cases
 from bayes_tyre.workflow.result_names import COMPARISON, names
 
 NAME, DIAGNOSTICS_JSON = "prediction.csv", "diagnostics.json"
