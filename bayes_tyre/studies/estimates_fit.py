@@ -42,8 +42,7 @@ _CORRELATED = {(0, 3): 0.8, (1, 2): -0.5, (1, 4): -0.4}
 #: How many times as wide the estimates of rolling records are.
 _WIDER = 4.0
 _MIXTURE = "mixture"
-#: How much to sample of motions: five parameters of each record mix more slowly than two. With a third as many
-#: iterations sampling fails its check in every fourth data set.
+#: How much to sample of motions: five parameters of each record mix more slowly than two.
 MOTIONS = Thinned(SamplerSettings(chains=2, warmup=300, draws=600), thin=15)
 
 
