@@ -17,7 +17,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Float
 from numpyro import handlers
 from numpyro.distributions import biject_to
@@ -26,6 +25,7 @@ from numpyro.infer.hmc_util import build_adaptation_schedule
 from numpyro.infer.initialization import init_to_feasible
 from numpyro.infer.util import constrain_fn, potential_energy
 
+from bayes_tyre.inference.sampling.chain_devices import ChainDevices
 from bayes_tyre.inference.sampling.parameter_vector import DENSE, Blocks
 from bayes_tyre.inference.sampling.resonance import DEEPEST
 from bayes_tyre.runtime import RUN_ONCE, return_freed_memory, run_often
@@ -49,8 +49,6 @@ STATISTICS = {"diverging": "diverging", "energy": "energy", "n_steps": "num_step
 _DRAWS_AT_ONCE, _NORMALS_AT_ONCE = (10, 5, 2, 1), 150_000
 #: Most normals of a draw at which what begins the chains is compiled as what runs once.
 _SMALL = 15_000
-
-_CHAINS = "chains"
 
 
 class Chunk(NamedTuple):
@@ -118,10 +116,8 @@ class Chains:
         # Traced once for all that is compiled: tracing a hierarchy takes as long as compiling many a model.
         self._potential = jax.jit(self._potential_energy)
         self._init_kernel, self._sample_kernel = hmc(potential_fn_gen=lambda data: partial(self._potential, data))
-        devices = jax.local_devices()
-        self._together = max(n for n in range(1, min(chains, len(devices)) + 1) if chains % n == 0)
-        self._mesh = Mesh(np.asarray(devices[: self._together]), (_CHAINS,))
-        self._data = self._on_devices(data)
+        self._devices = ChainDevices(chains)
+        self._data = self._devices.place(data)
         self._shapes, self._normals = self._find_shapes()
         self._drawn_by = {name.removesuffix("_drawn") for name in self._normals}
         self.blocks = Blocks(self._shapes, tuple(starts))
@@ -131,7 +127,7 @@ class Chains:
     def given(self, arguments: Mapping[str, Any], starts: Mapping[str, Any]) -> "Chains":
         """Return these chains, compiled as they are, of other data of the same shapes and from other starts."""
         other = copy(self)
-        other._data = self._on_devices(eqx.filter(dict(arguments), lambda leaf: isinstance(leaf, jax.Array)))
+        other._data = self._devices.place(eqx.filter(dict(arguments), lambda leaf: isinstance(leaf, jax.Array)))
         other._starts = starts
         return other
 
@@ -208,7 +204,7 @@ class Chains:
 
     def advance(self, state: HMCState, iterations: int) -> Chunk:
         """Return what so many iterations, at most `CHUNK`, leave."""
-        state, stored = self._in_turns(self._advance, state, (self._data, np.int64(iterations)))
+        state, stored = self._devices.in_turns(self._advance, state, (self._data, np.int64(iterations)))
         draws, statistics = jax.tree.map(lambda values: np.asarray(values)[:, :iterations], stored)
         return Chunk(state, draws, statistics)
 
@@ -225,7 +221,7 @@ class Chains:
             return np.pad(values, room, mode="edge")
 
         given = jax.tree.map(filled, dict(unconstrained)), draw_keys(seed, self.chains)
-        sites = self._in_turns(self._constrain, given, self._data)
+        sites = self._devices.in_turns(self._constrain, given, self._data)
         return {name: np.asarray(values)[:, :length] for name, values in sites.items()}
 
     def _begin_at(
@@ -233,7 +229,7 @@ class Chains:
     ) -> HMCState:
         """Return the state of chains at these vectors; without inverse mass matrices, with those of variances of 1."""
         keys = jax.random.split(jax.random.PRNGKey(seed), self.chains)  # raw: a state, and its checkpoint, is arrays
-        return self._in_turns(self._begin, (keys, vectors, self._of_each(inverse_mass)), self._data)
+        return self._devices.in_turns(self._begin, (keys, vectors, self._of_each(inverse_mass)), self._data)
 
     def _of_each(self, inverse_mass: Mapping[tuple[str], np.ndarray] | None = None) -> dict[tuple[str], np.ndarray]:
         """Return inverse mass matrices, or those of variances of 1, for each chain."""
@@ -257,14 +253,14 @@ class Chains:
 
     def _compile_together(self) -> list[Callable[[Any, Any], Any]]:
         """Return what begins, advances and constrains, compiled side by side: half of a run's seconds go into it."""
-        begin, advance, constrain = map(self._mapped, (self._init, self._sample, self._constrained))
+        begin, advance, constrain = map(self._devices.mapped, (self._init, self._sample, self._constrained))
         keys = jax.eval_shape(lambda: jax.random.split(jax.random.PRNGKey(0), self.chains))
         fresh = keys, self.blocks.pack(self.starts(0)), self._of_each()
         # The kernel's own closures are made as it is traced, which a continued run does nowhere else.
         self.shapes: HMCState = jax.eval_shape(begin, fresh, self._data)
 
         def together(leaf: Any, *within: int) -> jax.ShapeDtypeStruct:
-            return jax.ShapeDtypeStruct((self._together, *within, *leaf.shape[1:]), leaf.dtype)
+            return jax.ShapeDtypeStruct((self._devices.together, *within, *leaf.shape[1:]), leaf.dtype)
 
         state = jax.tree.map(together, self.shapes)
         chunk = jax.tree.map(lambda leaf: together(leaf, CHUNK), self.shapes.z)
@@ -275,7 +271,7 @@ class Chains:
             lowered = begin.lower(jax.tree.map(together, fresh), self._data)
             # It looks for the mode too: hundreds of gradients, which of many records take longer than to compile.
             beginning = pool.submit(lowered.compile, compiler_options=RUN_ONCE if self._size <= _SMALL else run_often())
-            keys = jax.ShapeDtypeStruct((self._together, CHUNK, 2), np.uint32)
+            keys = jax.ShapeDtypeStruct((self._devices.together, CHUNK, 2), np.uint32)
             lowered = constrain.lower((chunk, keys), self._data)
             constraining = pool.submit(lowered.compile, compiler_options=run_often())
         compiled = [compiling.result() for compiling in (beginning, advancing, constraining)]
@@ -322,39 +318,8 @@ class Chains:
         sites = jax.lax.map(lambda part: jax.vmap(one)(*part), parts)
         return jax.tree.map(lambda a: a.reshape(CHUNK, *a.shape[2:]), sites)
 
-    def _on_devices(self, data: Any) -> Any:
-        """Return data placed for all chains: devices of one host share its memory, where each would hold gigabytes."""
-        everywhere = NamedSharding(self._mesh, PartitionSpec())
-
-        def place(leaf: jax.Array) -> jax.Array:
-            on_host = np.asarray(leaf)
-            of_each = [jax.device_put(on_host, device, may_alias=True) for device in self._mesh.devices]
-            return jax.make_array_from_single_device_arrays(leaf.shape, everywhere, of_each)
-
-        return jax.tree.map(place, data)
-
     def _arguments(self, data: Any) -> Any:
         return eqx.combine(data, self._fixed)
-
-    def _mapped(self, function: Callable[[Any, Any], Any]) -> Any:
-        """Return a function of a chain and of what chains share, to be compiled for as many chains as go together."""
-
-        def one(chain: Any, shared: Any) -> Any:
-            result = function(jax.tree.map(lambda block: block[0], chain), shared)
-            # Of no weak type: what a function returns is then what it takes, and it is compiled once.
-            return jax.tree.map(lambda array: jax.lax.convert_element_type(array, jnp.result_type(array))[None], result)
-
-        own, shared = PartitionSpec(_CHAINS), PartitionSpec()
-        mapped = jax.shard_map(one, mesh=self._mesh, in_specs=(own, shared), out_specs=own, check_vma=False)
-        placed = tuple(NamedSharding(self._mesh, spec) for spec in (own, shared))
-        return jax.jit(mapped, in_shardings=placed)
-
-    def _in_turns(self, run: Callable[[Any, Any], Any], chain: Any, shared: Any) -> Any:
-        if self._together == self.chains:
-            return run(chain, shared)
-        turns = range(0, self.chains, self._together)
-        ends = [run(jax.tree.map(lambda a, i=i: np.asarray(a)[i : i + self._together], chain), shared) for i in turns]
-        return jax.tree.map(lambda *arrays: np.concatenate([np.asarray(array) for array in arrays]), *ends)
 
 
 def _draw_and_statistics(state: HMCState) -> tuple[Any, dict[str, Any]]:
