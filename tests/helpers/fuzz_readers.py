@@ -30,7 +30,7 @@ from bayes_tyre.formats.netcdf import read_tree, write_tree
 from bayes_tyre.formats.recordings.raw import read_raw
 from bayes_tyre.formats.tables.column_map import read_column_map
 from bayes_tyre.inference.sampling.checkpoint import Checkpoints
-from bayes_tyre.inference.sampling.nuts import Chunk
+from bayes_tyre.inference.sampling.chunks import Chunk
 from bayes_tyre.results.provenance import sha256
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.workflow.fit import planned_in, read_priors

@@ -11,7 +11,7 @@ import numpy as np
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.arrays import read_arrays, write_arrays
-from bayes_tyre.inference.sampling.nuts import Chunk
+from bayes_tyre.inference.sampling.chunks import Chunk
 
 _IDENTITY, _FORMAT, _STATE, _DRAWS, _STATISTICS = "identity", "format", "state", "draws", "statistics"
 _NAME = "chunk-{:06d}.npz"

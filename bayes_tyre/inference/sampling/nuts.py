@@ -10,14 +10,13 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from functools import partial
-from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from numpyro import handlers
 from numpyro.distributions import biject_to
 from numpyro.infer.hmc import HMCState, hmc
@@ -26,12 +25,11 @@ from numpyro.infer.initialization import init_to_feasible
 from numpyro.infer.util import constrain_fn, potential_energy
 
 from bayes_tyre.inference.sampling.chain_devices import ChainDevices
+from bayes_tyre.inference.sampling.chunks import CHUNK, Chunk, draw_keys, named_normals
 from bayes_tyre.inference.sampling.parameter_vector import DENSE, Blocks
 from bayes_tyre.inference.sampling.resonance import DEEPEST
 from bayes_tyre.runtime import RUN_ONCE, return_freed_memory, run_often
 
-#: Iterations in a call, at most: between two calls a run can be watched, saved and continued.
-CHUNK = 100
 #: About the best of Hoffman and Gelman (2014, The No-U-Turn Sampler). Stan and NumPyro take 0.8 for models with necks;
 #: in the coordinates of `bayes_tyre.inference.model.coordinates` none is left that would need shorter steps.
 TARGET_ACCEPTANCE = 0.65
@@ -49,36 +47,6 @@ STATISTICS = {"diverging": "diverging", "energy": "energy", "n_steps": "num_step
 _DRAWS_AT_ONCE, _NORMALS_AT_ONCE = (10, 5, 2, 1), 150_000
 #: Most normals of a draw at which what begins the chains is compiled as what runs once.
 _SMALL = 15_000
-
-
-class Chunk(NamedTuple):
-    """What some iterations leave; every array has the chains first.
-
-    Attributes
-    ----------
-    state:
-        Of each chain after them.
-    unconstrained:
-        Draws as the sampler sees them, shape (chains, iterations, unknowns), in one or two blocks.
-    statistics:
-        By ArviZ's name, shape (chains, iterations).
-    """
-
-    state: HMCState
-    unconstrained: dict[str, np.ndarray]
-    statistics: dict[str, np.ndarray]
-
-
-def draw_keys(seed: Sequence[int], chains: int) -> np.ndarray:
-    """Return a raw key for each draw of a chunk, shape (chains, CHUNK, 2)."""
-    return np.random.SeedSequence(seed).generate_state(chains * CHUNK * 2).reshape(chains, CHUNK, 2)
-
-
-def named_normals(key: Array, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, Array]:
-    """Return standard normals of these shapes by name, all drawn at once: each by itself takes as long to compile."""
-    ends = np.cumsum([0, *(math.prod(shape) for shape in shapes.values())])
-    z = jax.random.normal(key, (ends[-1],))
-    return {name: z[i:j].reshape(shape) for (name, shape), (i, j) in zip(shapes.items(), pairwise(ends), strict=True)}
 
 
 class Chains:

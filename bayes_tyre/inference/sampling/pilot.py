@@ -17,7 +17,8 @@ from numpyro.infer.hmc import HMCState
 
 from bayes_tyre.inference.model.collapsed.nearest_summaries import refine_summaries
 from bayes_tyre.inference.model.collapsed.record_summaries import RecordSummaries
-from bayes_tyre.inference.sampling.nuts import CHUNK, Chains
+from bayes_tyre.inference.sampling.chunks import CHUNK
+from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.posterior_mode import normal_approximation
 from bayes_tyre.inference.sampling.run import Begun, SamplerSettings
 from bayes_tyre.inference.sampling.summary_error import SUMMARY_ERROR_MOST, SummaryError, flat, summary_error

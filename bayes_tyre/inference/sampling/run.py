@@ -1,7 +1,7 @@
 """A run of NUTS over a hierarchical model: from settings to draws and statistics as plain arrays, saved on the way."""
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -11,9 +11,10 @@ from numpyro.infer.hmc import HMCState
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.sampling.checkpoint import Checkpoints
+from bayes_tyre.inference.sampling.chunks import CHUNK, Chunk, joined
 from bayes_tyre.inference.sampling.datatree import PROBABILITIES, QUANTITIES
 from bayes_tyre.inference.sampling.effective_sizes import falls_short
-from bayes_tyre.inference.sampling.nuts import CHUNK, TARGET_ACCEPTANCE, Chains, Chunk
+from bayes_tyre.inference.sampling.nuts import TARGET_ACCEPTANCE, Chains
 from bayes_tyre.inference.sampling.resonance import leave_resonance
 
 #: Target acceptances that may be asked for: below, trajectories diverge that need not; above, steps become so short
@@ -293,10 +294,10 @@ def _first_state(chains: Chains, seed: int, begun: Begun | None) -> HMCState:
 def _evenly_spaced(chains: Chains, settings: SamplerSettings, chunks: Sequence[Chunk], every: int) -> Draws:
     """Return one of every so many draws of these chunks: what is not kept is not computed from them either."""
     last, count = slice(every - 1, None, every), settings.draws * every
-    statistics = _joined((chunk.statistics for chunk in chunks), count)
+    statistics = joined((chunk.statistics for chunk in chunks), count)
     diverging = statistics["diverging"]
     of_each = diverging.reshape(len(diverging), -1, every).any(axis=2)
-    unconstrained = {name: z[:, last] for name, z in _joined((chunk.unconstrained for chunk in chunks), count).items()}
+    unconstrained = {name: z[:, last] for name, z in joined((chunk.unconstrained for chunk in chunks), count).items()}
     starts = range(0, settings.draws, CHUNK)
     first = (every - 1) * len(starts)  # draws that were judged before are drawn anew
     constrained = (
@@ -304,7 +305,7 @@ def _evenly_spaced(chains: Chains, settings: SamplerSettings, chunks: Sequence[C
         for number, i in enumerate(starts, first)
     )
     kept = {name: values[:, last] for name, values in statistics.items()} | {"diverging": of_each}
-    return Draws(_joined(constrained, settings.draws), kept, every)
+    return Draws(joined(constrained, settings.draws), kept, every)
 
 
 def _falls_short(draws: Draws) -> bool:
@@ -316,17 +317,3 @@ def _falls_short(draws: Draws) -> bool:
 def _lengths(iterations: int) -> list[int]:
     """Return the lengths of the chunks that iterations are cut into."""
     return [min(CHUNK, iterations - start) for start in range(0, iterations, CHUNK)]
-
-
-def _joined(parts: Iterable[Mapping[str, np.ndarray]], draws: int) -> dict[str, np.ndarray]:
-    """Return parts of so many draws one after the other; each may go before the next is made."""
-    whole, done = dict[str, np.ndarray](), 0
-    for part in parts:
-        end = done
-        for name, values in part.items():
-            end = done + values.shape[1]
-            if name not in whole:
-                whole[name] = np.empty((len(values), draws, *values.shape[2:]), values.dtype)
-            whole[name][:, done:end] = values
-        done = end
-    return whole

@@ -33,7 +33,8 @@ from bayes_tyre.inference.model.marginal_mixture import (
 from bayes_tyre.inference.model.prepared_records import PreparedRecords, prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling import hierarchical_fit as fit
-from bayes_tyre.inference.sampling.nuts import Chains, draw_keys, named_normals
+from bayes_tyre.inference.sampling.chunks import draw_keys, named_normals
+from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record_table import check_record_table
 

@@ -18,7 +18,7 @@ from bayes_tyre.formats.arrays import read_arrays, write_arrays
 from bayes_tyre.inference.sampling import checkpoint
 from bayes_tyre.inference.sampling import run as sampling
 from bayes_tyre.inference.sampling.checkpoint import Checkpoints
-from bayes_tyre.inference.sampling.nuts import Chunk
+from bayes_tyre.inference.sampling.chunks import Chunk
 from bayes_tyre.inference.sampling.run import sample
 
 IDENTITY = {"options": {"draws": 4}, "seed": 1}

@@ -10,7 +10,8 @@ from numpyro import distributions as dist
 from numpyro.infer.hmc import HMCState
 
 from bayes_tyre.inference.sampling import resonance
-from bayes_tyre.inference.sampling.nuts import Chains, Chunk
+from bayes_tyre.inference.sampling.chunks import Chunk
+from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.run import sample
 
 

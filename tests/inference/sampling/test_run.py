@@ -13,7 +13,8 @@ from numpyro.infer.hmc import HMCState
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.sampling import run as module
 from bayes_tyre.inference.sampling.checkpoint import Checkpoints
-from bayes_tyre.inference.sampling.nuts import Chains, Chunk
+from bayes_tyre.inference.sampling.chunks import Chunk
+from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.run import (
     LONGEST,
     REPEAT_ACCEPTANCE,

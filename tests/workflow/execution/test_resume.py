@@ -9,7 +9,7 @@ import pytest
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.sampling import checkpoint
 from bayes_tyre.inference.sampling.checkpoint import Checkpoints
-from bayes_tyre.inference.sampling.nuts import Chunk
+from bayes_tyre.inference.sampling.chunks import Chunk
 from bayes_tyre.results.provenance import Run, begin_run, write_run
 from bayes_tyre.workflow.execution.resume import CHECKPOINTS, Callbacks, open_checkpoints
 
