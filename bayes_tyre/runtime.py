@@ -13,6 +13,8 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
+from bayes_tyre.errors import BadInput
+
 #: s; entries younger than this at the last check are checked again: another process may still have been writing them.
 _WRITING = 60.0
 #: Compiler options of what runs once: it compiles in half to two thirds of the time.
@@ -34,7 +36,7 @@ def run_often() -> dict[str, str]:
     return _WITHOUT_YNN
 
 
-def prepare_jax(devices: int = 1) -> None:
+def prepare_jax(devices: int = 1, device: str | None = None) -> None:
     """Switch JAX to float64 and split the host into `devices`, so that as many chains run in parallel.
 
     Call it before the first computation: the number of devices is fixed when JAX starts. Where JAX has started
@@ -42,19 +44,37 @@ def prepare_jax(devices: int = 1) -> None:
     compiles is cached in the user's cache folder for the next run, unless JAX's own variables are set:
     JAX_COMPILATION_CACHE_DIR names another folder, JAX_ENABLE_COMPILATION_CACHE=0 turns the cache off. Likewise
     JAX_NUM_CPU_DEVICES: what is compiled for one number of devices does not serve another.
+
+    Parameters
+    ----------
+    devices:
+        How many devices the host is split into.
+    device:
+        What JAX computes on: ``cpu``, or ``gpu``; None: a GPU where it finds one.
+
+    Raises
+    ------
+    BadInput
+        For ``gpu`` where JAX finds none.
     """
     import jax
 
     jax.config.update("jax_enable_x64", True)
     if jax.config.jax_enable_compilation_cache and not jax.config.jax_compilation_cache_dir:
         _set_compilation_cache()
-    if "JAX_NUM_CPU_DEVICES" in os.environ:
-        return
-    try:
-        jax.config.update("jax_num_cpu_devices", devices)
-    except RuntimeError as error:
-        if "backends" not in str(error):
-            raise
+    if device == "cpu":
+        jax.config.update("jax_platforms", device)
+    if "JAX_NUM_CPU_DEVICES" not in os.environ:
+        try:
+            jax.config.update("jax_num_cpu_devices", devices)
+        except RuntimeError as error:
+            if "backends" not in str(error):
+                raise
+    if device == "gpu" and jax.default_backend() != device:
+        raise BadInput(
+            "--device gpu: JAX finds none here; install its plugin for the GPU (such as jax[cuda13]), or leave the "
+            "option out"
+        )
 
 
 def return_freed_memory() -> None:

@@ -4,10 +4,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import jax
 import pytest
 from helpers.command_line import environment
 
 from bayes_tyre import runtime
+from bayes_tyre.errors import BadInput
 
 SCRIPT = """
 from bayes_tyre.cli.messages import one_line_each
@@ -79,3 +81,21 @@ def test_options_that_this_compiler_does_not_know_are_left_out(monkeypatch):
     assert runtime.run_often() == runtime._WITHOUT_YNN
     monkeypatch.setattr(runtime, "_WITHOUT_YNN", {"xla_no_such_option": ""})
     assert runtime.run_often.__wrapped__() == {}
+
+
+def test_a_gpu_that_is_asked_for_is_used_or_the_message_says_that_there_is_none(monkeypatch):
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    runtime.prepare_jax(1, "gpu")
+    monkeypatch.setattr(jax, "default_backend", lambda: "cpu")
+    with pytest.raises(BadInput, match=r"^--device gpu: JAX finds none here; .* or leave the option out$"):
+        runtime.prepare_jax(1, "gpu")
+
+
+def test_the_processor_is_used_where_it_is_asked_for(tmp_path):
+    env = {name: value for name, value in environment().items() if not name.startswith("JAX_")}
+    script = SCRIPT.replace("prepare_jax(2)", "prepare_jax(2, 'cpu')").replace(
+        "print(", "print(jax.config.jax_platforms, jax.default_backend(), "
+    )
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, env=env | {"XDG_CACHE_HOME": str(tmp_path)}, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "cpu cpu 2 3.0\n", "")

@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from bayes_tyre.workflow.fit import Plan
 
 #: What may stand beside --from: everything else is in the run.json.
-BESIDE_FROM = ("out", "from_run", "resume", "xlsx", "quiet", "verbose", "log_file")
+BESIDE_FROM = ("out", "from_run", "resume", "xlsx", "device", "quiet", "verbose", "log_file")
 
 
 def fit(
@@ -68,6 +68,10 @@ def fit(
         Path | None,
         typer.Option("--from", metavar="RUN.JSON", help="Repeat the run that wrote this run.json, to the byte."),
     ] = None,
+    device: Annotated[
+        Literal["cpu", "gpu"] | None,
+        typer.Option(help="What to compute on; default: a GPU where JAX finds one.", show_default=False),
+    ] = None,
     quiet: shell.Quiet = False,
 ) -> None:
     """Fit all records together, hierarchically: posteriors of k, beta, J, C and sigma (kN, mm). No record is dropped.
@@ -85,7 +89,7 @@ def fit(
         from bayes_tyre.workflow.fit import planned_in
 
         plan = planned_in(from_run, shell.warn)
-        _run(plan, _checked_table(plan), out, resume, xlsx, quiet)
+        _run(plan, _checked_table(plan), out, resume, xlsx, device, quiet)
         return
     from bayes_tyre.inference.model.settings import ModelSettings
     from bayes_tyre.results.limits import OF_RECORDS
@@ -112,15 +116,17 @@ def fit(
     limit = shell.checked_limit(limit, OF_RECORDS)
     plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns, limit, reference, record_draws)
     table = _checked_table(plan)
-    _run(plan.for_records(table["record"].nunique()), table, out, resume, xlsx, quiet)
+    _run(plan.for_records(table["record"].nunique()), table, out, resume, xlsx, device, quiet)
 
 
-def _run(plan: "Plan", table: "pd.DataFrame", out: Path, resume: bool, xlsx: bool, quiet: bool) -> None:
+def _run(
+    plan: "Plan", table: "pd.DataFrame", out: Path, resume: bool, xlsx: bool, device: str | None, quiet: bool
+) -> None:
     """Fit as planned, print its progress, and end as the verdict says."""
     from bayes_tyre.record_table import origin_of
     from bayes_tyre.workflow.fit import fit_table  # imports JAX, which starts only when it computes
 
-    prepare_jax(plan.sampler.chains)
+    prepare_jax(plan.sampler.chains, device)
     origin = origin_of(table)
     shell.say(f"fitting {table['record'].nunique()} records (data: {origin}), {plan.sampler.chains} chains", quiet)
     sampled.fitted(
