@@ -118,16 +118,17 @@ def iterations_fully_compiled() -> Iterator[None]:
     What one fit compiles takes 24 s of a core so, 42 s in full, and 21 s without optimisation. That what runs a few
     times is right when fully compiled is tested in `test_marginal_mixture` and `test_hierarchical_fit`.
     """
+    from bayes_tyre.inference.sampling.chain_devices import ChainDevices
     from bayes_tyre.inference.sampling.nuts import Chains
 
-    mapped = Chains._mapped
+    mapped = ChainDevices.mapped
 
-    def mapped_in_full(chains: Chains, function: Callable[[Any, Any], Any]) -> Any:
-        jitted = mapped(chains, function)
-        return _InFull(jitted) if function == chains._sample else jitted
+    def mapped_in_full(devices: ChainDevices, function: Callable[[Any, Any], Any]) -> Any:
+        jitted = mapped(devices, function)
+        return _InFull(jitted) if getattr(function, "__func__", None) is Chains._sample else jitted
 
     with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(Chains, "_mapped", mapped_in_full)
+        monkeypatch.setattr(ChainDevices, "mapped", mapped_in_full)
         yield
 
 

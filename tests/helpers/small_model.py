@@ -16,6 +16,7 @@ def model(y: jax.Array) -> None:
     tau = numpyro.sample("tau", dist.HalfNormal(2.0))
     x = numpyro.sample("x", dist.Normal(mu, tau).expand([20]).to_event(1))
     numpyro.deterministic("twice", 2.0 * np.asarray(1.0) * x)
+    numpyro.deterministic("squares", tau * x**2)
     numpyro.sample("y", dist.Normal(x, 0.5).to_event(1), obs=y)
 
 

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from jaxtyping import ArrayLike
 
 _CHAINS = "chains"
 
@@ -30,10 +31,10 @@ class ChainDevices:
         """Return data placed for all chains: devices of one host share its memory, where each would hold gigabytes."""
         everywhere = NamedSharding(self._mesh, PartitionSpec())
 
-        def placed(leaf: jax.Array) -> jax.Array:
+        def placed(leaf: ArrayLike) -> jax.Array:
             on_host = np.asarray(leaf)
             of_each = [jax.device_put(on_host, device, may_alias=True) for device in self._mesh.devices]
-            return jax.make_array_from_single_device_arrays(leaf.shape, everywhere, of_each)
+            return jax.make_array_from_single_device_arrays(on_host.shape, everywhere, of_each)
 
         return jax.tree.map(placed, data)
 

@@ -64,7 +64,7 @@ def sample_collapsed(
             return draws, runs, error
         place = place._replace(error=error)
         if attempt + 1 < ATTEMPTS:
-            place = pilot.about(place, draws.sites)
+            place = pilot.about(place, draws, attempt)
             settings.on_note(f"{_off(error)}: made anew about these draws, for another run")
         del draws  # gigabytes, of many records
     settings.on_note(f"{_off(place.error)}: records are sampled as well")
@@ -79,7 +79,7 @@ def _draws_at(
     errors: list[SummaryError] = []
 
     def good_enough(draws: Draws) -> bool:
-        errors.append(pilot.error(draws.sites))
+        errors.append(pilot.error(place, draws))
         return errors[-1].at_least <= SUMMARY_ERROR_MOST
 
     draws, runs = run_until_sound(chains, settings, good_enough, begun)

@@ -35,6 +35,11 @@ class Blocks(NamedTuple):
         both = {DENSE: list(self.dense), DIAGONAL: sorted(self.shapes.keys() - set(self.dense))}
         return {block: names for block, names in both.items() if names}
 
+    @property
+    def size(self) -> int:
+        """How many unknowns there are."""
+        return sum(map(self._size, self.sites))
+
     def pack(self, values: Mapping[str, Float[np.ndarray, "chains *site"]]) -> dict[str, np.ndarray]:
         """Return the vectors, shape (chains, unknowns)."""
         return {
@@ -59,7 +64,7 @@ class Blocks(NamedTuple):
         None: they are independent, with a variance of 1.
         """
         if covariance is None:
-            covariance = np.eye(sum(self._size(block) for block in self.sites))
+            covariance = np.eye(self.size)
         of_rows = self.split(covariance.T)
         square = {block: self.split(rows.T)[block] for block, rows in of_rows.items()}
         return {(block,): values if block == DENSE else np.diagonal(values) for block, values in square.items()}

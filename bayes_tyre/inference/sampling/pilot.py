@@ -3,6 +3,9 @@
 First the normal approximation of what the records share, at its mode; then short runs of the chains that begin there.
 Each time the summaries are made anew about draws. The draws of all chains together also say what the mass matrix is:
 the windows of the warmup in which each chain would learn it by itself are skipped.
+
+What summaries miss of a record is small, and alike in many: its slope along what they share adds up with their number,
+while the posterior narrows with the root of it. Of thousands of records that slope is measured and added.
 """
 
 from collections.abc import Mapping
@@ -15,25 +18,34 @@ import numpy as np
 from jaxtyping import Float
 from numpyro.infer.hmc import HMCState
 
+from bayes_tyre.inference.model.collapsed.model import SUMMARY_ERROR
 from bayes_tyre.inference.model.collapsed.nearest_summaries import refine_summaries
 from bayes_tyre.inference.model.collapsed.record_summaries import RecordSummaries
 from bayes_tyre.inference.sampling.chunks import CHUNK
 from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.posterior_mode import normal_approximation
-from bayes_tyre.inference.sampling.run import Begun, SamplerSettings
+from bayes_tyre.inference.sampling.run import Begun, Draws, SamplerSettings
 from bayes_tyre.inference.sampling.summary_error import SUMMARY_ERROR_MOST, SummaryError, flat, summary_error
 
 #: Times that the summaries are made anew about the mode, at most; and about chunks of the chains, at least and at
 #: most: of many records the draws of a chunk are too few to show that an error is small.
 _ROUNDS_AT_MODE, _ROUNDS_OF_CHAINS = 4, (2, 4)
-#: Error of the summaries that may be hidden by chance where one looks small.
-_BY_CHANCE_MOST = 0.25
+#: Error of the summaries that may be hidden by chance where one looks small. Where more is, slopes tell it.
+_BY_CHANCE_MOST = 0.2
+#: Draws of each chain at which slopes of what the summaries miss are taken, at most a chunk.
+_DRAWS_OF_SLOPES = 100
+#: What slopes are taken for, to tell their seeds apart; others are numbers of attempts, which are few.
+_OF_PILOT, _OF_ERROR = 100, 101
 #: Chunks before the first round of chains that begin far from the posterior.
 _ON_THE_WAY = 2
 #: Iterations of the warmup that the pilot run stands for: those of the default but for a chunk.
 _WARMUP_BY_PILOT = 500
-#: Draws that what was known of the covariance counts as, beside a chunk's of each chain.
+#: Draws that what was known of the covariance counts as, at least, beside a chunk's of each chain; and as many as there
+#: are unknowns, for the covariance of fewer draws than these is worse than the mode's.
 _KNOWN_AS_DRAWS = 100
+#: Squared standard errors of a slope that are taken off its square: what chance explains, twice over.
+_BEYOND_CHANCE = 4.0
+_TINY = float(np.finfo(float).tiny)
 _NO_SITES: Mapping[str, np.ndarray] = MappingProxyType({})
 #: Sites whose draws summaries are made about.
 _OF_SUMMARIES = ("k", "beta", "sigma", "rho", "J_group", "sd_J")
@@ -46,19 +58,21 @@ class Place(NamedTuple):
     ----------
     summaries, error:
         Of the records, and how far those were off that they were made from.
-    points, covariance:
-        A point for each chain, and the covariance about them, of the unknowns of what the records share; None: not
-        known.
+    draws, covariance:
+        Draws of the unknowns of what the records share, unconstrained, and their covariance; None: not known.
     sites:
         What summaries are made of (`_OF_SUMMARIES`) at the draws of the last chunk of the chains; empty before there
         was one.
+    slope:
+        Of what the summaries miss of the log density, along the unknowns; None: not measured, and left out.
     """
 
     summaries: RecordSummaries
     error: SummaryError
-    points: Float[np.ndarray, "chains unknowns"] | None = None
+    draws: Float[np.ndarray, "chains draws unknowns"] | None = None
     covariance: Float[np.ndarray, "unknowns unknowns"] | None = None
     sites: Mapping[str, np.ndarray] = _NO_SITES
+    slope: Float[np.ndarray, " unknowns"] | None = None
 
 
 class Pilot(NamedTuple):
@@ -81,14 +95,21 @@ class Pilot(NamedTuple):
         for number in range(most):
             place = self._about_chunk(place, number)
             error = place.error
-            small = error.total <= SUMMARY_ERROR_MOST and 2.0 * error.chance <= _BY_CHANCE_MOST**2
-            if not np.isfinite(error.total) or (number + 1 >= least and small):
+            hidden = 2.0 * error.chance > _BY_CHANCE_MOST**2
+            if not np.isfinite(error.total) or (number + 1 >= least and (hidden or error.total <= SUMMARY_ERROR_MOST)):
                 break
-        return place._replace(sites=_NO_SITES)
+        place = place._replace(sites=_NO_SITES)
+        return self._with_slope(place, _OF_PILOT) if hidden and np.isfinite(error.total) else place
 
-    def about(self, place: Place, sites: Mapping[str, np.ndarray]) -> Place:
-        """Return a place with its summaries made anew about draws of every site."""
-        return self._placed(sites)._replace(points=place.points, covariance=place.covariance)
+    def about(self, place: Place, draws: Draws, number: int) -> Place:
+        """Return a place with its summaries made anew about draws, and its slope where it had one.
+
+        `number` tells one such place from others.
+        """
+        about = self._placed(draws.sites)._replace(draws=place.draws, covariance=place.covariance)
+        if place.slope is None:
+            return about
+        return self._with_slope(about._replace(draws=self.chains.blocks.join(draws.unconstrained)), number)
 
     def chains_at(self, place: Place, number: int) -> tuple[Chains, Begun]:
         """Return the chains with the summaries of a place, and the state in which they are there.
@@ -96,43 +117,49 @@ class Pilot(NamedTuple):
         Of their warmup the last chunk is left, and all beyond `_WARMUP_BY_PILOT` iterations; `number` tells one such
         state from others.
         """
-        chains, done = self._given(place.summaries), max(min(self.settings.warmup - CHUNK, _WARMUP_BY_PILOT), 0)
+        chains, done = self._given(place), max(min(self.settings.warmup - CHUNK, _WARMUP_BY_PILOT), 0)
         return chains, Begun(self._begin(chains, place, _ROUNDS_OF_CHAINS[1] + number, done), done)
 
-    def error(self, sites: Mapping[str, np.ndarray]) -> SummaryError:
-        """Return how far the summaries are off that draws of every site were made with."""
-        return summary_error(sites, self.chains.sampled, self._cases())
+    def error(self, place: Place, draws: Draws) -> SummaryError:
+        """Return how far the summaries of a place, with its slope if it has one, are off at draws made with them."""
+        error = self._error(draws.sites)
+        if place.slope is None or not np.isfinite(error.total):
+            return error
+        points = self.chains.blocks.join(draws.unconstrained)
+        slopes = flat(self._slopes(place, points, _OF_ERROR)) - place.slope
+        return error.by_slopes(slopes, np.cov(flat(points).T))
 
     def _about_mode(self, place: Place, number: int) -> Place | None:
         """Return the place at the mode that there is with these summaries; None where there is none."""
-        chains, seed = self._given(place.summaries), self.settings.seed
-        start = chains.middle if place.points is None else place.points.mean(axis=0)
+        chains, seed = self._given(place), self.settings.seed
+        start = chains.middle if place.draws is None else place.draws[:, -1].mean(axis=0)
         approximation = normal_approximation(chains.potential, start, chains.chains)
         if approximation is None:
             return None
         draws = approximation.draw(chains.chains * CHUNK, seed).reshape(chains.chains, CHUNK, -1)
         sites = chains.constrain(chains.blocks.split(draws), (seed, number))
-        place = self._placed(sites)._replace(points=draws[:, -1], covariance=approximation.covariance)
+        place = self._placed(sites)._replace(draws=draws, covariance=approximation.covariance)
         return place if np.isfinite(place.error.total) else None
 
     def _about_chunk(self, place: Place, number: int) -> Place:
         """Return where the chains are after a chunk that begins at a place."""
-        chains, settings = self._given(place.summaries), self.settings
+        chains, settings = self._given(place), self.settings
         last = max(settings.warmup - CHUNK, 0)
-        state, count = self._begin(chains, place, number, last), 1 if place.points is not None else 1 + _ON_THE_WAY
+        state, count = self._begin(chains, place, number, last), 1 if place.draws is not None else 1 + _ON_THE_WAY
         settings.on_stage("pilot run", count * CHUNK)
         for _ in range(count):
             chunk = chains.advance(state, CHUNK)
             state = chunk.state
             settings.on_progress(CHUNK)
         sites = chains.constrain(chunk.unconstrained, (settings.seed, number))
-        draws = flat(chains.blocks.join(chunk.unconstrained))
-        known = np.eye(draws.shape[1]) if place.covariance is None else place.covariance
-        share = len(draws) / (len(draws) + _KNOWN_AS_DRAWS)
-        covariance = share * np.cov(draws.T) + (1.0 - share) * known
+        draws = chains.blocks.join(chunk.unconstrained)
+        known = np.eye(draws.shape[-1]) if place.covariance is None else place.covariance
+        count = len(flat(draws))
+        share = count / (count + max(_KNOWN_AS_DRAWS, len(known)))
+        covariance = share * np.cov(flat(draws).T) + (1.0 - share) * known
         placed = self._placed(sites, place.sites)
         kept = {name: sites[name] for name in _OF_SUMMARIES if name in sites}
-        return placed._replace(points=chains.blocks.join(state.z), covariance=covariance, sites=kept)
+        return placed._replace(draws=draws, covariance=covariance, sites=kept)
 
     def _placed(self, sites: Mapping[str, np.ndarray], before: Mapping[str, np.ndarray] = _NO_SITES) -> Place:
         """Return summaries about draws of every site, and how far those were off that the draws were made with.
@@ -140,7 +167,7 @@ class Pilot(NamedTuple):
         They are about draws that were made `before`, with other summaries, as well: the more, the less is left to
         chance.
         """
-        error = self.error(sites)
+        error = self._error(sites)
         both = {name: np.concatenate([draws, sites[name]], axis=1) for name, draws in before.items()}
         summaries = _summaries_about(both or sites, self.arguments)
         if not all(np.isfinite(np.asarray(leaf)).all() for leaf in jax.tree.leaves(summaries)):
@@ -148,14 +175,32 @@ class Pilot(NamedTuple):
             error = self._unknown()
         return Place(summaries, error)
 
-    def _given(self, summaries: RecordSummaries) -> Chains:
-        return self.chains.given({**self.arguments, "summaries": summaries}, self.starts)
+    def _with_slope(self, place: Place, number: int) -> Place:
+        """Return a place with the slope of what its summaries miss, as far as its draws show one beyond chance."""
+        self.settings.on_stage("what the summaries miss", None)
+        slopes = flat(self._slopes(place, place.draws, number))
+        mean, square = slopes.mean(axis=0), slopes.var(axis=0) / len(slopes)
+        return place._replace(slope=mean * np.maximum(1.0 - _BEYOND_CHANCE * square / np.maximum(mean**2, _TINY), 0.0))
+
+    def _slopes(
+        self, place: Place, points: Float[np.ndarray, "chains draws unknowns"], number: int
+    ) -> Float[np.ndarray, "chains draws unknowns"]:
+        """Return slopes of what the summaries of a place miss, at some of the points of each chain."""
+        some = points[:, np.linspace(0, points.shape[1] - 1, _DRAWS_OF_SLOPES).round().astype(int)]
+        chains = self._given(place)
+        return chains.slopes(SUMMARY_ERROR, chains.blocks.split(some), (self.settings.seed, number, 0))
+
+    def _given(self, place: Place) -> Chains:
+        return self.chains.given({**self.arguments, "summaries": place.summaries}, self.starts, place.slope)
 
     def _begin(self, chains: Chains, place: Place, number: int, done: int) -> HMCState:
-        if place.points is None or place.covariance is None:
+        if place.draws is None or place.covariance is None:
             return chains.begin(self.settings.seed)
         seed = int(np.random.SeedSequence((self.settings.seed, number)).generate_state(1)[0])
-        return chains.begin_where(place.points, place.covariance, seed, done)
+        return chains.begin_where(place.draws[:, -1], place.covariance, seed, done)
+
+    def _error(self, sites: Mapping[str, np.ndarray]) -> SummaryError:
+        return summary_error(sites, self.chains.sampled, self._cases())
 
     def _unknown(self) -> SummaryError:
         return SummaryError(np.inf, np.inf, self._cases()[0], np.inf)

@@ -99,11 +99,13 @@ class SamplerSettings:
 class Draws(NamedTuple):
     """Draws by site and sampler statistics by ArviZ's name; shapes (chains, draws, ...).
 
-    Of every `every` iterations one is a draw; it counts as diverging where any of them did.
+    Of every `every` iterations one is a draw; it counts as diverging where any of them did. `unconstrained` is what the
+    sampler sees of them (`bayes_tyre.inference.sampling.parameter_vector.Blocks`).
     """
 
     sites: dict[str, np.ndarray]
     statistics: dict[str, np.ndarray]
+    unconstrained: dict[str, np.ndarray]
     every: int = 1
 
     @property
@@ -305,7 +307,7 @@ def _evenly_spaced(chains: Chains, settings: SamplerSettings, chunks: Sequence[C
         for number, i in enumerate(starts, first)
     )
     kept = {name: values[:, last] for name, values in statistics.items()} | {"diverging": of_each}
-    return Draws(joined(constrained, settings.draws), kept, every)
+    return Draws(joined(constrained, settings.draws), kept, unconstrained, every)
 
 
 def _falls_short(draws: Draws) -> bool:

@@ -39,6 +39,28 @@ class SummaryError(NamedTuple):
     of_case: float
     chance: float = 0.0
 
+    def by_slopes(
+        self, slopes: Float[np.ndarray, "draws unknowns"], covariance: Float[np.ndarray, "unknowns unknowns"]
+    ) -> "SummaryError":
+        """Return it with the total that slopes of what the summaries miss say, which know it far better.
+
+        Parameters
+        ----------
+        slopes:
+            Along the unknowns, at draws of the posterior, each with records of its own.
+        covariance:
+            Of the unknowns.
+        """
+        draws = len(slopes)
+        whitened = slopes @ np.linalg.cholesky(covariance)
+        mean, off = whitened.mean(axis=0), whitened - whitened.mean(axis=0)
+        by_chance = np.sum(off**2) / (draws * (draws - 1))
+        square = np.sum(mean**2) - by_chance
+        products = off @ off.T / (draws * (draws - 1))
+        chance = np.sqrt(2.0 * np.sum(products**2) + 4.0 * np.sum((off @ mean) ** 2) / (draws * (draws - 1)))
+        total, at_least = (float(np.sqrt(max(each, 0.0))) for each in (square, square - 2.0 * chance))
+        return self._replace(total=total, at_least=at_least, chance=float(chance))
+
     def to_json(self) -> str:
         """Return it as a posterior's tree carries it in `RECORD_SUMMARIES`."""
         return json.dumps(self._asdict())

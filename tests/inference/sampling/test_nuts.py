@@ -115,6 +115,31 @@ def test_the_potential_at_points_is_the_models_and_its_gradient_the_slope():
     np.testing.assert_allclose(gradients.sum(axis=1), slope, rtol=1e-6)
 
 
+def test_a_slope_beyond_the_model_is_in_the_potential_and_stays_at_another_acceptance():
+    made = chains.Chains(model, DATA, 2, 130, STARTS)
+    points = np.stack([made.middle, made.middle + np.linspace(-0.2, 0.2, len(made.middle))])
+    slope = np.linspace(-1.0, 2.0, len(made.middle))
+    sloping = made.given(DATA, STARTS, slope)
+    (plain, gradients), (found, with_slope) = (each.potential(points) for each in (made, sloping))
+    np.testing.assert_allclose(found, plain - points @ slope, rtol=1e-12)
+    np.testing.assert_allclose(with_slope, gradients - slope, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(sloping.at_acceptance(0.9).potential(points)[0], found)
+    np.testing.assert_array_equal(made.given(DATA, STARTS).potential(points)[0], plain)
+
+
+def test_slopes_of_a_site_are_those_of_finite_differences():
+    made, step = chains.Chains(model, DATA, 2, 130, STARTS), 1e-5
+    draws = made.advance(made.begin(3), 7).unconstrained
+    points = made.blocks.join(draws)
+    found = made.slopes("squares", draws, (3, 0))
+    assert found.shape == points.shape
+    for unknown in range(points.shape[2]):
+        off = step * np.eye(points.shape[2])[unknown]
+        ends = [made.constrain(made.blocks.split(points + sign * off), (3, 0))["squares"] for sign in (1, -1)]
+        differences = (ends[0] - ends[1]).reshape(2, 7, -1).sum(axis=2) / (2 * step)
+        np.testing.assert_allclose(found[..., unknown], differences, rtol=1e-6, atol=1e-6)
+
+
 def test_chains_that_begin_where_the_covariance_is_known_keep_its_mass_matrix_and_adapt_their_steps():
     made = chains.Chains(model, DATA, 2, 130, STARTS)
     unknowns = len(made.middle)

@@ -79,6 +79,29 @@ def test_a_density_that_is_nowhere_is_no_summary():
     assert found.case == "c"
 
 
+def test_slopes_say_how_large_the_error_is_and_what_is_chance():
+    random, known = np.random.default_rng(2), SummaryError(0.9, 0.5, "dual (0)20-30", 0.001, 0.1)
+    root = np.tril(random.uniform(0.1, 0.3, (6, 6)))
+    slope, found = np.linspace(-0.05, 0.2, 6), []
+    for _ in range(200):
+        slopes = slope + random.standard_normal((100, 6)) @ np.diag([0.1, 0.1, 0.1, 0.1, 0.5, 0.5])
+        found.append(known.by_slopes(slopes, root @ root.T))
+    assert (found[0].case, found[0].of_case) == ("dual (0)20-30", 0.001)
+    expected, squares = float(np.sum((slope @ root) ** 2)), np.array([one.total for one in found]) ** 2
+    # Means of 200, within four of their own standard errors; the spread of 200 is known within 5 %.
+    assert squares.mean() == pytest.approx(expected, abs=4 * squares.std() / np.sqrt(200))
+    assert np.mean([one.chance for one in found]) == pytest.approx(squares.std(), rel=0.2)
+    for one in found:
+        assert one.at_least == pytest.approx(np.sqrt(max(one.total**2 - 2 * one.chance, 0.0)))
+
+
+def test_slopes_of_nothing_show_no_error():
+    random, known = np.random.default_rng(3), SummaryError(0.9, 0.5, "dual (0)20-30", 0.001, 0.1)
+    found = [known.by_slopes(random.standard_normal((100, 6)), np.eye(6)) for _ in range(50)]
+    # Beyond two standard errors of a mean of squares in a few of a hundred.
+    assert sum(one.at_least > 0.0 for one in found) <= 8
+
+
 def test_it_comes_back_from_json():
     error = SummaryError(0.02, 0.0, "dual (0)20-30", 0.001)
     assert SummaryError.from_json(error.to_json()) == error
