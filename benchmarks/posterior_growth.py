@@ -1,20 +1,22 @@
 """The hierarchical posterior of many records: how time and memory grow. Run: python benchmarks/posterior_growth.py.
 
 The collapsed sampler on simulated records, and of few the joint one, each fit in a process of its own: its time
-includes compilation, its peak memory is its own. With --quick, the smallest size alone.
+includes compilation, its peak memory is its own. With --quick, the smallest size alone; with --figure FILE, a figure.
 """
 
 import json
 import subprocess
 import sys
 import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from least_squares_scale import peak_mb
 
 #: Configurations of a table, each with 288 records in 96 cases, by the sampler. All records sampled are not waited for.
-SIZES = {"collapsed": (1, 5, 10), "joint": (1,)}
+SIZES = {"collapsed": (1, 5, 10, 50), "joint": (1,)}
 SPEEDS, LOADS, STEPS = (0.0, 15.0, 25.0, 35.0), (15.0, 20.0, 25.0, 30.0, 35.0, 40.0), (-10.0, -5.0, 5.0, 10.0)
 REPEATS, POINTS = 3, 60
 NOISE_KN, SCATTER, CHAINS, WARMUP, DRAWS = 0.03, 0.04, 4, 500, 500
@@ -68,9 +70,29 @@ def measure(configurations: int, sampler: str) -> dict[str, object]:
     }
 
 
+def draw(rows: Sequence[Mapping[str, float]], path: Path) -> None:
+    """Draw seconds over records, both logarithmic, with lines of time in proportion to the number."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.0, 4.0), layout="constrained")
+    axes = figure.add_subplot()
+    for sampler in SIZES:
+        points = sorted((row["records"], row["seconds"]) for row in rows if row["sampler"] == sampler)
+        if points:
+            axes.loglog(*zip(*points, strict=True), "o-", label=f"{sampler} sampler")
+    records = np.array([min(row["records"] for row in rows), max(row["records"] for row in rows)])
+    for each_s in (0.01, 0.1):
+        axes.loglog(records, each_s * records, color="0.7", linewidth=0.8, zorder=0)
+        axes.annotate(f"{each_s:g} s a record", (records[1], each_s * records[1]), ha="right", color="0.4")
+    axes.set(xlabel="records (simulated)", ylabel="table to posterior, s")
+    axes.legend()
+    figure.savefig(path, dpi=150)
+
+
 def main() -> None:
-    """Print the table, a row a fit."""
+    """Print the table, a row a fit, and draw the figure if one is asked for."""
     rows = [(size, sampler) for sampler, sizes in SIZES.items() for size in sizes]
+    measured = []
     print(
         f"\nSimulated, {POINTS} points a record, {CHAINS} chains of {WARMUP} warmup and {DRAWS} draws, target "
         "acceptance 0.8; seconds from the table to the posterior, compilation included.\n\n"
@@ -81,12 +103,15 @@ def main() -> None:
         command = [sys.executable, __file__, "--fit", str(size), sampler]
         done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True)
         row = json.loads(done.stdout.splitlines()[-1])
+        measured.append(row)
         print(
             f"| {row['records']:,} | {row['sampler']} | {row['seconds']:.0f} | {row['steps']:.0f} "
             f"| {row['divergences']} | {row['ess']:.0f} | {row['of']} | {row['ess'] / row['seconds']:.1f} "
             f"| {row['peak']:.0f} |",
             flush=True,
         )
+    if "--figure" in sys.argv:
+        draw(measured, Path(sys.argv[sys.argv.index("--figure") + 1]))
 
 
 if __name__ == "__main__":
