@@ -10,19 +10,22 @@ from bayes_tyre.simulate.draw import draw_truth
 from bayes_tyre.simulate.truth import Truth
 from bayes_tyre.studies.motion_machine import Machine, recorded_on
 from bayes_tyre.studies.motion_mismatch import MISMATCHES
-from bayes_tyre.studies.motion_study import study_records
+from bayes_tyre.studies.motion_study import STATIONARY, study_records
 
 
-def simulated(mismatch: str, number: int) -> tuple[Truth, Rig, Recorded]:
-    """Return truth, rig and recording of a standing record with a mismatch."""
-    return simulated_on(MISMATCHES[mismatch].machine, number, MISMATCHES[mismatch].change)
+def simulated(mismatch: str, number: int, kind: str = STATIONARY) -> tuple[Truth, Rig, Recorded]:
+    """Return truth, rig and recording of a standing or rolling record with a mismatch."""
+    return simulated_on(MISMATCHES[mismatch].machine, number, MISMATCHES[mismatch].change, kind)
 
 
 def simulated_on(
-    machine: Machine, number: int, change: Callable[[Truth, Rig], Truth] = lambda truth, _: truth
+    machine: Machine,
+    number: int,
+    change: Callable[[Truth, Rig], Truth] = lambda truth, _: truth,
+    kind: str = STATIONARY,
 ) -> tuple[Truth, Rig, Recorded]:
-    """Return truth, rig and recording of a standing record on a machine."""
-    record = study_records(0, 0, 0, number + 1, standing_only=True)[number]
+    """Return truth, rig and recording of a standing or rolling record on a machine."""
+    record = [record for record in study_records(0, 0, 0, number + 1) if record.kind == kind][number]
     rig = load_rig(record.plan.case.configuration)
     truth = change(draw_truth(record.plan, rig, 20 + number), rig)
     raw = recorded_on(machine, truth, rig)

@@ -42,6 +42,7 @@ def estimated(task: Task) -> Done:
     arrays |= {"log_mean": np.log(TYPICAL), "log_variance": np.full(5, 1e-4)}
     flat = {name: array.ravel().tolist() for name, array in arrays.items()}
     errors = {f"{name}_se": 0.01 * value for name, value in values.items()}
+    errors |= {f"{name}_se_without_force": errors[f"{name}_se"] for name in ("k_kN_per_mm", "x_kN", "beta_mm")}
     return Done(pd.DataFrame([{**factor_table.row(), **values, **errors, **statistics, **flat}]))
 
 

@@ -14,7 +14,7 @@ from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.diagnostics.attempts import Attempts
 from bayes_tyre.inference.diagnostics.convergence import with_figures
 from bayes_tyre.inference.diagnostics.judge import judge, with_failures
-from bayes_tyre.inference.diagnostics.verdict import Diagnostics, data_checks
+from bayes_tyre.inference.diagnostics.verdict import Diagnostics
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.motion.hierarchy.leave_one_out import with_motions
@@ -22,10 +22,8 @@ from bayes_tyre.inference.motion.hierarchy.model import Motions, fit_motions
 from bayes_tyre.inference.motion.hierarchy.posterior_losses import Middle, with_losses
 from bayes_tyre.inference.motion.hierarchy.power_scaling import identify_motions
 from bayes_tyre.inference.motion.laws import motion_law
-from bayes_tyre.inference.motion.record.likelihood import WIDENED
 from bayes_tyre.inference.sampling.common_scales import with_scale
 from bayes_tyre.inference.sampling.run import SamplerSettings
-from bayes_tyre.plain_text import listed
 from bayes_tyre.record_table import origin_of
 from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.results.limits import parse_limit
@@ -36,10 +34,9 @@ from bayes_tyre.workflow.execution.batch import Machines, run_batch
 from bayes_tyre.workflow.execution.resume import Callbacks, open_checkpoints
 from bayes_tyre.workflow.execution.task_cache import TaskCache
 from bayes_tyre.workflow.fit import sampler_options
+from bayes_tyre.workflow.raw.estimate_limitations import ESTIMATES, with_estimates
 from bayes_tyre.workflow.raw.motion_estimates import (
     BY_LAW,
-    MODE_HZ,
-    OK,
     estimate_file,
     read_estimates,
     shown_motions,
@@ -47,10 +44,6 @@ from bayes_tyre.workflow.raw.motion_estimates import (
 from bayes_tyre.workflow.raw.process_tasks import Settings, plan_tasks
 from bayes_tyre.workflow.raw.raw_records import REJECTED, none_usable, rejected
 from bayes_tyre.workflow.result_folder import write_fit
-
-ESTIMATES = "estimates.csv"
-#: Records that a sentence names.
-_NAMED = 3
 
 
 @dataclass(frozen=True)
@@ -231,7 +224,7 @@ def fit_estimates(
         lambda tree, attempt: identify_motions(tree, motions, plan.priors, attempt),
         attempts,
     )
-    diagnostics = with_estimates(diagnostics, estimated)
+    diagnostics = with_estimates(diagnostics, estimated.table, len(estimated.rejected))
     if plan.force_scale_sd:  # no record can tell of it, nor does any check above
         tree = with_scale(tree, "force_scale", plan.force_scale_sd, plan.sampler.seed)
         tree = attempts("convergence statistics", lambda: with_figures(tree), tree, kind="sampling")
@@ -262,37 +255,3 @@ def _files_of_options(plan: MotionPlan) -> list[Path]:
     """Return the files that options name: the table of cases, and the rig where it is a file."""
     named = [plan.cases, Path(plan.rig) if plan.rig is not None else None]
     return [path for path in named if path is not None and path.is_file()]
-
-
-def with_estimates(diagnostics: Diagnostics, estimated: Estimated) -> Diagnostics:
-    """Return the verdict with the limitations of the records' estimates.
-
-    An estimate that failed its check is kept, for to drop records that do not fit is to choose the result; it is
-    widened instead, and named. Where that is half of them or more, the cases rest on what nobody checked.
-    """
-    bad = estimated.table[estimated.table["status"] != OK]
-    limitations = list(diagnostics.limitations)
-    if len(estimated.rejected):
-        limitations.append(
-            f"{len(estimated.rejected)} files have no estimate and are not in the result: see {REJECTED}"
-        )
-    shaken = estimated.table[estimated.table[MODE_HZ].notna()]
-    if len(shaken):
-        limitations.append(
-            f"{listed(shaken['record'].tolist(), _NAMED)}: the sensors show a second mode of the rig, at "
-            f"{shaken[MODE_HZ].median():.0f} Hz, which was fitted too; if the rig has none, look at the channels"
-        )
-    if bad.empty:
-        return diagnostics._replace(limitations=tuple(limitations))
-    limitation = (
-        f"{listed(bad['record'].tolist(), _NAMED)}: the estimate failed its check and counts with standard deviations "
-        f"{WIDENED:g} times as wide; see status in {ESTIMATES}"
-    )
-    if 2 * len(bad) < len(estimated.table):
-        return diagnostics._replace(limitations=(*limitations, limitation))
-    share = f"these are {len(bad)} of {len(estimated.table)} records"
-    reason = f"{limitation}: {share}; record them again, check the rig file, or try another --law"
-    checks = [*diagnostics.checks, *(check.row for check in data_checks([reason]))]
-    return diagnostics._replace(
-        verdict="fail", reasons=(*diagnostics.reasons, reason), limitations=tuple(limitations), checks=checks
-    )

@@ -16,10 +16,11 @@ from bayes_tyre.formats.recordings.raw import read_raw
 from bayes_tyre.inference.motion.hierarchy.model import Motions, Readings
 from bayes_tyre.inference.motion.laws import FANCHER, KELVIN_VOIGT, MotionLaw, motion_law
 from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import load_step_kN
-from bayes_tyre.inference.motion.record.estimate import CORRELATION_MOST, MISFIT_MOST, MotionEstimate, estimate_motion
+from bayes_tyre.inference.motion.record.estimate import MotionEstimate, estimate_motion
 from bayes_tyre.inference.motion.record.evidence import log_constant
 from bayes_tyre.inference.motion.record.forward_model import predicted, residuals
 from bayes_tyre.inference.motion.record.likelihood import hierarchy_moments, likelihood_of
+from bayes_tyre.inference.motion.record.map_fit import CORRELATION_MOST, MISFIT_MOST
 from bayes_tyre.inference.motion.record.parameters import MotionParameters
 from bayes_tyre.inference.motion.record.window import Recorded, Window
 from bayes_tyre.record import FACTORS, parameter_column
@@ -39,7 +40,10 @@ from bayes_tyre.workflow.raw.raw_records import origin_of_raw, usable
 _BY_DECAY = ("decay_k_kN_per_mm", "decay_c_kN_s_per_mm")
 #: What the model leaves out: standard deviation of the force that load and law do, that in per cent of the load's step,
 #: and that of the load's departure from its shape.
-_LEFT_OUT = ("discrepancy_kN", "discrepancy_percent", "load_departure_percent")
+FORCE_PERCENT = "discrepancy_percent"
+_LEFT_OUT = ("discrepancy_kN", FORCE_PERCENT, "load_departure_percent")
+#: Ends the columns of the standard errors of the tyre's parameters if it were certain that no force is left out.
+WITHOUT_FORCE = "_se_without_force"
 #: How late the sensors read, behind the accelerometer.
 _DELAYS = ("displacement_delay_ms", "load_delay_ms")
 #: A second mode of the rig, of a record that shows one: frequency, and share of the axle's movement that drives it.
@@ -60,14 +64,20 @@ def parameter_columns(law: MotionLaw = FANCHER) -> tuple[str, ...]:
     return tuple(parameter_column(name) for name in law.reported_parameters)
 
 
+def _without_force(law: MotionLaw) -> list[str]:
+    """Return the columns of standard errors of the tyre's own parameters, were no force left out."""
+    return [f"{parameter_column(name)}{WITHOUT_FORCE}" for name in law.reported]
+
+
 def columns(law: MotionLaw) -> list[str]:
     """Return the columns of `estimates.csv`.
 
     `displacement_mm` is the middle of the step at the wheel centre, which a cycle goes about; `displacement_delay_ms`
     and `load_delay_ms` are how late the sensors read, `second_mode_Hz` and `second_mode_share` a second mode of the rig
     that they show, empty where there is none; `log_evidence` is the log density of the readings under the law, by which
-    laws may be compared record by record. A spring and a damper have two more, at the wheel centre: their classic
-    estimate from the free vibration (`rig.motion_decay`), empty where the tyre rolls or hardly vibrates.
+    laws may be compared record by record. `..._se_without_force` are standard errors of the tyre's parameters if it
+    were certain that load and law leave out no force. A spring and a damper have two more, at the wheel centre: their
+    classic estimate from the free vibration (`rig.motion_decay`), empty where the tyre rolls or hardly vibrates.
     """
     values = [column for name in parameter_columns(law) for column in (name, f"{name}_se")]
     values += _BY_DECAY if law is KELVIN_VOIGT else ()
@@ -77,6 +87,7 @@ def columns(law: MotionLaw) -> list[str]:
         MODE_HZ,
         _MODE_SHARE,
         *_LEFT_OUT,
+        *_without_force(law),
         "method",
         "pareto_k",
         "log_evidence",
@@ -148,6 +159,8 @@ def _columns(rig: Rig, estimate: MotionEstimate, unknowns: MotionParameters) -> 
     share = estimate.discrepancy_share
     left_out = share * float(load_step_kN(rig, unknowns)), 100 * share, 100 * estimate.load_departure_share
     row |= dict(zip(_LEFT_OUT, left_out, strict=True))
+    unforced = (values * sd * estimate.narrower_without_force)[: len(law.reported)]
+    row |= dict(zip(_without_force(law), unforced.tolist(), strict=True))
     row |= {"method": estimate.method, "pareto_k": float(estimate.pareto_k), "status": estimate.status or OK}
     row |= {"log_evidence": estimate.log_evidence, _EFFECTIVE: estimate.effective_draws}
     moments = estimate.log_mean, estimate.log_covariance

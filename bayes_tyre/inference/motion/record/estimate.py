@@ -26,9 +26,6 @@ RECORD_PARAMETERS = FANCHER.reported_parameters
 #: Above this Pareto k, importance weights have no reliable mean (Vehtari 2024). With fewer effective draws than this,
 #: the standard error of a mean exceeds a seventh of the posterior's standard deviation.
 PARETO_K_MOST, EFFECTIVE_LEAST = 0.7, 50.0
-#: A mean square of the residuals above 1 by more than the first, or a lag-1 autocorrelation above the second, indicates
-#: a misfit. For 1100 white residuals a channel the standard deviations are 0.04 and 0.03.
-MISFIT_MOST, CORRELATION_MOST = 0.3, 0.2
 #: Above this share of the load's step the force that load and law leave out indicates a misfit. In simulated records
 #: without a mismatch it is 0; of other laws it is above, and x and beta are not those of the law (docs/validation.md).
 DISCREPANCY_MOST = 7e-4
@@ -57,10 +54,13 @@ class MotionEstimate:
         Log density of the record's readings under law and priors, all parameters integrated out (`evidence`).
     discrepancy_share:
         Standard deviation of the force that load and law leave out, while the tyre moves fastest, as a share of the
-        load's step; 0 where the readings do not ask for one, NaN for a rolling record.
+        load's step; 0 where the readings do not ask for one.
     load_departure_share:
         Standard deviation of the load's departure from the shape of its step, as a share of the step, by the load cell;
-        0 where its readings do not ask for one, NaN for a rolling record.
+        0 where its readings do not ask for one.
+    narrower_without_force:
+        Standard deviations of the logarithms if it were certain that load and law leave out no force, over those with
+        the force, shape (p,): 1 less its square is the share of a parameter's information that the force takes.
     status:
         Empty, or why the estimate is not to be trusted as it stands.
     """
@@ -77,6 +77,7 @@ class MotionEstimate:
     log_evidence: float
     discrepancy_share: float
     load_departure_share: float
+    narrower_without_force: Float[np.ndarray, " p"]
     status: str
 
     @property
@@ -101,13 +102,19 @@ def estimate_motion(
     sampler:
         NUTS settings for a record without a disturbance whose weights are unreliable, a minute or two; None: no NUTS.
     """
-    window, estimate = fit_window(rig, make_window(rig, recorded, law=law))
+    window, estimate, without_force = fit_window(rig, make_window(rig, recorded, law=law))
     weighted = weighted_draws(rig, estimate.standard, estimate.covariance, window)
     draws = _posterior_draws(rig, window, estimate, weighted, sampler)
     if draws.method == "laplace":
         mean, covariance = laplace_moments(rig, estimate, window)
     else:
         mean, covariance = _moments(draws.log_draws, draws.weights)
+    force, departure = _left_out(window)
+    narrower = np.ones(len(mean))
+    if without_force is not None:
+        both = estimate, estimate._replace(covariance=np.asarray(without_force))
+        wide, narrow = (np.diag(laplace_moments(rig, each, window)[1]) for each in both)
+        narrower = np.sqrt(narrow / wide)
     return MotionEstimate(
         log_mean=mean,
         log_covariance=covariance,
@@ -119,8 +126,9 @@ def estimate_motion(
         pareto_k=weighted.pareto_k,
         effective_draws=draws.effective,
         log_evidence=log_evidence(window, estimate, weighted if draws.method == "importance" else None),
-        discrepancy_share=_discrepancy_share(window),
-        load_departure_share=_load_departure_share(window),
+        discrepancy_share=force,
+        load_departure_share=departure,
+        narrower_without_force=narrower,
         status="; ".join([*_reasons(rig, window, estimate), *[_untrusted(weighted)] * (draws.method == "laplace")]),
     )
 
@@ -199,14 +207,15 @@ def _moments(
 def _reasons(rig: Rig, window: Window, estimate: MapEstimate) -> list[str]:
     """Return the failed checks of a fit."""
     reasons = [] if estimate.converged else ["the fit did not converge"]
-    for name, square, correlation in zip(
-        ("acceleration", "laser", "load"), estimate.chi_squared, estimate.correlation, strict=True
+    channels = ("acceleration", "laser", "load")
+    for name, misfits, square, correlation in zip(
+        channels, estimate.misfits, estimate.chi_squared, estimate.correlation, strict=True
     ):
-        if square > 1 + MISFIT_MOST or correlation > CORRELATION_MOST:
+        if misfits:
             reasons.append(
                 f"{name} is off by {np.sqrt(square):.2g} times its noise, lag-1 autocorrelation {correlation:.2g}"
             )
-    if (share := _discrepancy_share(window)) > DISCREPANCY_MOST:
+    if (share := _left_out(window)[0]) > DISCREPANCY_MOST:
         parameters = window.in_units(rig, jnp.asarray(estimate.standard))
         reasons.append(
             f"load and law leave out a force of {share * float(load_step_kN(rig, parameters)):.2g} kN, "
@@ -215,16 +224,11 @@ def _reasons(rig: Rig, window: Window, estimate: MapEstimate) -> list[str]:
     return reasons
 
 
-def _discrepancy_share(window: Window) -> float:
-    if window.rolling is not None:
-        return float("nan")
-    return 0.0 if window.disturbance is None else float(window.disturbance.size)
-
-
-def _load_departure_share(window: Window) -> float:
-    if window.rolling is not None:
-        return float("nan")
-    return 0.0 if window.disturbance is None else float(jnp.asarray(window.disturbance.load_size))
+def _left_out(window: Window) -> tuple[float, float]:
+    """Return the sizes of the force that load and law leave out, and of the load's departure, as shares of its step."""
+    if window.disturbance is None:
+        return 0.0, 0.0
+    return float(jnp.asarray(window.disturbance.force_size)), float(jnp.asarray(window.disturbance.load_size))
 
 
 def _untrusted(weighted: WeightedDraws) -> str:

@@ -109,8 +109,9 @@ class DisturbanceResponse(NamedTuple):
     whitening:
         Matrix that whitens the accelerometer's residuals, shape (blocks, blocks); None before it is estimated
         (`road_noise`).
-    load_size:
-        Standard deviation of the load's departure from its shape, as a share of its step (`load_departure`).
+    load_size, force_size:
+        Standard deviations of the load's departure from its shape (`load_departure`), and of the force that load and
+        law leave out (`force_discrepancy`), as shares of the load's step.
     """
 
     mean: Disturbance
@@ -121,6 +122,7 @@ class DisturbanceResponse(NamedTuple):
     shrink: Float[Array, "*records directions"]
     whitening: Float[Array, "*records blocks blocks"] | None = None
     load_size: Float[ArrayLike, "*records"] = 0.0
+    force_size: Float[ArrayLike, "*records"] = 0.0
 
 
 class Window(NamedTuple):
@@ -141,7 +143,7 @@ class Window(NamedTuple):
     rolling:
         For a rolling tyre.
     disturbance:
-        A rolling tyre's road; the forces that law and load's shape leave out of a stationary one's record, if any.
+        A rolling tyre's road, and the forces that law and load's shape leave out of a record, if any.
     law:
         Force law that is fitted.
     """

@@ -1,87 +1,179 @@
 """The fit of a window: the MAP estimate of its motion, with what acts on the axle beside load, runout and law."""
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import ArrayLike, Float
 
 from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import force_columns
-from bayes_tyre.inference.motion.record.disturbance.load_departure import load_departure, with_load_departure
+from bayes_tyre.inference.motion.record.disturbance.load_departure import (
+    LoadDeparture,
+    load_departure,
+    with_load_departure,
+)
 from bayes_tyre.inference.motion.record.disturbance.matern_process import MOST_SHARE
 from bayes_tyre.inference.motion.record.disturbance.response import disturbance_response
 from bayes_tyre.inference.motion.record.disturbance.road_roughness import (
+    of_known_size,
     road_response,
     wave_count,
     with_residual_noise,
     with_road_noise,
 )
 from bayes_tyre.inference.motion.record.map_fit import (
+    AT_PEAK,
     ROUGH_TOLERANCE,
     MapEstimate,
     fit_map,
     refine_map,
     rough_map,
     starting_points,
+    value_and_jacobian,
 )
 from bayes_tyre.inference.motion.record.second_mode import SHOWS, mode_priors
-from bayes_tyre.inference.motion.record.window import Window
+from bayes_tyre.inference.motion.record.window import Disturbance, Window
 from bayes_tyre.rig.axle import Rig
 
 #: Tolerance of the last fit with a disturbance, in prior standard deviations: reversals of friction leave kinks.
 DISTURBED_TOLERANCE = 1e-4
-#: Squared step, in posterior standard deviations, at which such a fit of a stationary record has converged (`AT_PEAK`).
+#: Squared step, in posterior standard deviations, at which a fit with a force has converged (`AT_PEAK`).
 #: Its response is linear about one motion, and reversals of friction near rest are kinks that stop the solver before.
 #: What is drawn about the point is weighted by its density.
 FORCED_AT_PEAK = 0.1
-#: Fits of a stationary record with the force that load and law leave out, each about the force of the one before.
-FORCE_ROUNDS = 3
+#: How many times as probable as none a departure of the load is to be where the motion does not fit without one.
+EVEN_ODDS = 1.0
+#: Fits with the force that load and law leave out, each about the force of the one before: so many, and more where none
+#: has converged.
+FORCE_ROUNDS, MOST_FORCE_ROUNDS = 3, 6
+#: Fits on a road with a load's departure, each about the departure of the one before, at least and at most.
+DEPARTURE_ROUNDS = 2, 5
 
-type _Fit = tuple[Window, MapEstimate]
+
+class Fit(NamedTuple):
+    """The fit of a window.
+
+    Attributes
+    ----------
+    window:
+        With what acts on the axle beside load, runout and law.
+    estimate:
+        Of its motion.
+    without_force:
+        Covariance of the standardised parameters if it were certain that load and law leave out no force; None: none is
+        left out.
+    """
+
+    window: Window
+    estimate: MapEstimate
+    without_force: Float[ArrayLike, "parameters parameters"] | None = None
 
 
-def fit_window(rig: Rig, window: Window) -> _Fit:
-    """Return a window, with the response to road roughness where the tyre rolls, and its MAP estimate."""
-    starts = starting_points(rig, window)
+def fit_window(rig: Rig, window: Window) -> Fit:
+    """Return the fit of a window, with the road under a rolling tyre, and what load and law leave out.
+
+    The load's departure from its shape is kept where the load cell shows it. A coarse cell may not where the motion
+    does: without one it is then fitted badly or not at all. One of the size that the cell's readings make most
+    probable, however little more probable than none, may mend that.
+    """
+    departure = load_departure(rig, window)
+    fit = _fit_with(rig, window, departure)
+    if departure.size > 0 or _fits(fit):
+        return fit
+    possible = load_departure(rig, window, EVEN_ODDS)
+    other = _fit_with(rig, window, possible) if possible.size > 0 else fit
+    return other if _fits(other) else fit
+
+
+def _fits(fit: Fit) -> bool:
+    return bool(fit.estimate.converged) and not np.any(fit.estimate.misfits)
+
+
+def _fit_with(rig: Rig, window: Window, departure: LoadDeparture) -> Fit:
+    """Return the fit of a window with a departure of its load, if that has a size.
+
+    Under a rolling tyre it is integrated out together with the road from the beginning.
+    """
+    starts, departs = starting_points(rig, window), bool(departure.size > 0)
+    if departs:
+        window = with_load_departure(window, departure)
+        starts = starts + np.asarray(departure.standard)
+    known = departure.columns if departs else None
     if window.rolling is None:
-        return _fit_stationary(rig, window, starts)
+        window, estimate = _with_second_mode(rig, window, fit_map(rig, window, starts))
+    else:
+        window, estimate, known = _fit_on_road(rig, window, starts, known)
+    fit = _with_force(rig, window, estimate, known, to_integrate=departs and window.rolling is None)
+    return fit._replace(estimate=jax.tree.map(np.asarray, fit.estimate))
+
+
+def _fit_on_road(
+    rig: Rig, window: Window, starts: Float[np.ndarray, "starts parameters"], known: Disturbance | None
+) -> tuple[Window, MapEstimate, Disturbance]:
+    """Return window and estimate of a rolling tyre, and the columns of its road and of what was `known`."""
     standard, waves = rough_map(rig, window, starts), wave_count(window)
-    road = road_response(rig, window, standard, waves)
+    road = road_response(rig, window, standard, waves, known)
     window = window._replace(disturbance=road)
     rough = refine_map(rig, window, standard, ROUGH_TOLERANCE)
     # The first road's weights belong to responses in narrower noise; its estimate in mm is the same.
     window = with_road_noise(rig, with_residual_noise(window, rough), rough.standard, road.size)
-    window = window._replace(disturbance=road_response(rig, window, rough.standard, waves))
-    return window, jax.tree.map(np.asarray, refine_map(rig, window, rough.standard, DISTURBED_TOLERANCE))
+    # The cell's estimate of a departure is far from the motion's: then again about that.
+    rounds, at_peak = ((1, 1), AT_PEAK) if known is None else (DEPARTURE_ROUNDS, FORCED_AT_PEAK)
+    estimate = rough
+    for number in range(rounds[1]):
+        road = road_response(rig, window, estimate.standard, waves, known)
+        window = window._replace(disturbance=road)
+        estimate = refine_map(rig, window, estimate.standard, DISTURBED_TOLERANCE, at_peak)
+        if number + 1 >= rounds[0] and estimate.converged:
+            break
+    road, columns = of_known_size(window, road, waves)
+    if known is not None:
+        columns = jax.tree.map(lambda *each: jnp.concatenate(each), columns, known)
+    return window._replace(disturbance=road), estimate, columns
 
 
-def _fit_stationary(rig: Rig, window: Window, starts: Float[np.ndarray, "starts parameters"]) -> _Fit:
-    """Return window and estimate with the forces that the load's shape and the law leave out.
+def _with_force(
+    rig: Rig, window: Window, estimate: MapEstimate, known: Disturbance | None, *, to_integrate: bool
+) -> Fit:
+    """Return the fit with the force that load and law leave out.
 
     A force that only the motion shows is kept where it is small and the fit converges with it: far from the true motion
-    its linear response says nothing. The load's departure from its shape is kept in any case: the load cell shows it.
+    its linear response says nothing.
+
+    Parameters
+    ----------
+    rig, window, estimate:
+        The fit without it.
+    known:
+        Columns of the disturbance of the window; None: it has none.
+    to_integrate:
+        Whether that disturbance is an estimate yet, and is to be integrated out with or without a force.
     """
-    departure = load_departure(rig, window)
-    departs = bool(departure.size > 0)
-    if departs:
-        window = with_load_departure(window, departure)
-        starts = starts + np.asarray(departure.standard)
-    window, estimate = _with_second_mode(rig, window, fit_map(rig, window, starts))
-    among, further = force_columns(rig, window, estimate.standard), departure.columns if departs else None
+    among = force_columns(rig, window, estimate.standard)
     none = among._replace(sizes=jnp.zeros_like(among.sizes))
     kept = forced, refined = window, estimate
+    settled = bool(estimate.converged) and not to_integrate
     # With the cell's estimate of a departure the first fit is far from the motion, and a force would take that up.
-    for possible in (*[none] * departs, *[among] * FORCE_ROUNDS):
-        force = disturbance_response(rig, forced, refined.standard, possible, further)
-        if not (departs or force.size > 0):
+    for number, possible in enumerate((*[none] * to_integrate, *[among] * MOST_FORCE_ROUNDS)):
+        force = disturbance_response(rig, forced, refined.standard, possible, known)
+        if not (to_integrate or force.size > 0):
             break
-        forced = forced._replace(disturbance=force)
+        forced = forced._replace(disturbance=force._replace(force_size=force.size))
         refined = refine_map(rig, forced, refined.standard, DISTURBED_TOLERANCE, FORCED_AT_PEAK)
-        if force.size < MOST_SHARE and (departs or refined.converged):
-            kept = forced, refined
-    return kept[0], jax.tree.map(np.asarray, kept[1])
+        if force.size < MOST_SHARE and (refined.converged or (to_integrate and not settled)):
+            kept, settled = (forced, refined), bool(refined.converged)
+        if number + 1 >= FORCE_ROUNDS + to_integrate and settled:
+            break
+    window, estimate = kept
+    if window.disturbance is None or not jnp.asarray(window.disturbance.force_size) > 0:
+        return Fit(window, estimate)
+    unforced = window._replace(disturbance=disturbance_response(rig, window, estimate.standard, none, known))
+    jacobian = value_and_jacobian(rig, estimate.standard, unforced)[1]
+    return Fit(window, estimate, jnp.linalg.inv(jacobian.T @ jacobian))
 
 
-def _with_second_mode(rig: Rig, window: Window, estimate: MapEstimate) -> _Fit:
+def _with_second_mode(rig: Rig, window: Window, estimate: MapEstimate) -> tuple[Window, MapEstimate]:
     """Return window and estimate with a second mode where what is left of the acceleration shows one.
 
     It is kept where it explains what showed it. A mode that the rig file states is fitted from the beginning.

@@ -6,10 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.mismatched_motions import simulated
 
 from bayes_tyre.inference.motion.laws import FANCHER
 from bayes_tyre.inference.motion.record.disturbance.road_noise import road_noise_spectrum
-from bayes_tyre.inference.motion.record.estimate import estimate_motion
+from bayes_tyre.inference.motion.record.estimate import DISCREPANCY_MOST, estimate_motion
 from bayes_tyre.inference.motion.record.parameters import parameter_names
 from bayes_tyre.inference.motion.record.pre_step_harmonics import fit_harmonics
 from bayes_tyre.inference.motion.record.window import Recorded, make_window
@@ -21,6 +22,7 @@ from bayes_tyre.signals.steps import find_step, pre_step_samples
 from bayes_tyre.simulate.draw import draw_truth
 from bayes_tyre.simulate.plan import thesis_plan
 from bayes_tyre.simulate.simulator import simulate_record
+from bayes_tyre.studies.motion_study import ROLLING
 
 pytestmark = pytest.mark.usefixtures("fully_compiled")
 
@@ -124,6 +126,27 @@ def test_parameters_of_a_rolling_loading_step_come_back():
     logs = np.log([truth.k_kN_per_mm, truth.x_kN, truth.beta_mm, truth.m_kg, truth.c_kN_s_per_mm])
     off = estimate.log_mean - logs
     assert estimate.method == "importance"
+    assert (estimate.discrepancy_share, estimate.load_departure_share) == (0.0, 0.0)
     # Five correlated normal numbers beyond 4 standard deviations: 0.03 % of seeds. The target: k within 1 %.
     assert np.all(np.abs(off) < 4 * np.sqrt(np.diag(estimate.log_covariance)))
     assert abs(off[0]) < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("fully_compiled")
+@pytest.mark.parametrize(("number", "shown_by"), [(0, "motion"), (2, "cell")])
+def test_a_load_of_another_shape_is_found_beside_the_road(number, shown_by):
+    """By the load cell; or where it is too coarse, as a force that the motion shows."""
+    truth, rig, record = simulated("load in two stages", number, ROLLING)
+    estimate = estimate_motion(rig, record, sampler=None)
+    logs = np.log([truth.k_kN_per_mm, truth.x_kN, truth.beta_mm])
+    # Three correlated normal numbers beyond 3 standard deviations: at most 0.8 % of seeds, 1.6 % of the two.
+    assert np.all(np.abs(estimate.log_mean[:3] - logs) < 3 * np.sqrt(np.diag(estimate.log_covariance)[:3]))
+    by_cell = shown_by == "cell"
+    assert (estimate.load_departure_share > 0, estimate.discrepancy_share > DISCREPANCY_MOST) == (by_cell, not by_cell)
+    assert ("load and law leave out a force of" in estimate.status) == (not by_cell)
+    # The force takes information, and most of that on what friction does just after the step's start.
+    assert np.all(estimate.narrower_without_force[:3] < 0.9) or by_cell
+    # The road is still there.
+    assert estimate.window.disturbance is not None
+    assert float(np.std(estimate.window.disturbance.mean.road_mm)) > 1e-4

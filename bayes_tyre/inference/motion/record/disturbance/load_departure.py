@@ -18,6 +18,7 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from bayes_tyre.inference.motion.record.disturbance.matern_process import (
+    LEAST_ODDS,
     correlation_factors,
     knots_from,
     sizes_and_penalties,
@@ -26,6 +27,7 @@ from bayes_tyre.inference.motion.record.disturbance.response import Columns, con
 from bayes_tyre.inference.motion.record.forward_model import block_means, cylinder_load, node_times
 from bayes_tyre.inference.motion.record.parameters import parameter_names
 from bayes_tyre.inference.motion.record.window import Disturbance, Window
+from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.rig.axle import Rig
 
 #: The parameters that the load cell reads.
@@ -62,7 +64,7 @@ class LoadDeparture(NamedTuple):
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def load_departure(rig: Rig, window: Window) -> LoadDeparture:
+def load_departure(rig: Rig, window: Window, odds: ScalarLike = LEAST_ODDS) -> LoadDeparture:
     """Return the load's departure from the shape of its step, by restricted maximum likelihood from the load cell.
 
     Parameters
@@ -71,6 +73,8 @@ def load_departure(rig: Rig, window: Window) -> LoadDeparture:
         Geometry; static.
     window:
         Of the record.
+    odds:
+        How many times as probable as none a departure has to be.
     """
     residual, values, standard = _fitted_shape(rig, window)
     weight, node_weights = window.weight[2], jnp.asarray(window.node_weights)
@@ -80,7 +84,7 @@ def load_departure(rig: Rig, window: Window) -> LoadDeparture:
     sd = jnp.abs(shape.load_kN[1] - shape.load_kN[0]) * settling
     factors = sd[:, None] * correlation_factors(knots)
     none = jnp.zeros_like(knots.functions)
-    among = Columns(Disturbance(none, none, knots.functions), factors, *sizes_and_penalties())
+    among = Columns(Disturbance(none, none, knots.functions), factors, *sizes_and_penalties(odds))
     responses = weight[:, None] * block_means(knots.functions, node_weights).T
     jacobian = jax.jacfwd(residual)(values)
     _, needed = most_probable(among, responses, residual(values), jacobian)
@@ -117,10 +121,6 @@ def _fitted_shape(rig: Rig, window: Window) -> tuple[Callable[[Array], Array], A
 
 
 def with_load_departure(window: Window, departure: LoadDeparture) -> Window:
-    """Return the window with the load cell's estimate of the departure as a known disturbance.
-
-    Its weights stand behind those of a force, which are 0.
-    """
+    """Return the window with the load cell's estimate of the departure as a known disturbance."""
     mean = jax.tree.map(lambda columns: departure.weights @ columns, departure.columns)
-    weights = jnp.concatenate([jnp.zeros_like(departure.weights), departure.weights])
-    return window._replace(disturbance=fixed(window, mean, weights, departure.size))
+    return window._replace(disturbance=fixed(window, mean, departure.weights, departure.size))

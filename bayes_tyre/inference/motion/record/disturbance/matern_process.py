@@ -77,7 +77,10 @@ def correlation_factors(knots: Knots) -> Float[Array, "times knots knots"]:
     return jnp.linalg.cholesky(jax.vmap(correlation)(jnp.array(TIMES_S)) + diagonal)
 
 
-def sizes_and_penalties() -> tuple[Float[Array, " sizes"], Float[Array, " sizes"]]:
-    """Return the possible shares of the load's step, from 0, and what their prior adds to -2 log likelihood."""
+def sizes_and_penalties(odds: ScalarLike = LEAST_ODDS) -> tuple[Float[Array, " sizes"], Float[Array, " sizes"]]:
+    """Return the possible shares of the load's step, from 0, and what their prior adds to -2 log likelihood.
+
+    A share above 0 has to be so many times, `odds`, as probable as none.
+    """
     sizes = jnp.concatenate([jnp.zeros(1), jnp.geomspace(LEAST_SHARE, MOST_SHARE, _GRID)])
-    return sizes, jnp.where(sizes > 0, 2 * jnp.log(LEAST_ODDS) + 2 * sizes / TYPICAL_SHARE, 0.0)
+    return sizes, jnp.where(sizes > 0, 2 * jnp.log(odds) + 2 * sizes / TYPICAL_SHARE, 0.0)

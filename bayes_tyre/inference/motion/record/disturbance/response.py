@@ -59,7 +59,7 @@ def disturbance_response(
     rig:
         Geometry; static.
     window:
-        Of the record; its `disturbance`, if any, is of the same columns.
+        Of the record; its `disturbance`, if any, is of the same columns, or of the last of them.
     standard:
         Standardised parameters near the MAP estimate.
     among:
@@ -74,7 +74,8 @@ def disturbance_response(
     all_responses = jnp.concatenate([responses, known], axis=1)
     residual, jacobian = value_and_jacobian(rig, standard, window._replace(disturbance=fixed(window, mean)))
     if given is not None:
-        residual = residual.at[: len(responses)].add(-all_responses @ given.weights)
+        given_responses = all_responses[:, all_responses.shape[1] - len(given.weights) :]
+        residual = residual.at[: len(responses)].add(-given_responses @ given.weights)
     if further is None:
         factor, size = most_probable(among, responses, residual, jacobian)
     else:
@@ -86,7 +87,7 @@ def disturbance_response(
     response = (all_responses @ weights).reshape(window.readings.shape)
     columns = among.columns if further is None else jax.tree.map(lambda *c: jnp.concatenate(c), among.columns, further)
     estimate = jax.tree.map(lambda columns: weights @ columns, columns)
-    kept = {} if given is None else {"whitening": given.whitening, "load_size": given.load_size}
+    kept = {} if given is None else {name: getattr(given, name) for name in ("whitening", "load_size", "force_size")}
     return DisturbanceResponse(estimate, size, weights, response, unit.directions, unit.shrink, **kept)
 
 

@@ -29,7 +29,9 @@ _SHARE = 1 - 1 / 200
 
 
 @functools.partial(jax.jit, static_argnums=(0, 3))
-def road_response(rig: Rig, window: Window, standard: Float[Array, " parameters"], waves: int) -> DisturbanceResponse:
+def road_response(
+    rig: Rig, window: Window, standard: Float[Array, " parameters"], waves: int, further: Disturbance | None = None
+) -> DisturbanceResponse:
     """Return the readings' response to the road; its size is the standard deviation at 1 to 200 Hz, mm.
 
     Parameters
@@ -42,11 +44,25 @@ def road_response(rig: Rig, window: Window, standard: Float[Array, " parameters"
         Standardised parameters near the MAP estimate.
     waves:
         Number of frequencies (`wave_count`).
+    further:
+        Columns of a disturbance of known size, as in `disturbance_response`.
     """
+    columns = road_columns(window, waves)
+    among = Columns(columns, jnp.eye(len(columns.road_mm))[None], jnp.geomspace(*ROUGHNESS_MM, _GRID))
+    return disturbance_response(rig, window, standard, among, further)
+
+
+def road_columns(window: Window, waves: int) -> Disturbance:
+    """Return the columns of a road whose standard deviation at 1 to 200 Hz is 1 mm."""
     road = waves_between(window, 1, waves + 1, PERIOD_WINDOWS)[1] / jnp.sqrt(_SHARE)
-    columns = Disturbance(road, jnp.zeros_like(road), jnp.zeros_like(road))
-    among = Columns(columns, jnp.eye(len(road))[None], jnp.geomspace(*ROUGHNESS_MM, _GRID))
-    return disturbance_response(rig, window, standard, among)
+    return Disturbance(road, jnp.zeros_like(road), jnp.zeros_like(road))
+
+
+def of_known_size(window: Window, road: DisturbanceResponse, waves: int) -> tuple[DisturbanceResponse, Disturbance]:
+    """Return a road with weights of standard deviation 1, and its columns, each of its size."""
+    columns = jax.tree.map(lambda of_road: road.size * of_road, road_columns(window, waves))
+    count = len(columns.road_mm)
+    return road._replace(weights=road.weights.at[:count].divide(road.size)), columns
 
 
 def with_residual_noise(window: Window, estimate: MapEstimate) -> Window:

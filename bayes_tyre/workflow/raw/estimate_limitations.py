@@ -1,0 +1,69 @@
+"""What the estimates of single records mean for the result of all: limitations, and where most failed, the verdict."""
+
+import pandas as pd
+
+from bayes_tyre.inference.diagnostics.verdict import Diagnostics, data_checks
+from bayes_tyre.inference.motion.record.likelihood import WIDENED
+from bayes_tyre.plain_text import listed
+from bayes_tyre.workflow.raw.motion_estimates import FORCE_PERCENT, MODE_HZ, OK, WITHOUT_FORCE
+from bayes_tyre.workflow.raw.raw_records import REJECTED
+
+ESTIMATES = "estimates.csv"
+#: Records that a sentence names.
+_NAMED = 3
+
+
+def with_estimates(diagnostics: Diagnostics, table: pd.DataFrame, rejected: int) -> Diagnostics:
+    """Return the verdict with the limitations of the records' estimates.
+
+    An estimate that failed its check is kept, for to drop records that do not fit is to choose the result; it is
+    widened instead, and named. Where that is half of them or more, the cases rest on what nobody checked.
+
+    Parameters
+    ----------
+    diagnostics:
+        Of the hierarchy.
+    table, rejected:
+        The rows of `estimates.csv`, and the number of files without one.
+    """
+    limitations = [*diagnostics.limitations, *_limitations(table, rejected)]
+    bad = table[table["status"] != OK]
+    if bad.empty:
+        return diagnostics._replace(limitations=tuple(limitations))
+    limitation = (
+        f"{listed(bad['record'].tolist(), _NAMED)}: the estimate failed its check and counts with standard deviations "
+        f"{WIDENED:g} times as wide; see status in {ESTIMATES}"
+    )
+    if 2 * len(bad) < len(table):
+        return diagnostics._replace(limitations=(*limitations, limitation))
+    share = f"these are {len(bad)} of {len(table)} records"
+    reason = f"{limitation}: {share}; record them again, check the rig file, or try another --law"
+    checks = [*diagnostics.checks, *(check.row for check in data_checks([reason]))]
+    return diagnostics._replace(
+        verdict="fail", reasons=(*diagnostics.reasons, reason), limitations=tuple(limitations), checks=checks
+    )
+
+
+def _limitations(table: pd.DataFrame, rejected: int) -> list[str]:
+    """Return what is said of files without an estimate, of a second mode, and of forces that are left out."""
+    said = []
+    if rejected:
+        said.append(f"{rejected} files have no estimate and are not in the result: see {REJECTED}")
+    shaken = table[table[MODE_HZ].notna()]
+    if len(shaken):
+        said.append(
+            f"{listed(shaken['record'].tolist(), _NAMED)}: the sensors show a second mode of the rig, at "
+            f"{shaken[MODE_HZ].median():.0f} Hz, which was fitted too; if the rig has none, look at the channels"
+        )
+    forced = table[table[FORCE_PERCENT] > 0]
+    if len(forced):
+        errors = {name.removesuffix(WITHOUT_FORCE): name for name in forced if name.endswith(WITHOUT_FORCE)}
+        narrower = [
+            f"{(forced[without] / forced[f'{name}_se']).median():.2g} of {name}" for name, without in errors.items()
+        ]
+        said.append(
+            f"{len(forced)} of {len(table)} records: load and law leave out a force, in the median of "
+            f"{forced[FORCE_PERCENT].median():.2g} % of the load's step; their intervals have it, without it standard "
+            f"errors would be smaller, in the median by factors of {', '.join(narrower)}"
+        )
+    return said

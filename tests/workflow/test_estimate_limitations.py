@@ -1,0 +1,61 @@
+"""What is said of records whose estimate failed its check, shows more than the model has, or is not there."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from helpers.hand_made_posteriors import grid
+
+from bayes_tyre.inference.diagnostics.verdict import Diagnostics
+from bayes_tyre.workflow.raw.estimate_limitations import with_estimates
+
+FACTORS = grid(repeats=2, speeds=(0.0,))
+SOUND = Diagnostics("pass", (), 1.0, 500.0, 500.0, 0, 0.9, 100, 4, np.nan, ("said before",))
+
+
+def estimates(bad: int = 0) -> pd.DataFrame:
+    status = ["Pareto k 1.1"] * bad + ["ok"] * (len(FACTORS) - bad)
+    errors = {"k_kN_per_mm_se": 0.02, "k_kN_per_mm_se_without_force": 0.02, "x_kN_se": 0.04}
+    errors |= {"x_kN_se_without_force": 0.04}
+    return FACTORS.assign(status=status, second_mode_Hz=np.nan, discrepancy_percent=0.0, **errors)
+
+
+def test_nothing_is_said_where_all_is_well():
+    assert with_estimates(SOUND, estimates(), 0) == SOUND
+
+
+@pytest.mark.parametrize(("bad", "named"), [(1, "single 0 loading 1"), (3, "unloading 1"), (4, "and 1 more")])
+def test_estimates_that_failed_their_check_are_named_and_half_of_them_fail_the_verdict(bad, named):
+    found = with_estimates(SOUND, estimates(bad), 0)
+    said = found.reasons if bad >= len(FACTORS) / 2 else found.limitations
+    assert found.verdict == ("fail" if bad >= len(FACTORS) / 2 else "pass")
+    assert named in said[-1]
+    assert "3 times as wide" in said[-1]
+    assert found.limitations[0] == "said before"
+    assert [row["kind"] for row in found.checks if not row["passed"]] == ["data"] * (found.verdict == "fail")
+
+
+def test_a_second_mode_that_the_sensors_show_is_said():
+    table = estimates()
+    table.loc[:1, "second_mode_Hz"] = 59.0, 61.0
+    found = with_estimates(SOUND, table, 0)
+    assert found.verdict == "pass"
+    first, second = table["record"][:2]
+    assert found.limitations[-1].startswith(f"{first}, {second}: the sensors show a second mode of the rig, at 60 Hz")
+
+
+def test_a_force_that_is_left_out_is_said_with_what_it_does_to_standard_errors():
+    table = estimates()
+    table.loc[:2, "discrepancy_percent"] = 0.02, 0.04, 0.06
+    table.loc[:2, "x_kN_se_without_force"] = 0.03, 0.02, 0.01
+    (said,) = with_estimates(SOUND, table, 0).limitations[1:]
+    assert said == (
+        f"3 of {len(FACTORS)} records: load and law leave out a force, in the median of 0.04 % of the load's step; "
+        "their intervals have it, without it standard errors would be smaller, in the median by factors of "
+        "1 of k_kN_per_mm, 0.5 of x_kN"
+    )
+
+
+def test_files_without_an_estimate_are_counted():
+    found = with_estimates(SOUND, estimates(), 2)
+    assert found.verdict == "pass"
+    assert found.limitations[-1].startswith("2 files have no estimate")
