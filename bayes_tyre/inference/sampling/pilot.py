@@ -99,7 +99,9 @@ class Pilot(NamedTuple):
             if not np.isfinite(error.total) or (number + 1 >= least and (hidden or error.total <= SUMMARY_ERROR_MOST)):
                 break
         place = place._replace(sites=_NO_SITES)
-        return self._with_slope(place, _OF_PILOT) if hidden and np.isfinite(error.total) else place
+        if not hidden or place.draws is None or not np.isfinite(error.total):
+            return place
+        return self._with_slope(place, place.draws, _OF_PILOT)
 
     def about(self, place: Place, draws: Draws, number: int) -> Place:
         """Return a place with its summaries made anew about draws, and its slope where it had one.
@@ -109,7 +111,7 @@ class Pilot(NamedTuple):
         about = self._placed(draws.sites)._replace(draws=place.draws, covariance=place.covariance)
         if place.slope is None:
             return about
-        return self._with_slope(about._replace(draws=self.chains.blocks.join(draws.unconstrained)), number)
+        return self._with_slope(about, self.chains.blocks.join(draws.unconstrained), number)
 
     def chains_at(self, place: Place, number: int) -> tuple[Chains, Begun]:
         """Return the chains with the summaries of a place, and the state in which they are there.
@@ -175,10 +177,10 @@ class Pilot(NamedTuple):
             error = self._unknown()
         return Place(summaries, error)
 
-    def _with_slope(self, place: Place, number: int) -> Place:
-        """Return a place with the slope of what its summaries miss, as far as its draws show one beyond chance."""
+    def _with_slope(self, place: Place, points: Float[np.ndarray, "chains draws unknowns"], number: int) -> Place:
+        """Return a place with the slope of what its summaries miss, as far as it is beyond chance at these points."""
         self.settings.on_stage("what the summaries miss", None)
-        slopes = flat(self._slopes(place, place.draws, number))
+        slopes = flat(self._slopes(place, points, number))
         mean, square = slopes.mean(axis=0), slopes.var(axis=0) / len(slopes)
         return place._replace(slope=mean * np.maximum(1.0 - _BEYOND_CHANCE * square / np.maximum(mean**2, _TINY), 0.0))
 
