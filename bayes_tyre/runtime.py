@@ -13,8 +13,6 @@ from pathlib import Path
 
 from platformdirs import user_cache_path
 
-from bayes_tyre.errors import BadInput
-
 #: s; entries younger than this at the last check are checked again: another process may still have been writing them.
 _WRITING = 60.0
 #: Compiler options of what runs once: it compiles in half to two thirds of the time.
@@ -50,12 +48,7 @@ def prepare_jax(devices: int = 1, device: str | None = None) -> None:
     devices:
         How many devices the host is split into.
     device:
-        What JAX computes on: ``cpu``, or ``gpu``; None: a GPU where it finds one.
-
-    Raises
-    ------
-    BadInput
-        For ``gpu`` where JAX finds none.
+        ``cpu``: what JAX computes on, unless it has started already; anything else: a GPU where it finds one.
     """
     import jax
 
@@ -70,11 +63,13 @@ def prepare_jax(devices: int = 1, device: str | None = None) -> None:
         except RuntimeError as error:
             if "backends" not in str(error):
                 raise
-    if device == "gpu" and jax.default_backend() != device:
-        raise BadInput(
-            "--device gpu: JAX finds none here; install its plugin for the GPU (such as jax[cuda13]), or leave the "
-            "option out"
-        )
+
+
+def finds_gpu() -> bool:
+    """Return whether JAX computes on a GPU; this starts JAX."""
+    import jax
+
+    return jax.default_backend() == "gpu"
 
 
 def return_freed_memory() -> None:

@@ -9,7 +9,6 @@ import pytest
 from helpers.command_line import environment
 
 from bayes_tyre import runtime
-from bayes_tyre.errors import BadInput
 
 SCRIPT = """
 from bayes_tyre.cli.messages import one_line_each
@@ -83,12 +82,10 @@ def test_options_that_this_compiler_does_not_know_are_left_out(monkeypatch):
     assert runtime.run_often.__wrapped__() == {}
 
 
-def test_a_gpu_that_is_asked_for_is_used_or_the_message_says_that_there_is_none(monkeypatch):
-    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
-    runtime.prepare_jax(1, "gpu")
-    monkeypatch.setattr(jax, "default_backend", lambda: "cpu")
-    with pytest.raises(BadInput, match=r"^--device gpu: JAX finds none here; .* or leave the option out$"):
-        runtime.prepare_jax(1, "gpu")
+@pytest.mark.parametrize("backend", ["gpu", "cpu"])
+def test_a_gpu_is_what_jax_computes_on(backend, monkeypatch):
+    monkeypatch.setattr(jax, "default_backend", lambda: backend)
+    assert runtime.finds_gpu() == (backend == "gpu")
 
 
 def test_the_processor_is_used_where_it_is_asked_for(tmp_path):

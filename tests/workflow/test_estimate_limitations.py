@@ -50,8 +50,8 @@ def test_a_force_that_is_left_out_is_said_with_what_it_does_to_standard_errors()
     (said,) = with_estimates(SOUND, table, 0).limitations[1:]
     assert said == (
         f"3 of {len(FACTORS)} records: load and law leave out a force, in the median of 0.04 % of the load's step; "
-        "their intervals have it, without it standard errors would be smaller, in the median by factors of "
-        "1 of k_kN_per_mm, 0.5 of x_kN"
+        "were it certain that there is none, standard errors would be 1 times for k, 0.5 times for x as large, in the "
+        "median"
     )
 
 

@@ -8,7 +8,7 @@ import typer
 
 from bayes_tyre.cli import model_options, sampled, shell
 from bayes_tyre.errors import BadInput
-from bayes_tyre.runtime import prepare_jax
+from bayes_tyre.runtime import finds_gpu, prepare_jax
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -127,6 +127,11 @@ def _run(
     from bayes_tyre.workflow.fit import fit_table  # imports JAX, which starts only when it computes
 
     prepare_jax(plan.sampler.chains, device)
+    if device == "gpu" and not finds_gpu():
+        raise BadInput(
+            "--device gpu: JAX finds none here; install its plugin for the GPU (such as jax[cuda13]), unset "
+            "JAX_PLATFORMS, or leave the option out"
+        )
     origin = origin_of(table)
     shell.say(f"fitting {table['record'].nunique()} records (data: {origin}), {plan.sampler.chains} chains", quiet)
     sampled.fitted(

@@ -76,14 +76,17 @@ def _draws_at(
 ) -> tuple[Draws, tuple[SamplerRun, ...], SummaryError]:
     """Return the draws of chains that begin at a place, their runs, and how far the place's summaries are off there."""
     chains, begun = pilot.chains_at(place, attempt)
-    errors: list[SummaryError] = []
+    judged: tuple[Draws, SummaryError] | None = None
 
     def good_enough(draws: Draws) -> bool:
-        errors.append(pilot.error(place, draws))
-        return errors[-1].at_least <= SUMMARY_ERROR_MOST
+        nonlocal judged
+        if judged is None or judged[0] is not draws:  # slopes of thousands of records take a minute
+            judged = draws, pilot.error(place, draws)
+        return judged[1].at_least <= SUMMARY_ERROR_MOST
 
     draws, runs = run_until_sound(chains, settings, good_enough, begun)
-    return draws, runs, errors[-1]
+    assert judged is not None
+    return draws, runs, judged[1]
 
 
 def _off(error: SummaryError) -> str:

@@ -5,7 +5,8 @@ Each time the summaries are made anew about draws. The draws of all chains toget
 the windows of the warmup in which each chain would learn it by itself are skipped.
 
 What summaries miss of a record is small, and alike in many: its slope along what they share adds up with their number,
-while the posterior narrows with the root of it. Of thousands of records that slope is measured and added.
+while the posterior narrows with the root of it. Of thousands of records that slope is measured and added; but for what
+it has by the choices of discordant repeats, which are drawn and have no derivative.
 """
 
 from collections.abc import Mapping
@@ -15,7 +16,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import ArrayLike, Float
 from numpyro.infer.hmc import HMCState
 
 from bayes_tyre.inference.model.collapsed.model import SUMMARY_ERROR
@@ -30,8 +31,9 @@ from bayes_tyre.inference.sampling.summary_error import SUMMARY_ERROR_MOST, Summ
 #: Times that the summaries are made anew about the mode, at most; and about chunks of the chains, at least and at
 #: most: of many records the draws of a chunk are too few to show that an error is small.
 _ROUNDS_AT_MODE, _ROUNDS_OF_CHAINS = 4, (2, 4)
-#: Error of the summaries that may be hidden by chance where one looks small. Where more is, slopes tell it.
-_BY_CHANCE_MOST = 0.2
+#: Error of the summaries that may be hidden by chance where one looks small. Where more is, slopes tell it, from so
+#: many records on: of fewer, summaries whose error cannot be told are no good.
+_BY_CHANCE_MOST, _SLOPES_FROM = 0.2, 1000
 #: Draws of each chain at which slopes of what the summaries miss are taken, at most a chunk.
 _DRAWS_OF_SLOPES = 100
 #: What slopes are taken for, to tell their seeds apart; others are numbers of attempts, which are few.
@@ -95,11 +97,13 @@ class Pilot(NamedTuple):
         for number in range(most):
             place = self._about_chunk(place, number)
             error = place.error
-            hidden = 2.0 * error.chance > _BY_CHANCE_MOST**2
-            if not np.isfinite(error.total) or (number + 1 >= least and (hidden or error.total <= SUMMARY_ERROR_MOST)):
+            cannot_tell = 2.0 * error.chance > _BY_CHANCE_MOST**2
+            by_slopes = cannot_tell and len(self.arguments["factors"].of_record) >= _SLOPES_FROM
+            small = error.total <= SUMMARY_ERROR_MOST and not cannot_tell
+            if not np.isfinite(error.total) or (number + 1 >= least and (small or by_slopes)):
                 break
         place = place._replace(sites=_NO_SITES)
-        if not hidden or place.draws is None or not np.isfinite(error.total):
+        if not by_slopes or place.draws is None or not np.isfinite(error.total):
             return place
         return self._with_slope(place, place.draws, _OF_PILOT)
 
@@ -124,12 +128,13 @@ class Pilot(NamedTuple):
 
     def error(self, place: Place, draws: Draws) -> SummaryError:
         """Return how far the summaries of a place, with its slope if it has one, are off at draws made with them."""
-        error = self._error(draws.sites)
-        if place.slope is None or not np.isfinite(error.total):
-            return error
+        if place.slope is None:
+            return self._error(draws.sites)
         points = self.chains.blocks.join(draws.unconstrained)
-        slopes = flat(self._slopes(place, points, _OF_ERROR)) - place.slope
-        return error.by_slopes(slopes, np.cov(flat(points).T))
+        error = self._error(draws.sites, flat(points) @ place.slope)
+        if not np.isfinite(error.total):
+            return error
+        return error.by_slopes(flat(self._slopes(place, points, _OF_ERROR)) - place.slope, flat(points))
 
     def _about_mode(self, place: Place, number: int) -> Place | None:
         """Return the place at the mode that there is with these summaries; None where there is none."""
@@ -181,16 +186,23 @@ class Pilot(NamedTuple):
         """Return a place with the slope of what its summaries miss, as far as it is beyond chance at these points."""
         self.settings.on_stage("what the summaries miss", None)
         slopes = flat(self._slopes(place, points, number))
+        # Of the summaries alone: what the regression could not tell.
+        error = place.error._replace(at_least=0.0).by_slopes(slopes, flat(points))
+        if not np.isfinite(error.total):
+            return place._replace(error=error)
         mean, square = slopes.mean(axis=0), slopes.var(axis=0) / len(slopes)
-        return place._replace(slope=mean * np.maximum(1.0 - _BEYOND_CHANCE * square / np.maximum(mean**2, _TINY), 0.0))
+        slope = mean * np.maximum(1.0 - _BEYOND_CHANCE * square / np.maximum(mean**2, _TINY), 0.0)
+        return place._replace(slope=slope, error=error)
 
     def _slopes(
         self, place: Place, points: Float[np.ndarray, "chains draws unknowns"], number: int
     ) -> Float[np.ndarray, "chains draws unknowns"]:
         """Return slopes of what the summaries of a place miss, at some of the points of each chain."""
-        some = points[:, np.linspace(0, points.shape[1] - 1, _DRAWS_OF_SLOPES).round().astype(int)]
+        count = min(_DRAWS_OF_SLOPES, points.shape[1])
+        some = points[:, np.linspace(0, points.shape[1] - 1, count).round().astype(int)]
         chains = self._given(place)
-        return chains.slopes(SUMMARY_ERROR, chains.blocks.split(some), (self.settings.seed, number, 0))
+        # Draws of a chunk have seeds of two numbers, and a third that is zero counts as none.
+        return chains.slopes(SUMMARY_ERROR, chains.blocks.split(some), (self.settings.seed, number, 1))
 
     def _given(self, place: Place) -> Chains:
         return self.chains.given({**self.arguments, "summaries": place.summaries}, self.starts, place.slope)
@@ -201,8 +213,8 @@ class Pilot(NamedTuple):
         seed = int(np.random.SeedSequence((self.settings.seed, number)).generate_state(1)[0])
         return chains.begin_where(place.draws[:, -1], place.covariance, seed, done)
 
-    def _error(self, sites: Mapping[str, np.ndarray]) -> SummaryError:
-        return summary_error(sites, self.chains.sampled, self._cases())
+    def _error(self, sites: Mapping[str, np.ndarray], known: ArrayLike = 0.0) -> SummaryError:
+        return summary_error(sites, self.chains.sampled, self._cases(), known)
 
     def _unknown(self) -> SummaryError:
         return SummaryError(np.inf, np.inf, self._cases()[0], np.inf)

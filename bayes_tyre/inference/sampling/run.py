@@ -299,7 +299,10 @@ def _evenly_spaced(chains: Chains, settings: SamplerSettings, chunks: Sequence[C
     statistics = joined((chunk.statistics for chunk in chunks), count)
     diverging = statistics["diverging"]
     of_each = diverging.reshape(len(diverging), -1, every).any(axis=2)
-    unconstrained = {name: z[:, last] for name, z in joined((chunk.unconstrained for chunk in chunks), count).items()}
+    unconstrained = {
+        name: np.ascontiguousarray(z[:, last])
+        for name, z in joined((chunk.unconstrained for chunk in chunks), count).items()
+    }
     starts = range(0, settings.draws, CHUNK)
     first = (every - 1) * len(starts)  # draws that were judged before are drawn anew
     constrained = (

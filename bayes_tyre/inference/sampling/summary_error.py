@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import ArrayLike, Float
 
 from bayes_tyre.inference.model.collapsed.model import SUMMARY_ERROR
 
@@ -26,11 +26,11 @@ class SummaryError(NamedTuple):
     Attributes
     ----------
     total, at_least:
-        Of all records together; and what it is at least, by two standard errors of the regression behind it.
+        Of all records together; and what it is at least, by two standard errors of what it is found by.
     case, of_case:
-        Label of the case whose records are off most, and by how much.
+        Label of the case whose records are off most, and by how much, by the regression.
     chance:
-        Standard error of the square of `total`.
+        Standard error of the square of `total`; infinite where draws are too few to tell.
     """
 
     total: float
@@ -40,26 +40,32 @@ class SummaryError(NamedTuple):
     chance: float = 0.0
 
     def by_slopes(
-        self, slopes: Float[np.ndarray, "draws unknowns"], covariance: Float[np.ndarray, "unknowns unknowns"]
+        self, slopes: Float[np.ndarray, "draws unknowns"], points: Float[np.ndarray, "points unknowns"]
     ) -> "SummaryError":
         """Return it with the total that slopes of what the summaries miss say, which know it far better.
+
+        What is linear in the unknowns, that is; `at_least` stays where the regression can tell and knows of more.
 
         Parameters
         ----------
         slopes:
             Along the unknowns, at draws of the posterior, each with records of its own.
-        covariance:
-            Of the unknowns.
+        points:
+            Draws of the unknowns.
         """
+        if not np.isfinite(slopes).all():
+            return self._replace(total=np.inf, at_least=np.inf, chance=np.inf)
         draws = len(slopes)
-        whitened = slopes @ np.linalg.cholesky(covariance)
+        # Times a root of the covariance of the points; any will do.
+        whitened = slopes @ (points - points.mean(axis=0)).T / np.sqrt(len(points) - 1)
         mean, off = whitened.mean(axis=0), whitened - whitened.mean(axis=0)
         by_chance = np.sum(off**2) / (draws * (draws - 1))
         square = np.sum(mean**2) - by_chance
         products = off @ off.T / (draws * (draws - 1))
         chance = np.sqrt(2.0 * np.sum(products**2) + 4.0 * np.sum((off @ mean) ** 2) / (draws * (draws - 1)))
         total, at_least = (float(np.sqrt(max(each, 0.0))) for each in (square, square - 2.0 * chance))
-        return self._replace(total=total, at_least=at_least, chance=float(chance))
+        known = self.at_least if np.isfinite(self.chance) else 0.0
+        return self._replace(total=total, at_least=max(at_least, known), chance=float(chance))
 
     def to_json(self) -> str:
         """Return it as a posterior's tree carries it in `RECORD_SUMMARIES`."""
@@ -71,7 +77,9 @@ class SummaryError(NamedTuple):
         return cls(**json.loads(text))
 
 
-def summary_error(sites: Mapping[str, np.ndarray], sampled: Sequence[str], cases: Sequence[str]) -> SummaryError:
+def summary_error(
+    sites: Mapping[str, np.ndarray], sampled: Sequence[str], cases: Sequence[str], known: ArrayLike = 0.0
+) -> SummaryError:
     """Return how far the summaries are off, by what a regression on the sampled sites explains of what they miss.
 
     What a draw of the records misses beyond that belongs to the draw, not to what the records share. The share that so
@@ -85,13 +93,16 @@ def summary_error(sites: Mapping[str, np.ndarray], sampled: Sequence[str], cases
         Names of those that were sampled.
     cases:
         Labels of the cases.
+    known:
+        What of it, of all cases together, is in the log density already; shape (draws of all chains,).
     """
     missed = flat(sites[SUMMARY_ERROR])
     if not np.isfinite(missed).all():
         return SummaryError(np.inf, np.inf, cases[int(np.argmin(np.isfinite(missed).all(axis=0)))], np.inf)
     unknowns = [flat(sites[name]).reshape(len(missed), -1) for name in sampled]
-    explained, chance = _explained(unknowns, np.column_stack([missed.sum(axis=1), missed]))
-    total, at_least, *of_case = np.sqrt(np.maximum([explained[0], explained[0] - 2.0 * chance[0], *explained[1:]], 0.0))
+    explained, chance = _explained(unknowns, np.column_stack([missed.sum(axis=1) - known, missed]))
+    beyond = 2.0 * chance[0] if np.isfinite(chance[0]) else 0.0
+    total, at_least, *of_case = np.sqrt(np.maximum([explained[0], explained[0] - beyond, *explained[1:]], 0.0))
     case = int(np.argmax(of_case))
     return SummaryError(float(total), float(at_least), cases[case], float(of_case[case]), float(chance[0]))
 
@@ -104,7 +115,7 @@ def _explained(
     Sites are regressed on together, the shortest first, as far as there are two draws for each unknown. Unknowns of
     longer ones, such as the effects of hundreds of levels, are coordinates with nothing to do with each other: what one
     of them explains adds to what the others do. Where draws are too few to tell, or miss so much by themselves that
-    nothing can be told, it is all of the variance.
+    nothing can be told, it is all of the variance, and the standard error is infinite.
     """
     draws, variance = len(values), values.var(axis=0)
     together, singly, count = [np.ones((draws, 1))], [np.zeros((draws, 0))], 1
@@ -125,7 +136,7 @@ def _explained(
     explained = variance - left + singly_explained / (draws * max(draws - count, 1))
     chance = left * np.sqrt(2.0 * (count + others.shape[1])) / draws
     measurable = (_MOST_BY_CHANCE * left >= chance) & (2.0 * chance <= PILOT_ERROR_MOST**2)
-    return np.where(measurable, explained, variance), np.where(measurable, chance, 0.0)
+    return np.where(measurable, explained, variance), np.where(measurable, chance, np.inf)
 
 
 def flat(values: np.ndarray) -> np.ndarray:

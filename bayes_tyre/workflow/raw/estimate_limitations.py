@@ -57,13 +57,14 @@ def _limitations(table: pd.DataFrame, rejected: int) -> list[str]:
         )
     forced = table[table[FORCE_PERCENT] > 0]
     if len(forced):
-        errors = {name.removesuffix(WITHOUT_FORCE): name for name in forced if name.endswith(WITHOUT_FORCE)}
-        narrower = [
-            f"{(forced[without] / forced[f'{name}_se']).median():.2g} of {name}" for name, without in errors.items()
+        columns = [name.removesuffix(WITHOUT_FORCE) for name in forced if name.endswith(WITHOUT_FORCE)]
+        times = [
+            f"{(forced[f'{name}{WITHOUT_FORCE}'] / forced[f'{name}_se']).median():.2g} times for {name.split('_')[0]}"
+            for name in columns
         ]
         said.append(
             f"{len(forced)} of {len(table)} records: load and law leave out a force, in the median of "
-            f"{forced[FORCE_PERCENT].median():.2g} % of the load's step; their intervals have it, without it standard "
-            f"errors would be smaller, in the median by factors of {', '.join(narrower)}"
+            f"{forced[FORCE_PERCENT].median():.2g} % of the load's step; were it certain that there is none, standard "
+            f"errors would be {', '.join(times)} as large, in the median"
         )
     return said

@@ -60,6 +60,7 @@ def test_of_unknowns_more_than_draws_each_is_taken_by_itself(slope):
 
 def test_of_too_few_draws_all_is_error():
     found = summary_error(made(0.0, draws=5), SAMPLED, CASES)
+    assert found.chance == np.inf
     assert found.at_least == found.total == pytest.approx(NOISE, rel=0.6)
 
 
@@ -80,14 +81,15 @@ def test_a_density_that_is_nowhere_is_no_summary():
 
 
 def test_slopes_say_how_large_the_error_is_and_what_is_chance():
-    random, known = np.random.default_rng(2), SummaryError(0.9, 0.5, "dual (0)20-30", 0.001, 0.1)
+    random, known = np.random.default_rng(2), SummaryError(0.9, 0.0, "dual (0)20-30", 0.001, 0.1)
     root = np.tril(random.uniform(0.1, 0.3, (6, 6)))
+    points = random.standard_normal((50, 6)) @ root.T
     slope, found = np.linspace(-0.05, 0.2, 6), []
     for _ in range(200):
         slopes = slope + random.standard_normal((100, 6)) @ np.diag([0.1, 0.1, 0.1, 0.1, 0.5, 0.5])
-        found.append(known.by_slopes(slopes, root @ root.T))
+        found.append(known.by_slopes(slopes, points))
     assert (found[0].case, found[0].of_case) == ("dual (0)20-30", 0.001)
-    expected, squares = float(np.sum((slope @ root) ** 2)), np.array([one.total for one in found]) ** 2
+    expected, squares = float(slope @ np.cov(points.T) @ slope), np.array([one.total for one in found]) ** 2
     # Means of 200, within four of their own standard errors; the spread of 200 is known within 5 %.
     assert squares.mean() == pytest.approx(expected, abs=4 * squares.std() / np.sqrt(200))
     assert np.mean([one.chance for one in found]) == pytest.approx(squares.std(), rel=0.2)
@@ -96,10 +98,39 @@ def test_slopes_say_how_large_the_error_is_and_what_is_chance():
 
 
 def test_slopes_of_nothing_show_no_error():
-    random, known = np.random.default_rng(3), SummaryError(0.9, 0.5, "dual (0)20-30", 0.001, 0.1)
-    found = [known.by_slopes(random.standard_normal((100, 6)), np.eye(6)) for _ in range(50)]
+    random, known = np.random.default_rng(3), SummaryError(0.9, 0.0, "dual (0)20-30", 0.001, 0.1)
+    points = random.standard_normal((100, 6))
+    found = [known.by_slopes(random.standard_normal((100, 6)), points) for _ in range(50)]
     # Beyond two standard errors of a mean of squares in a few of a hundred.
     assert sum(one.at_least > 0.0 for one in found) <= 8
+
+
+def test_points_fewer_than_unknowns_or_all_one_do_not_matter():
+    slopes = np.random.default_rng(4).standard_normal((100, 6))
+    error = SummaryError(0.9, 0.0, "a", 0.001, 0.1)
+    assert error.by_slopes(slopes, np.ones((20, 6))).total == 0.0
+    assert np.isfinite(error.by_slopes(slopes, np.random.default_rng(5).standard_normal((3, 6))).total)
+
+
+def test_slopes_that_are_no_numbers_are_an_error_without_end():
+    slopes = np.ones((100, 6))
+    slopes[7, 2] = np.nan
+    found = SummaryError(0.0, 0.0, "a", 0.0).by_slopes(slopes, slopes)
+    assert found.at_least == found.total == np.inf
+
+
+@pytest.mark.parametrize(("chance", "least"), [(0.1, 0.4), (np.inf, 0.0)])
+def test_what_the_regression_can_tell_beside_the_slopes_counts(chance, least):
+    points = np.random.default_rng(6).standard_normal((100, 6))
+    assert SummaryError(0.9, 0.4, "a", 0.001, chance).by_slopes(np.zeros((100, 6)), points).at_least == least
+
+
+def test_what_is_in_the_density_already_is_no_error():
+    sites = made(0.2)
+    in_density = 0.2 * sites["terms_z"][..., 0].ravel()
+    found = summary_error(sites, SAMPLED, CASES, in_density)
+    assert found.total < 0.03
+    assert found.of_case == pytest.approx(0.2, abs=0.02)
 
 
 def test_it_comes_back_from_json():

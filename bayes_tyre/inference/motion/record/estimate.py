@@ -102,7 +102,8 @@ def estimate_motion(
     sampler:
         NUTS settings for a record without a disturbance whose weights are unreliable, a minute or two; None: no NUTS.
     """
-    window, estimate, without_force = fit_window(rig, make_window(rig, recorded, law=law))
+    fit = fit_window(rig, make_window(rig, recorded, law=law))
+    window, estimate = fit.window, fit.estimate
     weighted = weighted_draws(rig, estimate.standard, estimate.covariance, window)
     draws = _posterior_draws(rig, window, estimate, weighted, sampler)
     if draws.method == "laplace":
@@ -111,8 +112,8 @@ def estimate_motion(
         mean, covariance = _moments(draws.log_draws, draws.weights)
     force, departure = _left_out(window)
     narrower = np.ones(len(mean))
-    if without_force is not None:
-        both = estimate, estimate._replace(covariance=np.asarray(without_force))
+    if fit.without_force is not None:
+        both = estimate, estimate._replace(covariance=np.asarray(fit.without_force))
         wide, narrow = (np.diag(laplace_moments(rig, each, window)[1]) for each in both)
         narrower = np.sqrt(narrow / wide)
     return MotionEstimate(
@@ -129,7 +130,13 @@ def estimate_motion(
         discrepancy_share=force,
         load_departure_share=departure,
         narrower_without_force=narrower,
-        status="; ".join([*_reasons(rig, window, estimate), *[_untrusted(weighted)] * (draws.method == "laplace")]),
+        status="; ".join(
+            [
+                *_reasons(rig, window, estimate),
+                *[_departs_unseen(departure)] * fit.departs_unseen,
+                *[_untrusted(weighted)] * (draws.method == "laplace"),
+            ]
+        ),
     )
 
 
@@ -229,6 +236,13 @@ def _left_out(window: Window) -> tuple[float, float]:
     if window.disturbance is None:
         return 0.0, 0.0
     return float(jnp.asarray(window.disturbance.force_size)), float(jnp.asarray(window.disturbance.load_size))
+
+
+def _departs_unseen(share: float) -> str:
+    return (
+        f"the motion fits only if the load departs from its shape by {100 * share:.2g} % of its step, which the load "
+        "cell does not show by itself"
+    )
 
 
 def _untrusted(weighted: WeightedDraws) -> str:

@@ -2,8 +2,8 @@
 
 ``p(readings) = integral of p(readings | parameters) p(parameters)``. The weighted draws about the peak give it:
 the mean of prior times likelihood over the density of the proposal. Where the weights are unreliable, Laplace's
-approximation is used. Noise estimated from the record itself is fixed, as in the fit. For a stationary record it is the
-same for every law; for a rolling one it includes the law's own road and noise.
+approximation is used. What is estimated from the record itself is fixed, as in the fit, each law with its own: noise
+and road of a rolling record, and of any the sizes of the force and of the load's departure that are left out.
 """
 
 import numpy as np

@@ -1,11 +1,12 @@
 """The fit of a window: the MAP estimate of its motion, with what acts on the axle beside load, runout and law."""
 
+import functools
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import force_columns
 from bayes_tyre.inference.motion.record.disturbance.load_departure import (
@@ -63,11 +64,14 @@ class Fit(NamedTuple):
     without_force:
         Covariance of the standardised parameters if it were certain that load and law leave out no force; None: none is
         left out.
+    departs_unseen:
+        Whether the motion asks for a departure of the load that the load cell does not show by itself.
     """
 
     window: Window
     estimate: MapEstimate
     without_force: Float[ArrayLike, "parameters parameters"] | None = None
+    departs_unseen: bool = False
 
 
 def fit_window(rig: Rig, window: Window) -> Fit:
@@ -83,7 +87,7 @@ def fit_window(rig: Rig, window: Window) -> Fit:
         return fit
     possible = load_departure(rig, window, EVEN_ODDS)
     other = _fit_with(rig, window, possible) if possible.size > 0 else fit
-    return other if _fits(other) else fit
+    return other._replace(departs_unseen=True) if _fits(other) else fit
 
 
 def _fits(fit: Fit) -> bool:
@@ -148,7 +152,7 @@ def _with_force(
     known:
         Columns of the disturbance of the window; None: it has none.
     to_integrate:
-        Whether that disturbance is an estimate yet, and is to be integrated out with or without a force.
+        Whether that disturbance is still the load cell's own estimate, and to be integrated out even without a force.
     """
     among = force_columns(rig, window, estimate.standard)
     none = among._replace(sizes=jnp.zeros_like(among.sizes))
@@ -168,9 +172,16 @@ def _with_force(
     window, estimate = kept
     if window.disturbance is None or not jnp.asarray(window.disturbance.force_size) > 0:
         return Fit(window, estimate)
-    unforced = window._replace(disturbance=disturbance_response(rig, window, estimate.standard, none, known))
-    jacobian = value_and_jacobian(rig, estimate.standard, unforced)[1]
-    return Fit(window, estimate, jnp.linalg.inv(jacobian.T @ jacobian))
+    # A response to nothing at all is not a number.
+    unforced = None if known is None else disturbance_response(rig, window, estimate.standard, none, known)
+    return Fit(window, estimate, _covariance(rig, window._replace(disturbance=unforced), estimate.standard))
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _covariance(rig: Rig, window: Window, standard: Float[ArrayLike, " parameters"]) -> Array:
+    """Return the covariance of the standardised parameters about a point, by the Gauss-Newton Hessian."""
+    jacobian = value_and_jacobian(rig, jnp.asarray(standard), window)[1]
+    return jnp.linalg.inv(jacobian.T @ jacobian)
 
 
 def _with_second_mode(rig: Rig, window: Window, estimate: MapEstimate) -> tuple[Window, MapEstimate]:

@@ -1,4 +1,4 @@
-"""The force that load and law leave out of a stationary tyre's record, as a random disturbance.
+"""The force that load and law leave out of a record, as a random disturbance.
 
 Rubber that relaxes, friction that falls with speed, stiffness that grows: each is a small force that the model has not,
 and where it is left out, k, x and beta take it up and their intervals do not show it. Here it is a normal process

@@ -3,7 +3,7 @@
 A valve that rings or a step in two stages has no place in the family of shapes, and the motion would take it up. The
 departure is a normal process (`matern_process`) beside the shape, its size estimated from the load cell alone, before
 anything else is fitted. Where the readings ask for one, the first fit of the motion takes the cell's estimate of it;
-later ones integrate it out, together with the force that the law leaves out. What moves with the accelerometer is the
+later ones integrate it out, together with road and force (`window_fit`). What moves with the accelerometer is the
 inertia of a mass on the cell, and no departure.
 """
 

@@ -122,6 +122,9 @@ def test_intervals_hold_the_truth_where_the_load_has_another_shape():
     truth, rig, record = simulated("first-order lag", 0)
     estimate = estimate_motion(rig, record, sampler=None)
     assert estimate.discrepancy_share > 0
+    # The force takes information on x and beta, and gives none.
+    assert np.all((estimate.narrower_without_force[:3] > 0.0) & (estimate.narrower_without_force[:3] < 1.02))
+    assert np.all(estimate.narrower_without_force[1:3] < 0.95)
     logs = np.log([truth.k_kN_per_mm, truth.x_kN, truth.beta_mm])
     # Three correlated normal numbers beyond 3 standard deviations: at most 0.8 % of seeds.
     assert np.all(np.abs(estimate.log_mean[:3] - logs) < 3 * np.sqrt(np.diag(estimate.log_covariance)[:3]))
