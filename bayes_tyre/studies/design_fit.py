@@ -90,13 +90,13 @@ class SimulatedSets(NamedTuple):
 def sample_thinned(chains: Chains, sampling: Thinned, seed: int) -> Sampled:
     """Return draws of one data set, by site of shape (draws, ...), and the statistics of its chains."""
     settings, thin, draws = sampling
-    sites, statistics, _ = run(chains, replace(settings, seed=seed))
+    drawn = run(chains, replace(settings, seed=seed))
     every = {
         name: np.concatenate(values[:, thin - 1 :: thin])[:draws]
-        for name, values in sites.items()
+        for name, values in drawn.sites.items()
         if not name.endswith("_z")
     }
-    return Sampled(every, *(statistics[name] for name in ("diverging", "n_steps", "energy")))
+    return Sampled(every, *(drawn.statistics[name] for name in ("diverging", "n_steps", "energy")))
 
 
 def sample_each(of_sets: Iterable[Chains], sampling: Thinned, seed: int, on_progress: Callable[[int], None]) -> Sampled:

@@ -57,7 +57,7 @@ def _limitations(table: pd.DataFrame, rejected: int) -> list[str]:
         )
     forced = table[table[FORCE_PERCENT] > 0]
     if len(forced):
-        columns = [name.removesuffix(WITHOUT_FORCE) for name in forced if name.endswith(WITHOUT_FORCE)]
+        columns = [name.removesuffix(WITHOUT_FORCE) for name in map(str, forced) if name.endswith(WITHOUT_FORCE)]
         times = [
             f"{(forced[f'{name}{WITHOUT_FORCE}'] / forced[f'{name}_se']).median():.2g} times for {name.split('_')[0]}"
             for name in columns

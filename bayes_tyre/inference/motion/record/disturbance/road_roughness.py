@@ -48,12 +48,12 @@ def road_response(
         Columns of a disturbance of known size, as in `disturbance_response`.
     """
     columns = road_columns(window, waves)
-    among = Columns(columns, jnp.eye(len(columns.road_mm))[None], jnp.geomspace(*ROUGHNESS_MM, _GRID))
+    among = Columns(columns, jnp.eye(2 * waves)[None], jnp.geomspace(*ROUGHNESS_MM, _GRID))
     return disturbance_response(rig, window, standard, among, further)
 
 
 def road_columns(window: Window, waves: int) -> Disturbance:
-    """Return the columns of a road whose standard deviation at 1 to 200 Hz is 1 mm."""
+    """Return the columns, cosines and then sines, of a road whose standard deviation at 1 to 200 Hz is 1 mm."""
     road = waves_between(window, 1, waves + 1, PERIOD_WINDOWS)[1] / jnp.sqrt(_SHARE)
     return Disturbance(road, jnp.zeros_like(road), jnp.zeros_like(road))
 
@@ -61,8 +61,7 @@ def road_columns(window: Window, waves: int) -> Disturbance:
 def of_known_size(window: Window, road: DisturbanceResponse, waves: int) -> tuple[DisturbanceResponse, Disturbance]:
     """Return a road with weights of standard deviation 1, and its columns, each of its size."""
     columns = jax.tree.map(lambda of_road: road.size * of_road, road_columns(window, waves))
-    count = len(columns.road_mm)
-    return road._replace(weights=road.weights.at[:count].divide(road.size)), columns
+    return road._replace(weights=road.weights.at[: 2 * waves].divide(road.size)), columns
 
 
 def with_residual_noise(window: Window, estimate: MapEstimate) -> Window:
