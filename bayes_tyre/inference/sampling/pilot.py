@@ -196,7 +196,7 @@ class Pilot(NamedTuple):
 
     def _slopes(
         self, place: Place, points: Float[np.ndarray, "chains draws unknowns"], number: int
-    ) -> Float[np.ndarray, "chains draws unknowns"]:
+    ) -> Float[np.ndarray, "chains some unknowns"]:
         """Return slopes of what the summaries of a place miss, at some of the points of each chain."""
         count = min(_DRAWS_OF_SLOPES, points.shape[1])
         some = points[:, np.linspace(0, points.shape[1] - 1, count).round().astype(int)]
