@@ -32,7 +32,6 @@ from helpers.quick_fits import once
 from helpers.simulated_records import Plan, simulate
 
 import bayes_tyre as bt
-from bayes_tyre.cli.commands import fit as command
 from bayes_tyre.inference.diagnostics import power_scaling
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import find_factors
@@ -239,21 +238,6 @@ def test_a_column_that_is_not_there_is_refused_by_its_name(tmp_path):
     done = here("fit", tmp_path / "records.csv", "--specimen", "tire", "--out", tmp_path / "out", *FEW)
     assert_refused(done.exit_code, done.stderr, str(tmp_path / "records.csv"), "column tire", "--specimen")
     assert not (tmp_path / "out" / "run.json").exists()
-
-
-@pytest.mark.parametrize(("device", "found"), [("gpu", True), ("gpu", False), ("cpu", False)])
-def test_a_gpu_is_refused_where_there_is_none(device, found, sampled, tmp_path, monkeypatch):
-    monkeypatch.setattr(command, "finds_gpu", lambda: found)
-    monkeypatch.setattr(command, "prepare_jax", lambda chains, asked: None)
-    monkeypatch.setattr(result_folder, "_write_figures", lambda *_: None)
-    out = tmp_path / "out"
-    done = here("fit", written(sampled, tmp_path / "records.csv"), "--out", out, "--device", device, "--quiet")
-    if device == "cpu" or found:
-        assert (out / "run.json").is_file()
-        assert "device" not in json.loads((out / "run.json").read_text())["options"]
-    else:
-        assert_refused(done.exit_code, done.stderr, "--device gpu")
-        assert not out.exists()
 
 
 def test_units_that_were_checked_are_fitted(sampled, tmp_path, monkeypatch):

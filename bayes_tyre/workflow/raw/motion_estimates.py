@@ -38,9 +38,9 @@ from bayes_tyre.workflow.raw.raw_records import origin_of_raw, usable
 
 #: Spring and damper from the free vibration after the load's step, beside those fitted to the whole motion.
 _BY_DECAY = ("decay_k_kN_per_mm", "decay_c_kN_s_per_mm")
-#: What the model leaves out: standard deviation of the force that load and law do, that in per cent of the load's step,
-#: and that of the load's departure from its shape.
+#: Standard deviation of the force that load and law leave out, in per cent of the load's step.
 FORCE_PERCENT = "discrepancy_percent"
+#: What the model leaves out: that force in kN, in per cent, and the load's departure from its shape in per cent.
 _LEFT_OUT = ("discrepancy_kN", FORCE_PERCENT, "load_departure_percent")
 #: Ends the columns of the standard errors of the tyre's parameters if it were certain that no force is left out.
 WITHOUT_FORCE = "_se_without_force"
