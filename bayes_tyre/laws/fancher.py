@@ -158,6 +158,25 @@ def _rise_and_fall(
     return -jnp.expm1(-jnp.maximum(u, 0.0) / beta), -jnp.expm1(jnp.minimum(u, 0.0) / beta)
 
 
+def approach(u: ScalarLike, beta: ScalarLike, before: ScalarLike, settled: ScalarLike) -> Array:
+    """Return a friction, kN, after a move: towards `settled` where the move loads, towards ``-settled`` where not.
+
+    Parameters
+    ----------
+    u:
+        The move, mm, monotone.
+    beta:
+        Displacement over which it settles, mm, > 0.
+    before:
+        Friction before the move, kN.
+    settled:
+        Size of the friction on which it settles, kN, of either sign.
+    """
+    rise, fall = _rise_and_fall(jnp.asarray(u), beta)
+    start = jnp.asarray(before)
+    return start + rise * (settled - start) - fall * (settled + start)
+
+
 class Fancher(StatefulLaw):
     """Fancher's law: the limit of Eq. 1 for small steps between the lines ``k d + C + x`` and ``k d + C - x``.
 
