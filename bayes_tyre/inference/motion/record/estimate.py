@@ -1,7 +1,7 @@
 """The estimate of one record: k, x, beta, m and c with their covariance, and the checks of the fit."""
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import jax
@@ -9,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
 from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import load_step_kN
 from bayes_tyre.inference.motion.record.evidence import log_evidence
-from bayes_tyre.inference.motion.record.importance_sampling import WeightedDraws, weighted_draws
+from bayes_tyre.inference.motion.record.importance_sampling import EFFECTIVE_LEAST, WeightedDraws, weighted_draws
 from bayes_tyre.inference.motion.record.map_fit import MapEstimate
 from bayes_tyre.inference.motion.record.nuts import SETTINGS, effective_draws, sample_motion
 from bayes_tyre.inference.motion.record.parameters import in_units, parameter_names
@@ -23,9 +24,6 @@ from bayes_tyre.rig.axle import Rig
 
 #: Reported parameters of Fancher's law, in order; units kN/mm, kN, mm, kg, kN s/mm.
 RECORD_PARAMETERS = FANCHER.reported_parameters
-#: Above this Pareto k, importance weights have no reliable mean (Vehtari 2024). With fewer effective draws than this,
-#: the standard error of a mean exceeds a seventh of the posterior's standard deviation.
-PARETO_K_MOST, EFFECTIVE_LEAST = 0.7, 50.0
 #: Above this share of the load's step the force that load and law leave out indicates a misfit. In simulated records
 #: without a mismatch it is 0; of other laws it is above, and x and beta are not those of the law (docs/validation.md).
 DISCREPANCY_MOST = 7e-4
@@ -63,6 +61,8 @@ class MotionEstimate:
         the force, shape (p,): 1 less its square is the share of a parameter's information that the force takes.
     status:
         Empty, or why the estimate is not to be trusted as it stands.
+    law_weights:
+        Of an average over laws (`law_average`): how probable each is, by name, of sum 1; empty of a single law.
     """
 
     log_mean: Float[np.ndarray, " p"]
@@ -79,6 +79,7 @@ class MotionEstimate:
     load_departure_share: float
     narrower_without_force: Float[np.ndarray, " p"]
     status: str
+    law_weights: dict[str, float] = field(default_factory=dict)
 
     @property
     def value(self) -> Float[np.ndarray, " p"]:
@@ -158,7 +159,7 @@ def _posterior_draws(
     hour.
     """
     prior = jnp.asarray(window.prior)
-    method = "importance" if weights_trusted(weighted) else "laplace"
+    method = "importance" if weighted.trusted else "laplace"
     use_nuts = window.disturbance is None and not _reasons(rig, window, estimate) and np.isfinite(weighted.pareto_k)
     if sampler is not None and method == "laplace" and use_nuts:
         standard, divergent = sample_motion(rig, window, estimate, sampler)
@@ -168,11 +169,6 @@ def _posterior_draws(
             return _PosteriorDraws(draws, np.full(len(draws), 1 / len(draws)), "nuts", effective)
     draws = np.asarray(log_parameters(rig, weighted.standard, prior, window.law))
     return _PosteriorDraws(draws, weighted.weights, method, weighted.effective)
-
-
-def weights_trusted(weighted: WeightedDraws) -> bool:
-    """Return whether the weights have a reliable mean and enough effective draws."""
-    return weighted.pareto_k <= PARETO_K_MOST and weighted.effective >= EFFECTIVE_LEAST
 
 
 @functools.partial(jax.jit, static_argnums=0)

@@ -8,7 +8,7 @@ and road of a rolling record, and of any the sizes of the force and of the load'
 
 import numpy as np
 
-from bayes_tyre.inference.motion.record.importance_sampling import PROPOSAL_WIDENING, WeightedDraws
+from bayes_tyre.inference.motion.record.importance_sampling import WeightedDraws
 from bayes_tyre.inference.motion.record.likelihood import RecordLikelihood, standardisation
 from bayes_tyre.inference.motion.record.map_fit import MapEstimate
 from bayes_tyre.inference.motion.record.window import Window
@@ -30,7 +30,7 @@ def log_evidence(window: Window, estimate: MapEstimate, weighted: WeightedDraws 
         return float("nan")
     # The prior's (2 pi)^(-parameters / 2) cancels against that of the draws, and against Laplace's integral.
     if weighted is not None:
-        above = weighted.log_mean_weight + len(estimate.standard) * np.log(PROPOSAL_WIDENING)
+        above = weighted.log_mean_weight
     else:
         present = np.sum(np.asarray(window.weight) > 0, axis=1)
         above = -0.5 * float(estimate.chi_squared @ present + estimate.standard @ estimate.standard)

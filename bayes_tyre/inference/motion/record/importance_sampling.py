@@ -15,20 +15,24 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from bayes_tyre.inference.diagnostics.pareto_smoothing import smooth_log_weights
+from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST, smooth_log_weights
 from bayes_tyre.inference.motion.record.forward_model import residuals
 from bayes_tyre.inference.motion.record.map_fit import value_and_jacobian
 from bayes_tyre.inference.motion.record.window import Window
 from bayes_tyre.rig.axle import Rig
 
 DRAWS = 400
-#: Number of wide directions: those of the largest posterior standard deviations. In the others the posterior's are a
-#: hundredth of the prior's and less.
+#: Number of wide directions: those of the largest posterior standard deviations, and one more for each extension of the
+#: law. In the others the posterior's are a hundredth of the prior's and less.
 WIDE = 8
 #: Steps towards the conditional mode; the third changes the log density by some 0.01.
 CHORD_STEPS = 3
 #: Factor of the draws' standard deviations on Laplace's, so that no tail of the posterior is missed.
 PROPOSAL_WIDENING = 1.1
+#: Rounds of draws at most: where the weights of one have no reliable mean, the next follows its weighted draws.
+ROUNDS = 4
+#: With fewer effective draws the standard error of a mean exceeds a seventh of the posterior's standard deviation.
+EFFECTIVE_LEAST = 50.0
 
 
 class WeightedDraws(NamedTuple):
@@ -44,7 +48,7 @@ class WeightedDraws(NamedTuple):
         Of the weights; NaN where there is no proposal distribution.
     log_mean_weight:
         Logarithm of the weights' mean before smoothing and normalisation: prior times likelihood, without the constants
-        of `evidence`, over the density of the draws' standard normal numbers.
+        of `evidence`, over the density of the draws in coordinates in which Laplace's covariance is 1.
     """
 
     standard: Float[np.ndarray, "draws parameters"]
@@ -56,6 +60,11 @@ class WeightedDraws(NamedTuple):
     def effective(self) -> float:
         """Return the effective number of draws (Kish)."""
         return float(1.0 / np.sum(self.weights**2))
+
+    @property
+    def trusted(self) -> bool:
+        """Return whether the weights have a reliable mean and enough effective draws."""
+        return self.pareto_k <= PARETO_K_MOST and self.effective >= EFFECTIVE_LEAST
 
 
 def weighted_draws(
@@ -78,14 +87,36 @@ def weighted_draws(
         Of the record.
     """
     standard, covariance = np.asarray(standard), np.asarray(covariance)
-    unit = np.random.default_rng(0).standard_normal((DRAWS, len(standard)))
+    count, rng = len(standard), np.random.default_rng(0)
     if not (np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0):
         return WeightedDraws(np.tile(standard, (DRAWS, 1)), np.full(DRAWS, 1 / DRAWS), float("nan"))
-    draws, height = jax.tree.map(np.asarray, _proposed(rig, window, standard, covariance, PROPOSAL_WIDENING * unit))
-    log_weights = np.nan_to_num(0.5 * np.sum(unit**2, axis=1) - height, nan=-np.inf)
-    smooth, pareto_k = smooth_log_weights(log_weights)
-    mean = float(np.logaddexp.reduce(log_weights) - np.log(len(log_weights)))
-    return WeightedDraws(draws, np.exp(smooth), pareto_k, mean)
+    centre, sd = np.zeros(count), np.full(count, PROPOSAL_WIDENING)
+    rounds: list[WeightedDraws] = []
+    for _ in range(ROUNDS):
+        normals = rng.standard_normal((DRAWS, count))
+        unit = centre + sd * normals
+        draws, height = jax.tree.map(np.asarray, _proposed(rig, window, standard, covariance, unit))
+        log_weights = np.nan_to_num(0.5 * np.sum(normals**2, axis=1) - height, nan=-np.inf)
+        smooth, pareto_k = smooth_log_weights(log_weights)
+        mean = float(np.logaddexp.reduce(log_weights) - np.log(DRAWS)) + float(np.sum(np.log(sd)))
+        rounds.append(WeightedDraws(draws, np.exp(smooth), pareto_k, mean))
+        if rounds[-1].trusted:
+            return rounds[-1]
+        centre, sd = _followed(unit, rounds[-1])
+    return max(rounds, key=lambda each: each.effective)
+
+
+def _followed(
+    unit: Float[np.ndarray, "draws parameters"], weighted: WeightedDraws
+) -> tuple[Float[np.ndarray, " parameters"], Float[np.ndarray, " parameters"]]:
+    """Return means and standard deviations of the next round's draws, which follow the weighted ones of the last.
+
+    The fewer effective draws, the more of Laplace's normal is kept: as much as if it were a draw a parameter.
+    """
+    share = weighted.effective / (weighted.effective + unit.shape[1])
+    mean = weighted.weights @ unit
+    variance = share * weighted.weights @ (unit - mean) ** 2 + (1 - share)
+    return share * mean, PROPOSAL_WIDENING * np.sqrt(variance)
 
 
 class ProposalMap(NamedTuple):
@@ -125,7 +156,8 @@ def proposal_map(rig: Rig, window: Window, standard: Array, covariance: Array) -
     _, jacobian = value_and_jacobian(rig, standard, window)
     variance, directions = jnp.linalg.eigh(covariance)
     coordinates = directions * jnp.sqrt(variance)
-    narrow, wide = coordinates[:, :-WIDE], coordinates[:, -WIDE:]
+    wide_ones = WIDE + len(window.law.extensions)
+    narrow, wide = coordinates[:, :-wide_ones], coordinates[:, -wide_ones:]
     return ProposalMap(standard, narrow, wide, narrow @ (jacobian @ narrow).T)
 
 
