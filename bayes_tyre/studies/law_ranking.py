@@ -38,6 +38,8 @@ CONTAINS: dict[str, tuple[str, ...]] = {
 }
 #: Parameters that a simulated truth does not have: a Bouc-Wen n far from Fancher's 1, the belt of a truck tyre.
 EXTRA_PARAMETERS = {"n": 2.0, "belt_frequency": 55.0, "belt_damping": 0.05, "sidewall_ratio": 4.0}
+#: Laws that are told apart: those that neither extend Fancher's nor average over others.
+RANKED_LAWS = tuple(name for name, law in MOTION_LAWS.items() if not (law.extensions or law.averaged))
 CONFIGURATION = "single"
 #: Sampler settings of the hierarchical fits and of the refits where importance sampling fails. The acceptance is that
 #: of any fit of motions: to name it spares fits by a wrong law their repeat where they diverge.
@@ -81,7 +83,7 @@ def _law_of(law: MotionLaw, truth: Truth) -> StatefulLaw:
 
 def rank_laws(
     true_laws: Sequence[str],
-    laws: Sequence[str] = tuple(MOTION_LAWS),
+    laws: Sequence[str] = RANKED_LAWS,
     records: int = 4,
     seed: int = 0,
     on_progress: Callable[[int], None] = lambda _: None,

@@ -10,7 +10,9 @@ import pandas as pd
 from scipy import stats
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.motion.record.estimate import RECORD_PARAMETERS, MotionEstimate, estimate_motion
+from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw, motion_law
+from bayes_tyre.inference.motion.record.estimate import RECORD_PARAMETERS, MotionEstimate
+from bayes_tyre.inference.motion.record.law_average import estimate_by
 from bayes_tyre.inference.motion.record.window import Recorded
 from bayes_tyre.record import RECORD_UNITS, parameter_column
 from bayes_tyre.rig.axle import load_rig
@@ -102,6 +104,7 @@ def study_motion(
     records: list[StudyRecord],
     seed: int = 0,
     on_progress: Callable[[int], None] = lambda _: None,
+    law: str = FANCHER.name,
 ) -> MotionStudy:
     """Return errors and coverage of the motion fit on records, one after the other.
 
@@ -113,16 +116,18 @@ def study_motion(
         Of axles, tyres and noise, which differ between records.
     on_progress:
         Called with 1 after each record.
+    law:
+        Of the fit: `fancher`, one that extends it, or `auto`.
     """
     rows = []
     for record in records:
-        rows += _rows(record, seed)
+        rows += _rows(record, seed, motion_law(law))
         on_progress(1)
     table = pd.DataFrame(rows)
     return MotionStudy(summarise(table), table)
 
 
-def _rows(record: StudyRecord, seed: int) -> list[dict[str, object]]:
+def _rows(record: StudyRecord, seed: int, law: MotionLaw) -> list[dict[str, object]]:
     plan, rig = record.plan, load_rig(record.plan.case.configuration)
     # The same axle, tyre and noise with each mismatch: differences are the mismatch's.
     record_seed = int(stream(seed, "motion study", record.kind, str(record.number)).integers(2**32))
@@ -133,13 +138,14 @@ def _rows(record: StudyRecord, seed: int) -> list[dict[str, object]]:
     began = time.process_time()
     try:
         recording = prepare(raw, rig, RecordFactors(plan.record, plan.case, plan.repeat))
-        estimate = estimate_motion(rig, Recorded(*recording.for_motion()))
+        estimate = estimate_by(rig, Recorded(*recording.for_motion()), law)
     except BadInput as error:
         return [
             {**factors, "seed": record_seed, **row, "status": str(error), "origin": ORIGIN}
             for row in _parameter_rows(truth, None)
         ]
     fit = {"method": estimate.method, "pareto_k": estimate.pareto_k, **_residual_statistics(estimate)}
+    fit |= {f"weight_{name}": weight for name, weight in estimate.law_weights.items()}
     shares = {"discrepancy": estimate.discrepancy_share, "load_departure": estimate.load_departure_share}
     fit |= {f"{name}_percent": 100 * share for name, share in shares.items()}
     fit |= {"cpu_seconds": time.process_time() - began, "status": estimate.status or "ok", "origin": ORIGIN}

@@ -36,7 +36,7 @@ from bayes_tyre.studies.design import POINTS, WEAK_POINTS, calibration_design
 from bayes_tyre.studies.design_fit import DesignFit
 from bayes_tyre.studies.estimates_fit import MotionsFit, PublishedFit
 from bayes_tyre.studies.law_ranking import Ranked, rank_laws
-from bayes_tyre.studies.motion_study import MotionStudy, study_motion, study_records
+from bayes_tyre.studies.motion_study import MotionStudy, StudyRecord, study_motion
 from bayes_tyre.studies.outliers import Outliers, study_outliers
 from bayes_tyre.studies.truths import study_priors
 from bayes_tyre.studies.uniformity import TOGETHER, band, pit
@@ -138,18 +138,15 @@ def write_outliers(out: Path, campaigns: int, seed: int, on_progress: Callable[[
 
 def write_motion_study(
     out: Path,
-    stationary: int,
-    rolling: int,
-    mismatch: int,
+    records: list[StudyRecord],
     seed: int,
     on_progress: Callable[[int], None],
-    standing_only: bool = False,
+    law: str,
+    counts: dict[str, int],
 ) -> MotionStudy:
-    """Write `motion_study.csv` and `motion_records.csv` into `out`."""
-    counts = {"stationary": stationary, "rolling": rolling, "mismatch": mismatch}
-    with study_run("study motion", out, seed, **counts, standing_only=standing_only):
-        records = study_records(stationary, rolling, seed, mismatch, standing_only)
-        result = study_motion(records, seed, on_progress)
+    """Write `motion_study.csv` and `motion_records.csv` of records fitted by a law; `run.json` has their `counts`."""
+    with study_run("study motion", out, seed, law=law, **counts):
+        result = study_motion(records, seed, on_progress, law)
         write_table(result.records, out / "motion_records.csv")
         write_table(result.table, out / "motion_study.csv")
     return result

@@ -9,6 +9,7 @@ from helpers.hand_made_posteriors import quiet
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import MOTION_PARAMETERS
 from bayes_tyre.inference.motion.hierarchy.model import Motions
+from bayes_tyre.inference.motion.laws import motion_law
 from bayes_tyre.inference.sampling.datatree import to_datatree
 from bayes_tyre.workflow.execution.outcome import Done
 from bayes_tyre.workflow.raw import motion, motion_estimates
@@ -41,6 +42,8 @@ def estimated(task: Task) -> Done:
     arrays = {"likelihood_rows": 100 * np.eye(5), "likelihood_target": 100 * np.log(TYPICAL)}
     arrays |= {"log_mean": np.log(TYPICAL), "log_variance": np.full(5, 1e-4)}
     flat = {name: array.ravel().tolist() for name, array in arrays.items()}
+    if averaged := motion_law(task.method.removeprefix(motion_estimates.BY_LAW)).averaged:
+        statistics |= {f"weight_{name}": float(name == "relaxing") for name in averaged}
     errors = {f"{name}_se": 0.01 * value for name, value in values.items()}
     errors |= {f"{name}_se_without_force": errors[f"{name}_se"] for name in ("k_kN_per_mm", "x_kN", "beta_mm")}
     return Done(pd.DataFrame([{**factor_table.row(), **values, **errors, **statistics, **flat}]))

@@ -55,6 +55,13 @@ def test_a_force_that_is_left_out_is_said_with_what_it_does_to_standard_errors()
     )
 
 
+def test_the_laws_of_an_average_are_said_with_their_weights():
+    table = estimates().assign(weight_fancher=0.25, weight_relaxing=0.75)
+    (said,) = with_estimates(SOUND, table, 0).limitations[1:]
+    assert "relaxing 0.75, fancher 0.25, in the mean of" in said
+    assert "--law relaxing" in said
+
+
 def test_files_without_an_estimate_are_counted():
     found = with_estimates(SOUND, estimates(), 2)
     assert found.verdict == "pass"

@@ -1,7 +1,8 @@
-"""Motions of files whose table names their rigs."""
+"""Motions of files: rigs that their table names, and the columns of a law."""
 
 from dataclasses import replace
 
+import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,10 +10,15 @@ from helpers.hand_made_posteriors import grid
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.inference.motion.hierarchy.model import Motions
+from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS
+from bayes_tyre.inference.motion.record.map_fit import MapEstimate
+from bayes_tyre.inference.motion.record.parameters import parameter_names
+from bayes_tyre.inference.motion.record.window import Window
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.workflow.execution.batch import Machines
-from bayes_tyre.workflow.raw import motion
+from bayes_tyre.workflow.raw import motion, motion_estimates
 from bayes_tyre.workflow.raw.motion import Estimated, MotionPlan, estimate_files, fit_estimates
+from bayes_tyre.workflow.raw.motion_estimates import columns
 
 FACTORS = grid(repeats=2, speeds=(0.0,))
 
@@ -54,3 +60,29 @@ def test_rig_files_of_the_cases_are_inputs_and_say_how_accurate_they_are(monkeyp
     with pytest.raises(InterruptedError):
         fit_estimates(found, replace(plan, force_scale_sd=0.02), tmp_path / "out", [])
     assert known["force_scale_sd"] == 0.02
+
+
+def test_columns_are_those_of_the_law():
+    assert {"relaxing_share", "relaxation_s_se"} <= set(columns(MOTION_LAWS["relaxing"]))
+    auto = MOTION_LAWS["auto"]
+    assert [name for name in columns(auto) if name not in columns(FANCHER)] == [
+        f"weight_{law}" for law in auto.averaged
+    ]
+
+
+def test_an_extension_is_reported_at_the_peak_with_its_standard_error():
+    law = MOTION_LAWS["relaxing"]
+    names = parameter_names(law)
+    prior = np.stack([np.zeros(len(names)), np.ones(len(names))])
+    prior[:, names.index("relaxation_s")] = np.log(0.01), 0.5
+    standard, covariance = np.zeros(len(names)), np.eye(len(names))
+    standard[names.index("relaxation_s")] = 0.4
+    covariance[names.index("relaxation_s"), names.index("relaxation_s")] = 0.09
+    of_fit = np.zeros(3), np.zeros(3), np.array(1), np.zeros(()), np.ones(()), np.array(True)
+    none = jnp.zeros((3, 4))
+    window = Window(jnp.array(1e-3), none, none, jnp.ones(3) / 3, jnp.asarray(prior), law=law)
+    found = motion_estimates._extensions(window, MapEstimate(standard, covariance, *of_fit))
+    tau = 0.01 * np.exp(0.5 * 0.4)
+    assert found == pytest.approx(
+        {"relaxing_share": 0.0, "relaxing_share_se": 1.0, "relaxation_s": tau, "relaxation_s_se": tau * 0.5 * 0.3}
+    )

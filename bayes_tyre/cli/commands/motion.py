@@ -25,6 +25,11 @@ class Law(StrEnum):  # Typer takes no list of Literal, which `study laws` needs
     bouc_wen = "bouc_wen"
     maxwell_slip = "maxwell_slip"
     rigid_ring = "rigid_ring"
+    relaxing = "relaxing"
+    speed_friction = "speed_friction"
+    stiffening = "stiffening"
+    two_yields = "two_yields"
+    auto = "auto"
 
 
 def motion(
@@ -32,7 +37,9 @@ def motion(
     out: shell.Out,
     rig: RigName = None,
     cases: CasesTable = None,
-    law: Annotated[Law, typer.Option(help="Force law of the tyre.")] = Law.fancher,
+    law: Annotated[
+        Law, typer.Option(help="Force law of the tyre; auto averages over Fancher's and its extensions.")
+    ] = Law.fancher,
     amplitude: Annotated[
         float,
         typer.Option(
@@ -69,7 +76,10 @@ def motion(
 
     Other laws have other parameters: kelvin_voigt k alone, bouc_wen k, settled (kN), beta and exponent n, maxwell_slip
     k, settled and beta, rigid_ring k and the belt's frequency (Hz), damping ratio and ratio of sidewall to residual
-    stiffness. compare says which of them predicts the same files best.
+    stiffness. compare says which of them predicts the same files best. Four extend Fancher's law, with the same
+    parameters: rubber that relaxes (relaxing), friction that changes with speed (speed_friction), stiffness that grows
+    with deflection (stiffening), two yield displacements (two_yields). auto fits these and Fancher's, and averages them
+    record by record, weighted by their evidence: five times the time.
 
     Each raw file is fitted by itself, its motion simulated through step and ring-down; the estimates with their
     covariances then go into one hierarchy. Writes what fit writes (--xlsx likewise), and estimates.csv (a row a record)

@@ -2,6 +2,9 @@
 
 To add a law, write a file of `bayes_tyre.laws` and an entry here: its parameters, all positive, and their priors.
 Priors of the cases are in `bayes_tyre.inference.model.default_priors`, by the same names.
+
+A law that extends Fancher's has extensions beside the parameters: numbers of one record, with priors about none, which
+are integrated out of its estimate. So these laws have the hierarchy's parameters in common, and can be averaged.
 """
 
 from collections.abc import Callable
@@ -9,6 +12,7 @@ from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -16,6 +20,7 @@ from jaxtyping import Array, Float
 from bayes_tyre.errors import BadInput
 from bayes_tyre.laws.base import ScalarLike, StatefulLaw
 from bayes_tyre.laws.bouc_wen import BoucWen
+from bayes_tyre.laws.extended_fancher import ExtendedFancher
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.laws.kelvin_voigt import KelvinVoigt
 from bayes_tyre.laws.maxwell_slip import MaxwellSlip
@@ -49,6 +54,48 @@ TYRE_PRIORS: dict[str, NormalPrior] = {
 }
 
 
+class Extension(NamedTuple):
+    """A number of one record by which its tyre departs from Fancher's law: a field of `ExtendedFancher`.
+
+    Attributes
+    ----------
+    prior:
+        Of the number, or of its logarithm or logit.
+    value:
+        From that to the number.
+    """
+
+    prior: NormalPrior
+    value: Callable[[Float[Array, ""]], Float[Array, ""]]
+
+
+def _itself(value: Float[Array, ""]) -> Float[Array, ""]:
+    return value
+
+
+#: Extensions of Fancher's law, by the names of their fields.
+EXTENSIONS: dict[str, Extension] = {
+    "relaxing_share": Extension(
+        NormalPrior(0.0, 0.05, "up to a tenth of k; below 0 is no rubber, but what noise makes of none"), _itself
+    ),
+    "relaxation_s": Extension(
+        NormalPrior(np.log(0.008), 0.7, "2 to 32 ms: rubber that relaxes while a step rises and rings"), jnp.exp
+    ),
+    "friction_change": Extension(
+        NormalPrior(0.0, 0.1, "up to a fifth less or more friction at speed than at rest"), _itself
+    ),
+    "friction_speed_mm_per_s": Extension(
+        NormalPrior(np.log(30.0), 0.7, "8 to 120 mm/s: what a step's travel and ring reach"), jnp.exp
+    ),
+    "growth_per_mm": Extension(
+        NormalPrior(0.0, 0.03, "up to 6 % of the slope a mm: half of it again over a step's travel"), _itself
+    ),
+    "yield_spread": Extension(
+        NormalPrior(-1.0, 1.0, "0.05 to 0.7: from one scale to one five times the other"), jax.nn.sigmoid
+    ),
+}
+
+
 class MotionLaw(eqx.Module):
     """A force law and its parameters. A pytree without leaves: jitted functions take it as a static argument.
 
@@ -62,12 +109,19 @@ class MotionLaw(eqx.Module):
         The parameters that estimates report instead, in the same order: fields of the law.
     law:
         The law's class; its fields are `reported` and C.
+    extensions:
+        Names of `EXTENSIONS`: a record's tyre then follows `ExtendedFancher`, and `law` is what is left of that
+        without them.
+    averaged:
+        Names of the laws that a record's estimate is averaged over, by their evidence; empty: it is of this law.
     """
 
     name: str = eqx.field(static=True)
     tyre_parameters: tuple[str, ...] = eqx.field(static=True)
     reported: tuple[str, ...] = eqx.field(static=True)
     law: Callable[..., StatefulLaw] = eqx.field(static=True)
+    extensions: tuple[str, ...] = eqx.field(static=True, default=())
+    averaged: tuple[str, ...] = eqx.field(static=True, default=())
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -96,14 +150,39 @@ class MotionLaw(eqx.Module):
         return self.law(**dict(zip(self.reported, values, strict=False)), C=C)
 
 
+def extended(
+    law: Fancher, values: dict[str, Float[Array, ""]], ends_mm: tuple[ScalarLike, ScalarLike]
+) -> ExtendedFancher:
+    """Return Fancher's law with extensions.
+
+    Parameters
+    ----------
+    law:
+        Fancher's.
+    values:
+        What the priors of `EXTENSIONS` are of, by name.
+    ends_mm:
+        Displacement on flat ground before and after the step, mm.
+    """
+    fields = {name: EXTENSIONS[name].value(value) for name, value in values.items()}
+    return ExtendedFancher(k=law.k, C=law.C, x=law.x, beta=law.beta, ends_mm=ends_mm, **fields)
+
+
 # Between two samples a tyre moves by less than beta. One integration step of Bouc-Wen's law instead of four changes
 # readings by 0.003 of their noise, and a fit takes a seventh of the time.
 _bouc_wen = partial(BoucWen, substeps=1)
 _FRICTION = ("k", "settled", "beta")
 _RING = ("k", "belt_frequency", "belt_damping", "sidewall_ratio")
-FANCHER = MotionLaw("fancher", _FRICTION, ("k", "x", "beta"), Fancher)
+_REPORTED = ("k", "x", "beta")
+FANCHER = MotionLaw("fancher", _FRICTION, _REPORTED, Fancher)
 KELVIN_VOIGT = MotionLaw("kelvin_voigt", ("k",), ("k",), KelvinVoigt)
-#: Laws by name, the thesis's first.
+_EXTENDED = {
+    "relaxing": ("relaxing_share", "relaxation_s"),
+    "speed_friction": ("friction_change", "friction_speed_mm_per_s"),
+    "stiffening": ("growth_per_mm",),
+    "two_yields": ("yield_spread",),
+}
+#: Laws by name, the thesis's first; those that extend it, and their average, last.
 MOTION_LAWS: dict[str, MotionLaw] = {
     law.name: law
     for law in (
@@ -112,6 +191,8 @@ MOTION_LAWS: dict[str, MotionLaw] = {
         MotionLaw("bouc_wen", (*_FRICTION, "n"), (*_FRICTION, "n"), _bouc_wen),
         MotionLaw("maxwell_slip", _FRICTION, _FRICTION, MaxwellSlip),
         MotionLaw("rigid_ring", _RING, _RING, RigidRing),
+        *(MotionLaw(name, _FRICTION, _REPORTED, Fancher, own) for name, own in _EXTENDED.items()),
+        MotionLaw("auto", _FRICTION, _REPORTED, Fancher, averaged=(FANCHER.name, *_EXTENDED)),
     )
 }
 

@@ -5,7 +5,7 @@ import pandas as pd
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics, data_checks
 from bayes_tyre.inference.motion.record.likelihood import WIDENED
 from bayes_tyre.plain_text import listed
-from bayes_tyre.workflow.raw.motion_estimates import FORCE_PERCENT, MODE_HZ, OK, WITHOUT_FORCE
+from bayes_tyre.workflow.raw.motion_estimates import FORCE_PERCENT, MODE_HZ, OK, WEIGHT, WITHOUT_FORCE
 from bayes_tyre.workflow.raw.raw_records import REJECTED
 
 ESTIMATES = "estimates.csv"
@@ -45,8 +45,15 @@ def with_estimates(diagnostics: Diagnostics, table: pd.DataFrame, rejected: int)
 
 
 def _limitations(table: pd.DataFrame, rejected: int) -> list[str]:
-    """Return what is said of files without an estimate, of a second mode, and of forces that are left out."""
+    """Return what is said of files without an estimate, of laws, of a second mode, and of forces that are left out."""
     said = []
+    weights = table.filter(regex=f"^{WEIGHT}").mean().sort_values(ascending=False)
+    if len(weights):
+        shares = [f"{str(name).removeprefix(WEIGHT)} {weight:.2f}" for name, weight in weights.items()]
+        said.append(
+            f"laws are averaged record by record, weighted by their evidence: {', '.join(shares)}, in the mean of "
+            f"{len(table)} records; with --law {shares[0].split()[0]} the estimates have what it adds"
+        )
     if rejected:
         said.append(f"{rejected} files have no estimate and are not in the result: see {REJECTED}")
     shaken = table[table[MODE_HZ].notna()]

@@ -14,14 +14,15 @@ from jaxtyping import Array, Float
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.recordings.raw import read_raw
 from bayes_tyre.inference.motion.hierarchy.model import Motions, Readings
-from bayes_tyre.inference.motion.laws import FANCHER, KELVIN_VOIGT, MotionLaw, motion_law
+from bayes_tyre.inference.motion.laws import EXTENSIONS, FANCHER, KELVIN_VOIGT, MotionLaw, motion_law
 from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import load_step_kN
-from bayes_tyre.inference.motion.record.estimate import MotionEstimate, estimate_motion
+from bayes_tyre.inference.motion.record.estimate import MotionEstimate
 from bayes_tyre.inference.motion.record.evidence import log_constant
 from bayes_tyre.inference.motion.record.forward_model import predicted, residuals
+from bayes_tyre.inference.motion.record.law_average import estimate_by
 from bayes_tyre.inference.motion.record.likelihood import hierarchy_moments, likelihood_of
-from bayes_tyre.inference.motion.record.map_fit import CORRELATION_MOST, MISFIT_MOST
-from bayes_tyre.inference.motion.record.parameters import MotionParameters
+from bayes_tyre.inference.motion.record.map_fit import CORRELATION_MOST, MISFIT_MOST, MapEstimate
+from bayes_tyre.inference.motion.record.parameters import MotionParameters, parameter_names
 from bayes_tyre.inference.motion.record.window import Recorded, Window
 from bayes_tyre.record import FACTORS, parameter_column
 from bayes_tyre.results.figure_data.motion_traces import COLUMNS, places, readings_table
@@ -49,6 +50,8 @@ _DELAYS = ("displacement_delay_ms", "load_delay_ms")
 #: A second mode of the rig, of a record that shows one: frequency, and share of the axle's movement that drives it.
 MODE_HZ, _MODE_SHARE = "second_mode_Hz", "second_mode_share"
 OK = "ok"
+#: Before the name of a law, in the columns of an average over laws: how probable the record makes it.
+WEIGHT = "weight_"
 #: Before the name of the law in the method that a task names.
 BY_LAW = "motion on "
 # Further columns of a part: the likelihood of the hierarchy's log parameters, flattened.
@@ -77,9 +80,11 @@ def columns(law: MotionLaw) -> list[str]:
     that they show, empty where there is none; `log_evidence` is the log density of the readings under the law, by which
     laws may be compared record by record. `..._se_without_force` are standard errors of the tyre's parameters if it
     were certain that load and law leave out no force. A spring and a damper have two more, at the wheel centre: their
-    classic estimate from the free vibration (`rig.motion_decay`), empty where the tyre rolls or hardly vibrates.
+    classic estimate from the free vibration (`rig.motion_decay`), empty where the tyre rolls or hardly vibrates. A law
+    that extends Fancher's has its extensions, at the most probable parameters; an average over laws their weights.
     """
-    values = [column for name in parameter_columns(law) for column in (name, f"{name}_se")]
+    values = [column for name in (*parameter_columns(law), *law.extensions) for column in (name, f"{name}_se")]
+    values += [f"{WEIGHT}{name}" for name in law.averaged]
     values += _BY_DECAY if law is KELVIN_VOIGT else ()
     statistics = [
         "displacement_mm",
@@ -107,10 +112,10 @@ def _done(task: Task) -> Done:
     factors, rig = usable(task)
     raw = read_raw(task.file, columns_of(rig))
     law = motion_law(task.method.removeprefix(BY_LAW))
-    estimate = estimate_motion(rig, Recorded(*prepare(raw, rig, factors).for_motion()), law)
+    estimate = estimate_by(rig, Recorded(*prepare(raw, rig, factors).for_motion()), law)
     # With a wrong law the solver need not converge, and laws are compared on the same records: the estimate is kept,
     # and its status says so.
-    if law is FANCHER and not bool(estimate.map_estimate.converged):
+    if (law is FANCHER or law.averaged) and not bool(estimate.map_estimate.converged):
         raise BadInput("the fit of its motion did not converge; look at its channels with process --figures")
     unknowns = estimate.window.in_units(rig, jnp.asarray(estimate.map_estimate.standard))
     origin = origin_of_raw(raw, task)
@@ -161,6 +166,9 @@ def _columns(rig: Rig, estimate: MotionEstimate, unknowns: MotionParameters) -> 
     row |= dict(zip(_LEFT_OUT, left_out, strict=True))
     unforced = (values * sd * estimate.narrower_without_force)[: len(law.reported)]
     row |= dict(zip(_without_force(law), unforced.tolist(), strict=True))
+    row |= _extensions(estimate.window, estimate.map_estimate) | {
+        f"{WEIGHT}{name}": weight for name, weight in estimate.law_weights.items()
+    }
     row |= {"method": estimate.method, "pareto_k": float(estimate.pareto_k), "status": estimate.status or OK}
     row |= {"log_evidence": estimate.log_evidence, _EFFECTIVE: estimate.effective_draws}
     moments = estimate.log_mean, estimate.log_covariance
@@ -171,6 +179,19 @@ def _columns(rig: Rig, estimate: MotionEstimate, unknowns: MotionParameters) -> 
         row |= dict(zip(_BY_DECAY, _by_decay(estimate.window, unknowns), strict=True))
     arrays = {_ROWS: likelihood.rows, _TARGET: likelihood.target, _MEAN: mean, _VARIANCE: np.diag(covariance)}
     return row | {name: array.ravel().tolist() for name, array in arrays.items()}
+
+
+def _extensions(window: Window, estimate: MapEstimate) -> dict[str, float]:
+    """Return the extensions of a record's law at the most probable parameters, each with its standard error."""
+    names, (mean, sd) = parameter_names(window.law), np.asarray(window.prior)
+    errors = np.sqrt(np.diag(np.asarray(estimate.covariance)))
+    row: dict[str, float] = {}
+    for name in window.law.extensions:
+        i = names.index(name)
+        at = jnp.asarray(mean[i] + sd[i] * estimate.standard[i])
+        value, slope = jax.value_and_grad(EXTENSIONS[name].value)(at)
+        row |= {name: float(value), f"{name}_se": float(slope * sd[i] * errors[i])}
+    return row
 
 
 def _by_decay(window: Window, unknowns: MotionParameters) -> tuple[float, float]:

@@ -4,14 +4,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.default_priors import PRIORS
-from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS, TYRE_PRIORS, motion_law
+from bayes_tyre.inference.motion.laws import EXTENSIONS, FANCHER, MOTION_LAWS, TYRE_PRIORS, motion_law
 from bayes_tyre.inference.motion.record.parameters import RECORD_PRIORS, in_units, parameter_names, prior_moments
 from bayes_tyre.inference.sampling.datatree import QUANTITIES
 from bayes_tyre.record import LAW_PARAMETERS, RECORD_UNITS
+from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import load_rig
+from bayes_tyre.rig.motion_step import wheel_centre_per_flat
 
 RIG = load_rig("single")
 every_law = pytest.mark.parametrize("law", MOTION_LAWS.values(), ids=MOTION_LAWS.keys())
@@ -22,7 +25,7 @@ RECORD_LEVELS = dict.fromkeys(LEVEL_NAMES, (1.0, 1.0)) | {"ramp_start_s": (0.05,
 @every_law
 def test_parameters_make_the_law_with_their_values(law):
     names, prior = parameter_names(law), prior_moments(RIG, RECORD_LEVELS, law)
-    assert names == (*(f"log_{name}" for name in law.tyre_parameters), *RECORD_PRIORS)
+    assert names == (*(f"log_{name}" for name in law.tyre_parameters), *RECORD_PRIORS, *law.extensions)
     standard = np.random.default_rng(0).standard_normal(len(names))
     parameters = in_units(RIG, jnp.asarray(standard), prior, law=law)
     value = dict(zip(names, prior[0] + prior[1] * standard, strict=True))
@@ -34,7 +37,8 @@ def test_parameters_make_the_law_with_their_values(law):
     assert pytest.approx(value["C_kN"]) == parameters.law.C
     assert parameters.m_kg == pytest.approx(np.exp(value["log_m"]))
     assert (parameters.rest_friction_kN == 0) == (not law.has_friction)
-    parameters.law.check()
+    if "relaxing_share" not in law.extensions:  # below 0 there, which noise makes of none, it would make energy
+        parameters.law.check()
 
 
 @every_law
@@ -44,6 +48,42 @@ def test_reported_parameters_make_the_same_law(law):
     reported = law.from_reported(jnp.stack([jnp.asarray(getattr(made, name)) for name in law.reported]), 0.2)
     for one, other in zip(jax.tree.leaves(made), jax.tree.leaves(reported), strict=True):
         assert one == pytest.approx(float(other), rel=1e-14)
+
+
+@pytest.mark.parametrize("law", [law for law in MOTION_LAWS.values() if law.extensions], ids=lambda law: law.name)
+def test_an_extended_law_has_its_extensions_and_ends_where_it_rests(law):
+    names, prior = parameter_names(law), prior_moments(RIG, RECORD_LEVELS | {"load_before_kN": (8.0, 1.0)}, law)
+    standard = np.random.default_rng(1).standard_normal(len(names))
+    parameters = in_units(RIG, jnp.asarray(standard), prior, law=law)
+    for name in law.extensions:
+        at = names.index(name)
+        value = EXTENSIONS[name].value(jnp.asarray(prior[0, at] + prior[1, at] * standard[at]))
+        assert getattr(parameters.law, name) == pytest.approx(float(value), rel=1e-12)
+    # A rest before the step: the middle line and the friction there carry the load, however the line bends.
+    before = parameters.law.ends_mm[0]
+    line = float(parameters.law.middle_line(before) + parameters.rest_friction_kN)
+    at_wheel_centre = brentq(lambda d: float(geometry.flat_ground_displacement(RIG, d)) - float(before), -50.0, 100.0)
+    applied = geometry.tyre_load(RIG, parameters.load_kN[0])
+    assert line * float(wheel_centre_per_flat(RIG, at_wheel_centre)) == pytest.approx(float(applied), rel=1e-9)
+
+
+def test_extensions_have_the_ranges_that_their_priors_state():
+    ranges = {
+        name: [float(one.value(jnp.asarray(one.prior.mean + side * 1.96 * one.prior.sd))) for side in (-1, 1)]
+        for name, one in EXTENSIONS.items()
+    }
+    stated = {
+        **{"relaxing_share": (-0.1, 0.1), "relaxation_s": (0.002, 0.032), "friction_change": (-0.2, 0.2)},
+        **{"friction_speed_mm_per_s": (8, 120), "growth_per_mm": (-0.06, 0.06), "yield_spread": (0.05, 0.7)},
+    }
+    for name, range_ in ranges.items():
+        assert range_ == pytest.approx(stated[name], rel=0.05)
+
+
+def test_the_average_is_over_fanchers_law_and_all_that_extend_it():
+    extended = [name for name, law in MOTION_LAWS.items() if law.extensions]
+    assert MOTION_LAWS["auto"].averaged == ("fancher", *extended)
+    assert sorted(name for law in MOTION_LAWS.values() for name in law.extensions) == sorted(EXTENSIONS)
 
 
 def test_fanchers_parameters_and_their_order():

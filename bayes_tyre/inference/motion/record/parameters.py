@@ -7,12 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from bayes_tyre.inference.motion.laws import FANCHER, TYRE_PRIORS, MotionLaw, NormalPrior
+from bayes_tyre.inference.motion.laws import EXTENSIONS, FANCHER, TYRE_PRIORS, MotionLaw, NormalPrior, extended
 from bayes_tyre.inference.motion.record.load_step import SHAPE_TERMS
 from bayes_tyre.inference.motion.record.runout import Ground, Rolling, ground_in_units
 from bayes_tyre.inference.motion.record.second_mode import SecondMode, mode_in_units
+from bayes_tyre.laws.base import ScalarLike
+from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
+from bayes_tyre.rig.motion import rest_displacement
 from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
 
 #: Priors of the parameters that follow the tyre's own (`laws.TYRE_PRIORS`), by name, in order. Logarithms are natural.
@@ -51,7 +54,7 @@ def parameter_names(law: MotionLaw) -> tuple[str, ...]:
 
     Those of a rolling tyre's ground follow, or those of a second mode of a rig with a stationary tyre (`second_mode`).
     """
-    return (*(f"log_{name}" for name in law.tyre_parameters), *RECORD_PRIORS)
+    return (*(f"log_{name}" for name in law.tyre_parameters), *RECORD_PRIORS, *law.extensions)
 
 
 class MotionParameters(NamedTuple):
@@ -129,12 +132,17 @@ def in_units(
         settled = jnp.exp(value[at["log_settled"]])
         rest = settled * jax.scipy.special.erf(value[at["rest_friction"]] / np.sqrt(2))
     at_wheel_centre = k * geometry.curvature_factor(rig)
+    load_kN = value[at["load_before_kN"] : at["load_after_kN"] + 1]
+    tyre = law.from_logs(value[: len(law.tyre_parameters)], value[at["C_kN"]])
+    if law.extensions and isinstance(tyre, Fancher):
+        before, after = (_rest_on_flat(rig, load, k, jnp.add(tyre.C, rest)) for load in load_kN)
+        tyre = extended(tyre, {name: value[at[name]] for name in law.extensions}, (before, after))
     return MotionParameters(
-        law=law.from_logs(value[: len(law.tyre_parameters)], value[at["C_kN"]]),
+        law=tyre,
         m_kg=m,
         c_kN_s_per_mm=2 * ratio * jnp.sqrt(at_wheel_centre * m * KN_PER_KG_MM_PER_S2),
         rest_friction_kN=rest,
-        load_kN=value[at["load_before_kN"] : at["load_after_kN"] + 1],
+        load_kN=load_kN,
         laser_mm=value[at["laser_at_rest_mm"]],
         acceleration_m_per_s2=value[at["acceleration_offset_m_per_s2"]],
         start_s=value[at["ramp_start_s"]],
@@ -144,6 +152,14 @@ def in_units(
         load_delay_s=value[at["load_delay_s"]],
         ground=None if rolling is None else ground_in_units(further, rolling),
         mode=mode_in_units(further) if rolling is None and len(further) else None,
+    )
+
+
+def _rest_on_flat(rig: Rig, load_kN: ScalarLike, k: ScalarLike, offset_kN: ScalarLike) -> Array:
+    """Return the displacement on flat ground, mm, at which ``k d + offset`` carries a load of the cylinder, kN."""
+    applied = jnp.asarray(geometry.tyre_load(rig, load_kN))
+    return jnp.asarray(
+        geometry.flat_ground_displacement(rig, rest_displacement(rig, applied, k=k, offset_kN=offset_kN))
     )
 
 
@@ -168,6 +184,7 @@ def prior_moments(
         "load_delay_s": (1e-3 * sensors.load_delay_ms, 1e-3 * sensors.load_delay_sd_ms),
     }
     priors = [*(TYRE_PRIORS[name] for name in law.tyre_parameters), *RECORD_PRIORS.values()]
+    priors += [EXTENSIONS[name].prior for name in law.extensions]
     table, names = np.array([[prior.mean, prior.sd] for prior in priors]), parameter_names(law)
     for name, (mean, sd) in (of_rig | levels).items():
         row = names.index(name)

@@ -1,0 +1,76 @@
+"""A record's estimate averaged over force laws, each weighted by how probable it makes the record's readings.
+
+The laws are Fancher's and its extensions; k, x, beta, mass and damping mean the same in all. Beforehand Fancher's is as
+probable as all the others together: so that an extension carries the weight only where the readings ask for it.
+Source: Hoeting, Madigan, Raftery and Volinsky (1999), Bayesian model averaging: a tutorial, Statistical Science 14.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw, motion_law
+from bayes_tyre.inference.motion.record.estimate import MotionEstimate, estimate_motion
+from bayes_tyre.inference.motion.record.nuts import SETTINGS
+from bayes_tyre.inference.motion.record.window import Recorded
+from bayes_tyre.inference.sampling.run import SamplerSettings
+from bayes_tyre.rig.axle import Rig
+
+
+def estimate_by(
+    rig: Rig,
+    recorded: Recorded,
+    law: MotionLaw = FANCHER,
+    sampler: SamplerSettings | None = SETTINGS,
+    estimate: Callable[..., MotionEstimate] = estimate_motion,
+) -> MotionEstimate:
+    """Return the estimate of one record by a law, or by the average of those that the law stands for.
+
+    Parameters
+    ----------
+    rig, recorded, law, sampler:
+        As `estimate_motion` has them. In an average no record is sampled by NUTS: it would take minutes a law.
+    estimate:
+        Estimates the record by one law.
+    """
+    if not law.averaged:
+        return estimate(rig, recorded, law, sampler)
+    return average([estimate(rig, recorded, motion_law(name), None) for name in law.averaged], law.averaged)
+
+
+def average(estimates: Sequence[MotionEstimate], names: Sequence[str]) -> MotionEstimate:
+    """Return the average of a record's estimates, weighted by their evidence.
+
+    Fits that did not converge count only where none has. Window, method and status are those of the most probable law.
+
+    Parameters
+    ----------
+    estimates, names:
+        By each law, and the laws' names; what the estimates report is the same quantities.
+    """
+    any_converged = any(bool(each.map_estimate.converged) for each in estimates)
+    by_law = {
+        name: each
+        for name, each in zip(names, estimates, strict=True)
+        if np.isfinite(each.log_evidence) and (each.map_estimate.converged or not any_converged)
+    }
+    if not by_law:
+        return estimates[0]
+    others = max(1, len(names) - 1)
+    prior = np.array([1.0 if name == FANCHER.name else 1.0 / others for name in by_law])
+    log_evidence = np.array([each.log_evidence for each in by_law.values()]) + np.log(prior / prior.sum())
+    weights = np.exp(log_evidence - np.logaddexp.reduce(log_evidence))
+    means = np.array([each.log_mean for each in by_law.values()])
+    mean = weights @ means
+    covariances = np.array([each.log_covariance for each in by_law.values()])
+    between = (weights[:, None] * (means - mean)).T @ (means - mean)
+    return replace(
+        list(by_law.values())[int(np.argmax(weights))],
+        log_mean=mean,
+        log_covariance=np.tensordot(weights, covariances, 1) + between,
+        log_draws=np.concatenate([each.log_draws for each in by_law.values()]),
+        weights=np.concatenate([weight * each.weights for weight, each in zip(weights, by_law.values(), strict=True)]),
+        log_evidence=float(np.logaddexp.reduce(log_evidence)),
+        law_weights=dict.fromkeys(names, 0.0) | dict(zip(by_law, weights.tolist(), strict=True)),
+    )
