@@ -1,13 +1,18 @@
 """What the help of commands lists is what there is: suffixes of files, force laws."""
 
+from typing import get_args, get_type_hints
+
 import pytest
 from typer.testing import CliRunner
 
 from bayes_tyre.cli import app, suffixes
+from bayes_tyre.cli.commands import study
 from bayes_tyre.cli.commands.motion import Law, motion
+from bayes_tyre.cli.commands.study import RankedLaw
 from bayes_tyre.formats.recordings import raw
 from bayes_tyre.formats.tables import table_files as tables
-from bayes_tyre.inference.motion.laws import MOTION_LAWS
+from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS
+from bayes_tyre.studies.law_ranking import RANKED_LAWS
 
 
 def test_help_names_the_suffixes_that_are_read():
@@ -19,6 +24,12 @@ def test_help_names_the_laws_that_a_motion_can_be_fitted_with():
     assert [law.value for law in Law] == list(MOTION_LAWS)
     assert motion.__doc__ is not None
     assert all(law.value in motion.__doc__ for law in Law if law is not Law.fancher)
+
+
+def test_studies_take_the_laws_that_they_can_compare():
+    assert [law.value for law in RankedLaw] == list(RANKED_LAWS)
+    choices = get_args(get_type_hints(study.motion)["law"])
+    assert choices == tuple(name for name, law in MOTION_LAWS.items() if law.reported == FANCHER.reported)
 
 
 @pytest.mark.parametrize("group", [(), ("study",)], ids=["commands", "studies"])

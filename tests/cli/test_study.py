@@ -160,18 +160,19 @@ def test_outliers_are_written_and_said_in_words(tmp_path, monkeypatch):
 
 
 def test_motions_are_written_and_said_in_words(tmp_path, monkeypatch):
-    def made_up(records, seed, _):
-        assert (len(records), seed) == (2 + 3, 5)
+    def made_up(records, seed, _, law):
+        assert (len(records), seed, law) == (2 + 3, 5, "auto")
         table = motion_rows(records)
         return MotionStudy(summarise(table), table)
 
     monkeypatch.setattr(workflow, "study_motion", made_up)
-    options = ["--stationary", 2, "--rolling", 3, "--seed", 5]
+    options = ["--stationary", 2, "--rolling", 3, "--seed", 5, "--law", "auto"]
     done = here("study", "motion", "--out", tmp_path / "made", *options)
     assert done.exit_code == 0, done.stderr
     assert set(tree_of(tmp_path / "made")) == {"motion_study.csv", "motion_records.csv", "run.json"}
     assert "stationary, mismatch none, 2 records, 0 doubted: rms error k 1 % (bias +1, coverage 100%)" in done.stdout
-    assert json.loads((tmp_path / "made" / "run.json").read_text())["options"]["rolling"] == 3
+    told = json.loads((tmp_path / "made" / "run.json").read_text())["options"]
+    assert (told["rolling"], told["law"]) == (3, "auto")
 
 
 @pytest.mark.slow
@@ -185,8 +186,7 @@ def test_a_small_study_of_motions_from_simulation_to_tables(tmp_path, monkeypatc
         return [record for record in records if record.plan.case.configuration == rig]
 
     # Each rig is compiled for anew, and a rolling record takes minutes.
-    for place in (motion_study, workflow):  # counted by the command, simulated by the workflow
-        monkeypatch.setattr(place, "study_records", standing_on_one_rig)
+    monkeypatch.setattr(motion_study, "study_records", standing_on_one_rig)
     done = here("study", "motion", "--out", tmp_path, "--stationary", 4, "--rolling", 0, "--mismatch", 1, "--seed", 8)
     assert done.exit_code == 0, done.stderr
     records = pd.read_csv(tmp_path / "motion_records.csv")

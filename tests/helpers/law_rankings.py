@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from bayes_tyre.inference.motion.laws import MOTION_LAWS
-from bayes_tyre.studies.law_ranking import Ranked
+from bayes_tyre.studies.law_ranking import RANKED_LAWS, Ranked
 
 
 def ranked(true_laws: Sequence[str], first: str | None = None) -> Ranked:
@@ -13,7 +12,7 @@ def ranked(true_laws: Sequence[str], first: str | None = None) -> Ranked:
     rows = []
     for true in true_laws:
         best = first or true
-        for rank, name in enumerate((best, *(law for law in MOTION_LAWS if law != best)), start=1):
+        for rank, name in enumerate((best, *(law for law in RANKED_LAWS if law != best)), start=1):
             far = -10.0 if rank > 1 else 0.0
             rows.append(
                 {"true_law": true, "fitted_law": name, "rank": rank, "elpd": 100.0 + far, "elpd_difference": far}
