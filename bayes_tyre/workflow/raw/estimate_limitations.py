@@ -3,6 +3,7 @@
 import pandas as pd
 
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics, data_checks
+from bayes_tyre.inference.motion.laws import FANCHER
 from bayes_tyre.inference.motion.record.likelihood import WIDENED
 from bayes_tyre.plain_text import listed
 from bayes_tyre.workflow.raw.motion_estimates import FORCE_PERCENT, MODE_HZ, OK, WEIGHT, WITHOUT_FORCE
@@ -37,7 +38,8 @@ def with_estimates(diagnostics: Diagnostics, table: pd.DataFrame, rejected: int)
     if 2 * len(bad) < len(table):
         return diagnostics._replace(limitations=(*limitations, limitation))
     share = f"these are {len(bad)} of {len(table)} records"
-    reason = f"{limitation}: {share}; record them again, check the rig file, or try another --law"
+    other = "another --law" if table.filter(like=WEIGHT).size else "--law auto"
+    reason = f"{limitation}: {share}; record them again, check the rig file, or try {other}"
     checks = [*diagnostics.checks, *(check.row for check in data_checks([reason]))]
     return diagnostics._replace(
         verdict="fail", reasons=(*diagnostics.reasons, reason), limitations=tuple(limitations), checks=checks
@@ -52,8 +54,10 @@ def _limitations(table: pd.DataFrame, rejected: int) -> list[str]:
         shares = [f"{str(name).removeprefix(WEIGHT)} {weight:.2f}" for name, weight in weights.items()]
         said.append(
             f"laws are averaged record by record, weighted by their evidence: {', '.join(shares)}, in the mean of "
-            f"{len(table)} records; with --law {shares[0].split()[0]} the estimates have what it adds"
+            f"{len(table)} records"
         )
+        if weights.index[0] != f"{WEIGHT}{FANCHER.name}":
+            said[-1] += f"; with --law {shares[0].split()[0]} {ESTIMATES} has what it adds"
     if rejected:
         said.append(f"{rejected} files have no estimate and are not in the result: see {REJECTED}")
     shaken = table[table[MODE_HZ].notna()]
@@ -73,5 +77,6 @@ def _limitations(table: pd.DataFrame, rejected: int) -> list[str]:
             f"{len(forced)} of {len(table)} records: load and law leave out a force, in the median of "
             f"{forced[FORCE_PERCENT].median():.2g} % of the load's step; were it certain that there is none, standard "
             f"errors would be {', '.join(times)} as large, in the median"
+            + ("" if len(weights) else "; --law auto fits what a tyre may have beyond the law")
         )
     return said
