@@ -20,6 +20,8 @@ RUN_ONCE = {"xla_backend_optimization_level": 0}
 #: Without the library that XLA's CPU backend hands sums to: on arrays of a hierarchy's size it adds half to the time of
 #: a gradient, for each call divides its work among threads that other chains are using.
 _WITHOUT_YNN = {"xla_cpu_experimental_ynn_fusion_type": ""}
+#: Where Linux lists a process's memory maps and how many it grants; share of them above which compiled code is dropped.
+_MAPS, _MAPS_GRANTED, _HELD_MOST = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count"), 0.5
 
 
 @cache
@@ -79,6 +81,26 @@ def return_freed_memory() -> None:
     """
     with suppress(AttributeError, OSError, TypeError):  # other C libraries have no such function, or need none
         ctypes.CDLL(None).malloc_trim(0)
+
+
+def drop_code_where_full() -> None:
+    """Drop what JAX has compiled where it fills half of the memory maps that Linux grants a process.
+
+    LLVM ends a process that has none left. The fits of one rolling record take 25,000 of the usual 65,530 maps when they
+    are compiled, and those of each further rig and force law as many again; read from the compilation cache they take
+    a third of that.
+    """
+    try:
+        with _MAPS.open("rb") as maps:
+            held = sum(1 for _ in maps)
+        granted = int(_MAPS_GRANTED.read_text())
+    except (OSError, ValueError):  # another system
+        return
+    if held > _HELD_MOST * granted:
+        import jax
+
+        jax.clear_caches()
+        return_freed_memory()
 
 
 def _set_compilation_cache() -> None:

@@ -96,3 +96,19 @@ def test_the_processor_is_used_where_it_is_asked_for(tmp_path):
     command = [sys.executable, "-c", script]
     done = subprocess.run(command, env=env | {"XDG_CACHE_HOME": str(tmp_path)}, capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, "cpu cpu 2 3.0\n", "")
+
+
+@pytest.mark.parametrize(("most", "left"), [(0.0, 0), (1.0, 1)], ids=["full", "room"])
+def test_compiled_code_is_dropped_where_it_fills_the_maps(most, left, monkeypatch):
+    doubled = jax.jit(lambda x: 2 * x)
+    doubled(1.0)
+    monkeypatch.setattr(runtime, "_HELD_MOST", most)
+    runtime.drop_code_where_full()
+    assert doubled._cache_size() == left
+    assert doubled(2.0) == 4.0
+
+
+def test_without_maps_to_count_compiled_code_stays(monkeypatch, tmp_path):
+    monkeypatch.setattr(runtime, "_MAPS", tmp_path / "none")
+    monkeypatch.setattr(jax, "clear_caches", lambda: pytest.fail("dropped"))
+    runtime.drop_code_where_full()

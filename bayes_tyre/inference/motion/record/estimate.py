@@ -21,6 +21,7 @@ from bayes_tyre.inference.motion.record.window import Recorded, Window, make_win
 from bayes_tyre.inference.motion.record.window_fit import fit_window
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.rig.axle import Rig
+from bayes_tyre.runtime import drop_code_where_full
 
 #: Reported parameters of Fancher's law, in order; units kN/mm, kN, mm, kg, kN s/mm.
 RECORD_PARAMETERS = FANCHER.reported_parameters
@@ -103,6 +104,7 @@ def estimate_motion(
     sampler:
         NUTS settings for a record without a disturbance whose weights are unreliable, a minute or two; None: no NUTS.
     """
+    drop_code_where_full()
     fit = fit_window(rig, make_window(rig, recorded, law=law))
     window, estimate = fit.window, fit.estimate
     weighted = weighted_draws(rig, estimate.standard, estimate.covariance, window)
