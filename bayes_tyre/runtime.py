@@ -86,8 +86,8 @@ def return_freed_memory() -> None:
 def drop_code_where_full() -> None:
     """Drop what JAX has compiled where it fills half of the memory maps that Linux grants a process.
 
-    LLVM ends a process that has none left. What fits a rolling record takes some 25,000 of the usual 65,530 maps when it
-    is compiled, for each rig and force law; read from the compilation cache it takes a third of that.
+    LLVM ends a process that has none left. What fits a rolling record takes some 25,000 of the usual 65,530 maps when
+    it is compiled, for each rig and force law; read from the compilation cache it takes a third of that.
     """
     try:
         with _MAPS.open("rb") as maps:
