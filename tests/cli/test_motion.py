@@ -263,3 +263,16 @@ def test_motions_of_other_files_and_fits_are_not_compared(done, raw, tmp_path, m
         refused = here("compare", done[0], tmp_path / "made", "--out", tmp_path / "out")
         assert_refused(refused.exit_code, refused.stderr, "not of the same raw files", said)
         assert not (tmp_path / "out").exists()
+
+
+def test_an_average_over_laws_has_their_weights_and_says_them(raw, tmp_path, monkeypatch):
+    put_draws_for_the_motions(monkeypatch)
+    draw_none(monkeypatch)
+    done = here("motion", *(raw / name for name in GOOD), "--out", tmp_path / "out", *FEW, "--law", "auto")
+    assert done.exit_code == 0, done.stderr
+    estimates = pd.read_csv(tmp_path / "out" / "estimates.csv")
+    assert estimates["weight_relaxing"].tolist() == [1.0, 1.0]
+    assert {f"weight_{name}" for name in ("fancher", "speed_friction", "stiffening", "two_yields")} <= set(estimates)
+    limitations = json.loads((tmp_path / "out" / "diagnostics.json").read_text())["limitations"]
+    assert any("in the mean of 2 records relaxing 1.00" in one for one in limitations)
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["options"]["law"] == "auto"

@@ -51,7 +51,7 @@ def test_a_force_that_is_left_out_is_said_with_what_it_does_to_standard_errors()
     assert said == (
         f"3 of {len(FACTORS)} records: load and law leave out a force, in the median of 0.04 % of the load's step; "
         "were it certain that there is none, standard errors would be 1 times for k, 0.5 times for x as large, in the "
-        "median; --law auto fits what a tyre may have beyond the law"
+        "median; --law auto fits what a tyre may have beyond Fancher's law"
     )
     averaged = with_estimates(SOUND, table.assign(weight_fancher=0.5, weight_relaxing=0.5), 0)
     assert averaged.limitations[-1] == said.partition("; --law auto")[0]
@@ -60,7 +60,7 @@ def test_a_force_that_is_left_out_is_said_with_what_it_does_to_standard_errors()
 def test_the_laws_of_an_average_are_said_with_their_weights():
     table = estimates().assign(weight_fancher=0.25, weight_relaxing=0.75)
     (said,) = with_estimates(SOUND, table, 0).limitations[1:]
-    assert "relaxing 0.75, fancher 0.25, in the mean of" in said
+    assert f"in the mean of {len(FACTORS)} records relaxing 0.75, fancher 0.25" in said
     assert "--law relaxing" in said
     (plain,) = with_estimates(SOUND, estimates().assign(weight_fancher=0.75, weight_relaxing=0.25), 0).limitations[1:]
     assert "--law" not in plain

@@ -6,6 +6,7 @@ from bayes_tyre.inference.diagnostics.verdict import Diagnostics, data_checks
 from bayes_tyre.inference.motion.laws import FANCHER
 from bayes_tyre.inference.motion.record.likelihood import WIDENED
 from bayes_tyre.plain_text import listed
+from bayes_tyre.record import parameter_column
 from bayes_tyre.workflow.raw.motion_estimates import FORCE_PERCENT, MODE_HZ, OK, WEIGHT, WITHOUT_FORCE
 from bayes_tyre.workflow.raw.raw_records import REJECTED
 
@@ -38,8 +39,7 @@ def with_estimates(diagnostics: Diagnostics, table: pd.DataFrame, rejected: int)
     if 2 * len(bad) < len(table):
         return diagnostics._replace(limitations=(*limitations, limitation))
     share = f"these are {len(bad)} of {len(table)} records"
-    other = "another --law" if table.filter(like=WEIGHT).size else "--law auto"
-    reason = f"{limitation}: {share}; record them again, check the rig file, or try {other}"
+    reason = f"{limitation}: {share}; record them again, check the rig file, or try another --law, such as auto"
     checks = [*diagnostics.checks, *(check.row for check in data_checks([reason]))]
     return diagnostics._replace(
         verdict="fail", reasons=(*diagnostics.reasons, reason), limitations=tuple(limitations), checks=checks
@@ -53,8 +53,8 @@ def _limitations(table: pd.DataFrame, rejected: int) -> list[str]:
     if len(weights):
         shares = [f"{str(name).removeprefix(WEIGHT)} {weight:.2f}" for name, weight in weights.items()]
         said.append(
-            f"laws are averaged record by record, weighted by their evidence: {', '.join(shares)}, in the mean of "
-            f"{len(table)} records"
+            "force laws are averaged record by record, weighted by their evidence: in the mean of "
+            f"{len(table)} records {', '.join(shares)}"
         )
         if weights.index[0] != f"{WEIGHT}{FANCHER.name}":
             said[-1] += f"; with --law {shares[0].split()[0]} {ESTIMATES} has what it adds"
@@ -73,10 +73,11 @@ def _limitations(table: pd.DataFrame, rejected: int) -> list[str]:
             f"{(forced[f'{name}{WITHOUT_FORCE}'] / forced[f'{name}_se']).median():.2g} times for {name.split('_')[0]}"
             for name in columns
         ]
+        of_fancher = f"{parameter_column('x')}_se" in table and weights.empty
+        hint = "; --law auto fits what a tyre may have beyond Fancher's law" if of_fancher else ""
         said.append(
             f"{len(forced)} of {len(table)} records: load and law leave out a force, in the median of "
             f"{forced[FORCE_PERCENT].median():.2g} % of the load's step; were it certain that there is none, standard "
-            f"errors would be {', '.join(times)} as large, in the median"
-            + ("" if len(weights) else "; --law auto fits what a tyre may have beyond the law")
+            f"errors would be {', '.join(times)} as large, in the median{hint}"
         )
     return said

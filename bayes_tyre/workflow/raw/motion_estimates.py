@@ -114,8 +114,8 @@ def _done(task: Task) -> Done:
     law = motion_law(task.method.removeprefix(BY_LAW))
     estimate = estimate_by(rig, Recorded(*prepare(raw, rig, factors).for_motion()), law)
     # With a wrong law the solver need not converge, and laws are compared on the same records: the estimate is kept,
-    # and its status says so.
-    if (law is FANCHER or law.averaged) and not bool(estimate.map_estimate.converged):
+    # and its status says so. Fancher's law and what extends it are taken for right.
+    if law.reported == FANCHER.reported and not bool(estimate.map_estimate.converged):
         raise BadInput("the fit of its motion did not converge; look at its channels with process --figures")
     unknowns = estimate.window.in_units(rig, jnp.asarray(estimate.map_estimate.standard))
     origin = origin_of_raw(raw, task)

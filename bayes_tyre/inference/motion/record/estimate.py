@@ -103,7 +103,14 @@ def estimate_motion(
         Of the tyre.
     sampler:
         NUTS settings for a record without a disturbance whose weights are unreliable, a minute or two; None: no NUTS.
+
+    Raises
+    ------
+    ValueError
+        For an average over laws, which `law_average.estimate_by` takes.
     """
+    if law.averaged:
+        raise ValueError(f"{law.name} is an average over laws; use law_average.estimate_by")
     drop_code_where_full()
     fit = fit_window(rig, make_window(rig, recorded, law=law))
     window, estimate = fit.window, fit.estimate

@@ -3,11 +3,13 @@
 ``p(readings) = integral of p(readings | parameters) p(parameters)``. The weighted draws about the peak give it:
 the mean of prior times likelihood over the density of the proposal. Where the weights are unreliable, Laplace's
 approximation is used. What is estimated from the record itself is fixed, as in the fit, each law with its own: noise
-and road of a rolling record, and of any the sizes of the force and of the load's departure that are left out.
+and road of a rolling record, and of any the sizes of the force and of the load's departure that are left out. The prior
+of the force's size counts.
 """
 
 import numpy as np
 
+from bayes_tyre.inference.motion.record.disturbance.matern_process import log_prior_of_size
 from bayes_tyre.inference.motion.record.importance_sampling import WeightedDraws
 from bayes_tyre.inference.motion.record.likelihood import RecordLikelihood, standardisation
 from bayes_tyre.inference.motion.record.map_fit import MapEstimate
@@ -77,9 +79,13 @@ def log_average(rows: np.ndarray, offset: np.ndarray, variance: np.ndarray) -> n
 
 
 def _log_noise(window: Window) -> float:
-    """Return the log density of readings whose residuals are all 0."""
+    """Return the log density of readings whose residuals are all 0, with the prior of a force's size."""
     weight = np.asarray(window.weight)
-    weight = weight[weight > 0]
-    noise = float(np.sum(np.log(weight)) - 0.5 * len(weight) * np.log(2 * np.pi))
+    present = weight > 0
+    noise = float(np.sum(np.log(weight[present])) - 0.5 * present.sum() * np.log(2 * np.pi))
     random = window.disturbance
-    return noise if random is None else noise + float(np.sum(np.log1p(-np.asarray(random.shrink))))
+    if random is None:
+        return noise
+    if random.whitening is not None:  # a triangle; without a reading there is nothing to be whitened
+        noise += float(np.sum(np.log(np.diag(np.asarray(random.whitening))[present[0]])))
+    return noise + float(np.sum(np.log1p(-np.asarray(random.shrink)))) + float(log_prior_of_size(random.force_size))

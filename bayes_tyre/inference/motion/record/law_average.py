@@ -1,6 +1,6 @@
 """A record's estimate averaged over force laws, each weighted by how probable it makes the record's readings.
 
-The laws are Fancher's and its extensions; k, x, beta, mass and damping mean the same in all. Beforehand Fancher's is as
+The laws are Fancher's and its extensions, which have k, x, beta, mass and damping in common. Beforehand Fancher's is as
 probable as all the others together: so that an extension carries the weight only where the readings ask for it.
 Source: Hoeting, Madigan, Raftery and Volinsky (1999), Bayesian model averaging: a tutorial, Statistical Science 14.
 """
@@ -16,6 +16,9 @@ from bayes_tyre.inference.motion.record.nuts import SETTINGS
 from bayes_tyre.inference.motion.record.window import Recorded
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.rig.axle import Rig
+
+#: Weight above which a law's status is that of the average.
+NAMED_WEIGHT = 0.05
 
 
 def estimate_by(
@@ -42,28 +45,27 @@ def estimate_by(
 def average(estimates: Sequence[MotionEstimate], names: Sequence[str]) -> MotionEstimate:
     """Return the average of a record's estimates, weighted by their evidence.
 
-    Fits that did not converge count only where none has. Window, method and status are those of the most probable law.
+    Fits that did not converge count only where none has. Window and method are those of the most probable law; `status`
+    joins those of all laws above `NAMED_WEIGHT`.
 
     Parameters
     ----------
     estimates, names:
         By each law, and the laws' names; what the estimates report is the same quantities.
     """
-    any_converged = any(bool(each.map_estimate.converged) for each in estimates)
-    by_law = {
-        name: each
-        for name, each in zip(names, estimates, strict=True)
-        if np.isfinite(each.log_evidence) and (each.map_estimate.converged or not any_converged)
-    }
+    by_law = {name: each for name, each in zip(names, estimates, strict=True) if np.isfinite(each.log_evidence)}
+    converged = {name: each for name, each in by_law.items() if each.map_estimate.converged}
+    by_law = converged or by_law
     if not by_law:
-        return estimates[0]
-    others = max(1, len(names) - 1)
+        return replace(estimates[0], law_weights=dict.fromkeys(names, float("nan")))
+    others = len(names) - 1
     prior = np.array([1.0 if name == FANCHER.name else 1.0 / others for name in by_law])
     log_evidence = np.array([each.log_evidence for each in by_law.values()]) + np.log(prior / prior.sum())
     weights = np.exp(log_evidence - np.logaddexp.reduce(log_evidence))
     means = np.array([each.log_mean for each in by_law.values()])
     mean = weights @ means
     covariances = np.array([each.log_covariance for each in by_law.values()])
+    statuses = [each.status for each, weight in zip(by_law.values(), weights, strict=True) if weight > NAMED_WEIGHT]
     between = (weights[:, None] * (means - mean)).T @ (means - mean)
     return replace(
         list(by_law.values())[int(np.argmax(weights))],
@@ -71,6 +73,8 @@ def average(estimates: Sequence[MotionEstimate], names: Sequence[str]) -> Motion
         log_covariance=np.tensordot(weights, covariances, 1) + between,
         log_draws=np.concatenate([each.log_draws for each in by_law.values()]),
         weights=np.concatenate([weight * each.weights for weight, each in zip(weights, by_law.values(), strict=True)]),
+        narrower_without_force=weights @ np.array([each.narrower_without_force for each in by_law.values()]),
+        status="; ".join(dict.fromkeys(filter(None, statuses))),
         log_evidence=float(np.logaddexp.reduce(log_evidence)),
         law_weights=dict.fromkeys(names, 0.0) | dict(zip(by_law, weights.tolist(), strict=True)),
     )

@@ -94,12 +94,13 @@ def starting_points(rig: Rig, window: Window) -> Float[np.ndarray, "starts param
         pairs = [(settled, beta) for settled in START_SETTLED_KN for beta in START_BETAS_MM]
         start[:, 1:3] = (np.log(pairs) - mean[1:3]) / sd[1:3]
     if window.rolling is not None:
-        amplitudes = 2 * len(np.asarray(window.rolling.order))
-        turn = mean[len(names) + 2 : -amplitudes]
+        end = len(names) + window.rolling.ground_parameters
+        of_amplitudes = slice(end - 2 * len(np.asarray(window.rolling.order)), end)
+        turn = mean[len(names) + 2 : of_amplitudes.start]
         at_rest = window.in_units(rig, jnp.asarray(start[0]))
         at_wheel_centre = float(jnp.asarray(at_rest.law.k)) * geometry.curvature_factor(rig)
         ground = ground_start(window.rolling, turn, at_wheel_centre, float(at_rest.m_kg), float(at_rest.c_kN_s_per_mm))
-        start[:, -amplitudes:] = ground / sd[-amplitudes:]
+        start[:, of_amplitudes] = ground / sd[of_amplitudes]
     return start
 
 

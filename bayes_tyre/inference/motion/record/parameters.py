@@ -52,7 +52,7 @@ RECORD_PRIORS: dict[str, NormalPrior] = {
 def parameter_names(law: MotionLaw) -> tuple[str, ...]:
     """Return the names of the parameters of a motion on a law, in order.
 
-    Those of a rolling tyre's ground follow, or those of a second mode of a rig with a stationary tyre (`second_mode`).
+    Those of a rolling tyre's ground follow, and then those of a second mode of the rig (`second_mode`).
     """
     return (*(f"log_{name}" for name in law.tyre_parameters), *RECORD_PRIORS, *law.extensions)
 
@@ -80,7 +80,7 @@ class MotionParameters(NamedTuple):
         Under a rolling tyre; None for a stationary one. For a rolling tyre `rest_friction_kN` is the friction at the
         window's start, and `laser_mm` the reading on the middle line with no runout.
     mode:
-        A second mode that the sensors show, of a stationary tyre; None without one.
+        A second mode that the sensors show; None without one.
     """
 
     law: Any
@@ -113,7 +113,8 @@ def in_units(
     rig:
         For the stiffness at the wheel centre, which critical damping refers to.
     standard:
-        Shape (parameters,), in the order of `parameter_names`; a rolling tyre's follow (`runout.ground_in_units`).
+        Shape (parameters,), in the order of `parameter_names`; a rolling tyre's ground (`runout.ground_in_units`) and a
+        second mode follow.
     prior:
         Means and standard deviations, shape (2, parameters).
     rolling:
@@ -126,6 +127,7 @@ def in_units(
     mean, sd = jnp.asarray(prior)
     value = mean + sd * standard
     further = value[len(names) :]
+    of_ground = 0 if rolling is None else rolling.ground_parameters
     k, m, ratio = (jnp.exp(value[at[name]]) for name in ("log_k", "log_m", "log_damping_ratio"))
     rest = jnp.zeros(())
     if law.has_friction:
@@ -150,8 +152,8 @@ def in_units(
         shape=value[at["shape_bend_onset"] : at["shape_bend_onset"] + SHAPE_TERMS],
         laser_delay_s=value[at["laser_delay_s"]],
         load_delay_s=value[at["load_delay_s"]],
-        ground=None if rolling is None else ground_in_units(further, rolling),
-        mode=mode_in_units(further) if rolling is None and len(further) else None,
+        ground=None if rolling is None else ground_in_units(further[:of_ground], rolling),
+        mode=mode_in_units(further[of_ground:]) if len(further) > of_ground else None,
     )
 
 

@@ -21,12 +21,20 @@ class Rolling(NamedTuple):
         positive, shape (harmonics,).
     start_laser_mm:
         Reading of the laser at the window's start, without noise, from the harmonics before the step.
+    turn_Hz:
+        Turns a second of each body before the step, shape (bodies,).
     """
 
     body: Int[Array, " harmonics"]
     order: Int[Array, " harmonics"]
     amplitude_mm: Complex[Array, " harmonics"]
     start_laser_mm: Float[Array, ""]
+    turn_Hz: Float[Array, " bodies"]
+
+    @property
+    def ground_parameters(self) -> int:
+        """Number of the ground's parameters: offset and velocity at the start, turns, sines and cosines."""
+        return 2 + self.turn_Hz.shape[-1] + 2 * self.order.shape[-1]
 
 
 class Ground(NamedTuple):
@@ -97,9 +105,9 @@ def ground_start(
     return np.concatenate([-ground.imag, ground.real])
 
 
-def ground_in_units(value: Float[Array, " further"], rolling: Rolling) -> Ground:
+def ground_in_units(value: Float[Array, " ground"], rolling: Rolling) -> Ground:
     """Return the ground's parameters in physical units from their values on the scale of their priors."""
     n = rolling.order.shape[-1]
-    turn_Hz = jnp.exp(value[2 : len(value) - 2 * n])
+    turn_Hz = jnp.exp(value[2 : -2 * n])
     frequency = turn_Hz[rolling.body] * rolling.order
     return Ground(value[0], value[1], frequency, value[-2 * n : -n], value[-n:])

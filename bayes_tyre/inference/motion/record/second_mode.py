@@ -2,7 +2,7 @@
 
 ``b'' + 2 zeta omega b' + omega^2 b = -share d''``: the axle's acceleration drives it, as the inertia of what bends.
 The tyre does not feel it. A rig file describes it, or the free vibration shows it: a peak in the spectrum of what a fit
-without it leaves of the acceleration.
+without it leaves of the acceleration. A road shakes it all the time.
 """
 
 from typing import NamedTuple
@@ -20,9 +20,12 @@ from bayes_tyre.rig.motion import Motion
 SEARCHED_HZ = (25.0, 150.0)
 #: Power of a peak that shows a mode, where white residuals have 1: the largest of some 70 is above it in 1e-11 of them.
 SHOWS = 30.0
+#: The same under a rolling tyre, above the median of its neighbours' powers: a road's waves are no line among them.
+#: Neighbours are the frequencies within these factors.
+SHOWS_ON_ROAD, NEIGHBOURS = 20.0, (0.7, 1.4)
 #: Relative standard deviation of a frequency read from a spectrum: at 60 Hz it is more than the 2 Hz that 0.5 s tell.
 READ_SD = 0.05
-#: Priors of the parameters, which follow all others of a stationary record.
+#: Priors of the parameters, which follow all others of a record.
 MODE_PRIORS: dict[str, NormalPrior] = {
     "log_mode_Hz": NormalPrior(np.nan, READ_SD, "the rig file's, or the peak of the spectrum"),
     "log_mode_damping_ratio": NormalPrior(np.log(0.02), 0.7, "0.5 to 8 % of critical: welded and bolted steel"),
@@ -96,3 +99,19 @@ def largest_peak(residual: Float[Array, " blocks"], block_s: ScalarLike) -> tupl
     searched = jnp.where((frequency >= low) & (frequency <= high), power, 0.0)
     place = jnp.argmax(searched)
     return frequency[place], searched[place]
+
+
+def largest_line(residual: Float[np.ndarray, " blocks"], block_s: float) -> tuple[float, float]:
+    """Return frequency (Hz) of the largest peak among `SEARCHED_HZ`, and its power over what its neighbours have.
+
+    Residuals need not be white: the neighbours' power is that of white noise with the same median.
+    """
+    taper = np.hanning(len(residual))
+    power = np.abs(np.fft.rfft(taper * residual)) ** 2
+    frequency = np.fft.rfftfreq(len(residual), block_s)
+    low, high = SEARCHED_HZ
+    at = int(np.argmax(np.where((frequency >= low) & (frequency <= high), power, 0.0)))
+    nearest, farthest = (factor * frequency[at] for factor in NEIGHBOURS)
+    # The power of white noise is exponential, with a median of log 2 times its mean.
+    around = np.median(power[(frequency >= nearest) & (frequency <= farthest)]) / np.log(2)
+    return float(frequency[at]), float(power[at] / around)

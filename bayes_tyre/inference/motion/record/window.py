@@ -161,6 +161,10 @@ class Window(NamedTuple):
         """Return the unknowns of a record from standardised ones."""
         return in_units(rig, standard, self.prior, self.rolling, self.law)
 
+    def with_mode(self, frequency_Hz: float) -> "Window":
+        """Return the window with a second mode of the rig about a frequency; its parameters follow all others."""
+        return self._replace(prior=jnp.concatenate([jnp.asarray(self.prior), mode_priors(frequency_Hz)], axis=1))
+
     @property
     def mean_disturbance(self) -> Disturbance:
         """The estimate of what acts on the axle beside load, runout and law."""
@@ -177,7 +181,7 @@ def make_window(rig: Rig, samples: Recorded, law: MotionLaw = FANCHER) -> Window
     Parameters
     ----------
     rig:
-        Effective mass, sensors, and a second mode that a stationary tyre's record is fitted with.
+        Effective mass, sensors, and a second mode that records are fitted with.
     samples:
         A recording.
     law:
@@ -206,14 +210,14 @@ def make_window(rig: Rig, samples: Recorded, law: MotionLaw = FANCHER) -> Window
         "load_after_kN": level_after(after, readings[2, :full], levels[2], dt_s),
         **_ramp(samples, first * dt_s),
     }
-    rolling, prior = None, None
+    rolling, further = None, []
     if rolls:
-        rolling, rolling_levels, prior = _rolling(rig, samples, channels[:, : samples.pre_step], first)
+        rolling, rolling_levels, ground = _rolling(rig, samples, channels[:, : samples.pre_step], first)
         record_levels |= rolling_levels
-    elif mode := rig.second_mode:
-        prior = mode_priors(mode.frequency_Hz, mode.frequency_relative_sd)
-    law_prior = prior_moments(rig, record_levels, law)
-    prior = law_prior if prior is None else np.concatenate([law_prior, prior], axis=1)
+        further.append(ground)
+    if mode := rig.second_mode:
+        further.append(mode_priors(mode.frequency_Hz, mode.frequency_relative_sd))
+    prior = np.concatenate([prior_moments(rig, record_levels, law), *further], axis=1)
     nodes = block_weights(length, substeps_for(length * dt_s, ROLLING_BLOCK_S))
     return Window(*map(jnp.asarray, (length * dt_s, readings, weight, nodes, prior)), rolling=rolling, law=law)
 
@@ -237,6 +241,7 @@ def _rolling(
         jnp.asarray(fit.order),
         jnp.asarray(fit.amplitude_mm) * float(geometry.wheel_centre_displacement(rig, 1.0)),
         jnp.asarray(fit.laser_mm[0] + np.sum(np.real(fit.amplitude_mm))),
+        jnp.asarray(fit.turn_Hz),
     )
     return (
         rolling,

@@ -23,6 +23,7 @@ from bayes_tyre.inference.motion.record.disturbance.road_roughness import (
     with_residual_noise,
     with_road_noise,
 )
+from bayes_tyre.inference.motion.record.forward_model import residuals
 from bayes_tyre.inference.motion.record.map_fit import (
     AT_PEAK,
     ROUGH_TOLERANCE,
@@ -33,7 +34,7 @@ from bayes_tyre.inference.motion.record.map_fit import (
     starting_points,
     value_and_jacobian,
 )
-from bayes_tyre.inference.motion.record.second_mode import SHOWS, mode_priors
+from bayes_tyre.inference.motion.record.second_mode import SHOWS, SHOWS_ON_ROAD, largest_line
 from bayes_tyre.inference.motion.record.window import Disturbance, Window
 from bayes_tyre.rig.axle import Rig
 
@@ -115,8 +116,20 @@ def _fit_with(rig: Rig, window: Window, departure: LoadDeparture) -> Fit:
 def _fit_on_road(
     rig: Rig, window: Window, starts: Float[np.ndarray, "starts parameters"], known: Disturbance | None
 ) -> tuple[Window, MapEstimate, Disturbance]:
-    """Return window and estimate of a rolling tyre, and the columns of its road and of what was `known`."""
+    """Return window and estimate of a rolling tyre, and the columns of its road and of what was `known`.
+
+    With a second mode where a rough fit without one, before the road takes part of it up, shows it; and if it explains
+    what showed it.
+    """
     standard, waves = rough_map(rig, window, starts), wave_count(window)
+    if window.in_units(rig, standard).mode is None:
+        line_Hz, power = _line_left(rig, window, standard)
+        if power > SHOWS_ON_ROAD:
+            extended = window.with_mode(line_Hz)
+            further = extended.prior.shape[1] - starts.shape[1]
+            with_mode = _fit_on_road(rig, extended, np.pad(starts, ((0, 0), (0, further))), known)
+            if with_mode[1].converged and _line_left(rig, with_mode[0], with_mode[1].standard)[1] < SHOWS_ON_ROAD:
+                return with_mode
     road = road_response(rig, window, standard, waves, known)
     window = window._replace(disturbance=road)
     rough = refine_map(rig, window, standard, ROUGH_TOLERANCE)
@@ -135,6 +148,15 @@ def _fit_on_road(
     if known is not None:
         columns = jax.tree.map(lambda *each: jnp.concatenate(each), columns, known)
     return window._replace(disturbance=road), estimate, columns
+
+
+def _line_left(rig: Rig, window: Window, standard: Float[ArrayLike, " parameters"]) -> tuple[float, float]:
+    """Return frequency and relative power of the largest line in what a fit leaves of the acceleration."""
+    left = np.asarray(_residuals(rig, jnp.asarray(standard), window))
+    return largest_line(left[: window.readings.shape[-1]], float(window.block_s))
+
+
+_residuals = jax.jit(residuals, static_argnums=0)
 
 
 def _with_force(
@@ -191,9 +213,8 @@ def _with_second_mode(rig: Rig, window: Window, estimate: MapEstimate) -> tuple[
     """
     if rig.second_mode is not None or not float(estimate.ringing_power) > SHOWS:
         return window, estimate
-    prior = mode_priors(float(estimate.ringing_Hz))
-    extended = window._replace(prior=jnp.concatenate([jnp.asarray(window.prior), prior], axis=1))
-    start = jnp.concatenate([jnp.asarray(estimate.standard), jnp.zeros(prior.shape[1])])
+    extended = window.with_mode(float(estimate.ringing_Hz))
+    start = jnp.pad(jnp.asarray(estimate.standard), (0, extended.prior.shape[1] - len(estimate.standard)))
     refined = refine_map(rig, extended, start)
     gone = bool(refined.converged) and float(refined.ringing_power) < SHOWS
     return (extended, refined) if gone else (window, estimate)

@@ -7,13 +7,15 @@ import pytest
 from jaxtyping import Array
 
 from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS
+from bayes_tyre.inference.motion.record.disturbance.matern_process import LEAST_ODDS, TYPICAL_SHARE
+from bayes_tyre.inference.motion.record.disturbance.response import fixed
 from bayes_tyre.inference.motion.record.estimate import estimate_motion
 from bayes_tyre.inference.motion.record.evidence import log_average, log_constant, log_evidence
 from bayes_tyre.inference.motion.record.importance_sampling import weighted_draws
 from bayes_tyre.inference.motion.record.likelihood import RecordLikelihood, standardisation
 from bayes_tyre.inference.motion.record.map_fit import MapEstimate
 from bayes_tyre.inference.motion.record.parameters import parameter_names, prior_moments
-from bayes_tyre.inference.motion.record.window import Recorded, Window
+from bayes_tyre.inference.motion.record.window import Disturbance, Recorded, Window
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.rig.motion import rest_displacement
@@ -52,6 +54,22 @@ def test_evidence_of_no_readings_is_one():
     # 400 draws that are too wide by sqrt(1.3) and 1.1 in each of 17 directions: some 100 effective, so a standard
     # deviation near 0.09 of their mean.
     assert log_evidence(window, estimate._replace(covariance=wide), weighted) == pytest.approx(0.0, abs=0.45)
+
+
+def test_whitening_and_the_prior_of_a_forces_size_are_in_the_evidence():
+    window, n = blind_window(), len(NAMES)
+    nothing, of_fit = jnp.zeros(3), (jnp.array(1), jnp.zeros(()), jnp.ones(()), jnp.array(True))
+    estimate = MapEstimate(jnp.zeros(n), jnp.eye(n), nothing, nothing, *of_fit)
+    # Thirty of forty blocks have readings; their accelerometer's residuals are those of whitened ones, half as wide.
+    window = window._replace(weight=jnp.zeros((3, 40)).at[:, :30].set(1.0))
+    undisturbed = fixed(window, Disturbance())
+    white = undisturbed._replace(whitening=2.0 * jnp.eye(40))
+    base, whitened, forced = (
+        log_evidence(window._replace(disturbance=each), estimate, None)
+        for each in (undisturbed, white, undisturbed._replace(force_size=TYPICAL_SHARE))
+    )
+    assert whitened - base == pytest.approx(30 * np.log(2.0))
+    assert forced - base == pytest.approx(-np.log(LEAST_ODDS) - 1.0)
 
 
 def test_a_records_constant_averages_to_its_evidence():

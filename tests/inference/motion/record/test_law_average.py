@@ -41,7 +41,7 @@ def estimate(
 
 
 def test_moments_are_those_of_the_mixture():
-    """Fancher's law is as probable beforehand as both others together: 1/2, 1/4, 1/4 times the evidence."""
+    """Fancher's law is as probable beforehand as both others together."""
     found = average(
         [estimate(10.0, 0.0), estimate(10.0 + np.log(4.0), 1.0, 0.2), estimate(-np.inf, 5.0)], ("fancher", "a", "b")
     )
@@ -57,9 +57,11 @@ def test_moments_are_those_of_the_mixture():
     assert found.weights @ found.log_draws[:, 1] == pytest.approx(mean)
 
 
-def test_status_is_that_of_the_most_probable_law():
+def test_status_is_that_of_the_probable_laws():
     assert average([estimate(0.0, 0.0, status="off"), estimate(9.0, 0.0)], ("fancher", "a")).status == ""
     assert average([estimate(9.0, 0.0, status="off"), estimate(0.0, 0.0)], ("fancher", "a")).status == "off"
+    both = average([estimate(0.0, 0.0, status="off"), estimate(0.0, 0.0, status="wide")], ("fancher", "a"))
+    assert both.status == "off; wide"
 
 
 def test_a_fit_that_did_not_converge_counts_only_where_none_has():
@@ -68,9 +70,15 @@ def test_a_fit_that_did_not_converge_counts_only_where_none_has():
     assert average([lost, lost], ("fancher", "a")).law_weights == pytest.approx({"fancher": 0.5, "a": 0.5})
 
 
-def test_without_any_evidence_the_first_is_left_as_it_is():
-    nothing = estimate(float("nan"), 1.0)
-    assert average([nothing, nothing], ("fancher", "a")) is nothing
+def test_a_fit_without_evidence_does_not_stand_in_the_way_of_one_that_has_it():
+    lost, usable = estimate(float("nan"), 3.0), estimate(0.0, 0.0, converged=False)
+    assert average([lost, usable], ("fancher", "a")).law_weights == {"fancher": 0.0, "a": 1.0}
+
+
+def test_without_any_evidence_the_first_is_left_as_it_is_and_no_law_has_a_weight():
+    found = average([estimate(float("nan"), 1.0), estimate(float("nan"), 2.0)], ("fancher", "a"))
+    assert found.log_mean.tolist() == [1.0, 1.0]
+    assert np.isnan(list(found.law_weights.values())).all()
 
 
 def test_one_law_is_fitted_once_and_the_average_once_by_each_without_nuts():

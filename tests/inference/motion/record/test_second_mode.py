@@ -8,14 +8,23 @@ from helpers.mismatched_motions import simulated_on
 from helpers.recorded_motions import RIG, recorded
 from scipy.integrate import solve_ivp
 
+from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS
 from bayes_tyre.inference.motion.record.estimate import estimate_motion
 from bayes_tyre.inference.motion.record.parameters import in_units
-from bayes_tyre.inference.motion.record.second_mode import SHOWS, SecondMode, largest_peak, shown_with
+from bayes_tyre.inference.motion.record.second_mode import (
+    SHOWS,
+    SHOWS_ON_ROAD,
+    SecondMode,
+    largest_line,
+    largest_peak,
+    shown_with,
+)
 from bayes_tyre.inference.motion.record.window import make_window
 from bayes_tyre.rig.axle import SecondMode as SecondModeOfRig
 from bayes_tyre.rig.motion import Motion
 from bayes_tyre.simulate.plan import quick_plan
 from bayes_tyre.studies.motion_machine import Machine
+from bayes_tyre.studies.motion_study import ROLLING
 
 DT_S = 2.5e-4
 MODE = SecondMode(jnp.asarray(60.0), jnp.asarray(0.02), jnp.asarray(0.3))
@@ -88,3 +97,49 @@ def test_a_mode_that_the_rig_file_states_is_fitted_from_the_beginning():
     np.testing.assert_array_equal(prior[:, :-3], without)
     assert prior[:, -3].tolist() == [np.log(47.0), 0.1]
     assert in_units(stated, jnp.zeros(prior.shape[1]), prior).mode is not None
+
+
+@pytest.mark.parametrize("law", [FANCHER, MOTION_LAWS["relaxing"]], ids=lambda law: law.name)
+def test_parameters_of_a_rolling_record_are_its_laws_its_grounds_and_then_a_modes(law):
+    _, rig, record = simulated_on(Machine(), 0, kind=ROLLING)
+    window = make_window(rig, record, law)
+    extended = window.with_mode(60.0)
+    assert extended.prior.shape[1] == window.prior.shape[1] + 3
+    standard = np.random.default_rng(4).standard_normal(extended.prior.shape[1])
+    parameters, without = (
+        each.in_units(rig, jnp.asarray(standard[: each.prior.shape[1]])) for each in (extended, window)
+    )
+    assert without.mode is None
+    assert parameters.mode is not None
+    assert float(parameters.mode.frequency_Hz) == pytest.approx(60.0 * np.exp(0.05 * standard[-3]))
+    for one, other in zip(jax.tree.leaves(parameters.ground), jax.tree.leaves(without.ground), strict=True):
+        np.testing.assert_array_equal(one, other)
+    stated = rig.model_copy(update={"second_mode": SecondModeOfRig(frequency_Hz=47.0)})
+    assert make_window(stated, record, law).prior.shape == extended.prior.shape
+
+
+def test_a_line_is_found_among_waves_of_a_road_and_waves_alone_have_none():
+    rng, time_s = np.random.default_rng(5), 1e-3 * np.arange(1500)
+    # A spectrum that falls with the square of the frequency, as what a road leaves: sums of white noise.
+    roads = np.cumsum(rng.standard_normal((40, 1500)), axis=1)
+    # Some 190 exponential powers in each of 40, of which the taper leaves a third independent, above 20 times their
+    # mean: 5e-6 of seeds; the mean changes by a factor of 4 among neighbours.
+    assert max(largest_line(road, 1e-3)[1] for road in roads) < SHOWS_ON_ROAD
+    frequency, power = largest_line(roads[0] + 3 * np.sin(2 * np.pi * 60 * time_s), 1e-3)
+    assert frequency == pytest.approx(60, abs=1)
+    assert power > SHOWS_ON_ROAD
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("fully_compiled")
+def test_a_beam_that_bends_under_a_rolling_tyre_is_found_and_k_is_right_all_the_same():
+    """Without the mode the road is taken for what shakes the sensors, and k is off by tens of per cent."""
+    truth, rig, record = simulated_on(Machine(beam_share=0.3), 0, kind=ROLLING)
+    estimate = estimate_motion(rig, record, sampler=None)
+    mode = estimate.window.in_units(rig, jnp.asarray(estimate.map_estimate.standard)).mode
+    assert mode is not None
+    assert float(mode.frequency_Hz) == pytest.approx(60.0, rel=0.01)
+    assert float(mode.share) == pytest.approx(0.3, rel=0.1)
+    # Three normal numbers: one beyond 4 standard deviations in 0.02 % of seeds.
+    logs = np.log([truth.k_kN_per_mm, truth.x_kN, truth.beta_mm])
+    assert np.all(np.abs(estimate.log_mean[:3] - logs) < 4 * np.sqrt(np.diag(estimate.log_covariance)[:3]))

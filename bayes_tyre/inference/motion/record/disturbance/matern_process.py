@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.motion.record.forward_model import node_times
 from bayes_tyre.inference.motion.record.window import Window
@@ -83,4 +83,10 @@ def sizes_and_penalties(odds: ScalarLike = LEAST_ODDS) -> tuple[Float[Array, " s
     A share above 0 has to be so many times, `odds`, as probable as none.
     """
     sizes = jnp.concatenate([jnp.zeros(1), jnp.geomspace(LEAST_SHARE, MOST_SHARE, _GRID)])
-    return sizes, jnp.where(sizes > 0, 2 * jnp.log(odds) + 2 * sizes / TYPICAL_SHARE, 0.0)
+    return sizes, -2 * log_prior_of_size(sizes, odds)
+
+
+def log_prior_of_size(size: Float[ArrayLike, "*sizes"], odds: ScalarLike = LEAST_ODDS) -> Float[Array, "*sizes"]:
+    """Return the log prior of a share of the load's step, over that of 0; arguments as in `sizes_and_penalties`."""
+    size = jnp.asarray(size)
+    return jnp.where(size > 0, -jnp.log(odds) - size / TYPICAL_SHARE, 0.0)
