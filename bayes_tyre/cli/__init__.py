@@ -1,4 +1,4 @@
-"""The commands of `bayes-tyre`. Whatever computes is imported inside a command: `--help` must not wait for JAX."""
+"""The commands of `bayes-tyre`. A command imports what it computes with only when it runs: `--help` needs no JAX."""
 
 from importlib.metadata import version
 from typing import Annotated

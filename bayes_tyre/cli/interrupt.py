@@ -22,21 +22,22 @@ def ending_at_interrupt(advice: str = "run the command again") -> Iterator[None]
     Python's own way, an exception in the main thread, fails in three places: it waits for XLA, which samples for
     minutes; it is lost in JAX's callbacks; and it aborts the process while a compiled module is imported.
     """
-    usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler  # a parent process may ignore it
-    if not usual or threading.current_thread() is not threading.main_thread():
+    # A parent process may have set SIGINT to be ignored.
+    has_default_handler = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if not has_default_handler or threading.current_thread() is not threading.main_thread():
         yield
         return
     receiver, sender = socket.socketpair()
     sender.setblocking(False)
     thread = threading.Thread(target=_end_at_interrupt, args=(receiver, advice), daemon=True)
-    before = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
+    previous_fd = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
     signal.signal(signal.SIGINT, lambda *_: None)
     thread.start()
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-        signal.set_wakeup_fd(before)
+        signal.set_wakeup_fd(previous_fd)
         sender.close()
         thread.join()
         receiver.close()

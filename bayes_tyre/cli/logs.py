@@ -43,14 +43,14 @@ class _Stages(logging.Handler):
 
 @contextmanager
 def logging_to(verbose: bool, log_file: Path | None) -> Iterator[None]:
-    """Log the block, stages on stderr where `verbose`, and all that is printed in the file, until it ends.
+    """Log while the block runs: stages on stderr if `verbose`; stages and everything printed in `log_file`.
 
-    A file that cannot be written ends the command with code 3.
+    If the file cannot be written, the command ends with code 3.
     """
     handlers: list[logging.Handler] = [_Stages()] if verbose else []
     if log_file is not None:
-        handlers.append(_in_file(log_file))
-    before, began, process = LOGGER.level, time.monotonic(), os.getpid()
+        handlers.append(_file_handler(log_file))
+    previous_level, began, process_id = LOGGER.level, time.monotonic(), os.getpid()
     LOGGER.setLevel(logging.DEBUG)
     for handler in handlers:
         LOGGER.addHandler(handler)
@@ -66,16 +66,16 @@ def logging_to(verbose: bool, log_file: Path | None) -> Iterator[None]:
         code = type(error).__name__
         raise
     finally:
-        if os.getpid() == process:  # a command with little memory runs in a child: its end is told once
+        if os.getpid() == process_id:  # with limited memory a command runs in a child: only the parent logs its end
             LOGGER.info("ended with code %s after %.1f s", code, time.monotonic() - began)
         for handler in handlers:
             LOGGER.removeHandler(handler)
             handler.close()
-        LOGGER.setLevel(before)
+        LOGGER.setLevel(previous_level)
 
 
-def _in_file(path: Path) -> logging.Handler:
-    """Return what adds to a file, which is opened at once."""
+def _file_handler(path: Path) -> logging.Handler:
+    """Open a file at once, and return a handler that appends to it."""
     try:
         handler = logging.FileHandler(path, encoding="utf-8", errors="backslashreplace")
     except OSError as error:

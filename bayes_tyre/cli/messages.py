@@ -13,7 +13,7 @@ import typer
 from bayes_tyre.plain_text import one_line
 
 LOGGER = logging.getLogger("bayes_tyre")
-#: Characters of a line on the terminal.
+#: Most characters of a printed line.
 LONGEST_LINE = 10_000
 #: Warnings about code, not about data: the user of a command cannot act on them.
 _FOR_DEVELOPERS = (DeprecationWarning, PendingDeprecationWarning, FutureWarning)
@@ -27,13 +27,13 @@ def say(text: str, quiet: bool) -> None:
 
 
 def note(text: object, quiet: bool) -> None:
-    """Print on stderr, one line, what the user should know of how a command runs, unless quiet."""
+    """Print a note on how a command runs, in one line on stderr, unless quiet."""
     if not quiet:
         fault(text)
 
 
 def fault(text: object) -> None:
-    """Print on stderr, one line, what ended a command or why its result is not to be trusted."""
+    """Print in one line on stderr what ended a command, or why its result is not to be trusted."""
     line = one_line(text, LONGEST_LINE)
     LOGGER.debug("%s", line, exc_info=sys.exc_info()[0] is not None)
     typer.echo(f"bayes-tyre: {line}", err=True)
@@ -62,7 +62,7 @@ def print_table(columns: Mapping[str, Mapping[str, Any]], rows: Iterable[Sequenc
 
 
 class _WarningHandler(logging.Handler):
-    """Print what libraries log like every other warning."""
+    """Print the log messages of libraries as warnings."""
 
     def __init__(self, printed: set[str]) -> None:
         super().__init__(logging.WARNING)

@@ -28,15 +28,15 @@ SUMMARY, CASES = "summary.csv", "cases.csv"
 def settings(
     chains: int, warmup: int, draws: int | None, seed: int, target_accept: float | None, default: int = 1500
 ) -> "SamplerSettings":
-    """Return the settings that the options mean; only without `--draws` may a run go on beyond the draws it keeps."""
+    """Return the sampler settings from the options; a run may be lengthened only if `--draws` is not given."""
     from bayes_tyre.inference.sampling.run import LONGEST, SamplerSettings
 
-    kept, longest = (default, LONGEST) if draws is None else (draws, 1)
-    return SamplerSettings(chains, warmup, kept, seed, target_accept=target_accept, longest=longest)
+    n_draws, longest = (default, LONGEST) if draws is None else (draws, 1)
+    return SamplerSettings(chains, warmup, n_draws, seed, target_accept=target_accept, longest=longest)
 
 
 def callbacks(stages: "Stages", quiet: bool, answer: Callable[["Diagnostics"], object] = lambda _: None) -> "Callbacks":
-    """Return what a running fit calls: notes and warnings on stderr, bars, and what prints its answer."""
+    """Return the callbacks of a fit: notes and warnings on stderr, progress bars, and the function `answer`."""
     from bayes_tyre.workflow.execution.resume import Callbacks
 
     return Callbacks(functools.partial(note, quiet=quiet), warn, stages.advance, answer, stages.begin)
@@ -50,7 +50,7 @@ def fitted(
     quiet: bool,
     limited: bool,
 ) -> None:
-    """Fit, print the answer once it is known, then where the rest is and what failed since; code 4 unless `pass`.
+    """Fit, print the answer as soon as it exists, then the folder and later failed checks; code 4 unless `pass`.
 
     Parameters are those of `Answer`.
     """
@@ -59,38 +59,38 @@ def fitted(
     with stages(quiet) as bars:
         answer = Answer(out, origin, options, quiet, bars, limited)
         diagnostics = fit(callbacks(bars, quiet, answer))
-        answered = answer(diagnostics)
+        printed = answer(diagnostics)
     say(f"wrote {out}: verdict {diagnostics.verdict}", quiet)
     say(f"next: {command_line('report', path_text(out))}", quiet)
-    for reason in diagnostics.reasons[0 if quiet else len(answered.reasons) :]:
+    for reason in diagnostics.reasons[0 if quiet else len(printed.reasons) :]:
         fault(in_words(reason))
     if diagnostics.verdict != "pass":
         raise typer.Exit(NOT_TRUSTED)
 
 
 def report_verdict(diagnostics: "Diagnostics", what: str, quiet: bool) -> None:
-    """Print the verdict on what a fit found; failed checks go to stderr."""
+    """Print the verdict of a fit; failed checks go to stderr."""
     from bayes_tyre.report.answer.quantities import in_words
 
     say(f"{what}: verdict {diagnostics.verdict}", quiet)
-    say("; ".join(_of_kind(kind, diagnostics.checks) for kind in _CHECK_KINDS), quiet)
+    say("; ".join(_kind_summary(kind, diagnostics.checks) for kind in _CHECK_KINDS), quiet)
     for reason in diagnostics.reasons:
         fault(in_words(reason))
 
 
 class Answer:
-    """Prints the answer of a fit, once, as soon as it is known: the verdict, what is stiffer, the means over the cases.
+    """Prints the answer of a fit once, as soon as it exists: the verdict, what is stiffer, the means over the cases.
 
     Parameters
     ----------
     out, origin, options:
-        The folder that holds its tables; what they rest on; the options that its sentences depend on.
+        The folder of its tables; the origin of the data; the options that its sentences depend on.
     quiet:
         Whether to print nothing: `fitted` then prints the failed checks, alone.
     stages:
-        Whose bar goes before anything is printed.
+        The progress bars; they are removed before the answer is printed.
     limited:
-        Whether the cases are held against a limit, and sentences on it belong to the answer.
+        Whether the cases are compared with a limit; the answer then has sentences on it.
     """
 
     def __init__(
@@ -108,19 +108,19 @@ class Answer:
         self.given: Diagnostics | None = None
 
     def __call__(self, diagnostics: "Diagnostics") -> "Diagnostics":
-        """Print it where it is not printed yet; return the diagnostics that were printed."""
+        """Print the answer on the first call only; return the diagnostics that were printed."""
         if self.given is None:
             self.given = diagnostics
             self.stages.stop()
             if not self.quiet:
-                # Where nobody reads on, the rest must be written all the same; `fitted` then meets the error again.
+                # If the output pipe is closed, the fit must still write its files; `fitted` then meets the error again.
                 with suppress(OSError):
                     report_verdict(diagnostics, f"answer after {time.monotonic() - self.began:.0f} s", self.quiet)
                     self._print_tables()
         return self.given
 
     def _print_tables(self) -> None:
-        """Print what the tables on disk say; one that failed is in the verdict, and draws without numbers too."""
+        """Print the answer from the tables on disk; the verdict names failed tables, and draws that are not finite."""
         from bayes_tyre.formats.tables.table_files import read_table
         from bayes_tyre.report.limits import MOST_SENTENCES, limit_sentences
         from bayes_tyre.report.terminal.results_table import print_answer
@@ -133,8 +133,8 @@ class Answer:
                 say(sentence, quiet=False)
 
 
-def _of_kind(kind: str, checks: list[dict[str, Any]]) -> str:
-    """Return how many checks of a kind failed, and which, in a few words."""
+def _kind_summary(kind: str, checks: list[dict[str, Any]]) -> str:
+    """Return how many checks of a kind failed, and the names of at most three."""
     of_kind = [check for check in checks if check["kind"] == kind]
     failed = [str(check["name"]) for check in of_kind if not check["passed"]]
     if not of_kind:

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 BAD_INPUT, NOT_TRUSTED = 3, 4
 RESUME = "--resume"
-#: Options of which one makes a command keep what it has done; others with --resume always do.
-_KEEPS_ONLY_WITH = {"lsq": ("workers", "cluster", "resume")}
+#: Commands that can be resumed only if one of these options was given; others with --resume always can.
+_RESUMABLE_ONLY_WITH = {"lsq": ("workers", "cluster", "resume")}
 
 RECORD_TABLE = typer.Argument(
     metavar="RECORDS...",
@@ -123,7 +123,7 @@ def guarded(command: Callable[..., None], group: str = "") -> Callable[..., None
 
     The command, of a group such as `study`, gets the options --verbose and --log-file, and --seed if it has none.
     """
-    own, name = inspect.signature(command), f"{group} {command.__name__}".strip()
+    signature, name = inspect.signature(command), f"{group} {command.__name__}".strip()
 
     @functools.wraps(command)
     def run(*args: Any, verbose: bool = False, log_file: Path | None = None, **kwargs: Any) -> None:
@@ -131,10 +131,10 @@ def guarded(command: Callable[..., None], group: str = "") -> Callable[..., None
         if memory.address_space() is None:
             os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
         with logs.logging_to(verbose, log_file):
-            kwargs = {option: value for option, value in kwargs.items() if option in own.parameters}
-            memory.within_limit(lambda: explained(*args, **kwargs), name)
+            kwargs = {option: value for option, value in kwargs.items() if option in signature.parameters}
+            memory.within_limit(lambda: report_errors(*args, **kwargs), name)
 
-    def explained(*args: Any, **kwargs: Any) -> None:
+    def report_errors(*args: Any, **kwargs: Any) -> None:
         try:
             with one_line_each(), ending_at_interrupt(*_resume_advice(command, kwargs)), sole_run(kwargs.get("out")):
                 command(*args, **kwargs)
@@ -156,41 +156,39 @@ def guarded(command: Callable[..., None], group: str = "") -> Callable[..., None
                 raise
             raise typer.Exit(BAD_INPUT) from None
 
-    run.__signature__ = _with_common_options(own)  # pyright: ignore
+    run.__signature__ = _with_common_options(signature)  # pyright: ignore
     return run
 
 
-def _with_common_options(own: inspect.Signature) -> inspect.Signature:
+def _with_common_options(signature: inspect.Signature) -> inspect.Signature:
     """Return a command's signature with the options that every command has."""
-    options = list(own.parameters.values())
+    options = list(signature.parameters.values())
     for parameter in options:
         for option in getattr(parameter.annotation, "__metadata__", ()):
-            option.readable = (
-                False  # a file that may not be read is bad input, not the usage error that Typer makes of it
-            )
+            option.readable = False  # Typer would make an unreadable file a usage error; here it is bad input
 
-    def added(name: str, annotation: object, default: object) -> inspect.Parameter:
+    def new_option(name: str, annotation: object, default: object) -> inspect.Parameter:
         kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
         return inspect.Parameter(name, kind, default=default, annotation=annotation)
 
-    if "seed" not in own.parameters:
+    if "seed" not in signature.parameters:
         before_quiet = next(i for i, option in enumerate(options) if option.name == "quiet")
-        options.insert(before_quiet, added("seed", NoSeed, 0))
-    of_log = added("verbose", logs.Verbose, False), added("log_file", logs.LogFile, None)
-    return own.replace(parameters=[*options, *of_log])
+        options.insert(before_quiet, new_option("seed", NoSeed, 0))
+    log_options = new_option("verbose", logs.Verbose, False), new_option("log_file", logs.LogFile, None)
+    return signature.replace(parameters=[*options, *log_options])
 
 
-def _resume_advice(command: Callable[..., None], given: Mapping[str, object]) -> tuple[str, ...]:
-    """Return how to resume an interrupted command; nothing where it keeps nothing of what it has done."""
-    needed = _KEEPS_ONLY_WITH.get(command.__name__, ("out",))
-    if "resume" not in inspect.signature(command).parameters or not any(given.get(name) for name in needed):
+def _resume_advice(command: Callable[..., None], options: Mapping[str, object]) -> tuple[str, ...]:
+    """Return how to resume an interrupted command; empty if it cannot be resumed."""
+    needed = _RESUMABLE_ONLY_WITH.get(command.__name__, ("out",))
+    if "resume" not in inspect.signature(command).parameters or not any(options.get(name) for name in needed):
         return ()
     call = command_line(*(option for option in sys.argv[1:] if option != RESUME), RESUME)
     return (f"resume with: {call}",)
 
 
 def stages(quiet: bool) -> "Stages":
-    """Return the bars of a command's stages, on stderr if that is a terminal."""
+    """Return the progress bars of a command's stages, on stderr if that is a terminal."""
     from bayes_tyre.report.terminal.progress import Stages
 
     return Stages(not quiet)
@@ -198,20 +196,20 @@ def stages(quiet: bool) -> "Stages":
 
 @contextmanager
 def progress(what: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
-    """Yield a function to call with the number just done of a command's only stage."""
-    with stages(quiet) as only:
-        only.begin(what, total)
-        yield only.advance
+    """Yield a function that advances the progress bar of a command's only stage by a number of items."""
+    with stages(quiet) as bar:
+        bar.begin(what, total)
+        yield bar.advance
 
 
 def read_records(paths: Sequence[Path], columns: Path | None) -> "Given":
-    """Return the record table on disk, checked; what was converted or left out goes to stderr."""
+    """Return the checked record table; print on stderr what was converted or left out."""
     from bayes_tyre.workflow.record_tables import read_given
 
-    given = read_given(paths, columns)
-    for text in given.notes:
+    result = read_given(paths, columns)
+    for text in result.notes:
         warn(text)
-    return given
+    return result
 
 
 def assignments(options: list[str], flag: str) -> dict[str, float]:
@@ -227,7 +225,7 @@ def assignments(options: list[str], flag: str) -> dict[str, float]:
 
 
 def checked_limit(text: str | None, among: Sequence[str] | None = None) -> str | None:
-    """Return a limit as `run.json` has it; anything else, or on none of the parameters `among`, is a usage error."""
+    """Return a limit as `run.json` states it; other text, or a parameter not in `among`, is a usage error."""
     from bayes_tyre.results.limits import LIMITED, parse_limit
 
     try:

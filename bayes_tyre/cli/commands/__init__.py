@@ -1,1 +1,1 @@
-"""The commands, a file each: options to the workflow's arguments, its answer to the terminal."""
+"""The commands, one file each: each passes its options to the workflow and prints the result."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from bayes_tyre.workflow.fit import Plan
 
-#: What may stand beside --from: everything else is in the run.json.
+#: Options that may be combined with --from; all others are read from the run.json.
 BESIDE_FROM = ("out", "from_run", "resume", "xlsx", "device", "quiet", "verbose", "log_file")
 
 
@@ -122,7 +122,7 @@ def fit(
 def _run(
     plan: "Plan", table: "pd.DataFrame", out: Path, resume: bool, xlsx: bool, device: str | None, quiet: bool
 ) -> None:
-    """Fit as planned, print its progress, and end as the verdict says."""
+    """Fit as planned, print progress and answer; exit with code 4 unless the verdict is pass."""
     from bayes_tyre.record_table import origin_of
     from bayes_tyre.workflow.fit import fit_table  # imports JAX, which starts only when it computes
 
@@ -145,7 +145,7 @@ def _run(
 
 
 def _check_usage(context: typer.Context, records: list[Path] | None, from_run: Path | None) -> None:
-    """Refuse neither RECORDS nor --from, and options that --from would contradict."""
+    """Raise a usage error if both RECORDS and --from are missing, or if an option contradicts --from."""
     if from_run is None:
         if not records:
             raise typer.BadParameter("missing; name a record table, or give --from RUN.JSON", param_hint="RECORDS")
@@ -158,7 +158,7 @@ def _check_usage(context: typer.Context, records: list[Path] | None, from_run: P
 
 
 def _checked_table(plan: "Plan") -> "pd.DataFrame":
-    given = shell.read_records(plan.records, plan.columns)
-    if given.suspicions and not plan.units_checked:
-        raise BadInput(f"{given.suspicions[0]}, or name the unit in a column map (--columns); or say --units-checked")
-    return given.table
+    result = shell.read_records(plan.records, plan.columns)
+    if result.suspicions and not plan.units_checked:
+        raise BadInput(f"{result.suspicions[0]}, or name the unit in a column map (--columns); or say --units-checked")
+    return result.table

@@ -65,28 +65,28 @@ def load_deflection(
     readings, suspicions, notes = read_given(table, columns, SLOW_TESTS)
     for warning in [*notes, *suspicions]:
         warn(warning)
-    written = fit_load_deflection(readings, out, rig=rig, beta_mm=beta, steps=steps)
-    for text in written.notes:
+    result = fit_load_deflection(readings, out, rig=rig, beta_mm=beta, steps=steps)
+    for text in result.notes:
         warn(f"{names(table)}: {text}")
     if not quiet:
-        _print_answer(out, written.paths)
-    for path in written.paths:
+        _print_answer(out, result.paths)
+    for path in result.paths:
         say(f"wrote {path} (data: {origin_of(readings)})", quiet)
-    if written.shared is not None:
-        _print_pooled(len(written.shared), int((written.shared["status"] != "ok").sum()), quiet)
-    failed = int((written.tests["status"] != "ok").sum())
-    say(f"{len(written.tests)} tests, {failed} not ok", quiet)
+    if result.shared is not None:
+        _print_shared(len(result.shared), int((result.shared["status"] != "ok").sum()), quiet)
+    failed = int((result.tests["status"] != "ok").sum())
+    say(f"{len(result.tests)} tests, {failed} not ok", quiet)
 
 
-def _print_answer(out: Path, written: list[Path]) -> None:
+def _print_answer(out: Path, paths: list[Path]) -> None:
     """Print the tables that were written."""
     from bayes_tyre.report.terminal.fits_table import print_tables
     from bayes_tyre.results.separate_fits import read_fit_tables
 
-    print_tables(read_fit_tables(out, tuple(path.name for path in written if path.suffix == ".csv")))
+    print_tables(read_fit_tables(out, tuple(path.name for path in paths if path.suffix == ".csv")))
 
 
-def _print_pooled(cases: int, in_tension: int, quiet: bool) -> None:
+def _print_shared(cases: int, in_tension: int, quiet: bool) -> None:
     if not cases:
         warn("--steps: no configuration and speed has both a slow test and a step record with a standard error")
     say(f"{cases} stiffnesses shared with step records, {in_tension} in tension", quiet)

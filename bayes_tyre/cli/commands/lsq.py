@@ -117,13 +117,13 @@ def _fit_files(
     xlsx: bool,
     quiet: bool,
 ) -> None:
-    """Fit each file by itself, and print what is to be said of the files."""
+    """Fit each file separately, and print warnings about the files."""
     from bayes_tyre.workflow.least_squares_of_files import fit_files, table_tasks
 
     tasks, skipped = table_tasks(records, columns, settings)
     with progress("least squares, file by file", len(tasks), quiet) as on_progress:
-        fitted = fit_files(tasks, machines, out, on_progress, xlsx=xlsx)
-    for warning in (*skipped, *fitted.notes, *fitted.suspicions):
+        result = fit_files(tasks, machines, out, on_progress, xlsx=xlsx)
+    for warning in (*skipped, *result.notes, *result.suspicions):
         warn(warning)
 
 
@@ -136,7 +136,7 @@ def _fit_together(
     xlsx: bool,
     quiet: bool,
 ) -> None:
-    """Fit all records, or loops, in one table, and print what is to be said of the files."""
+    """Fit all records, or loops, in one table, and print warnings about the files."""
     if loops:  # its figure imports matplotlib
         prepare_jax()
         from bayes_tyre.workflow.loops import fit_loops, read_loops

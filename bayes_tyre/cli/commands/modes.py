@@ -63,8 +63,8 @@ def modes(
     from bayes_tyre.workflow.modes import Belt, Motion, fit_modes
 
     belt = Belt(radius, mass_per_length)
-    joint = None if motion is None else Motion(motion, configuration)
-    parameters, fit = fit_modes(table, out, belt, sys.argv[1:], motion=joint, interval=interval, seed=seed)
+    axle_motion = None if motion is None else Motion(motion, configuration)
+    parameters, fit = fit_modes(table, out, belt, sys.argv[1:], motion=axle_motion, interval=interval, seed=seed)
     for line in parameter_lines(parameters):
         say(line, quiet)
     say(f"wrote {out}: verdict {fit.verdict} (data: {parameters['origin'].iloc[0]})", quiet)

@@ -42,18 +42,18 @@ def published(
     if posterior:
         from bayes_tyre.workflow.fit import fit_published_tables, read_priors
 
-        priors_given = read_priors(priors)
+        prior_settings = read_priors(priors)
         settings = sampled.settings(chains, warmup, draws, seed, target_accept, default=2000)
         with shell.stages(quiet) as stages:
             callbacks = sampled.callbacks(stages, quiet)
             diagnostics = fit_published_tables(
-                out / "posterior", settings, interval, sys.argv[1:], priors_given, callbacks
+                out / "posterior", settings, interval, sys.argv[1:], prior_settings, callbacks
             )
         sampled.report_verdict(diagnostics, f"wrote {out / 'posterior'}", quiet)
         if not quiet:
             from bayes_tyre.report.terminal.results_table import print_overview
 
-            with suppress(BadInput):  # a table that failed is among the reasons
+            with suppress(BadInput):  # the verdict already names a table that failed
                 print_overview([out / "posterior"])
         trusted = trusted and diagnostics.verdict == "pass"
     if not trusted:

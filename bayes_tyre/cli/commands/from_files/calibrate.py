@@ -52,8 +52,8 @@ def calibrate(
 
 def _print(lines: Sequence["Fitted"]) -> None:
     numbers = ("slope", "intercept", "residual rms", "step, V", "step", "rows")
-    of_numbers = {name: {"justify": "right", "no_wrap": True} for name in numbers}
-    print_table({"sensor": {}, **of_numbers, "channels": {"overflow": "fold"}}, map(_cells, lines))
+    number_columns = {name: {"justify": "right", "no_wrap": True} for name in numbers}
+    print_table({"sensor": {}, **number_columns, "channels": {"overflow": "fold"}}, map(_cells, lines))
 
 
 def _cells(fitted: "Fitted") -> list[str]:

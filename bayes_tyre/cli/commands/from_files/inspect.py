@@ -53,8 +53,10 @@ def inspect(
 
 
 def _print(channels: "pd.DataFrame") -> None:
-    texts = ("file", "channel", "unit")
-    columns = {name: {"justify": "left" if name in texts else "right", "overflow": "fold"} for name in channels.columns}
+    text_columns = ("file", "channel", "unit")
+    columns = {
+        name: {"justify": "left" if name in text_columns else "right", "overflow": "fold"} for name in channels.columns
+    }
     print_table(columns, ([_cell(value) for value in row] for row in channels.itertuples(index=False)))
 
 

@@ -39,15 +39,15 @@ def compare(
     from bayes_tyre.workflow.from_results.compare import compare_folders
 
     with progress("compare", len(folders), quiet) as advance:
-        done = compare_folders(folders, out or folders[0], refit=refit, on_note=warn, on_progress=advance)
-    for table, sentence in zip(done.tables, done.sentences, strict=True):
+        comparison = compare_folders(folders, out or folders[0], refit=refit, on_note=warn, on_progress=advance)
+    for table, sentence in zip(comparison.tables, comparison.sentences, strict=True):
         for line in (*rank_lines(table), sentence):
             say(line, quiet)
-    for path in done.paths:
+    for path in comparison.paths:
         say(f"wrote {path}", quiet)
-    for failure in done.failed:
+    for failure in comparison.failed:
         warn(failure)
-    for why in done.untrusted:
-        warn(why)
-    if done.failed or done.untrusted:
+    for reason in comparison.untrusted:
+        warn(reason)
+    if comparison.failed or comparison.untrusted:
         raise typer.Exit(NOT_TRUSTED)

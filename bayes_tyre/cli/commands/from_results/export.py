@@ -72,7 +72,7 @@ def export(
     names = listed([path.name for path in paths], 3)
     say(f"wrote {len(paths)} files to {out} (data: {exported.origin}{verdict}): {names}", quiet)
     k = [model.parameters["k"] for model in exported.models]
-    low, high = (end(one.value for one in k) for end in (min, max))
+    low, high = (bound(parameter.value for parameter in k) for bound in (min, max))
     of = "means" if means else "cases"
     say(f"k of {len(k)} {of}: {low:.4g} to {high:.4g} {k[0].unit}; each file states its 95 % interval", quiet)
     for text in exported.notes:
@@ -80,8 +80,8 @@ def export(
     if exported.verdict and len(k) > 1 and not means:  # load-deflection has no means
         say("use the case nearest to what you simulate, or the means over cases: --means", quiet)
     if to == "tir":
-        for key, why in not_in_tir(exported.models[0], unloaded_radius_mm).items():
-            say(f"not in the files: {key}: {why}", quiet)
+        for key, reason in not_in_tir(exported.models[0], unloaded_radius_mm).items():
+            say(f"not in the files: {key}: {reason}", quiet)
     if exported.verdict == "fail":
         warn(f"the posterior is not to be trusted; {folder / 'diagnostics.json'} gives the reason")
         raise typer.Exit(NOT_TRUSTED)

@@ -1,4 +1,4 @@
-"""`next`: which tests to run so that a ratio or a value is known precisely enough."""
+"""`next`: which tests to run to reach the wanted precision of a ratio or a value."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -54,17 +54,17 @@ def next(
 
     Example: bayes-tyre next results/fit --goal 'k dual / single' --precision 2% --out results/next
     """
-    wanted = _share(precision)
+    target = _share(precision)
     from bayes_tyre.workflow.from_results.next import write_next
 
-    done = write_next(folder, goal, wanted, out, cost=cost, tests=tests, repeats=repeats, seed=seed)
-    for line in _lines(done, wanted):
+    result = write_next(folder, goal, target, out, cost=cost, tests=tests, repeats=repeats, seed=seed)
+    for line in _lines(result, target):
         say(line, quiet)
-    for path in done.paths:
-        say(f"wrote {path} (data: {done.origin}, verdict {done.verdict})", quiet)
-    if done.forecast.doubtful and not _reweighted(done):
+    for path in result.paths:
+        say(f"wrote {path} (data: {result.origin}, verdict {result.verdict})", quiet)
+    if result.forecast.doubtful and not _reweighted(result):
         warn(f"{goal}: its posterior is far from normal: what is expected is doubtful; fit again after a few tests")
-    if done.verdict != "pass":
+    if result.verdict != "pass":
         warn(f"the posterior is not to be trusted, nor is the forecast; {folder / 'diagnostics.json'} gives the reason")
         raise typer.Exit(NOT_TRUSTED)
 
@@ -76,28 +76,28 @@ def _share(text: str) -> float:
     return share
 
 
-def _reweighted(done: "Next") -> bool:
-    """Return whether what is expected of the best candidate and of the plan was found by reweighting."""
+def _reweighted(result: "Next") -> bool:
+    """Return whether the forecasts of the best candidate and of the plan were both computed by reweighting."""
     from bayes_tyre.results.next_tests.forecast import REWEIGHTED
 
-    return all((table["method"] == REWEIGHTED).all() for table in (done.ranked.head(1), done.plan.tail(1)))
+    return all((table["method"] == REWEIGHTED).all() for table in (result.ranked.head(1), result.plan.tail(1)))
 
 
-def _lines(done: "Next", precision: float) -> list[str]:
-    """Return what the goal is now, the best candidates, and what the plan reaches."""
+def _lines(result: "Next", precision: float) -> list[str]:
+    """Return lines on the present precision of the goal, the best candidates, and what the plan reaches."""
     from bayes_tyre.results.next_tests.rankings import WrongRanking
     from bayes_tyre.results.next_tests.sentences import after, candidate_lines, percent, shown
 
-    forecast = done.forecast
+    forecast = result.forecast
     now, enough = shown(forecast.expected(()).value, forecast.measure), percent(precision)
     if isinstance(forecast, WrongRanking):
-        goal = f"{done.goal.text}: {done.goal.of}, wrong with probability {now}"
+        goal = f"{result.goal.text}: {result.goal.of}, wrong with probability {now}"
     else:
-        goal = f"{done.goal.text}: median {forecast.median:.4g}, 95 % interval {now} of it wide ({done.goal.of})"
-    lines = [goal, *candidate_lines(done.ranked)]
-    if done.plan.empty:
+        goal = f"{result.goal.text}: median {forecast.median:.4g}, 95 % interval {now} of it wide ({result.goal.of})"
+    lines = [goal, *candidate_lines(result.ranked)]
+    if result.plan.empty:
         return [*lines, f"plan: no test, as {now} is within {enough} or no test is within the budget"]
-    last = done.plan.iloc[-1]
+    last = result.plan.iloc[-1]
     reached = "" if last[f"{forecast.measure}_expected"] <= precision else "not "
-    by = after(last, forecast.measure)
-    return [*lines, f"plan {reached}expected to reach {enough}: {len(done.plan)} tests, {now} to {by}"]
+    expected = after(last, forecast.measure)
+    return [*lines, f"plan {reached}expected to reach {enough}: {len(result.plan)} tests, {now} to {expected}"]

@@ -75,21 +75,23 @@ def predict(
     stack = single_fit(folders[0]) if weights is None else read_stack(folders, weights)
     query = _query(case or [], stack.first.cases)
     compared = weights if weights is None or weights.is_dir() else weights.parent
-    path = target(compared or folders[0], out)
-    prediction, paths = write_prediction(stack, query, path, displacement_mm=grid, of=of, interval=interval, seed=seed)
+    destination = target(compared or folders[0], out)
+    prediction, paths = write_prediction(
+        stack, query, destination, displacement_mm=grid, of=of, interval=interval, seed=seed
+    )
     for text in (*answers(prediction.curves), *prediction.warnings):
         say(text, quiet)
-    for written in paths:
-        say(f"wrote {written} (data: {stack.first.tree.attrs['origin']}, verdict {stack.verdict})", quiet)
+    for path in paths:
+        say(f"wrote {path} (data: {stack.first.tree.attrs['origin']}, verdict {stack.verdict})", quiet)
     if stack.failed:
         reasons = ", ".join(map(str, stack.failed))
-        what = "the posterior is" if len(stack.results) == 1 else "these models are"
-        warn(f"{what} not to be trusted, nor is the prediction; {reasons} gives the reason")
+        subject = "the posterior is" if len(stack.results) == 1 else "these models are"
+        warn(f"{subject} not to be trusted, nor is the prediction; {reasons} gives the reason")
         raise typer.Exit(NOT_TRUSTED)
 
 
 def _query(texts: list[str], cases: list["Case"]) -> "CaseQuery":
-    """Return what --case asks for; nothing, and what cannot be understood, is a usage error."""
+    """Return the query that --case states; no text, or text that cannot be parsed, is a usage error."""
     from bayes_tyre.results.cases.selection import case_list, parse_query
 
     if not any(text.strip() for text in texts):
@@ -105,9 +107,9 @@ def _grid(text: str) -> "np.ndarray":
     """Return the displacements (mm) that LOW:HIGH:POINTS or d1,d2,... mean; anything else is a usage error."""
     import numpy as np
 
-    def wrong(why: str) -> typer.BadParameter:
+    def usage_error(problem: str) -> typer.BadParameter:
         return typer.BadParameter(
-            f"{text[:60]!r} {why}; use LOW:HIGH:POINTS, such as 0:4:81, or d1,d2,...", param_hint="--displacement"
+            f"{text[:60]!r} {problem}; use LOW:HIGH:POINTS, such as 0:4:81, or d1,d2,...", param_hint="--displacement"
         )
 
     try:
@@ -115,16 +117,16 @@ def _grid(text: str) -> "np.ndarray":
             low, high, points = text.split(":")
             low, high, count = float(low), float(high), int(points)
         else:
-            listed = np.array([float(number) for number in text.split(",")])
-            low, high, count = float(listed.min()), float(listed.max()), len(listed)
+            values = np.array([float(number) for number in text.split(",")])
+            low, high, count = float(values.min()), float(values.max()), len(values)
     except ValueError:
-        raise wrong("is not a grid of numbers") from None
-    if not (abs(low) <= FARTHEST_MM and abs(high) <= FARTHEST_MM):  # NaN neither
-        raise wrong(f"reaches beyond {FARTHEST_MM:g} mm")
+        raise usage_error("is not a grid of numbers") from None
+    if not (abs(low) <= FARTHEST_MM and abs(high) <= FARTHEST_MM):  # refuses NaN too
+        raise usage_error(f"reaches beyond {FARTHEST_MM:g} mm")
     if count > MOST_POINTS:
-        raise wrong(f"has more than {MOST_POINTS} points")
+        raise usage_error(f"has more than {MOST_POINTS} points")
     if ":" not in text:
-        return listed
+        return values
     if count < 2 or low >= high:
-        raise wrong("does not rise from LOW to HIGH in 2 points or more")
+        raise usage_error("does not rise from LOW to HIGH in 2 points or more")
     return np.linspace(low, high, count)

@@ -51,7 +51,9 @@ def show(
 
         results = [posterior_in(folder) for folder in results]
         answers = [answer(folder) for folder in results]
-        print_overview([each for each, lines in zip(results, answers, strict=True) if not lines], reference=reference)
+        print_overview(
+            [folder for folder, lines in zip(results, answers, strict=True) if not lines], reference=reference
+        )
         for folder, lines in zip(results, answers, strict=True):
             for line in ["", *lines, f"files: {folder}"] if lines else ():
                 typer.echo(one_line(line, None))
