@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import jax
 import pytest
@@ -100,7 +101,7 @@ def test_the_processor_is_used_where_it_is_asked_for(tmp_path):
 
 @pytest.mark.parametrize(("most", "left"), [(0.0, 0), (1.0, 1)], ids=["full", "room"])
 def test_compiled_code_is_dropped_where_it_fills_the_maps(most, left, monkeypatch):
-    doubled = jax.jit(lambda x: 2 * x)
+    doubled: Any = jax.jit(lambda x: 2 * x)
     doubled(1.0)
     monkeypatch.setattr(runtime, "_HELD_MOST", most)
     runtime.drop_code_where_full()

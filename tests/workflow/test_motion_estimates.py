@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from helpers.hand_made_posteriors import grid
+from helpers.map_estimates import map_estimate
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.inference.motion.hierarchy.model import Motions
 from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS
-from bayes_tyre.inference.motion.record.map_fit import MapEstimate
 from bayes_tyre.inference.motion.record.parameters import parameter_names
 from bayes_tyre.inference.motion.record.window import Window
 from bayes_tyre.inference.sampling.run import SamplerSettings
@@ -78,10 +78,9 @@ def test_an_extension_is_reported_at_the_peak_with_its_standard_error():
     standard, covariance = np.zeros(len(names)), np.eye(len(names))
     standard[names.index("relaxation_s")] = 0.4
     covariance[names.index("relaxation_s"), names.index("relaxation_s")] = 0.09
-    of_fit = np.zeros(3), np.zeros(3), np.array(1), np.zeros(()), np.ones(()), np.array(True)
     none = jnp.zeros((3, 4))
     window = Window(jnp.array(1e-3), none, none, jnp.ones(3) / 3, jnp.asarray(prior), law=law)
-    found = motion_estimates._extensions(window, MapEstimate(standard, covariance, *of_fit))
+    found = motion_estimates._extensions(window, map_estimate(standard, covariance))
     tau = 0.01 * np.exp(0.5 * 0.4)
     assert found == pytest.approx(
         {"relaxing_share": 0.0, "relaxing_share_se": 1.0, "relaxation_s": tau, "relaxation_s_se": tau * 0.5 * 0.3}

@@ -79,7 +79,7 @@ def motion(
     stiffness. compare says which of them predicts the same files best. Four extend Fancher's law, with the same
     parameters: rubber that relaxes (relaxing), friction that changes with speed (speed_friction), stiffness that grows
     with deflection (stiffening), two yield displacements (two_yields). auto fits these and Fancher's, and averages them
-    record by record, weighted by their evidence: five times the time.
+    record by record, weighted by their evidence.
 
     Each raw file is fitted by itself, its motion simulated through step and ring-down; the estimates with their
     covariances then go into one hierarchy. Writes what fit writes (--xlsx likewise), and estimates.csv (a row a record)

@@ -1,5 +1,7 @@
 """Every law of a motion: built from its parameters, its priors, its names and units in the hierarchy."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -62,7 +64,7 @@ def test_an_extended_law_has_its_extensions_and_ends_where_it_rests(law):
     # A rest before the step: the middle line and the friction there carry the load, however the line bends.
     before = parameters.law.ends_mm[0]
     line = float(parameters.law.middle_line(before) + parameters.rest_friction_kN)
-    at_wheel_centre = brentq(lambda d: float(geometry.flat_ground_displacement(RIG, d)) - float(before), -50.0, 100.0)
+    at_wheel_centre: Any = brentq(lambda d: float(geometry.flat_ground_displacement(RIG, d) - before), -50.0, 100.0)
     applied = geometry.tyre_load(RIG, parameters.load_kN[0])
     assert line * float(wheel_centre_per_flat(RIG, at_wheel_centre)) == pytest.approx(float(applied), rel=1e-9)
 

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.map_estimates import map_estimate
 from jaxtyping import Array
 
 from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS
@@ -13,7 +14,6 @@ from bayes_tyre.inference.motion.record.estimate import estimate_motion
 from bayes_tyre.inference.motion.record.evidence import log_average, log_constant, log_evidence
 from bayes_tyre.inference.motion.record.importance_sampling import weighted_draws
 from bayes_tyre.inference.motion.record.likelihood import RecordLikelihood, standardisation
-from bayes_tyre.inference.motion.record.map_fit import MapEstimate
 from bayes_tyre.inference.motion.record.parameters import parameter_names, prior_moments
 from bayes_tyre.inference.motion.record.window import Disturbance, Recorded, Window
 from bayes_tyre.rig import geometry
@@ -47,8 +47,7 @@ def blind_window() -> Window:
 def test_evidence_of_no_readings_is_one():
     window, n = blind_window(), len(NAMES)
     wide = 1.3 * jnp.eye(n)
-    nothing, found = jnp.zeros(3), (jnp.array(1), jnp.zeros(()), jnp.ones(()), jnp.array(True))
-    estimate = MapEstimate(jnp.zeros(n), jnp.eye(n), nothing, nothing, *found)
+    estimate = map_estimate(np.zeros(n), np.eye(n))
     assert log_evidence(window, estimate, None) == pytest.approx(0.0, abs=1e-12)
     weighted = weighted_draws(RIG, np.zeros(n), wide, window)
     # 400 draws that are too wide by sqrt(1.3) and 1.1 in each of 17 directions: some 100 effective, so a standard
@@ -58,8 +57,7 @@ def test_evidence_of_no_readings_is_one():
 
 def test_whitening_and_the_prior_of_a_forces_size_are_in_the_evidence():
     window, n = blind_window(), len(NAMES)
-    nothing, of_fit = jnp.zeros(3), (jnp.array(1), jnp.zeros(()), jnp.ones(()), jnp.array(True))
-    estimate = MapEstimate(jnp.zeros(n), jnp.eye(n), nothing, nothing, *of_fit)
+    estimate = map_estimate(np.zeros(n), np.eye(n))
     # Thirty of forty blocks have readings; their accelerometer's residuals are those of whitened ones, half as wide.
     window = window._replace(weight=jnp.zeros((3, 40)).at[:, :30].set(1.0))
     undisturbed = fixed(window, Disturbance())

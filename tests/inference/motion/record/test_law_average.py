@@ -5,12 +5,12 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.map_estimates import map_estimate
 from helpers.mismatched_motions import simulated
 
 from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS, MotionLaw
 from bayes_tyre.inference.motion.record.estimate import MotionEstimate
 from bayes_tyre.inference.motion.record.law_average import average, estimate_by
-from bayes_tyre.inference.motion.record.map_fit import MapEstimate
 from bayes_tyre.inference.motion.record.window import Window
 
 AUTO = MOTION_LAWS["auto"]
@@ -21,14 +21,13 @@ def estimate(
     log_evidence: float, at: float, sd: float = 0.1, *, converged: bool = True, status: str = ""
 ) -> MotionEstimate:
     """Return an estimate of two logarithms, equal and independent."""
-    of_fit = np.zeros(3), np.zeros(3), np.array(1), np.zeros(()), np.ones(()), np.array(converged)
     return MotionEstimate(
         log_mean=np.full(2, at),
         log_covariance=sd**2 * np.eye(2),
         method="importance",
         log_draws=np.array([[at - sd, at], [at + sd, at]]),
         weights=np.array([0.25, 0.75]),
-        map_estimate=MapEstimate(np.zeros(1), np.eye(1), *of_fit),
+        map_estimate=map_estimate(np.zeros(1), np.eye(1), converged=converged),
         window=Window(jnp.array(1e-3), jnp.zeros((3, 4)), jnp.zeros((3, 4)), jnp.ones(3) / 3, jnp.zeros((2, 1))),
         pareto_k=0.1,
         effective_draws=2.0,
