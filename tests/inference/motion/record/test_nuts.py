@@ -10,6 +10,7 @@ import pytest
 from helpers.recorded_motions import RIG, recorded
 
 from bayes_tyre.inference.motion.record import estimate as motion_estimate
+from bayes_tyre.inference.motion.record import importance_sampling
 from bayes_tyre.inference.motion.record import nuts as motion_nuts
 from bayes_tyre.inference.motion.record.estimate import MotionEstimate, estimate_motion
 from bayes_tyre.inference.motion.record.importance_sampling import proposal_map
@@ -50,7 +51,7 @@ def run_once() -> Callable[..., NutsDraws]:
 @pytest.fixture
 def no_weights_trusted(monkeypatch, run_once) -> None:
     """Ask of weighted draws what none can give: this record's are good, and records whose are of no use are rare."""
-    monkeypatch.setattr(motion_estimate, "EFFECTIVE_LEAST", np.inf)
+    monkeypatch.setattr(importance_sampling, "EFFECTIVE_LEAST", np.inf)
     monkeypatch.setattr(motion_estimate, "sample_motion", run_once)
 
 
