@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from bayes_tyre.workflow.raw.motion import MotionPlan
 
 
-class Law(StrEnum):  # Typer takes no list of Literal, which `study laws` needs
+class Law(StrEnum):
     """Force laws of a tyre that a motion can be fitted with."""
 
     fancher = "fancher"

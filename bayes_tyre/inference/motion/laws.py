@@ -3,8 +3,8 @@
 To add a law, write a file of `bayes_tyre.laws` and an entry here: its parameters, all positive, and their priors.
 Priors of the cases are in `bayes_tyre.inference.model.default_priors`, by the same names.
 
-A law that extends Fancher's has extensions beside the parameters: numbers of one record, with priors about none, which
-are integrated out of its estimate. So these laws have the hierarchy's parameters in common, and can be averaged.
+A law that extends Fancher's has extensions beside the parameters: numbers of one record, whose priors include that there
+is none, and which are integrated out of its estimate. So these laws have the hierarchy's parameters in common, and can be averaged.
 """
 
 from collections.abc import Callable
@@ -76,7 +76,8 @@ def _itself(value: Float[Array, ""]) -> Float[Array, ""]:
 #: Extensions of Fancher's law, by the names of their fields.
 EXTENSIONS: dict[str, Extension] = {
     "relaxing_share": Extension(
-        NormalPrior(0.0, 0.05, "up to a tenth of k; below 0 is no rubber, but what noise makes of none"), _itself
+        NormalPrior(0.0, 0.05, "up to a tenth of k; a negative share is unphysical, and what noise makes of none"),
+        _itself,
     ),
     "relaxation_s": Extension(
         NormalPrior(np.log(0.008), 0.7, "2 to 32 ms: rubber that relaxes while a step rises and rings"), jnp.exp
@@ -88,10 +89,11 @@ EXTENSIONS: dict[str, Extension] = {
         NormalPrior(np.log(30.0), 0.7, "8 to 120 mm/s: what a step's travel and ring reach"), jnp.exp
     ),
     "growth_per_mm": Extension(
-        NormalPrior(0.0, 0.03, "up to 6 % of the slope a mm: half of it again over a step's travel"), _itself
+        NormalPrior(0.0, 0.03, "up to 6 % of the slope a mm: by half over the travel of a step"), _itself
     ),
     "yield_spread": Extension(
-        NormalPrior(-1.0, 1.0, "0.05 to 0.7: from one scale to one five times the other"), jax.nn.sigmoid
+        NormalPrior(-1.0, 1.0, "0.05 to 0.7: from nearly one yield displacement to two, one five times the other"),
+        jax.nn.sigmoid,
     ),
 }
 
