@@ -3,8 +3,8 @@
 To add a law, write a file of `bayes_tyre.laws` and an entry here: its parameters, all positive, and their priors.
 Priors of the cases are in `bayes_tyre.inference.model.default_priors`, by the same names.
 
-A law that extends Fancher's has extensions beside the parameters: numbers of one record, which are integrated out of its
-estimate. So these laws have the hierarchy's parameters in common, and can be averaged.
+A law that extends Fancher's has extensions beside the parameters: numbers of one record, which are integrated out of
+its estimate. So these laws have the hierarchy's parameters in common, and can be averaged.
 """
 
 from collections.abc import Callable
