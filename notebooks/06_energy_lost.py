@@ -26,7 +26,8 @@ import pandas as pd
 from support import motion_figures, motion_truth
 
 from bayes_tyre.formats.recordings.raw import read_raw
-from bayes_tyre.inference.motion.record import estimate, window
+from bayes_tyre.inference.motion.record import estimate
+from bayes_tyre.inference.motion.record.model import window
 from bayes_tyre.laws.loop_energy import dissipated_energy_per_cycle, loop_energy
 from bayes_tyre.report.figures import process as process_figures
 from bayes_tyre.report.figures.page.notebook_display import NotebookFigure

@@ -25,7 +25,7 @@ class Recording(NamedTuple):
     bodies: tuple[Turning, ...] = ()
 
     def for_motion(self) -> tuple[float, Samples, Samples, Samples, int, tuple[float, float], tuple[Turning, ...]]:
-        """Return what the fit of its motion takes (`inference.motion.record.window.Recorded`): channels as read."""
+        """Return what a motion is fitted to, channels as read (`inference.motion.record.model.window.Recorded`)."""
         read, step = self.raw, self.step
         channels = read.acceleration_m_per_s2, read.laser_mm, read.load_kN
         return read.dt_s, *channels, step.pre_step, (step.ramp.start_s, step.ramp.end_s), self.bodies

@@ -14,9 +14,9 @@ from bayes_tyre.inference.motion.hierarchy.model import Motions, Readings, fit_m
 from bayes_tyre.inference.motion.laws import MOTION_LAWS, MotionLaw, motion_law
 from bayes_tyre.inference.motion.record.estimate import MotionEstimate, estimate_motion
 from bayes_tyre.inference.motion.record.evidence import log_constant
-from bayes_tyre.inference.motion.record.forward_model import axle_kg
 from bayes_tyre.inference.motion.record.likelihood import hierarchy_moments, likelihood_of
-from bayes_tyre.inference.motion.record.window import Recorded
+from bayes_tyre.inference.motion.record.model.forward_model import axle_kg
+from bayes_tyre.inference.motion.record.model.window import Recorded
 from bayes_tyre.inference.sampling.nuts import CAREFUL_ACCEPTANCE
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.laws.base import StatefulLaw

@@ -13,7 +13,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw, motion_law
 from bayes_tyre.inference.motion.record.estimate import RECORD_PARAMETERS, MotionEstimate
 from bayes_tyre.inference.motion.record.law_average import estimate_by
-from bayes_tyre.inference.motion.record.window import Recorded
+from bayes_tyre.inference.motion.record.model.window import Recorded
 from bayes_tyre.record import RECORD_UNITS, parameter_column
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.signals.factors import RecordFactors

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Array, ArrayLike, Float
 
+from bayes_tyre.inference.motion.cycle.energy import Losses, losses_from_reported
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
-from bayes_tyre.inference.motion.record.energy import Losses, losses_from_reported
 from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.results.figure_data.hysteresis_loops import loop_table, settled_friction
 from bayes_tyre.rig.axle import Rig

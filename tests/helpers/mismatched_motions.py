@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from bayes_tyre.inference.motion.record.window import Recorded
+from bayes_tyre.inference.motion.record.model.window import Recorded
 from bayes_tyre.rig.axle import Rig, load_rig
 from bayes_tyre.signals.factors import RecordFactors
 from bayes_tyre.signals.process import prepare

@@ -1,6 +1,6 @@
 """Simulated recordings of an axle's step, as a motion is fitted to them."""
 
-from bayes_tyre.inference.motion.record.window import Recorded
+from bayes_tyre.inference.motion.record.model.window import Recorded
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.signals.channels import find_channels
 from bayes_tyre.signals.steps import find_step

@@ -12,8 +12,8 @@ from helpers.map_estimates import map_estimate
 from bayes_tyre.embedded import data_path
 from bayes_tyre.inference.motion.hierarchy.model import Motions
 from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS
-from bayes_tyre.inference.motion.record.parameters import parameter_names
-from bayes_tyre.inference.motion.record.window import Window
+from bayes_tyre.inference.motion.record.model.parameters import parameter_names
+from bayes_tyre.inference.motion.record.model.window import Window
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.workflow.execution.batch import Machines
 from bayes_tyre.workflow.raw import motion, motion_estimates

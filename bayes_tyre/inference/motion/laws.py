@@ -32,7 +32,7 @@ class NormalPrior(NamedTuple):
     """A normal prior of one parameter of a record, and the reason for it.
 
     NaN is replaced by a value from the rig file or from the record's own rest before and after the step
-    (`bayes_tyre.inference.motion.record.parameters.prior_moments`).
+    (`bayes_tyre.inference.motion.record.model.parameters.prior_moments`).
     """
 
     mean: float

@@ -8,7 +8,7 @@ import pandas as pd
 from jaxtyping import Bool, Float
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.motion.record.window import Window
+from bayes_tyre.inference.motion.record.model.window import Window
 
 #: The file of a result that holds them.
 MOTIONS_CSV = "motions_shown.csv"

@@ -14,9 +14,9 @@ from scipy import stats
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.least_squares.settings import FitSettings
 from bayes_tyre.inference.least_squares.table import fit_records
-from bayes_tyre.inference.motion.record.energy import losses
+from bayes_tyre.inference.motion.cycle.energy import losses
 from bayes_tyre.inference.motion.record.estimate import RECORD_PARAMETERS, estimate_motion
-from bayes_tyre.inference.motion.record.window import Recorded
+from bayes_tyre.inference.motion.record.model.window import Recorded
 from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.record_table import check_record_table

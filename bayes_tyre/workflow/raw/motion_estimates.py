@@ -18,12 +18,12 @@ from bayes_tyre.inference.motion.laws import EXTENSIONS, FANCHER, KELVIN_VOIGT, 
 from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import load_step_kN
 from bayes_tyre.inference.motion.record.estimate import MotionEstimate
 from bayes_tyre.inference.motion.record.evidence import log_constant
-from bayes_tyre.inference.motion.record.forward_model import predicted, residuals
 from bayes_tyre.inference.motion.record.law_average import estimate_by
 from bayes_tyre.inference.motion.record.likelihood import hierarchy_moments, likelihood_of
 from bayes_tyre.inference.motion.record.map_fit import CORRELATION_MOST, MISFIT_MOST, MapEstimate
-from bayes_tyre.inference.motion.record.parameters import MotionParameters, parameter_names
-from bayes_tyre.inference.motion.record.window import Recorded, Window
+from bayes_tyre.inference.motion.record.model.forward_model import predicted, residuals
+from bayes_tyre.inference.motion.record.model.parameters import MotionParameters, parameter_names
+from bayes_tyre.inference.motion.record.model.window import Recorded, Window
 from bayes_tyre.record import FACTORS, parameter_column
 from bayes_tyre.results.figure_data.motion_traces import COLUMNS, places, readings_table
 from bayes_tyre.rig import geometry

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.motion.laws import EXTENSIONS, FANCHER, MOTION_LAWS, TYRE_PRIORS, motion_law
-from bayes_tyre.inference.motion.record.parameters import RECORD_PRIORS, in_units, parameter_names, prior_moments
+from bayes_tyre.inference.motion.record.model.parameters import RECORD_PRIORS, in_units, parameter_names, prior_moments
 from bayes_tyre.inference.sampling.datatree import QUANTITIES
 from bayes_tyre.record import LAW_PARAMETERS, RECORD_UNITS
 from bayes_tyre.rig import geometry

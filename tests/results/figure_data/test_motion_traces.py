@@ -10,7 +10,7 @@ from helpers.drawings import said, sticking_out
 from matplotlib.colors import to_hex
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.motion.record.window import Window
+from bayes_tyre.inference.motion.record.model.window import Window
 from bayes_tyre.report.figures.motion import motion_figure
 from bayes_tyre.report.figures.page.colours import Setting, looks
 from bayes_tyre.report.html.figures import embedded_figure

@@ -12,9 +12,9 @@ import xarray as xr
 from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.model.factors import find_factors
+from bayes_tyre.inference.motion.cycle.energy import losses_from_reported
+from bayes_tyre.inference.motion.cycle.stiffness import stiffnesses_from_reported
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw, motion_law
-from bayes_tyre.inference.motion.record.energy import losses_from_reported
-from bayes_tyre.inference.motion.record.stiffness import stiffnesses_from_reported
 from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.record import RING_DOWN_MM
 from bayes_tyre.rig.axle import Rig

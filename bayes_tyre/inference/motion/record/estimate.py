@@ -15,9 +15,9 @@ from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import loa
 from bayes_tyre.inference.motion.record.evidence import log_evidence
 from bayes_tyre.inference.motion.record.importance_sampling import EFFECTIVE_LEAST, WeightedDraws, weighted_draws
 from bayes_tyre.inference.motion.record.map_fit import MapEstimate
+from bayes_tyre.inference.motion.record.model.parameters import in_units, parameter_names
+from bayes_tyre.inference.motion.record.model.window import Recorded, Window, make_window
 from bayes_tyre.inference.motion.record.nuts import SETTINGS, effective_draws, sample_motion
-from bayes_tyre.inference.motion.record.parameters import in_units, parameter_names
-from bayes_tyre.inference.motion.record.window import Recorded, Window, make_window
 from bayes_tyre.inference.motion.record.window_fit import fit_window
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.rig.axle import Rig

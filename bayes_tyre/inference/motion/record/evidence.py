@@ -13,7 +13,7 @@ from bayes_tyre.inference.motion.record.disturbance.matern_process import log_pr
 from bayes_tyre.inference.motion.record.importance_sampling import WeightedDraws
 from bayes_tyre.inference.motion.record.likelihood import RecordLikelihood, standardisation
 from bayes_tyre.inference.motion.record.map_fit import MapEstimate
-from bayes_tyre.inference.motion.record.window import Window
+from bayes_tyre.inference.motion.record.model.window import Window
 from bayes_tyre.rig.axle import Rig
 
 

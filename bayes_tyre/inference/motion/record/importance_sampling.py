@@ -16,9 +16,9 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST, smooth_log_weights
-from bayes_tyre.inference.motion.record.forward_model import residuals
 from bayes_tyre.inference.motion.record.map_fit import value_and_jacobian
-from bayes_tyre.inference.motion.record.window import Window
+from bayes_tyre.inference.motion.record.model.forward_model import residuals
+from bayes_tyre.inference.motion.record.model.window import Window
 from bayes_tyre.rig.axle import Rig
 
 DRAWS = 400

@@ -12,8 +12,8 @@ import numpy as np
 
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw, motion_law
 from bayes_tyre.inference.motion.record.estimate import MotionEstimate, estimate_motion
+from bayes_tyre.inference.motion.record.model.window import Recorded
 from bayes_tyre.inference.motion.record.nuts import SETTINGS
-from bayes_tyre.inference.motion.record.window import Recorded
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.rig.axle import Rig
 

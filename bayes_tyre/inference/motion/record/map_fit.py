@@ -11,11 +11,11 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
-from bayes_tyre.inference.motion.record.forward_model import residuals
-from bayes_tyre.inference.motion.record.parameters import parameter_names
-from bayes_tyre.inference.motion.record.runout import ground_start
-from bayes_tyre.inference.motion.record.second_mode import largest_peak
-from bayes_tyre.inference.motion.record.window import Window
+from bayes_tyre.inference.motion.record.model.forward_model import residuals
+from bayes_tyre.inference.motion.record.model.parameters import parameter_names
+from bayes_tyre.inference.motion.record.model.runout import ground_start
+from bayes_tyre.inference.motion.record.model.second_mode import largest_peak
+from bayes_tyre.inference.motion.record.model.window import Window
 from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig

@@ -10,10 +10,10 @@ import numpyro
 from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.model.coordinates.reparams import sample_coordinates
-from bayes_tyre.inference.motion.record.forward_model import residuals
 from bayes_tyre.inference.motion.record.importance_sampling import ProposalMap, proposal_map
 from bayes_tyre.inference.motion.record.map_fit import MapEstimate, value_and_jacobian
-from bayes_tyre.inference.motion.record.window import Window
+from bayes_tyre.inference.motion.record.model.forward_model import residuals
+from bayes_tyre.inference.motion.record.model.window import Window
 from bayes_tyre.inference.sampling.effective_sizes import ESS_LEAST_PER_CHAIN, R_HAT_MOST, statistics
 from bayes_tyre.inference.sampling.nuts import CAREFUL_ACCEPTANCE
 from bayes_tyre.inference.sampling.run import SamplerSettings, sample

@@ -23,7 +23,6 @@ from bayes_tyre.inference.motion.record.disturbance.road_roughness import (
     with_residual_noise,
     with_road_noise,
 )
-from bayes_tyre.inference.motion.record.forward_model import residuals
 from bayes_tyre.inference.motion.record.map_fit import (
     AT_PEAK,
     ROUGH_TOLERANCE,
@@ -34,8 +33,9 @@ from bayes_tyre.inference.motion.record.map_fit import (
     starting_points,
     value_and_jacobian,
 )
-from bayes_tyre.inference.motion.record.second_mode import SHOWS, SHOWS_ON_ROAD, largest_line
-from bayes_tyre.inference.motion.record.window import Disturbance, Window
+from bayes_tyre.inference.motion.record.model.forward_model import residuals
+from bayes_tyre.inference.motion.record.model.second_mode import SHOWS, SHOWS_ON_ROAD, largest_line
+from bayes_tyre.inference.motion.record.model.window import Disturbance, Window
 from bayes_tyre.rig.axle import Rig
 
 #: Tolerance of the last fit with a disturbance, in prior standard deviations: reversals of friction leave kinks.

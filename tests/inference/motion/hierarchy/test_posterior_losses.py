@@ -5,9 +5,9 @@ import numpy as np
 import xarray as xr
 from helpers.hand_made_posteriors import fixed, grid, posterior
 
+from bayes_tyre.inference.motion.cycle.energy import losses
+from bayes_tyre.inference.motion.cycle.stiffness import stiffnesses
 from bayes_tyre.inference.motion.hierarchy.posterior_losses import OF_CASES, RING_DOWN, Middle, with_losses
-from bayes_tyre.inference.motion.record.energy import losses
-from bayes_tyre.inference.motion.record.stiffness import stiffnesses
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.record import RING_DOWN_MM
 from bayes_tyre.rig.axle import load_rig

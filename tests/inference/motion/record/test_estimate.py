@@ -12,12 +12,12 @@ from scipy import stats
 from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
 from bayes_tyre.inference.motion.laws import FANCHER
 from bayes_tyre.inference.motion.record.estimate import estimate_motion
-from bayes_tyre.inference.motion.record.forward_model import residuals
 from bayes_tyre.inference.motion.record.importance_sampling import weighted_draws
-from bayes_tyre.inference.motion.record.load_step import SHAPE_TERMS, load_share
 from bayes_tyre.inference.motion.record.map_fit import starting_points, value_and_jacobian
-from bayes_tyre.inference.motion.record.parameters import in_units, parameter_names, prior_moments
-from bayes_tyre.inference.motion.record.window import Recorded, block_weights, make_window
+from bayes_tyre.inference.motion.record.model.forward_model import residuals
+from bayes_tyre.inference.motion.record.model.load_step import SHAPE_TERMS, load_share
+from bayes_tyre.inference.motion.record.model.parameters import in_units, parameter_names, prior_moments
+from bayes_tyre.inference.motion.record.model.window import Recorded, block_weights, make_window
 from bayes_tyre.simulate.drive import SHAPES
 from bayes_tyre.simulate.plan import quick_plan
 

@@ -14,8 +14,8 @@ from bayes_tyre.inference.motion.record.estimate import estimate_motion
 from bayes_tyre.inference.motion.record.evidence import log_average, log_constant, log_evidence
 from bayes_tyre.inference.motion.record.importance_sampling import weighted_draws
 from bayes_tyre.inference.motion.record.likelihood import RecordLikelihood, standardisation
-from bayes_tyre.inference.motion.record.parameters import parameter_names, prior_moments
-from bayes_tyre.inference.motion.record.window import Disturbance, Recorded, Window
+from bayes_tyre.inference.motion.record.model.parameters import parameter_names, prior_moments
+from bayes_tyre.inference.motion.record.model.window import Disturbance, Recorded, Window
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.rig.motion import rest_displacement

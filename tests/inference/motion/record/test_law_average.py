@@ -11,7 +11,7 @@ from helpers.mismatched_motions import simulated
 from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS, MotionLaw
 from bayes_tyre.inference.motion.record.estimate import MotionEstimate, estimate_motion
 from bayes_tyre.inference.motion.record.law_average import average, estimate_by
-from bayes_tyre.inference.motion.record.window import Window
+from bayes_tyre.inference.motion.record.model.window import Window
 
 AUTO = MOTION_LAWS["auto"]
 NAMES = AUTO.averaged

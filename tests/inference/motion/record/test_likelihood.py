@@ -14,7 +14,7 @@ from bayes_tyre.inference.motion.record.likelihood import (
     likelihood_of,
     without_prior,
 )
-from bayes_tyre.inference.motion.record.parameters import in_units, parameter_names, prior_moments
+from bayes_tyre.inference.motion.record.model.parameters import in_units, parameter_names, prior_moments
 from bayes_tyre.rig.axle import load_rig
 
 NAMES = parameter_names(FANCHER)

@@ -14,8 +14,8 @@ from bayes_tyre.inference.motion.record import importance_sampling
 from bayes_tyre.inference.motion.record import nuts as motion_nuts
 from bayes_tyre.inference.motion.record.estimate import MotionEstimate, estimate_motion
 from bayes_tyre.inference.motion.record.importance_sampling import proposal_map
+from bayes_tyre.inference.motion.record.model.window import Recorded
 from bayes_tyre.inference.motion.record.nuts import NutsDraws, effective_draws, sample_motion
-from bayes_tyre.inference.motion.record.window import Recorded
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.simulate.plan import quick_plan
 

@@ -11,9 +11,9 @@ from helpers.mismatched_motions import simulated
 from bayes_tyre.inference.motion.laws import FANCHER
 from bayes_tyre.inference.motion.record.disturbance.road_noise import road_noise_spectrum
 from bayes_tyre.inference.motion.record.estimate import DISCREPANCY_MOST, estimate_motion
-from bayes_tyre.inference.motion.record.parameters import parameter_names
-from bayes_tyre.inference.motion.record.pre_step_harmonics import fit_harmonics
-from bayes_tyre.inference.motion.record.window import Recorded, make_window
+from bayes_tyre.inference.motion.record.model.parameters import parameter_names
+from bayes_tyre.inference.motion.record.model.pre_step_harmonics import fit_harmonics
+from bayes_tyre.inference.motion.record.model.window import Recorded, make_window
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.signals.channels import find_channels
 from bayes_tyre.signals.ramp import find_ramp

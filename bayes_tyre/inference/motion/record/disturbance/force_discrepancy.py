@@ -19,9 +19,9 @@ from bayes_tyre.inference.motion.record.disturbance.matern_process import (
     sizes_and_penalties,
 )
 from bayes_tyre.inference.motion.record.disturbance.response import Columns
-from bayes_tyre.inference.motion.record.forward_model import node_times, simulated
-from bayes_tyre.inference.motion.record.parameters import MotionParameters
-from bayes_tyre.inference.motion.record.window import Disturbance, Window
+from bayes_tyre.inference.motion.record.model.forward_model import node_times, simulated
+from bayes_tyre.inference.motion.record.model.parameters import MotionParameters
+from bayes_tyre.inference.motion.record.model.window import Disturbance, Window
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 

@@ -24,9 +24,9 @@ from bayes_tyre.inference.motion.record.disturbance.matern_process import (
     sizes_and_penalties,
 )
 from bayes_tyre.inference.motion.record.disturbance.response import Columns, conditional, fixed, most_probable
-from bayes_tyre.inference.motion.record.forward_model import block_means, cylinder_load, node_times
-from bayes_tyre.inference.motion.record.parameters import parameter_names
-from bayes_tyre.inference.motion.record.window import Disturbance, Window
+from bayes_tyre.inference.motion.record.model.forward_model import block_means, cylinder_load, node_times
+from bayes_tyre.inference.motion.record.model.parameters import parameter_names
+from bayes_tyre.inference.motion.record.model.window import Disturbance, Window
 from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.rig.axle import Rig
 

@@ -6,8 +6,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from bayes_tyre.inference.motion.record.forward_model import node_times
-from bayes_tyre.inference.motion.record.window import Window
+from bayes_tyre.inference.motion.record.model.forward_model import node_times
+from bayes_tyre.inference.motion.record.model.window import Window
 from bayes_tyre.laws.base import ScalarLike
 
 #: The knots: number and spacing (s) of the first, from the step's start on; then the number of those to the last,

@@ -13,9 +13,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from bayes_tyre.inference.motion.record.forward_model import misfit
 from bayes_tyre.inference.motion.record.map_fit import value_and_jacobian
-from bayes_tyre.inference.motion.record.window import Disturbance, DisturbanceResponse, Window
+from bayes_tyre.inference.motion.record.model.forward_model import misfit
+from bayes_tyre.inference.motion.record.model.window import Disturbance, DisturbanceResponse, Window
 from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.rig.axle import Rig
 

@@ -15,8 +15,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from bayes_tyre.inference.motion.record.forward_model import misfit, node_times
-from bayes_tyre.inference.motion.record.window import Disturbance, Window
+from bayes_tyre.inference.motion.record.model.forward_model import misfit, node_times
+from bayes_tyre.inference.motion.record.model.window import Disturbance, Window
 from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.rig.axle import Rig
 

@@ -15,7 +15,7 @@ from bayes_tyre.inference.motion.record.disturbance.response import Columns, dis
 from bayes_tyre.inference.motion.record.disturbance.road_noise import HIGHEST_HZ as ROAD_NOISE_HZ
 from bayes_tyre.inference.motion.record.disturbance.road_noise import waves_between, whitening
 from bayes_tyre.inference.motion.record.map_fit import MapEstimate
-from bayes_tyre.inference.motion.record.window import Disturbance, DisturbanceResponse, Window
+from bayes_tyre.inference.motion.record.model.window import Disturbance, DisturbanceResponse, Window
 from bayes_tyre.rig.axle import Rig
 
 #: Highest frequency of cosines and sines, Hz (above it: `road_noise`), and their period in windows: longer than one, so

@@ -7,9 +7,9 @@ from helpers.mismatched_motions import simulated
 
 from bayes_tyre.inference.motion.record.disturbance.load_departure import load_departure
 from bayes_tyre.inference.motion.record.estimate import estimate_motion
-from bayes_tyre.inference.motion.record.forward_model import cylinder_load, node_times
-from bayes_tyre.inference.motion.record.parameters import in_units
-from bayes_tyre.inference.motion.record.window import BEFORE_S, make_window
+from bayes_tyre.inference.motion.record.model.forward_model import cylinder_load, node_times
+from bayes_tyre.inference.motion.record.model.parameters import in_units
+from bayes_tyre.inference.motion.record.model.window import BEFORE_S, make_window
 from bayes_tyre.studies.motion_machine import load_of
 from bayes_tyre.studies.motion_mismatch import MISMATCHES
 

@@ -12,8 +12,8 @@ from bayes_tyre.inference.motion.record.disturbance.matern_process import (
     knots_from,
     sizes_and_penalties,
 )
-from bayes_tyre.inference.motion.record.forward_model import node_times
-from bayes_tyre.inference.motion.record.window import make_window
+from bayes_tyre.inference.motion.record.model.forward_model import node_times
+from bayes_tyre.inference.motion.record.model.window import make_window
 from bayes_tyre.simulate.plan import quick_plan
 
 START_S = 0.0603

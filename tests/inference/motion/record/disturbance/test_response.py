@@ -10,9 +10,9 @@ from helpers.recorded_motions import RIG, recorded
 from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import force_columns
 from bayes_tyre.inference.motion.record.disturbance.response import disturbance_response
 from bayes_tyre.inference.motion.record.estimate import DISCREPANCY_MOST, estimate_motion
-from bayes_tyre.inference.motion.record.forward_model import misfit, predicted, residuals
-from bayes_tyre.inference.motion.record.parameters import in_units
-from bayes_tyre.inference.motion.record.window import Disturbance
+from bayes_tyre.inference.motion.record.model.forward_model import misfit, predicted, residuals
+from bayes_tyre.inference.motion.record.model.parameters import in_units
+from bayes_tyre.inference.motion.record.model.window import Disturbance
 from bayes_tyre.simulate.plan import quick_plan
 from bayes_tyre.studies.motion_machine import Machine
 

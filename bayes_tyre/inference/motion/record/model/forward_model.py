@@ -3,10 +3,10 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from bayes_tyre.inference.motion.record.load_step import load_share
-from bayes_tyre.inference.motion.record.parameters import MotionParameters
-from bayes_tyre.inference.motion.record.second_mode import shown_with
-from bayes_tyre.inference.motion.record.window import UNDISTURBED, Disturbance, Window
+from bayes_tyre.inference.motion.record.model.load_step import load_share
+from bayes_tyre.inference.motion.record.model.parameters import MotionParameters
+from bayes_tyre.inference.motion.record.model.second_mode import shown_with
+from bayes_tyre.inference.motion.record.model.window import UNDISTURBED, Disturbance, Window
 from bayes_tyre.laws.base import ScalarLike, StatefulLaw
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig

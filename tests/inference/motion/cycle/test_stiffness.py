@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bayes_tyre.inference.motion.record.stiffness import stiffnesses
+from bayes_tyre.inference.motion.cycle.stiffness import stiffnesses
 from bayes_tyre.laws.base import StatefulLaw
 from bayes_tyre.laws.bouc_wen import BoucWen
 from bayes_tyre.laws.fancher import Fancher

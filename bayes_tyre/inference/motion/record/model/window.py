@@ -7,16 +7,16 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
-from bayes_tyre.inference.motion.record.block_noise import (
+from bayes_tyre.inference.motion.record.model.block_noise import (
     block_sd,
     block_sd_of_differences,
     level,
     level_after,
 )
-from bayes_tyre.inference.motion.record.parameters import MotionParameters, in_units, prior_moments
-from bayes_tyre.inference.motion.record.pre_step_harmonics import fit_harmonics
-from bayes_tyre.inference.motion.record.runout import Rolling, ground_priors
-from bayes_tyre.inference.motion.record.second_mode import mode_priors
+from bayes_tyre.inference.motion.record.model.parameters import MotionParameters, in_units, prior_moments
+from bayes_tyre.inference.motion.record.model.pre_step_harmonics import fit_harmonics
+from bayes_tyre.inference.motion.record.model.runout import Rolling, ground_priors
+from bayes_tyre.inference.motion.record.model.second_mode import mode_priors
 from bayes_tyre.record import means_of_blocks
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig

@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 
 from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS
 from bayes_tyre.inference.motion.record.estimate import estimate_motion
-from bayes_tyre.inference.motion.record.parameters import in_units
-from bayes_tyre.inference.motion.record.second_mode import (
+from bayes_tyre.inference.motion.record.model.parameters import in_units
+from bayes_tyre.inference.motion.record.model.second_mode import (
     SHOWS,
     SHOWS_ON_ROAD,
     SecondMode,
@@ -19,7 +19,7 @@ from bayes_tyre.inference.motion.record.second_mode import (
     largest_peak,
     shown_with,
 )
-from bayes_tyre.inference.motion.record.window import make_window
+from bayes_tyre.inference.motion.record.model.window import make_window
 from bayes_tyre.rig.axle import SecondMode as SecondModeOfRig
 from bayes_tyre.rig.motion import Motion
 from bayes_tyre.simulate.plan import quick_plan

@@ -7,8 +7,8 @@ import pytest
 from scipy.optimize import least_squares
 
 from bayes_tyre.inference.motion.laws import FANCHER
-from bayes_tyre.inference.motion.record.load_step import SHAPE_TERMS, load_share
-from bayes_tyre.inference.motion.record.parameters import parameter_names
+from bayes_tyre.inference.motion.record.model.load_step import SHAPE_TERMS, load_share
+from bayes_tyre.inference.motion.record.model.parameters import parameter_names
 from bayes_tyre.simulate.drive import SHAPES
 
 NAMES = parameter_names(FANCHER)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from bayes_tyre.inference.motion.record.forward_model import _shown_late
+from bayes_tyre.inference.motion.record.model.forward_model import _shown_late
 from bayes_tyre.rig.motion import Motion
 
 RATE_HZ = 1e5

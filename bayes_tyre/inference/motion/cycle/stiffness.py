@@ -14,8 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from bayes_tyre.inference.motion.cycle.energy import free_omega, steady_cycle, stroke_on_flat
 from bayes_tyre.inference.motion.laws import MotionLaw
-from bayes_tyre.inference.motion.record.energy import free_omega, steady_cycle, stroke_on_flat
 from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.laws.kelvin_voigt import KelvinVoigt
@@ -47,7 +47,7 @@ class Stiffnesses(NamedTuple):
 def stiffnesses(
     rig: Rig, law: Any, m_kg: ScalarLike, displacement_mm: ScalarLike, amplitude_mm: ScalarLike
 ) -> Stiffnesses:
-    """Return the stiffness of cycles about a displacement; arguments as in `bayes_tyre.inference.motion.record.energy`.
+    """Return the stiffness of cycles about a displacement; arguments as in `bayes_tyre.inference.motion.cycle.energy`.
 
     Dampers add to a cycle's loss and, in quadrature, not to its stiffness.
     """

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.motion.laws import EXTENSIONS, FANCHER, TYRE_PRIORS, MotionLaw, NormalPrior, extended
-from bayes_tyre.inference.motion.record.load_step import SHAPE_TERMS
-from bayes_tyre.inference.motion.record.runout import Ground, Rolling, ground_in_units
-from bayes_tyre.inference.motion.record.second_mode import SecondMode, mode_in_units
+from bayes_tyre.inference.motion.record.model.load_step import SHAPE_TERMS
+from bayes_tyre.inference.motion.record.model.runout import Ground, Rolling, ground_in_units
+from bayes_tyre.inference.motion.record.model.second_mode import SecondMode, mode_in_units
 from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.rig import geometry

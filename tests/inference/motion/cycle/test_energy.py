@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from support.motion_truth import losses_of_logs
 
+from bayes_tyre.inference.motion.cycle.energy import losses, steady_loss
 from bayes_tyre.inference.motion.laws import MOTION_LAWS
-from bayes_tyre.inference.motion.record.energy import losses, steady_loss
 from bayes_tyre.laws.bouc_wen import BoucWen
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.laws.loop_energy import dissipated_energy_per_cycle, loop_energy
