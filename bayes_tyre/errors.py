@@ -9,7 +9,7 @@ from contextlib import contextmanager
 NO_MEMORY = "not enough memory"
 #: What is said, each in its own words, where the system gives no memory, no room for a library's code or no thread: by
 #: Python, NumPy, pandas, the dynamic linker, the C and C++ libraries, OpenBLAS, HDF5, LLVM and XLA.
-_SAID = re.compile(
+_OUT_OF_RESOURCES = re.compile(
     r"MemoryError|not enough memory|out of memory|cannot allocate memory|unable to allocate|failed to allocate"
     r"|memory allocation (still )?failed|failed to map segment|bad_alloc|RESOURCE_EXHAUSTED|can't start new thread"
     r"|pthread_create(\(\))? failed|std::system_error\S*\s+what\(\): +Resource temporarily unavailable",
@@ -36,7 +36,7 @@ def errors_name(what: object) -> Iterator[None]:
 
 def says_no_memory(text: str) -> bool:
     """Return whether a library's last words are that it got no memory, or no thread."""
-    return _SAID.search(text) is not None
+    return _OUT_OF_RESOURCES.search(text) is not None
 
 
 def out_of_memory(error: BaseException) -> bool:

@@ -68,8 +68,8 @@ def listed(names: Sequence[str], most: int = LISTED, show: Callable[[str], str] 
 def command_line(*words: str) -> str:
     """Return a command of ours as the user can type it: by the path that ran this one, where no shell would find it."""
     typed = Path(sys.argv[0])
-    found = shutil.which(_PROGRAM)
-    by_name = typed.stem != _PROGRAM or (found is not None and Path(found).resolve() == typed.resolve())
+    on_path = shutil.which(_PROGRAM)
+    by_name = typed.stem != _PROGRAM or (on_path is not None and Path(on_path).resolve() == typed.resolve())
     return shlex.join([_PROGRAM if by_name else path_text(typed), *words])
 
 

@@ -134,8 +134,8 @@ def _case_level(lang: Any, name: str, data: Data) -> tuple[Any, Any]:
     lang.keep(f"{name}_case", lang.exp(mean))
     typical = lang.prior(f"sd_log_{name}_repeat")
     spread = lang.prior(f"sd_log_{name}_repeat_over_speeds")
-    log_scatter = lang.normal(f"{name}_log_scatter", lang.log(typical), spread, len(factors.speed.labels))
-    by_speed = lang.keep(f"sd_log_{name}_repeat_by_speed", lang.exp(log_scatter))
+    log_sd_repeat = lang.normal(f"{name}_log_scatter", lang.log(typical), spread, len(factors.speed.labels))
+    by_speed = lang.keep(f"sd_log_{name}_repeat_by_speed", lang.exp(log_sd_repeat))
     return mean[factors.of_record], by_speed[factors.speed.of_case][factors.of_record]
 
 

@@ -33,9 +33,9 @@ def put_together(tree: xr.DataTree) -> xr.DataTree:
     """
     if _OF not in tree.children or GROUP not in tree.children:
         return tree
-    draws, known = tree[_OF].to_dataset(), tree[GROUP].to_dataset()
-    known, draws = xr.align(known, draws, join="exact", copy=False)
+    draws, constants = tree[_OF].to_dataset(), tree[GROUP].to_dataset()
+    constants, draws = xr.align(constants, draws, join="exact", copy=False)
     together = tree.copy()
-    together[_OF] = xr.DataTree(draws.assign_coords(known.data_vars))
+    together[_OF] = xr.DataTree(draws.assign_coords(constants.data_vars))
     del together[GROUP]
     return together

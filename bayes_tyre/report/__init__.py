@@ -1,1 +1,1 @@
-"""Figures, the HTML report and terminal tables: draws and words, computes nothing."""
+"""Figures, the HTML report and terminal tables: draws and phrases, computes nothing."""

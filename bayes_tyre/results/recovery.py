@@ -86,9 +86,9 @@ def of_posterior(truth: pd.DataFrame, repeats: pd.DataFrame) -> Recovery:
     for name, of_parameter in rows.items():
         block = pd.DataFrame({end: numbers(of_parameter, end) for end in ("median", "lower", "upper")})
         block.index = _keys(of_parameter)
-        placed = block.reindex(_keys(rows["k"]))
+        aligned = block.reindex(_keys(rows["k"]))
         estimates[name], estimates[f"{name}_lower"], estimates[f"{name}_upper"] = (
-            placed[end].to_numpy() for end in ("median", "lower", "upper")
+            aligned[end].to_numpy() for end in ("median", "lower", "upper")
         )
     return _beside(truth, estimates, float(numbers(repeats, "interval").iloc[0]))
 

@@ -48,7 +48,7 @@ class Value(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """Force (N) over deflection (m), shape (points,), with the 95 % interval of the force, NaN where not known."""
+    """Force (N) over deflection (m), shape (points,), with the 95 % interval of the force, NaN where not finite."""
 
     deflection: Float[np.ndarray, " points"]
     force: Float[np.ndarray, " points"]
@@ -203,8 +203,8 @@ def _slow_test(row: dict[Any, Any]) -> TyreModel:
 
 def _values(draws: Mapping[str, np.ndarray], level: float) -> dict[str, Value]:
     """Return the parameters that are known: C is not where it is not known where a step starts."""
-    known = {name: each for name, each in draws.items() if np.isfinite(each).all()}
-    return {name: _value(each, RECORD_UNITS[name], level) for name, each in known.items()}
+    finite = {name: each for name, each in draws.items() if np.isfinite(each).all()}
+    return {name: _value(each, RECORD_UNITS[name], level) for name, each in finite.items()}
 
 
 def _value(draws: np.ndarray, unit: str, level: float) -> Value:

@@ -25,7 +25,7 @@ class Design:
     Attributes
     ----------
     factor_table:
-        A row a record: `record`, the words of its case, `repeat`.
+        A row a record: `record`, the factors of its case, `repeat`.
     factors:
         How the cases group.
     u:

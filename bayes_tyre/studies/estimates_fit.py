@@ -85,9 +85,11 @@ class PublishedFit:
         self, values: Truths, printed: Float[np.ndarray, "*#sets parameters cases"]
     ) -> Float[np.ndarray, "*sets cases"]:
         speed = self.hierarchy.factors.speed.of_case
-        scatter = np.stack([values[f"sd_log_{name}_published_by_speed"][..., speed] for name in PARAMETERS], axis=-2)
+        sd_published = np.stack(
+            [values[f"sd_log_{name}_published_by_speed"][..., speed] for name in PARAMETERS], axis=-2
+        )
         nu = values["student_nu"][..., None, None]
-        return t.logpdf(printed, nu, _log_values(values, "_case"), scatter).sum(axis=-2)
+        return t.logpdf(printed, nu, _log_values(values, "_case"), sd_published).sum(axis=-2)
 
 
 class MotionsFit:

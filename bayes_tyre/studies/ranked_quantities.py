@@ -116,7 +116,7 @@ def _log_about_case(hierarchy: Hierarchy, values: Truths, wider: float) -> np.nd
     log_density = np.zeros(values["k"].shape)
     for parameter in hierarchy.parameters:
         off = np.log(values[parameter] / centre_of_records(hierarchy.factors, parameter, values))
-        log_density += norm.logpdf(off, 0.0, wider * scatter_of_records(hierarchy.factors, parameter, values))
+        log_density += norm.logpdf(off, 0.0, wider * sd_of_records(hierarchy.factors, parameter, values))
     return log_density
 
 
@@ -128,7 +128,7 @@ def centre_of_records(factors: Factors, parameter: str, values: Truths) -> Float
     return case * np.exp(factors.levels.offset(lambda name: values[f"log_{parameter}_{name}"]))
 
 
-def scatter_of_records(factors: Factors, parameter: str, values: Truths) -> Float[np.ndarray, "*sets #records"]:
+def sd_of_records(factors: Factors, parameter: str, values: Truths) -> Float[np.ndarray, "*sets #records"]:
     """Return the standard deviation of usual repeats about their case, relative, of each record."""
     if factors.speed.varies:
         return values[f"sd_log_{parameter}_repeat_by_speed"][..., factors.speed.of_case[factors.of_record]]
@@ -137,14 +137,14 @@ def scatter_of_records(factors: Factors, parameter: str, values: Truths) -> Floa
 
 def configuration_ratios(factors: Factors, values: Truths) -> Truths:
     """Return the mean ratio of k and of beta of two configurations over the cases that match; none of other numbers."""
-    found: dict[str, dict[tuple[str, ...], int]] = {}
+    numbers: dict[str, dict[tuple[str, ...], int]] = {}
     for number, case in enumerate(factors.cases):
-        found.setdefault(case.configuration, {})[tuple(map(str, case[1:]))] = number
-    if len(found) != 2:
+        numbers.setdefault(case.configuration, {})[tuple(map(str, case[1:]))] = number
+    if len(numbers) != 2:
         return {}
-    one, other = (found[name] for name in sorted(found))
-    matched = [words for words in one if words in other]
-    first, second = ([each[words] for words in matched] for each in (one, other))
+    one, other = (numbers[name] for name in sorted(numbers))
+    matched = [factors for factors in one if factors in other]
+    first, second = ([each[factors] for factors in matched] for each in (one, other))
     if not matched:
         return {}
     logs = {parameter: np.log(values[f"{parameter}_case"]) for parameter in PARAMETERS}

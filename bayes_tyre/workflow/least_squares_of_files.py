@@ -46,7 +46,7 @@ class TableTask(NamedTuple):
         The column map, and how to fit.
     several:
         Whether there are other tables: one without a column `record` is then one record.
-    picture:
+    figure:
         None: there is none.
     """
 
@@ -54,7 +54,7 @@ class TableTask(NamedTuple):
     columns: ColumnMap
     settings: FitSettings
     several: bool
-    picture: Path | None = None
+    figure: Path | None = None
 
     @property
     def file(self) -> Path:

@@ -20,7 +20,7 @@ class Task(NamedTuple):
 
     file: Path
     deaths: Path | None = None
-    picture: Path | None = None
+    figure: Path | None = None
 
     def decides(self) -> dict[str, object]:
         return {}
@@ -62,7 +62,7 @@ def make(task: Task) -> Done | Fault:
         os.kill(os.getpid(), 9)
     if text == "bad":
         return Fault("it is bad; mend it")
-    return Done(Counted({"record": text, "force_kN": [0.1, 1 / 3]}), b"png" if task.picture else None)
+    return Done(Counted({"record": text, "force_kN": [0.1, 1 / 3]}), b"png" if task.figure else None)
 
 
 def slowly(task: Task) -> str:

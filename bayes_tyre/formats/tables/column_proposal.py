@@ -119,8 +119,8 @@ def _proposal(table: pd.DataFrame, could_be: Mapping[str, str | None], required:
     unplaced += unknown
     missing = [ours for ours in required if ours not in columns and ours not in table]
     unplaced += [f"{ours}: required, and no column found for it{_INSTEAD.get(ours, '')}" for ours in missing]
-    placed = {*columns, *map(str, table.columns)}
-    if required is REQUIRED and "direction" in placed and "initial_load_kN" not in placed:
+    named = {*columns, *map(str, table.columns)}
+    if required is REQUIRED and "direction" in named and "initial_load_kN" not in named:
         unplaced.append(
             "initial_load_kN: no column found for it; loading and unloading are not compared without: add one to the "
             "table, or put it under [constants] where all records start from one load"
@@ -187,7 +187,7 @@ def _are_directions(cells: pd.Series) -> bool:
 def _directions(table: pd.DataFrame, could_be: Mapping[str, str | None]) -> tuple[dict[str, str], list[str]]:
     """Return our direction by theirs, and a sentence on each value that is neither."""
     theirs = [label for name, ours in could_be.items() if ours == "direction" for label in _labels(table[name])]
-    placed = {label: _OUR_DIRECTION.get(_normalised(label)) for label in theirs if label not in DIRECTIONS}
-    unknown = [label for label, ours in placed.items() if ours is None]
+    ours_by_label = {label: _OUR_DIRECTION.get(_normalised(label)) for label in theirs if label not in DIRECTIONS}
+    unknown = [label for label, ours in ours_by_label.items() if ours is None]
     sentences = [f"direction {quoted(label)}: loading or unloading? say so in [values.direction]" for label in unknown]
-    return {label: ours for label, ours in placed.items() if ours is not None}, sentences
+    return {label: ours for label, ours in ours_by_label.items() if ours is not None}, sentences

@@ -68,7 +68,7 @@ def _shared_course(
     tangents = directions(of_records.whitened(of_records.tangents()))
     courses = _beyond(tangents, of_records.whitened(columns))
     z = np.einsum("rpc,rp->rc", courses, of_records.white_kN) / of_records.sigma_kN[:, None]
-    variance, freedom = _scatter(z, case)
+    variance, freedom = _variance_about_case(z, case)
     least, share, where = 1.0, 0.0, ""
     labels = list(dict.fromkeys(groups))
     for label in labels:
@@ -94,7 +94,7 @@ def _beyond(
     return np.where(size > _LEAST_BEYOND, left / np.maximum(size, _LEAST_BEYOND), 0.0)
 
 
-def _scatter(
+def _variance_about_case(
     z: Float[np.ndarray, "records columns"], case: Int[np.ndarray, " records"]
 ) -> tuple[Float[np.ndarray, " columns"], float]:
     """Return the variance of z among repeats, at least that of the noise, and its degrees of freedom."""

@@ -114,14 +114,14 @@ def log_likelihood_of_print(posterior: xr.Dataset, printed: Mapping[str, np.ndar
     densities = {}
     for parameter, values in printed.items():
         typical = posterior[f"{parameter}_case"].transpose(*SAMPLE, "case")
-        scatter, nu = posterior[f"sd_log_{parameter}_published"].to_numpy(), posterior["student_nu"].to_numpy()
+        sd_published, nu = posterior[f"sd_log_{parameter}_published"].to_numpy(), posterior["student_nu"].to_numpy()
         if f"sd_log_{parameter}_published_by_speed" in posterior:
             of_case = np.unique(posterior["case_speed_km_h"].to_numpy(), return_inverse=True)[1]
             by_speed = posterior[f"sd_log_{parameter}_published_by_speed"].transpose(*SAMPLE, "speed").to_numpy()
-            scatter = by_speed[..., of_case]
-        scatter = scatter.reshape(*nu.shape, -1)
+            sd_published = by_speed[..., of_case]
+        sd_published = sd_published.reshape(*nu.shape, -1)
         off = np.log(values) - np.log(typical.to_numpy())
-        density = stats.t.logpdf(off, nu[..., None], 0.0, scatter) - np.log(values)
+        density = stats.t.logpdf(off, nu[..., None], 0.0, sd_published) - np.log(values)
         densities[f"printed_{parameter}"] = typical.copy(data=density)
     return without_labels(densities)
 

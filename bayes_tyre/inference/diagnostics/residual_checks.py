@@ -130,8 +130,8 @@ def _other_law(of_records: Residuals) -> Check:
     floor = (_EXACT * of_records.span) ** 2
     gain = 0.5 * of_records.batch.points * np.log((own_fit.square + floor) / (other_fit.square + floor))
     enough, gain = np.count_nonzero(sound) >= _LEAST_RECORDS, gain[sound]
-    scatter = float(np.sqrt(np.sum((gain - gain.mean()) ** 2))) if enough else 0.0
-    value = float(gain.sum()) / scatter if scatter > 0 else 0.0
+    sd = float(np.sqrt(np.sum((gain - gain.mean()) ** 2))) if enough else 0.0
+    value = float(gain.sum()) / sd if sd > 0 else 0.0
     finding = f"beta: the records follow {other} rather than {of_records.law}, by {value:.1f} standard errors"
     note = ""
     if enough and abs(value) <= _ERRORS:

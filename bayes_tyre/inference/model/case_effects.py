@@ -59,7 +59,7 @@ def sample_linear_predictor(
     return jnp.stack(predictors)
 
 
-def sample_scatter_by_speed(
+def sample_sd_by_speed(
     factors: Factors,
     hyperparameters: Hyperparameters,
     parameters: Sequence[str] = PARAMETERS,
@@ -76,9 +76,9 @@ def sample_scatter_by_speed(
     )
     shape = (len(parameters), len(factors.speed.labels))
     by_speed = dist.Normal(jnp.log(typical), spread).expand(shape).to_event(2)
-    scatter = jnp.exp(jnp.asarray(numpyro.sample(f"log_sd_{of}_by_speed", by_speed)))
-    deterministic_each(f"sd_log_*_{of}_by_speed", parameters, scatter)
-    return {f"sd_log_{name}_{of}_by_speed": value for name, value in zip(parameters, scatter, strict=True)}
+    sd_repeat = jnp.exp(jnp.asarray(numpyro.sample(f"log_sd_{of}_by_speed", by_speed)))
+    deterministic_each(f"sd_log_*_{of}_by_speed", parameters, sd_repeat)
+    return {f"sd_log_{name}_{of}_by_speed": value for name, value in zip(parameters, sd_repeat, strict=True)}
 
 
 def sample_offset(
@@ -102,7 +102,7 @@ def sample_offset(
     return deterministic(OFFSET, jnp.asarray(levels.offset(effects.__getitem__)).T)
 
 
-def scatter_of_cases(
+def sd_of_repeats(
     factors: Factors,
     hyperparameters: Hyperparameters,
     parameters: Sequence[str] = PARAMETERS,
@@ -147,7 +147,7 @@ class CaseDistribution(NamedTuple):
         The linear predictor.
     remainder:
         Standard deviation of the cases about it; 0 for a parameter whose cases have no remainder.
-    scatter:
+    sd_repeat:
         Standard deviation of repeats about their case.
     apart_weight, apart_widening:
         Probability that a case stands apart, 0 in a model without such cases; and how many times `remainder` its
@@ -160,7 +160,7 @@ class CaseDistribution(NamedTuple):
 
     mean: Float[Array, "parameters cases"]
     remainder: Float[Array, "parameters #cases"]
-    scatter: Float[Array, "parameters cases"]
+    sd_repeat: Float[Array, "parameters cases"]
     apart_weight: float
     apart_widening: float
     offset: Float[Array | np.ndarray, "#records #parameters"]
@@ -190,9 +190,9 @@ def sample_case_distribution(
     priors: Priors = PRIORS,
 ) -> CaseDistribution:
     """Sample what the cases are distributed by."""
-    with_scatter = {**hyperparameters, **sample_scatter_by_speed(factors, hyperparameters, parameters)}
-    offset = sample_offset(factors, with_scatter, parameters, priors) if factors.levels.names else np.zeros((1, 1))
-    mean = sample_linear_predictor(factors, with_scatter, parameters, priors)
-    remainder, scatter = (of(factors, with_scatter, parameters) for of in (case_remainder, scatter_of_cases))
+    with_sd = {**hyperparameters, **sample_sd_by_speed(factors, hyperparameters, parameters)}
+    offset = sample_offset(factors, with_sd, parameters, priors) if factors.levels.names else np.zeros((1, 1))
+    mean = sample_linear_predictor(factors, with_sd, parameters, priors)
+    remainder, sd_repeat = (of(factors, with_sd, parameters) for of in (case_remainder, sd_of_repeats))
     weight = apart_weight(factors, parameters, priors)
-    return CaseDistribution(mean, remainder, scatter, weight, priors.apart_widening, offset)
+    return CaseDistribution(mean, remainder, sd_repeat, weight, priors.apart_widening, offset)

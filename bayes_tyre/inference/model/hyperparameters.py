@@ -33,7 +33,7 @@ JUDGEABLE_REPEATS = 3
 #: stand apart: one repeat may be discordant instead, and of few cases that differ any may be the one.
 APART_REPEATS, APART_SPARE_CASES = 2, 6
 #: Names that end so are sampled where their level is, in coordinates that follow what is below it.
-_PLACED = ("_group", "_typical", "_covariate")
+_REPARAMETERISED = ("_group", "_typical", "_covariate")
 #: Sites that every record's prior goes through, whatever its factors.
 _OF_RECORDS = ("J_group", "sd_J", "sigma_typical")
 
@@ -130,7 +130,7 @@ def of_each(name: str, parameters: Sequence[str], hyperparameters: Hyperparamete
 
 
 def sample_hyperparameters(sites: Iterable[str], priors: Priors = PRIORS) -> dict[str, Array]:
-    """Sample the priors of these names, and keep each among the posterior's quantities; those of `_PLACED` are not."""
+    """Sample the priors of these names, each a quantity of the posterior; but for those of `_REPARAMETERISED`."""
     values: dict[str, Array] = {}
     for site, names in by_family(sites, priors).items():
         sampled = jnp.asarray(numpyro.sample(site, family_of(names, priors)))
@@ -144,7 +144,7 @@ def by_family(sites: Iterable[str], priors: Priors) -> dict[str, Sequence[str]]:
     """Return the names by the site that samples them."""
     grouped: dict[type[dist.Distribution], list[str]] = {}
     for name in sites:
-        if not name.endswith(_PLACED):
+        if not name.endswith(_REPARAMETERISED):
             grouped.setdefault(priors[name].family, []).append(name)
     return {f"hyperparameters_{family.__name__}": names for family, names in grouped.items()}
 

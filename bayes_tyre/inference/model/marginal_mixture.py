@@ -107,7 +107,7 @@ class RepeatsOfCases(dist.Distribution):
     weight:
         Probability that a repeat is discordant.
     widening:
-        How many times `about.scatter` discordant repeats scatter.
+        How many times `about.sd_repeat` discordant repeats scatter.
     of_record, members:
         The case of each record, and the records of each case.
 
@@ -135,7 +135,7 @@ class RepeatsOfCases(dist.Distribution):
         of_case, which, of_repeat = jax.random.split(key, 3)
         cases = jnp.moveaxis(self.about.draw_cases(of_case, sample_shape), -1, -2)[..., self.of_record, :]
         discordant = jax.random.bernoulli(which, self.weight, (*sample_shape, len(self.of_record), 1))
-        sd = jnp.where(discordant, self.widening, 1.0) * self.about.scatter.T[self.of_record]
+        sd = jnp.where(discordant, self.widening, 1.0) * self.about.sd_repeat.T[self.of_record]
         return cases + self.about.offset + sd * jax.random.normal(of_repeat, cases.shape)
 
     @override
@@ -145,7 +145,7 @@ class RepeatsOfCases(dist.Distribution):
 
     def given(self, value: Float[Array, "records parameters"]) -> ChoicePosterior:
         """Return the density of the repeats' values, and what they leave open of their cases."""
-        members, scatter = self.members, self.about.scatter
+        members, sd_repeat = self.members, self.about.sd_repeat
         deviation = (value - self.about.offset - self.about.mean.T[self.of_record]).T
         own = jnp.where(jnp.asarray(members.present), deviation[:, members.records], 0.0)
         widenings = np.where(members.choices, self.widening, 1.0)
@@ -154,20 +154,20 @@ class RepeatsOfCases(dist.Distribution):
         count = counts.sum(axis=-1)
         mean = jnp.sum(counts * own, axis=-1) / np.where(count > 0, count, 1.0)
         within = jnp.sum(counts * (own - mean[..., None]) ** 2, axis=-1)
-        precision = count / scatter**2
+        precision = count / sd_repeat**2
         # Given the choice parameters are independent, and so is whether a case stands apart in each: the first axis.
         log_weight, remainder = self.about.remainders()
         remainder = remainder[:, None]
         gain = 1.0 + remainder**2 * precision
         log_kinds = jnp.asarray(log_weight)[:, None, None, None] - 0.5 * (precision * mean**2 / gain + jnp.log(gain))
         log_case = logsumexp(log_kinds, axis=0)
-        log_each = log_case - 0.5 * within / scatter**2
+        log_each = log_case - 0.5 * within / sd_repeat**2
         # A choice widens the volume of those repeats that it calls discordant.
-        log_widening = len(scatter) * np.log(self.widening) * _count(members.choices, members.present)
+        log_widening = len(sd_repeat) * np.log(self.widening) * _count(members.choices, members.present)
         log_joint = jnp.sum(log_each, axis=1) + log_prior_of_choices(members, self.weight) - log_widening
         log_total = logsumexp(log_joint, axis=0)
         # What all choices share.
-        log_volume = members.present.sum(axis=1) * jnp.sum(jnp.log(scatter) + 0.5 * np.log(2.0 * np.pi), axis=0)
+        log_volume = members.present.sum(axis=1) * jnp.sum(jnp.log(sd_repeat) + 0.5 * np.log(2.0 * np.pi), axis=0)
         # No root of a variance: its slope is infinite where a case is no more than its linear predictor.
         sd = remainder / jnp.sqrt(gain)
         log_choice, log_kind = log_joint - log_total, log_kinds - log_case

@@ -14,8 +14,8 @@ from numpyro import distributions as dist  # not `import numpyro.distributions`:
 
 from bayes_tyre.inference.model.case_effects import (
     sample_linear_predictor,
-    sample_scatter_by_speed,
-    scatter_of_cases,
+    sample_sd_by_speed,
+    sd_of_repeats,
 )
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
@@ -156,11 +156,11 @@ def published_model(
     Source: of the errors, Gelman et al. (2013), Bayesian Data Analysis, section 17.2.
     """
     hyperparameters = sample_hyperparameters(published_sites(factors), priors)
-    by_speed = sample_scatter_by_speed(factors, hyperparameters, of="published")
+    by_speed = sample_sd_by_speed(factors, hyperparameters, of="published")
     mean = sample_linear_predictor(factors, hyperparameters, priors=priors)
-    scatter = scatter_of_cases(factors, {**hyperparameters, **by_speed}, of="published")
+    sd_published = sd_of_repeats(factors, {**hyperparameters, **by_speed}, of="published")
     deterministic_each("*_case", PARAMETERS, jnp.exp(mean))
-    fn = dist.StudentT(hyperparameters["student_nu"], mean, scatter)
+    fn = dist.StudentT(hyperparameters["student_nu"], mean, sd_published)
     numpyro.sample("log_published", fn, obs=None if values is None else log_published(values))
 
 

@@ -97,17 +97,17 @@ class PreparedRecords(NamedTuple):
     @property
     def digest(self) -> str:
         """SHA-256 of the records' names and of the readings that the model uses, whatever the order of the records."""
-        found = hashlib.sha256()
+        digest = hashlib.sha256()
         for i in np.argsort(self.measured.records):
             present = self.measured.present[i]
-            found.update(self.measured.records[i].encode())
+            digest.update(self.measured.records[i].encode())
             for readings in (self.measured.displacement_mm, self.measured.force_kN):
-                found.update(np.ascontiguousarray(readings[i][present]).tobytes())
-        return found.hexdigest()
+                digest.update(np.ascontiguousarray(readings[i][present]).tobytes())
+        return digest.hexdigest()
 
     @property
     def normal_likelihood(self) -> Likelihood:
-        """The likelihood of normal noise: `likelihood`, or where that has heavy tails the one that it is placed by."""
+        """The likelihood of normal noise: `likelihood`, or of a heavy-tailed one that of its coordinates."""
         return self.likelihood.weighted if isinstance(self.likelihood, StudentLikelihood) else self.likelihood
 
     def arguments(self, model: ModelSettings) -> dict[str, Any]:

@@ -62,7 +62,7 @@ def sample_records(
     members = find_members(factors, kind, apart=about.apart_weight > 0)
     if members is None:
         cases = _sample_cases(about, parameters, rest)
-        of_records = cases.T[factors.of_record] + about.offset, about.scatter.T[factors.of_record]
+        of_records = cases.T[factors.of_record] + about.offset, about.sd_repeat.T[factors.of_record]
         fn = repeats_about_cases(kind, *of_records, hyperparameters, widening)
         records = jnp.asarray(numpyro.sample("log_records", fn))
         if isinstance(fn, MixtureAbout):

@@ -125,7 +125,7 @@ def find_levels(
         For a column that the table lacks or that varies within a record, an empty cell, a covariate that is no number
         or the same in all records, and a grouping of one level.
     """
-    found = {}
+    levels = {}
     for name, column in groupings.items():
         if column is None:
             continue
@@ -135,8 +135,8 @@ def find_levels(
         labels = tuple(sorted(set(values)))
         if len(labels) < 2:
             raise BadInput(f"column {column}: all records have {values[0]!r}; leave --{name} {column} out")
-        found[name] = Level(labels, np.array([labels.index(value) for value in values]))
-    return RecordLevels(found, _covariates(table, covariates) if covariates else None)
+        levels[name] = Level(labels, np.array([labels.index(value) for value in values]))
+    return RecordLevels(levels, _covariates(table, covariates) if covariates else None)
 
 
 def _covariates(table: pd.DataFrame, columns: Sequence[str]) -> Covariates:

@@ -129,13 +129,13 @@ class MixtureAbout(NormalAbout):
 def repeats_about_cases(
     kind: str,
     case: Float[Array, "records parameters"],
-    scatter: Float[Array, "records parameters"],
+    sd_repeat: Float[Array, "records parameters"],
     hyperparameters: Hyperparameters,
     widening: float,
 ) -> NormalAbout:
     """Return the distribution of repeats of a kind of `REPEATS`."""
     if kind == "mixture":
-        return MixtureAbout(case, scatter, hyperparameters["discordant_weight"], widening)
+        return MixtureAbout(case, sd_repeat, hyperparameters["discordant_weight"], widening)
     if kind == "student":
-        return StudentAbout(case, scatter, hyperparameters["student_nu"])
-    return NormalAbout(case, scatter)
+        return StudentAbout(case, sd_repeat, hyperparameters["student_nu"])
+    return NormalAbout(case, sd_repeat)

@@ -28,15 +28,15 @@ class ChainDevices:
         self._mesh = Mesh(np.asarray(devices[: self.together]), (_CHAINS,))
 
     def place(self, data: Any) -> Any:
-        """Return data placed for all chains: devices of one host share its memory, where each would hold gigabytes."""
+        """Return data shared by all chains: devices of one host share its memory, where each would hold gigabytes."""
         everywhere = NamedSharding(self._mesh, PartitionSpec())
 
-        def placed(leaf: ArrayLike) -> jax.Array:
+        def shared(leaf: ArrayLike) -> jax.Array:
             on_host = np.asarray(leaf)
             of_each = [jax.device_put(on_host, device, may_alias=True) for device in self._mesh.devices]
             return jax.make_array_from_single_device_arrays(on_host.shape, everywhere, of_each)
 
-        return jax.tree.map(placed, data)
+        return jax.tree.map(shared, data)
 
     def mapped(self, function: Callable[[Any, Any], Any]) -> Any:
         """Return a function of a chain and of what chains share, to be compiled for as many chains as go together."""
@@ -48,8 +48,8 @@ class ChainDevices:
 
         own, shared = PartitionSpec(_CHAINS), PartitionSpec()
         mapped = jax.shard_map(one, mesh=self._mesh, in_specs=(own, shared), out_specs=own, check_vma=False)
-        placed = tuple(NamedSharding(self._mesh, spec) for spec in (own, shared))
-        return jax.jit(mapped, in_shardings=placed)
+        shardings = tuple(NamedSharding(self._mesh, spec) for spec in (own, shared))
+        return jax.jit(mapped, in_shardings=shardings)
 
     def in_turns(self, run: Callable[[Any, Any], Any], chain: Any, shared: Any) -> Any:
         """Return what a function that `mapped` gave returns for all chains."""

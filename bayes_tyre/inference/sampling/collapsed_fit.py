@@ -13,7 +13,7 @@ from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.prepared_records import PreparedRecords
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.nuts import CAREFUL_ACCEPTANCE
-from bayes_tyre.inference.sampling.pilot import Pilot, Place
+from bayes_tyre.inference.sampling.pilot import Location, Pilot
 from bayes_tyre.inference.sampling.run import (
     RUNS_AT_MOST,
     Draws,
@@ -54,34 +54,34 @@ def sample_collapsed(
         approximation, summaries = summarising.result()
     data, starts = {"approximation": approximation, **arguments}, record_starts(arguments, approximation.records)
     pilot = Pilot(chains, {**data, "summaries": summaries}, starts, settings)
-    place, runs = pilot.run(), tuple[SamplerRun, ...]()
+    location, runs = pilot.run(), tuple[SamplerRun, ...]()
     for attempt in range(ATTEMPTS):
-        if place.error.at_least > PILOT_ERROR_MOST:
+        if location.error.at_least > PILOT_ERROR_MOST:
             break
-        draws, made, error = _draws_at(pilot, place, after_runs(settings, RUNS_AT_MOST * attempt), attempt)
+        draws, made, error = _draws_at(pilot, location, after_runs(settings, RUNS_AT_MOST * attempt), attempt)
         runs += tuple(one._replace(sampler="collapsed") for one in made)
         if error.at_least <= SUMMARY_ERROR_MOST:
             return draws, runs, error
-        place = place._replace(error=error)
+        location = location._replace(error=error)
         if attempt + 1 < ATTEMPTS:
-            place = pilot.about(place, draws, attempt)
+            location = pilot.about(location, draws, attempt)
             settings.on_note(f"{_off(error)}: made anew about these draws, for another run")
         del draws  # gigabytes, of many records
-    settings.on_note(f"{_off(place.error)}: records are sampled as well")
-    return None, runs, place.error
+    settings.on_note(f"{_off(location.error)}: records are sampled as well")
+    return None, runs, location.error
 
 
 def _draws_at(
-    pilot: Pilot, place: Place, settings: SamplerSettings, attempt: int
+    pilot: Pilot, location: Location, settings: SamplerSettings, attempt: int
 ) -> tuple[Draws, tuple[SamplerRun, ...], SummaryError]:
-    """Return the draws of chains that begin at a place, their runs, and how far the place's summaries are off there."""
-    chains, begun = pilot.chains_at(place, attempt)
+    """Return draws of chains that begin at a location, their runs, and how far its summaries are off there."""
+    chains, begun = pilot.chains_at(location, attempt)
     judged: tuple[Draws, SummaryError] | None = None
 
     def good_enough(draws: Draws) -> bool:
         nonlocal judged
         if judged is None or judged[0] is not draws:  # slopes of thousands of records take a minute
-            judged = draws, pilot.error(place, draws)
+            judged = draws, pilot.error(location, draws)
         return judged[1].at_least <= SUMMARY_ERROR_MOST
 
     draws, runs = run_until_sound(chains, settings, good_enough, begun)

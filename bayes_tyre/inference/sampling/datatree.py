@@ -28,12 +28,12 @@ from bayes_tyre.record import (
 
 #: Parameters that every case has.
 CASE_PARAMETERS = ("k", "beta")
-#: Options of a model that decide its posterior, beside its priors and how it is sampled; and those that are words.
+#: Options of a model that decide its posterior, beside its priors and the sampler; and those whose values are text.
 OPTIONS = (
     *("region", "initial_load", "repeats", "noise", "noise_window", "displacement_sd", "law"),
     *(*LEVELS, "covariates"),
 )
-_WORDS = ("region", "initial_load", "repeats", "noise", "law")
+_TEXT_OPTIONS = ("region", "initial_load", "repeats", "noise", "law")
 #: Attribute of a posterior's root: which records it was fitted to (`PreparedRecords.digest`).
 RECORDS_DIGEST = "records_sha256"
 
@@ -95,7 +95,7 @@ def to_datatree(
     factor_table: pd.DataFrame,
     attributes: Mapping[str, str],
 ) -> xr.DataTree:
-    """Return draws as an ArviZ DataTree with named dimensions, labels, words and units.
+    """Return draws as an ArviZ DataTree with named dimensions, labels, factors and units.
 
     Along an interaction of `INTERACTIONS` it has the levels with an effect to be known. That of the others
     (`bayes_tyre.inference.model.factors.Factor.free`) is zero by construction: no unknown, and with no place in tables,
@@ -125,7 +125,7 @@ def to_datatree(
         coords={name: np.asarray(labels) for name, labels in coordinates.items() if len(labels)},
         dims={name: [dim] for name in arrays if (dim := QUANTITIES[name][0])},
     )
-    posterior = _with_words(tree["posterior"].to_dataset(), factors, factor_table)
+    posterior = _with_factors(tree["posterior"].to_dataset(), factors, factor_table)
     for name in arrays:
         posterior[name].attrs["units"] = QUANTITIES[name][1] or "1"
     tree["posterior"] = xr.DataTree(posterior)
@@ -133,8 +133,8 @@ def to_datatree(
     return tree
 
 
-def _with_words(posterior: xr.Dataset, factors: Factors, factor_table: pd.DataFrame) -> xr.Dataset:
-    """Return the posterior with the words as labels along its cases and records."""
+def _with_factors(posterior: xr.Dataset, factors: Factors, factor_table: pd.DataFrame) -> xr.Dataset:
+    """Return the posterior with the factors as labels along its cases and records."""
     cases = pd.DataFrame(factors.cases)
     for dim, table in (("case", cases), ("record", factor_table)):
         if dim in posterior.dims:
@@ -177,19 +177,19 @@ def law_of(tree: xr.DataTree) -> str:
 
 def attributes_of(model: ModelSettings) -> dict[str, str]:
     """Return what a posterior says of the model that it was fitted with, as attributes of its root."""
-    options = {name: json.dumps(getattr(model, name)) for name in OPTIONS if name not in _WORDS}
-    words = {name: getattr(model, name) for name in _WORDS}
-    return words | options | {"priors": model.priors.to_json()}
+    options = {name: json.dumps(getattr(model, name)) for name in OPTIONS if name not in _TEXT_OPTIONS}
+    text_options = {name: getattr(model, name) for name in _TEXT_OPTIONS}
+    return text_options | options | {"priors": model.priors.to_json()}
 
 
 def model_of(tree: xr.DataTree) -> ModelSettings:
     """Return the model of a posterior of records, as far as it says; noise that it does not speak of is independent."""
-    said = {name: str(tree.attrs[name]) for name in OPTIONS if name in tree.attrs}
+    stored = {name: str(tree.attrs[name]) for name in OPTIONS if name in tree.attrs}
     # An earlier version wrote Python's None.
-    texts = {name: "null" if text == "None" else text for name, text in said.items() if name not in _WORDS}
+    texts = {name: "null" if text == "None" else text for name, text in stored.items() if name not in _TEXT_OPTIONS}
     options: dict[str, Any] = {name: json.loads(text) for name, text in texts.items()}
-    words = {name: text for name, text in said.items() if name in _WORDS}
-    return ModelSettings(**{"noise": "iid", **words, **options}, priors=priors_of(tree))
+    text_options = {name: text for name, text in stored.items() if name in _TEXT_OPTIONS}
+    return ModelSettings(**{"noise": "iid", **text_options, **options}, priors=priors_of(tree))
 
 
 def priors_of(tree: xr.DataTree) -> Priors:

@@ -150,7 +150,7 @@ def fit_published(table: pd.DataFrame, settings: SamplerSettings | None = None, 
     Parameters
     ----------
     table:
-        A row a case: the case words, `k_kN_per_mm`, `beta_mm`.
+        A row a case: the factors, `k_kN_per_mm`, `beta_mm`.
     settings:
         How much to sample.
     """

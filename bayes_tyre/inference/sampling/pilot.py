@@ -39,12 +39,12 @@ _DRAWS_OF_SLOPES = 100
 #: What slopes are taken for, to tell their seeds apart; others are numbers of attempts, which are few.
 _OF_PILOT, _OF_ERROR = 100, 101
 #: Chunks before the first round of chains that begin far from the posterior.
-_ON_THE_WAY = 2
+_APPROACH_CHUNKS = 2
 #: Iterations of the warmup that the pilot run stands for: those of the default but for a chunk.
 _WARMUP_BY_PILOT = 500
-#: Draws that what was known of the covariance counts as, at least, beside a chunk's of each chain; and as many as there
+#: Draws that the covariance before counts as, at least, beside a chunk's of each chain; and as many as there
 #: are unknowns, for the covariance of fewer draws than these is worse than the mode's.
-_KNOWN_AS_DRAWS = 100
+_PRIOR_DRAWS = 100
 #: Squared standard errors of a slope that are taken off its square: what chance explains, twice over.
 _BEYOND_CHANCE = 4.0
 _TINY = float(np.finfo(float).tiny)
@@ -53,7 +53,7 @@ _NO_SITES: Mapping[str, np.ndarray] = MappingProxyType({})
 _OF_SUMMARIES = ("k", "beta", "sigma", "rho", "J_group", "sd_J")
 
 
-class Place(NamedTuple):
+class Location(NamedTuple):
     """Where the posterior is, as far as it is known.
 
     Attributes
@@ -85,74 +85,77 @@ class Pilot(NamedTuple):
     starts: Mapping[str, Any]
     settings: SamplerSettings
 
-    def run(self) -> Place:
+    def run(self) -> Location:
         """Return where the posterior is."""
         self.settings.on_stage("posterior mode", None)
-        place = first = Place(self.arguments["summaries"], self._unknown())
+        location = first = Location(self.arguments["summaries"], self._unknown())
         for number in range(_ROUNDS_AT_MODE):
-            place = self._about_mode(place, number) or first
-            if place is first or place.error.at_least <= SUMMARY_ERROR_MOST:
+            location = self._about_mode(location, number) or first
+            if location is first or location.error.at_least <= SUMMARY_ERROR_MOST:
                 break
         least, most = _ROUNDS_OF_CHAINS
         for number in range(most):
-            place = self._about_chunk(place, number)
-            error = place.error
-            cannot_tell = 2.0 * error.chance > _BY_CHANCE_MOST**2
-            by_slopes = cannot_tell and len(self.arguments["factors"].of_record) >= _SLOPES_FROM
-            small = error.total <= SUMMARY_ERROR_MOST and not cannot_tell
+            location = self._about_chunk(location, number)
+            error = location.error
+            undecided = 2.0 * error.chance > _BY_CHANCE_MOST**2
+            by_slopes = undecided and len(self.arguments["factors"].of_record) >= _SLOPES_FROM
+            small = error.total <= SUMMARY_ERROR_MOST and not undecided
             if not np.isfinite(error.total) or (number + 1 >= least and (small or by_slopes)):
                 break
-        place = place._replace(sites=_NO_SITES)
-        if not by_slopes or place.draws is None or not np.isfinite(error.total):
-            return place
-        return self._with_slope(place, place.draws, _OF_PILOT)
+        location = location._replace(sites=_NO_SITES)
+        if not by_slopes or location.draws is None or not np.isfinite(error.total):
+            return location
+        return self._with_slope(location, location.draws, _OF_PILOT)
 
-    def about(self, place: Place, draws: Draws, number: int) -> Place:
-        """Return a place with its summaries made anew about draws, and its slope where it had one.
+    def about(self, location: Location, draws: Draws, number: int) -> Location:
+        """Return a location with its summaries made anew about draws, and its slope where it had one.
 
-        `number` tells one such place from others.
+        `number` tells one such location from others.
         """
-        about = self._placed(draws.sites)._replace(draws=place.draws, covariance=place.covariance)
-        if place.slope is None:
+        about = self._located(draws.sites)._replace(draws=location.draws, covariance=location.covariance)
+        if location.slope is None:
             return about
         return self._with_slope(about, self.chains.blocks.join(draws.unconstrained), number)
 
-    def chains_at(self, place: Place, number: int) -> tuple[Chains, Begun]:
-        """Return the chains with the summaries of a place, and the state in which they are there.
+    def chains_at(self, location: Location, number: int) -> tuple[Chains, Begun]:
+        """Return the chains with the summaries of a location, and the state in which they are there.
 
         Of their warmup the last chunk is left, and all beyond `_WARMUP_BY_PILOT` iterations; `number` tells one such
         state from others.
         """
-        chains, done = self._given(place), max(min(self.settings.warmup - CHUNK, _WARMUP_BY_PILOT), 0)
-        return chains, Begun(self._begin(chains, place, _ROUNDS_OF_CHAINS[1] + number, done), done)
+        chains, done = self._given(location), max(min(self.settings.warmup - CHUNK, _WARMUP_BY_PILOT), 0)
+        return chains, Begun(self._begin(chains, location, _ROUNDS_OF_CHAINS[1] + number, done), done)
 
-    def error(self, place: Place, draws: Draws) -> SummaryError:
-        """Return how far the summaries of a place, with its slope if it has one, are off at draws made with them."""
-        if place.slope is None:
+    def error(self, location: Location, draws: Draws) -> SummaryError:
+        """Return how far the summaries of a location, with its slope if it has one, are off at draws made with them."""
+        if location.slope is None:
             return self._error(draws.sites)
         points = self.chains.blocks.join(draws.unconstrained)
-        error = self._error(draws.sites, flat(points) @ place.slope)
+        error = self._error(draws.sites, flat(points) @ location.slope)
         if not np.isfinite(error.total):
             return error
-        return error.by_slopes(flat(self._slopes(place, points, _OF_ERROR)) - place.slope, flat(points))
+        return error.by_slopes(flat(self._slopes(location, points, _OF_ERROR)) - location.slope, flat(points))
 
-    def _about_mode(self, place: Place, number: int) -> Place | None:
-        """Return the place at the mode that there is with these summaries; None where there is none."""
-        chains, seed = self._given(place), self.settings.seed
-        start = chains.middle if place.draws is None else place.draws[:, -1].mean(axis=0)
+    def _about_mode(self, location: Location, number: int) -> Location | None:
+        """Return the location at the mode that there is with these summaries; None where there is none."""
+        chains, seed = self._given(location), self.settings.seed
+        start = chains.middle if location.draws is None else location.draws[:, -1].mean(axis=0)
         approximation = normal_approximation(chains.potential, start, chains.chains)
         if approximation is None:
             return None
         draws = approximation.draw(chains.chains * CHUNK, seed).reshape(chains.chains, CHUNK, -1)
         sites = chains.constrain(chains.blocks.split(draws), (seed, number))
-        place = self._placed(sites)._replace(draws=draws, covariance=approximation.covariance)
-        return place if np.isfinite(place.error.total) else None
+        location = self._located(sites)._replace(draws=draws, covariance=approximation.covariance)
+        return location if np.isfinite(location.error.total) else None
 
-    def _about_chunk(self, place: Place, number: int) -> Place:
-        """Return where the chains are after a chunk that begins at a place."""
-        chains, settings = self._given(place), self.settings
+    def _about_chunk(self, location: Location, number: int) -> Location:
+        """Return where the chains are after a chunk that begins at a location."""
+        chains, settings = self._given(location), self.settings
         last = max(settings.warmup - CHUNK, 0)
-        state, count = self._begin(chains, place, number, last), 1 if place.draws is not None else 1 + _ON_THE_WAY
+        state, count = (
+            self._begin(chains, location, number, last),
+            1 if location.draws is not None else 1 + _APPROACH_CHUNKS,
+        )
         settings.on_stage("pilot run", count * CHUNK)
         for _ in range(count):
             chunk = chains.advance(state, CHUNK)
@@ -160,15 +163,15 @@ class Pilot(NamedTuple):
             settings.on_progress(CHUNK)
         sites = chains.constrain(chunk.unconstrained, (settings.seed, number))
         draws = chains.blocks.join(chunk.unconstrained)
-        known = np.eye(draws.shape[-1]) if place.covariance is None else place.covariance
+        before = np.eye(draws.shape[-1]) if location.covariance is None else location.covariance
         count = len(flat(draws))
-        share = count / (count + max(_KNOWN_AS_DRAWS, len(known)))
-        covariance = share * np.cov(flat(draws).T) + (1.0 - share) * known
-        placed = self._placed(sites, place.sites)
-        kept = {name: sites[name] for name in _OF_SUMMARIES if name in sites}
-        return placed._replace(draws=draws, covariance=covariance, sites=kept)
+        share = count / (count + max(_PRIOR_DRAWS, len(before)))
+        covariance = share * np.cov(flat(draws).T) + (1.0 - share) * before
+        located = self._located(sites, location.sites)
+        own = {name: sites[name] for name in _OF_SUMMARIES if name in sites}
+        return located._replace(draws=draws, covariance=covariance, sites=own)
 
-    def _placed(self, sites: Mapping[str, np.ndarray], before: Mapping[str, np.ndarray] = _NO_SITES) -> Place:
+    def _located(self, sites: Mapping[str, np.ndarray], before: Mapping[str, np.ndarray] = _NO_SITES) -> Location:
         """Return summaries about draws of every site, and how far those were off that the draws were made with.
 
         They are about draws that were made `before`, with other summaries, as well: the more, the less is left to
@@ -180,41 +183,43 @@ class Pilot(NamedTuple):
         if not all(np.isfinite(np.asarray(leaf)).all() for leaf in jax.tree.leaves(summaries)):
             # Draws that are all one, of chains that stood still, are no posterior to go by.
             error = self._unknown()
-        return Place(summaries, error)
+        return Location(summaries, error)
 
-    def _with_slope(self, place: Place, points: Float[np.ndarray, "chains draws unknowns"], number: int) -> Place:
-        """Return a place with the slope of what its summaries miss, as far as it is beyond chance at these points."""
+    def _with_slope(
+        self, location: Location, points: Float[np.ndarray, "chains draws unknowns"], number: int
+    ) -> Location:
+        """Return a location with the slope of what its summaries miss, as far as beyond chance at these points."""
         self.settings.on_stage("what the summaries miss", None)
-        slopes = flat(self._slopes(place, points, number))
+        slopes = flat(self._slopes(location, points, number))
         # Of the summaries alone: what the regression could not tell.
-        error = place.error._replace(at_least=0.0).by_slopes(slopes, flat(points))
+        error = location.error._replace(at_least=0.0).by_slopes(slopes, flat(points))
         if not np.isfinite(error.total):
-            return place._replace(error=error)
+            return location._replace(error=error)
         mean, square = slopes.mean(axis=0), slopes.var(axis=0) / len(slopes)
         slope = mean * np.maximum(1.0 - _BEYOND_CHANCE * square / np.maximum(mean**2, _TINY), 0.0)
-        return place._replace(slope=slope, error=error)
+        return location._replace(slope=slope, error=error)
 
     def _slopes(
-        self, place: Place, points: Float[np.ndarray, "chains draws unknowns"], number: int
+        self, location: Location, points: Float[np.ndarray, "chains draws unknowns"], number: int
     ) -> Float[np.ndarray, "chains some unknowns"]:
-        """Return slopes of what the summaries of a place miss, at some of the points of each chain."""
+        """Return slopes of what the summaries of a location miss, at some of the points of each chain."""
         count = min(_DRAWS_OF_SLOPES, points.shape[1])
         some = points[:, np.linspace(0, points.shape[1] - 1, count).round().astype(int)]
-        chains = self._given(place)
+        chains = self._given(location)
         # Draws of a chunk have seeds of two numbers, and a third that is zero counts as none.
         return chains.slopes(SUMMARY_ERROR, chains.blocks.split(some), (self.settings.seed, number, 1))
 
-    def _given(self, place: Place) -> Chains:
-        return self.chains.given({**self.arguments, "summaries": place.summaries}, self.starts, place.slope)
+    def _given(self, location: Location) -> Chains:
+        return self.chains.given({**self.arguments, "summaries": location.summaries}, self.starts, location.slope)
 
-    def _begin(self, chains: Chains, place: Place, number: int, done: int) -> HMCState:
-        if place.draws is None or place.covariance is None:
+    def _begin(self, chains: Chains, location: Location, number: int, done: int) -> HMCState:
+        if location.draws is None or location.covariance is None:
             return chains.begin(self.settings.seed)
         seed = int(np.random.SeedSequence((self.settings.seed, number)).generate_state(1)[0])
-        return chains.begin_where(place.draws[:, -1], place.covariance, seed, done)
+        return chains.begin_where(location.draws[:, -1], location.covariance, seed, done)
 
-    def _error(self, sites: Mapping[str, np.ndarray], known: ArrayLike = 0.0) -> SummaryError:
-        return summary_error(sites, self.chains.sampled, self._cases(), known)
+    def _error(self, sites: Mapping[str, np.ndarray], by_slopes: ArrayLike = 0.0) -> SummaryError:
+        return summary_error(sites, self.chains.sampled, self._cases(), by_slopes)
 
     def _unknown(self) -> SummaryError:
         return SummaryError(np.inf, np.inf, self._cases()[0], np.inf)

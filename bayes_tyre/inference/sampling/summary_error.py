@@ -64,8 +64,8 @@ class SummaryError(NamedTuple):
         products = off @ off.T / (draws * (draws - 1))
         chance = np.sqrt(2.0 * np.sum(products**2) + 4.0 * np.sum((off @ mean) ** 2) / (draws * (draws - 1)))
         total, at_least = (float(np.sqrt(max(each, 0.0))) for each in (square, square - 2.0 * chance))
-        known = self.at_least if np.isfinite(self.chance) else 0.0
-        return self._replace(total=total, at_least=max(at_least, known), chance=float(chance))
+        least = self.at_least if np.isfinite(self.chance) else 0.0
+        return self._replace(total=total, at_least=max(at_least, least), chance=float(chance))
 
     def to_json(self) -> str:
         """Return it as a posterior's tree carries it in `RECORD_SUMMARIES`."""
@@ -78,7 +78,7 @@ class SummaryError(NamedTuple):
 
 
 def summary_error(
-    sites: Mapping[str, np.ndarray], sampled: Sequence[str], cases: Sequence[str], known: ArrayLike = 0.0
+    sites: Mapping[str, np.ndarray], sampled: Sequence[str], cases: Sequence[str], by_slopes: ArrayLike = 0.0
 ) -> SummaryError:
     """Return how far the summaries are off, by what a regression on the sampled sites explains of what they miss.
 
@@ -93,14 +93,14 @@ def summary_error(
         Names of those that were sampled.
     cases:
         Labels of the cases.
-    known:
+    by_slopes:
         What of it, of all cases together, is in the log density already; shape (draws of all chains,).
     """
     missed = flat(sites[SUMMARY_ERROR])
     if not np.isfinite(missed).all():
         return SummaryError(np.inf, np.inf, cases[int(np.argmin(np.isfinite(missed).all(axis=0)))], np.inf)
     unknowns = [flat(sites[name]).reshape(len(missed), -1) for name in sampled]
-    explained, chance = _explained(unknowns, np.column_stack([missed.sum(axis=1) - known, missed]))
+    explained, chance = _explained(unknowns, np.column_stack([missed.sum(axis=1) - by_slopes, missed]))
     beyond = 2.0 * chance[0] if np.isfinite(chance[0]) else 0.0
     total, at_least, *of_case = np.sqrt(np.maximum([explained[0], explained[0] - beyond, *explained[1:]], 0.0))
     case = int(np.argmax(of_case))

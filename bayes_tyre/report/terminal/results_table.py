@@ -37,7 +37,7 @@ NUMBERS = ("median", "lower", "upper", "interval")
 COLUMNS = ("parameter", "configuration", "direction", "unit", *NUMBERS, "verdict")
 #: The most of a limitation: three labels are in it; and the most limitations, those that follow stay in their file.
 LONGEST_LIMITATION, MOST_NOTES = 600, 3
-_DOUBT, _FURTHER = "not to be believed: ", "; {} more in the report"
+_UNBELIEVED, _FURTHER = "not to be believed: ", "; {} more in the report"
 #: Of the report's typography what a terminal may not have.
 _ASCII = str.maketrans({"\N{NO-BREAK SPACE}": " ", "\N{MINUS SIGN}": "-", "\u201c": '"', "\u201d": '"'})
 
@@ -112,7 +112,7 @@ def _print_answer(folder: Path, rows: pd.DataFrame, result: Reported | None, con
         console.print(beside)
     else:
         console.print(Text(f"\n{_below(rows)}\n"), soft_wrap=True)
-    for line in _doubts(folder, result, console.width):
+    for line in _warnings(folder, result, console.width):
         console.print(Text(line), soft_wrap=True)
 
 
@@ -138,15 +138,15 @@ def _wrapped(text: str, width: int) -> str:
     return "\n".join(textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False))
 
 
-def _doubts(folder: Path, result: Reported | None, width: int) -> Iterator[str]:
+def _warnings(folder: Path, result: Reported | None, width: int) -> Iterator[str]:
     """Yield what not to believe, within two lines, and the first limitations of the fit."""
     whats = [_plain(caveat.what) for caveat in caveats_of(result)] if result else []
     if whats:
-        room, shown = 2 * width - len(_DOUBT) - len(_FURTHER.format(len(whats))), 1
+        room, shown = 2 * width - len(_UNBELIEVED) - len(_FURTHER.format(len(whats))), 1
         while shown < len(whats) and len("; ".join(whats[: shown + 1])) <= room:
             shown += 1
         further = _FURTHER.format(len(whats) - shown) if shown < len(whats) else ""
-        text = f"{_DOUBT}{'; '.join(small(what) for what in whats[:shown])}{further}"
+        text = f"{_UNBELIEVED}{'; '.join(small(what) for what in whats[:shown])}{further}"
         yield _wrapped(text, width)
     notes = limitations(folder)
     for note in notes[:MOST_NOTES]:

@@ -117,7 +117,7 @@ def of_repeat(
     widening = _widening(posterior, draws, rng, discordant_widening)
     speed = values.case.speed_km_h
     sds = {
-        name: np.hypot(widening * scatter_of_repeats(posterior, name, speed), _scatter_of_levels(posterior, name))
+        name: np.hypot(widening * sd_of_repeats(posterior, name, speed), _sd_of_levels(posterior, name))
         for name in ("k", "beta")
     }
     k, beta = (getattr(values, name) * np.exp(sd * rng.standard_normal(draws)) for name, sd in sds.items())
@@ -135,7 +135,7 @@ def draw_noise(
     return rng.standard_normal(shape) if nu is None else rng.standard_t(nu, shape)
 
 
-def _scatter_of_levels(posterior: xr.Dataset, parameter: str) -> Float[np.ndarray, "#draws"]:
+def _sd_of_levels(posterior: xr.Dataset, parameter: str) -> Float[np.ndarray, "#draws"]:
     """Return the standard deviation of a specimen and a day that were not measured; 0 where the model has neither."""
     sds = (f"sd_log_{parameter}_{level}" for level in LEVELS)
     return np.sqrt(sum((flat(posterior[sd]) ** 2 for sd in sds if sd in posterior), np.zeros(1)))
@@ -212,7 +212,7 @@ def _scalar(posterior: xr.Dataset, name: str) -> np.ndarray:
     return flat(posterior[name])
 
 
-def scatter_of_repeats(posterior: xr.Dataset, parameter: str, speed_km_h: float | None) -> Float[np.ndarray, " draws"]:
+def sd_of_repeats(posterior: xr.Dataset, parameter: str, speed_km_h: float | None) -> Float[np.ndarray, " draws"]:
     """Return the scatter of repeats of a parameter's logarithm at a speed; the typical one at a speed not driven."""
     name = f"sd_log_{parameter}_repeat"
     if f"{name}_by_speed" not in posterior:

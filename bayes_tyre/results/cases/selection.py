@@ -206,14 +206,14 @@ def _alike(one: Case, other: Case) -> bool:
 
 
 def _nearest(query: CaseQuery, cases: Sequence[Case]) -> list[Case]:
-    """Return the cases that match a query in its words, and in as many of its numbers as any of their direction does.
+    """Return the cases that match a query in its textual factors, and in as many numbers as any of their direction.
 
     A step is as good as one of its size the other way; a case without one of the numbers is none of them.
     """
-    words = {name: values for name, values in query.factor_values.items() if name in TEXT_COLUMNS}
+    textual = {name: values for name, values in query.factor_values.items() if name in TEXT_COLUMNS}
     numbers = {name: values for name, values in query.factor_values.items() if name not in TEXT_COLUMNS}
     numbers |= {"step_kN": (*numbers["step_kN"], -float(*numbers["step_kN"]))} if "step_kN" in numbers else {}
-    alike = [case for case in cases if _matches(CaseQuery((), words), case)]
+    alike = [case for case in cases if _matches(CaseQuery((), textual), case)]
     alike = [case for case in alike if all(getattr(case, name) is not None for name in numbers)]
     shared = [sum(_matches(CaseQuery((), {name: numbers[name]}), case) for name in numbers) for case in alike]
     most: dict[tuple[str, str], int] = {}

@@ -15,7 +15,7 @@ from bayes_tyre.inference.sampling.common_scales import as_measured
 from bayes_tyre.inference.sampling.datatree import case_parameters, priors_of, tree_cases
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import AXLE_PARAMETERS, LAW_PARAMETERS, Case
-from bayes_tyre.results.cases.draws import factors_along, flat, scatter_of_repeats
+from bayes_tyre.results.cases.draws import factors_along, flat, sd_of_repeats
 from bayes_tyre.results.cases.untested import log_draws, log_values_of_untested
 
 #: Factors that a rig sets to numbers; most new cases that are compared.
@@ -123,17 +123,17 @@ def _noise(
     of_kind: dict[tuple[object, ...], np.ndarray] = {}
     for kind in dict.fromkeys(case[:3] for case in cases):
         like = [i for i, case in enumerate(of_record) if cases[case][:3] == kind] or slice(None)
-        scatter = np.stack([scatter_of_repeats(posterior, name, kind[2]) for name in measured], axis=1)
-        if not ((scatter > 0) & np.isfinite(scatter)).all():
+        sd_repeat = np.stack([sd_of_repeats(posterior, name, kind[2]) for name in measured], axis=1)
+        if not ((sd_repeat > 0) & np.isfinite(sd_repeat)).all():
             raise BadInput("the scatter of its repeats has draws that are not above 0; run fit or motion again")
-        of_kind[kind] = _record_noise(posterior, priors, scatter, left[:, like])
+        of_kind[kind] = _record_noise(posterior, priors, sd_repeat, left[:, like])
     return np.stack([of_kind[case[:3]] for case in cases])
 
 
 def _record_noise(
     posterior: xr.Dataset,
     priors: Priors,
-    scatter: Float[np.ndarray, "draws measured"],
+    sd_repeat: Float[np.ndarray, "draws measured"],
     left: Float[np.ndarray, "draws like measured"],
 ) -> Float[np.ndarray, "measured measured"]:
     """Return the covariance of a normal error that says as much of a case as one record does, averaged over the draws.
@@ -141,13 +141,13 @@ def _record_noise(
     A discordant repeat says little of its case, but it does not mislead, for the model knows it by its distance: what
     counts is the mean information of usual and discordant repeats, or that of a Student-t.
     """
-    sd, eye = np.sqrt(np.mean(scatter**2, axis=0)), np.eye(scatter.shape[1])
+    sd, eye = np.sqrt(np.mean(sd_repeat**2, axis=0)), np.eye(sd_repeat.shape[1])
     relative = (left / sd).reshape(-1, len(sd))
     # Given its case, a record has the information of its points, and of the case 1 / scatter^2, which is taken off.
     values, vectors = np.linalg.eigh(np.linalg.inv(relative.T @ relative / len(relative)) - eye)
     error = (vectors / np.maximum(values, _LEAST_INFORMATION)) @ vectors.T * np.outer(sd, sd)
-    few = slice(None, None, max(1, len(scatter) // _FEW))
-    variance = scatter[few, :, None] ** 2 * eye
+    few = slice(None, None, max(1, len(sd_repeat) // _FEW))
+    variance = sd_repeat[few, :, None] ** 2 * eye
     if "student_nu" in posterior:
         nu = flat(posterior["student_nu"])[few, None, None]
         variance = variance * (nu + len(sd) + 2) / (nu + len(sd))

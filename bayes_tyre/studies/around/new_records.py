@@ -20,7 +20,7 @@ from bayes_tyre.inference.record_data import LAWS
 from bayes_tyre.inference.sampling.common_scales import as_measured
 from bayes_tyre.inference.sampling.datatree import PROBABILITIES, QUANTITIES
 from bayes_tyre.inference.sampling.record_draws import with_records
-from bayes_tyre.studies.ranked_quantities import centre_of_records, scatter_of_records
+from bayes_tyre.studies.ranked_quantities import centre_of_records, sd_of_records
 from bayes_tyre.studies.truths import NOTHING, Planted, Truths
 
 
@@ -109,8 +109,8 @@ def _log_values(
     shape = len(truths["sd_J"]), len(factors.of_record)
     wide, values = _widening(widening, truths, shape, rng), {}
     for parameter in PARAMETERS:
-        scatter = wide * scatter_of_records(factors, parameter, truths)
-        off = planted * scatter * rng.standard_normal(shape)
+        sd_repeat = wide * sd_of_records(factors, parameter, truths)
+        off = planted * sd_repeat * rng.standard_normal(shape)
         values[parameter] = centre_of_records(factors, parameter, truths) * np.exp(off)
     return values
 

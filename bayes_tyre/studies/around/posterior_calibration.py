@@ -85,12 +85,12 @@ def _log_likelihoods(
     model = replace(fit.model, likelihood="direct")
     names = [name for name in ("F_i", "J", "k", "beta", "sigma", "rho") if name in truths]
     values = {name: np.concatenate([truths[name][:, None], draws[name]], axis=1) for name in names}
-    found = []
+    rows = []
     for i, force in enumerate(new_force_kN):
         likelihood = augmented(fit.records, force, model).likelihood
         assert isinstance(likelihood, Likelihood)  # noise is never a Student-t here
-        found.append(log_likelihoods(likelihood, {name: each[i] for name, each in values.items()}))
-    return np.stack(found)[:, 0], np.stack(found)[:, 1:]
+        rows.append(log_likelihoods(likelihood, {name: each[i] for name, each in values.items()}))
+    return np.stack(rows)[:, 0], np.stack(rows)[:, 1:]
 
 
 def _as_on_disk(fit: AugmentedFit, name: str, draws: np.ndarray) -> np.ndarray:

@@ -65,7 +65,7 @@ def run_batch[T: FileTask](
     keys: set[str] = set()
     for i, task in enumerate(tasks) if machines.resume else ():
         key = fingerprint(task)
-        cached = cache.find(key, task.picture) if key is not None else None
+        cached = cache.find(key, task.figure) if key is not None else None
         if key is not None and cached is not None:
             outcomes[i] = cached
             keys.add(key)
@@ -74,14 +74,14 @@ def run_batch[T: FileTask](
     with ExitStack() as stack:
         keyed = partial(_keyed, work, version("bayes-tyre"))
         completed = _started(keyed, [tasks[i] for i in todo], machines, stack)
-        cache.prepare(machines.resume, [task.picture for task in tasks if task.picture is not None])
+        cache.prepare(machines.resume, [task.figure for task in tasks if task.figure is not None])
         for nth, outcome in completed:
             i = todo[nth]
             if isinstance(outcome, Fault):  # its workers died: there is no result to cache
                 outcomes[i] = outcome
             else:
                 key, result = outcome[0], _checked_disk(outcome[1], outcome[0], tasks[i], machines)
-                outcomes[i] = _cached(cache, key, result, tasks[i].picture)
+                outcomes[i] = _cached(cache, key, result, tasks[i].figure)
                 keys |= {key} if key is not None else set()
                 del result
             del outcome  # or it is in memory beside the next ones
@@ -178,9 +178,9 @@ def _checked_disk(result: Done | Fault, key: str | None, task: FileTask, machine
     return result
 
 
-def _cached(cache: TaskCache, key: str | None, result: Done | Fault, picture: Path | None) -> Path | Fault:
+def _cached(cache: TaskCache, key: str | None, result: Done | Fault, figure: Path | None) -> Path | Fault:
     if key is None:
         return result if isinstance(result, Fault) else Fault("cannot be read each time; check the disk", lasting=False)
     if isinstance(result, Fault) and not result.lasting:
         return result
-    return cache.keep(key, result, picture)
+    return cache.keep(key, result, figure)

@@ -24,7 +24,7 @@ class FileTask(Protocol):
         ...
 
     @property
-    def picture(self) -> Path | None:
+    def figure(self) -> Path | None:
         """The PNG to draw, or None."""
         ...
 
@@ -34,10 +34,10 @@ class FileTask(Protocol):
 
 
 class Done(NamedTuple):
-    """A result: its table, and its picture as PNG if one is wanted. The process that submitted the task writes both."""
+    """A result: its table, and its figure as PNG if one is wanted. The process that submitted the task writes both."""
 
     table: pd.DataFrame
-    picture: bytes | None = None
+    figure: bytes | None = None
 
 
 class Fault(NamedTuple):

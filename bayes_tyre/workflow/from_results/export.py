@@ -81,9 +81,9 @@ def read_models(folder: Path, level: float = 0.5, cases: Sequence[str] = (), *, 
             notes = []
             if cases:
                 all_cases = tree_cases(tree["posterior"].to_dataset())
-                found = without_opposites(parse_query(cases, all_cases), all_cases)
-                models = [models[i] for i in found.cases] + of_untested(tree, found.untested, level)
-                notes = about_untested(found.untested, all_cases)
+                selected = without_opposites(parse_query(cases, all_cases), all_cases)
+                models = [models[i] for i in selected.cases] + of_untested(tree, selected.untested, level)
+                notes = about_untested(selected.untested, all_cases)
             return Exported(models, str(tree.attrs.get("origin", ORIGIN_UNKNOWN)), verdict, notes)
     for given, option in ((level != 0.5, "--quantiles"), (cases, "--case"), (means, "--means")):
         if given:

@@ -192,14 +192,14 @@ def read_stack(folders: Sequence[Path], weights: Path) -> Stack:
 def _folders_of(models: Sequence[str], folders: Sequence[Path], path: Path) -> dict[str, Path]:
     """Return the folder of each model of a comparison, whose name is the end of its path."""
     ends = {folder: f"/{folder.resolve().as_posix()}" for folder in folders}
-    found = {model: [folder for folder, end in ends.items() if end.endswith(f"/{model}")] for model in models}
-    used = [each[0] for each in found.values() if len(each) == 1]
+    folders_of = {model: [folder for folder, end in ends.items() if end.endswith(f"/{model}")] for model in models}
+    used = [each[0] for each in folders_of.values() if len(each) == 1]
     if len(used) < len(models) or set(used) != set(folders):
         raise BadInput(
             f"{path}: compares {', '.join(sorted(models))}, the folders are {', '.join(sorted(names(folders)))}; name "
             "the folders that were compared"
         )
-    return {model: each[0] for model, each in found.items()}
+    return {model: each[0] for model, each in folders_of.items()}
 
 
 def _check_alike(results: Mapping[str, Result]) -> None:

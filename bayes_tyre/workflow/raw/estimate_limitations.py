@@ -47,22 +47,22 @@ def with_estimates(diagnostics: Diagnostics, table: pd.DataFrame, rejected: int)
 
 
 def _limitations(table: pd.DataFrame, rejected: int) -> list[str]:
-    """Return what is said of files without an estimate, of laws, of a second mode, and of forces that are left out."""
-    said = []
+    """Return limitations: files without an estimate, laws, a second mode, and forces that are left out."""
+    sentences = []
     weights = table.filter(regex=f"^{WEIGHT}").mean().sort_values(ascending=False)
     if len(weights):
         shares = [f"{str(name).removeprefix(WEIGHT)} {weight:.2f}" for name, weight in weights.items()]
-        said.append(
+        sentences.append(
             "force laws are averaged record by record, weighted by their evidence: in the mean of "
             f"{len(table)} records {', '.join(shares)}"
         )
         if weights.index[0] != f"{WEIGHT}{FANCHER.name}":
-            said[-1] += f"; with --law {shares[0].split()[0]} {ESTIMATES} has what it adds"
+            sentences[-1] += f"; with --law {shares[0].split()[0]} {ESTIMATES} has what it adds"
     if rejected:
-        said.append(f"{rejected} files have no estimate and are not in the result: see {REJECTED}")
+        sentences.append(f"{rejected} files have no estimate and are not in the result: see {REJECTED}")
     shaken = table[table[MODE_HZ].notna()]
     if len(shaken):
-        said.append(
+        sentences.append(
             f"{listed(shaken['record'].tolist(), _NAMED)}: the sensors show a second mode of the rig, at "
             f"{shaken[MODE_HZ].median():.0f} Hz, which was fitted too; if the rig has none, look at the channels"
         )
@@ -75,9 +75,9 @@ def _limitations(table: pd.DataFrame, rejected: int) -> list[str]:
         ]
         of_fancher = f"{parameter_column('x')}_se" in table and weights.empty
         hint = "; --law auto fits what a tyre may have beyond Fancher's law" if of_fancher else ""
-        said.append(
+        sentences.append(
             f"{len(forced)} of {len(table)} records: load and law leave out a force, in the median of "
             f"{forced[FORCE_PERCENT].median():.2g} % of the load's step; were it certain that there is none, standard "
             f"errors would be {', '.join(times)} as large, in the median{hint}"
         )
-    return said
+    return sentences

@@ -54,7 +54,7 @@ class MotionPlan:
     ----------
     sampler:
         How much to sample.
-    rig, cases, pictures:
+    rig, cases, figures:
         Name or TOML file of the rig (None: the configuration's own), table of cases, folder of a figure a record.
     law:
         Name of the force law.
@@ -76,7 +76,7 @@ class MotionPlan:
     sampler: SamplerSettings
     rig: str | None = None
     cases: Path | None = None
-    pictures: Path | None = None
+    figures: Path | None = None
     law: str = "fancher"
     amplitude_mm: float = 1.0
     repeats: str = "mixture"
@@ -150,9 +150,9 @@ def estimate_files(
     check_folder(out)
     if machines.resume:
         _refuse_other_estimates(out, plan)
-    if plan.pictures:
-        check_folder(plan.pictures, "--figures")
-    tasks = plan_tasks(files, Settings(plan.rig, plan.cases, f"{BY_LAW}{plan.law}", plan.pictures))
+    if plan.figures:
+        check_folder(plan.figures, "--figures")
+    tasks = plan_tasks(files, Settings(plan.rig, plan.cases, f"{BY_LAW}{plan.law}", plan.figures))
     prepare_folder(out)
     cache = TaskCache(out / ESTIMATES)
     outcomes = run_batch(estimate_file, tasks, cache, machines, on_progress)

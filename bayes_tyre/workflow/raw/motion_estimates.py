@@ -1,4 +1,4 @@
-"""Estimate of the motion in one raw file: a row of `estimates.csv`, cached as a part, and its picture."""
+"""Estimate of the motion in one raw file: a row of `estimates.csv`, cached as a part, and its figure."""
 
 import functools
 from collections.abc import Sequence
@@ -103,7 +103,7 @@ def columns(law: MotionLaw) -> list[str]:
 
 
 def estimate_file(task: Task) -> Done | Fault:
-    """Return the row of a file's estimate and its picture if one is wanted, or why there is none."""
+    """Return the row of a file's estimate and its figure if one is wanted, or why there is none."""
     prepare_jax()
     return attempted(_done, task)
 
@@ -123,15 +123,15 @@ def _done(task: Task) -> Done:
     readings = readings_table(
         estimate.window, *map(np.asarray, _fitted(rig, estimate.map_estimate.standard, estimate.window))
     )
-    picture = None
-    if task.picture is not None:
+    figure = None
+    if task.figure is not None:
         from bayes_tyre.report.figures.motion import motion_figure
         from bayes_tyre.report.figures.page.colours import Setting
         from bayes_tyre.report.figures.page.layout import png
 
         drawn = readings.assign(**{name: row[name] for name in ROW_COLUMNS})
-        picture = png(lambda: motion_figure(drawn, Setting(origin)))
-    return Done(pd.DataFrame([row | _kept_readings(readings, estimate)]), picture)
+        figure = png(lambda: motion_figure(drawn, Setting(origin)))
+    return Done(pd.DataFrame([row | _kept_readings(readings, estimate)]), figure)
 
 
 @functools.partial(jax.jit, static_argnums=0)

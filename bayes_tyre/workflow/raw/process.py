@@ -104,7 +104,7 @@ def _with_mass(record: pd.DataFrame, mass: tuple[float, float]) -> pd.DataFrame:
 
 
 def process_file(task: Task) -> Done | Fault:
-    """Return the rows of a file's record and its picture if one is wanted, or why there are none."""
+    """Return the rows of a file's record and its figure if one is wanted, or why there are none."""
     return attempted(_done, task)
 
 
@@ -113,10 +113,10 @@ def _done(task: Task) -> Done:
     raw = read_raw(task.file, columns_of(rig))
     processed = process(raw, rig, factors, task.method)
     origin = origin_of_raw(raw, task)
-    picture = None
-    if task.picture is not None:
+    figure = None
+    if task.figure is not None:
         from bayes_tyre.report.figures.page.layout import png
         from bayes_tyre.report.figures.process import record_figure
 
-        picture = png(lambda: record_figure(processed, origin))
-    return Done(pd.DataFrame({**processed.columns(), "origin": origin}), picture)
+        figure = png(lambda: record_figure(processed, origin))
+    return Done(pd.DataFrame({**processed.columns(), "origin": origin}), figure)

@@ -1,4 +1,4 @@
-"""The task of each raw file: its factors, unique record name, rig, method and picture, found before the work."""
+"""The task of each raw file: its factors, unique record name, rig, method and figure, found before the work."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ class Task(NamedTuple):
         A name of `bayes_tyre.signals.process.METHODS`.
     simulated:
         Whether the simulator's table of truths beside the file names it.
-    picture:
+    figure:
         The PNG to draw, absolute, or None.
     rig_file:
         The rig file that its row of the table of cases names, or None.
@@ -41,7 +41,7 @@ class Task(NamedTuple):
     rig: Rig | None
     method: str
     simulated: bool
-    picture: Path | None
+    figure: Path | None
     rig_file: Path | None = None
 
     def decides(self) -> dict[str, object]:
@@ -83,9 +83,9 @@ def plan_tasks(files: Sequence[Path], settings: Settings) -> list[Task]:
         taken.add(record)
         own = str(row["rig"]) if row else ""
         factors, rig = _with_rig(factors, own or settings.rig, rigs)
-        picture = settings.figures / f"{_file_name(record)}.png" if settings.figures and record else None
+        figure = settings.figures / f"{_file_name(record)}.png" if settings.figures and record else None
         simulated = path_text(Path(file.name)) in truths[file.parent]
-        drawn = picture.absolute() if picture is not None else None
+        drawn = figure.absolute() if figure is not None else None
         rig_file = Path(own) if own and own not in EMBEDDED_RIGS else None
         tasks.append(Task(file.absolute(), factors, rig, settings.method, simulated, drawn, rig_file))
     return tasks

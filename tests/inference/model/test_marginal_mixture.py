@@ -182,7 +182,7 @@ def test_the_density_s_slope_is_that_of_finite_differences():
 
     def density(remainder: jax.Array, scatter: jax.Array) -> jax.Array:
         repeats = repeats_of(numbers, factors)
-        repeats.about = repeats.about._replace(remainder=remainder, scatter=scatter)
+        repeats.about = repeats.about._replace(remainder=remainder, sd_repeat=scatter)
         return repeats.log_prob(jnp.asarray(numbers.records))
 
     at = jnp.asarray(numbers.remainder), jnp.asarray(numbers.scatter)

@@ -20,7 +20,7 @@ from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling import pilot
 from bayes_tyre.inference.sampling.datatree import PROBABILITIES
 from bayes_tyre.inference.sampling.hierarchical_fit import LEAST_COLLAPSED, collapses, fit_hierarchical
-from bayes_tyre.inference.sampling.pilot import Pilot, Place
+from bayes_tyre.inference.sampling.pilot import Location, Pilot
 from bayes_tyre.inference.sampling.run import Draws, SamplerSettings, sampler_runs
 from bayes_tyre.inference.sampling.summary_error import RECORD_SUMMARIES, SUMMARY_ERROR_MOST, SummaryError
 from bayes_tyre.record_table import check_record_table
@@ -229,8 +229,8 @@ def test_a_run_whose_summaries_were_off_is_followed_by_one_about_its_draws(monke
     notes, of_draws, error_of = [], [], Pilot.error
     settings = replace(ENOUGH, draws=300, on_note=notes.append)
 
-    def off_at_first(self: Pilot, place: Place, draws: Draws) -> SummaryError:
-        error = error_of(self, place, draws)
+    def off_at_first(self: Pilot, location: Location, draws: Draws) -> SummaryError:
+        error = error_of(self, location, draws)
         of_draws.append(error)
         return error._replace(at_least=2 * SUMMARY_ERROR_MOST) if of_draws == [error] else error
 

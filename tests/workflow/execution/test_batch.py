@@ -63,14 +63,14 @@ def test_what_is_done_is_not_done_again_and_what_changed_is(tmp_path):
 
 
 def test_a_picture_that_is_missing_or_another_is_drawn_again(tmp_path):
-    picture = tmp_path / "pictures" / "0.png"
-    out, tasks = tmp_path / "records.csv", tasks_of(tmp_path / "raw", ["a"], picture=picture)
+    figure = tmp_path / "pictures" / "0.png"
+    out, tasks = tmp_path / "records.csv", tasks_of(tmp_path / "raw", ["a"], figure=figure)
     run(tasks, out)
     assert resumed(tasks, out)[1] == []
-    for spoil in (picture.unlink, lambda: picture.write_bytes(b"another")):
+    for spoil in (figure.unlink, lambda: figure.write_bytes(b"another")):
         spoil()
         assert resumed(tasks, out)[1] == ["0.lvm"]
-        assert picture.read_bytes() == b"png"
+        assert figure.read_bytes() == b"png"
 
 
 def test_a_part_cut_short_and_leftovers_of_a_killed_run_do_no_harm(tmp_path):

@@ -45,7 +45,7 @@ class CasePopulation(NamedTuple):
     ----------
     mean:
         Linear predictor of the logarithms of k (kN/mm) and beta (mm).
-    remainder, scatter:
+    remainder, sd_repeat:
         Standard deviation of cases about it, and of repeats about their case.
     offset:
         What specimen, day and covariates add to each record.
@@ -53,7 +53,7 @@ class CasePopulation(NamedTuple):
 
     mean: Float[Array, "*draws parameters cases"]
     remainder: Float[Array, "*draws parameters 1"]
-    scatter: Float[Array, "*draws parameters cases"]
+    sd_repeat: Float[Array, "*draws parameters cases"]
     offset: Float[Array, "*draws records parameters"]
 
 
@@ -67,7 +67,7 @@ def case_population(posterior: xr.Dataset, factors: Factors) -> CasePopulation:
     factors:
         Of the records; the posterior was fitted with the same cases and levels.
     """
-    means, remainders, scatters, offsets = [], [], [], []
+    means, remainders, sds, offsets = [], [], [], []
     draws = posterior.sizes["chain"] * posterior.sizes["draw"]
     for parameter in PARAMETERS:
         mean = np.log(flat(posterior[f"{parameter}_group"]))[:, factors.group.of_case]
@@ -87,10 +87,10 @@ def case_population(posterior: xr.Dataset, factors: Factors) -> CasePopulation:
             offset = factors.levels.offset(effects.__getitem__)
         means.append(mean)
         remainders.append(of_case[:, None])
-        scatters.append(np.broadcast_to(of_repeat, mean.shape))
+        sds.append(np.broadcast_to(of_repeat, mean.shape))
         offsets.append(offset)
-    mean, remainder, scatter = (jnp.asarray(np.stack(each, axis=1)) for each in (means, remainders, scatters))
-    return CasePopulation(mean, remainder, scatter, jnp.asarray(np.stack(offsets, axis=2)))
+    mean, remainder, sd_repeat = (jnp.asarray(np.stack(each, axis=1)) for each in (means, remainders, sds))
+    return CasePopulation(mean, remainder, sd_repeat, jnp.asarray(np.stack(offsets, axis=2)))
 
 
 def densities_of_cases(
@@ -124,8 +124,8 @@ def densities_of_cases(
 
     def given(of_draw: tuple[Hyperparameters, CasePopulation]) -> RecordDensity:
         of, population = of_draw
-        mean, remainder, scatter, offset = population
-        about = CaseDistribution(mean, remainder, scatter, weight_apart, priors.apart_widening, offset)
+        mean, remainder, sd_repeat, offset = population
+        about = CaseDistribution(mean, remainder, sd_repeat, weight_apart, priors.apart_widening, offset)
         quadratic = estimates.of_log_values(of.mean_J, of.sd_J)
         weight = jnp.zeros(()) if of.discordant_weight is None else of.discordant_weight
         repeats = CollapsedRepeats(about, quadratic, weight, priors.discordant_widening, factors.of_record, members)

@@ -42,7 +42,7 @@ class Hyperparameters(NamedTuple):
 
     Attributes
     ----------
-    log_case, log_scatter:
+    log_case, log_sd_repeat:
         Shape (draws, records, 2): logarithms of k (kN/mm) and beta (mm) of each record's case, with what its specimen,
         day and covariates add; and of the scatter.
     mean_J:
@@ -58,7 +58,7 @@ class Hyperparameters(NamedTuple):
     """
 
     log_case: Float[Array, "*draws records 2"]
-    log_scatter: Float[Array, "*draws records 2"]
+    log_sd_repeat: Float[Array, "*draws records 2"]
     mean_J: Float[Array, "*draws records"]
     sd_J: Float[Array, "*draws"]
     log_sigma: Float[Array, "*draws"]
@@ -81,7 +81,7 @@ def hyperparameters(posterior: xr.Dataset, factors: Factors) -> Hyperparameters:
         Of these records; the posterior was fitted with the same cases and levels.
     """
     records = factors.of_record
-    by_case, scatter = [], []
+    by_case, sd_repeat = [], []
     for parameter in ("k", "beta"):
         by_case.append(np.log(flat(posterior[f"{parameter}_case"]))[:, records])
         if factors.levels.names:
@@ -89,9 +89,9 @@ def hyperparameters(posterior: xr.Dataset, factors: Factors) -> Hyperparameters:
             by_case[-1] = by_case[-1] + factors.levels.offset(effects.__getitem__)
         name = f"sd_log_{parameter}_repeat"
         if f"{name}_by_speed" in posterior:
-            scatter.append(flat(posterior[f"{name}_by_speed"])[:, factors.speed.of_case[records]])
+            sd_repeat.append(flat(posterior[f"{name}_by_speed"])[:, factors.speed.of_case[records]])
         else:
-            scatter.append(np.broadcast_to(flat(posterior[name])[:, None], by_case[-1].shape))
+            sd_repeat.append(np.broadcast_to(flat(posterior[name])[:, None], by_case[-1].shape))
     # A posterior of version 0.1 has J about zero.
     mean_J = np.zeros(by_case[0].shape)
     if "J_group" in posterior:
@@ -99,7 +99,7 @@ def hyperparameters(posterior: xr.Dataset, factors: Factors) -> Hyperparameters:
     names = ("discordant_weight", "student_nu", "atanh_rho_typical", "sd_atanh_rho", "noise_nu")
     return Hyperparameters(
         jnp.asarray(np.stack(by_case, axis=2)),
-        jnp.asarray(np.log(np.stack(scatter, axis=2))),
+        jnp.asarray(np.log(np.stack(sd_repeat, axis=2))),
         jnp.asarray(mean_J),
         jnp.asarray(flat(posterior["sd_J"])),
         jnp.asarray(np.log(flat(posterior["sigma_typical"]))),
@@ -182,12 +182,12 @@ def record_density(
 
     def given(population: Hyperparameters) -> RecordDensity:
         def integral(log_widening: float) -> tuple[Array, Array]:
-            wide = population._replace(log_scatter=population.log_scatter + log_widening)
-            placed = _log_values(z[:, :2], estimates, wide)
+            wide = population._replace(log_sd_repeat=population.log_sd_repeat + log_widening)
+            reparameterised = _log_values(z[:, :2], estimates, wide)
             log_sigma, atanh_rho, narrow = noise_about(z[:, 2:], estimates, population)
-            forces = forces_at(likelihood, data, population, placed.value, log_sigma, atanh_rho, z[:, 3:])
-            prior = log_prior_of_noise(log_sigma, atanh_rho, population) + _about_case(placed.value, wide)
-            weight = forces + prior + placed.log_volume + narrow - log_z[:, None]
+            forces = forces_at(likelihood, data, population, reparameterised.value, log_sigma, atanh_rho, z[:, 3:])
+            prior = log_prior_of_noise(log_sigma, atanh_rho, population) + _about_case(reparameterised.value, wide)
+            weight = forces + prior + reparameterised.log_volume + narrow - log_z[:, None]
             total = logsumexp(weight, axis=0)
             return total - jnp.log(len(z)), jnp.exp(2.0 * total - logsumexp(2.0 * weight, axis=0))
 
@@ -234,11 +234,11 @@ def _log_values(z: Float[Array, "points 2"], estimates: RecordEstimates, of: Hyp
     """Return (log k, log beta) about each record's posterior given hyperparameters; leading axis points."""
     quadratic = estimates.of_log_values(of.mean_J, of.sd_J)
     slope = quadratic.slope_at(of.log_case)
-    scatter = jnp.exp(of.log_scatter) * (1.0 if of.student_nu is None else _STUDENT_WIDENING)
+    sd_repeat = jnp.exp(of.log_sd_repeat) * (1.0 if of.student_nu is None else _STUDENT_WIDENING)
 
     def at(z: Float[Array, "2"]) -> Reparameterised:
         return reparameterise_by_slope(
-            jnp.broadcast_to(z, slope.shape), slope, quadratic.precision, of.log_case, scatter
+            jnp.broadcast_to(z, slope.shape), slope, quadratic.precision, of.log_case, sd_repeat
         )
 
     return jax.vmap(at)(z)
@@ -251,7 +251,7 @@ def noise_about(
 
     shape = (len(z), len(estimates.points))
 
-    def placed(z: Array, value: Array, precision: Array, above: Array, scale: Array) -> Reparameterised:
+    def reparameterised(z: Array, value: Array, precision: Array, above: Array, scale: Array) -> Reparameterised:
         def at(z: Array, value: Array) -> Reparameterised:
             return reparameterise(jnp.broadcast_to(z, precision.shape), Gaussian(value, precision), above, scale)
 
@@ -261,11 +261,11 @@ def noise_about(
     if of.atanh_rho is not None:
         assert of.sd_atanh_rho is not None
         information = estimates.points * (1.0 - estimates.rho**2)
-        rho = placed(z[:, 1], jnp.arctanh(estimates.rho), information, of.atanh_rho, of.sd_atanh_rho)
+        rho = reparameterised(z[:, 1], jnp.arctanh(estimates.rho), information, of.atanh_rho, of.sd_atanh_rho)
         atanh_rho, volume = rho.value, rho.log_volume
         # As in the model: what is new in each point is known whatever rho is, and sigma follows rho.
         value = value + 0.5 * (jnp.log1p(-(estimates.rho**2)) - jnp.log1p(-(jnp.tanh(atanh_rho) ** 2)))
-    sigma = placed(z[:, 0], value, 2.0 * estimates.points, of.log_sigma, of.sd_log_sigma)
+    sigma = reparameterised(z[:, 0], value, 2.0 * estimates.points, of.log_sigma, of.sd_log_sigma)
     return sigma.value, atanh_rho, volume + sigma.log_volume
 
 
@@ -288,8 +288,8 @@ def log_prior_of_noise(
 def _about_case(log_values: Float[Array, "points records 2"], of: Hyperparameters) -> Float[Array, "points records"]:
     """Return the log density of (log k, log beta) about the case, of usual records or of a Student-t."""
     if of.student_nu is None:
-        return _log_normal(log_values, of.log_case, of.log_scatter).sum(axis=2)
+        return _log_normal(log_values, of.log_case, of.log_sd_repeat).sum(axis=2)
     nu = of.student_nu
-    squares = jnp.sum(((log_values - of.log_case) * jnp.exp(-of.log_scatter)) ** 2, axis=2)
-    volume = gammaln(0.5 * nu + 1.0) - gammaln(0.5 * nu) - jnp.log(nu * jnp.pi) - of.log_scatter.sum(axis=1)
+    squares = jnp.sum(((log_values - of.log_case) * jnp.exp(-of.log_sd_repeat)) ** 2, axis=2)
+    volume = gammaln(0.5 * nu + 1.0) - gammaln(0.5 * nu) - jnp.log(nu * jnp.pi) - of.log_sd_repeat.sum(axis=1)
     return volume - (0.5 * nu + 1.0) * jnp.log1p(squares / nu)

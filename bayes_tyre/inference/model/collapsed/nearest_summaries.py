@@ -70,14 +70,14 @@ def summarise_records(
     """
     records, cases = approximation
     speed = factors.speed.of_case[factors.of_record]
-    scatter = jnp.where(cases.discordant[:, None], widening, 1.0) * jnp.exp(cases.log_scatter.value).T[speed]
+    sd_repeat = jnp.where(cases.discordant[:, None], widening, 1.0) * jnp.exp(cases.log_sd_repeat.value).T[speed]
     of_noise = [(records.log_sigma, 2.0 * records.points)]
     if noise == "ar1":
         of_noise.append((jnp.arctanh(records.rho), records.points * (1.0 - records.rho**2)))
     centre, precision = (jnp.stack(each, axis=1) for each in zip(*of_noise, strict=True))
     noises = QuadraticApproximation(centre, jnp.zeros_like(centre), precision[..., None] * jnp.eye(centre.shape[1]))
     case = cases.middle.T[factors.of_record]
-    return _summarise(data, likelihood, records, noises, case, scatter, records.typical_J(factors))
+    return _summarise(data, likelihood, records, noises, case, sd_repeat, records.typical_J(factors))
 
 
 @eqx.filter_jit
@@ -87,17 +87,17 @@ def _summarise(
     records: RecordEstimates,
     noises: QuadraticApproximation,
     case: Float[Array, "records 2"],
-    scatter: Float[Array, "records 2"],
+    sd_repeat: Float[Array, "records 2"],
     of_J: _OfJ,
 ) -> RecordSummaries:
     variance = jnp.var(noises.centre, axis=0)
     own = jnp.mean(1.0 / jnp.diagonal(noises.precision, axis1=1, axis2=2), axis=0)
     typical = jnp.broadcast_to(jnp.mean(noises.centre, axis=0), noises.centre.shape)
     spread = jnp.sqrt(jnp.maximum(variance - own, _LEAST_NOISE_SHARE * variance)) + jnp.zeros_like(typical)
-    moments = _moments(records.of_log_values(*of_J), case, scatter), _moments(noises, typical, spread)
+    moments = _moments(records.of_log_values(*of_J), case, sd_repeat), _moments(noises, typical, spread)
     for _ in range(_ROUNDS - 1):
         values, noise, _ = _nearest(data, likelihood, of_J, *moments)
-        moments = _moments(values.given(values.noise)[0], case, scatter), _moments(noise.quadratic, typical, spread)
+        moments = _moments(values.given(values.noise)[0], case, sd_repeat), _moments(noise.quadratic, typical, spread)
     return _nearest(data, likelihood, of_J, *moments)
 
 

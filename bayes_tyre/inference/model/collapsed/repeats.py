@@ -96,7 +96,7 @@ class CollapsedRepeats(NamedTuple):
     estimates:
         Log likelihood of the logarithms of each record's values; shape (records, parameters).
     weight, widening:
-        Probability that a repeat is discordant, and how many times `about.scatter` it then scatters.
+        Probability that a repeat is discordant, and how many times `about.sd_repeat` it then scatters.
     of_record, members:
         The case of each record, and the records of each case.
 
@@ -116,9 +116,9 @@ class CollapsedRepeats(NamedTuple):
         off = self.about.mean[:, None] - centre
         slope_off = jnp.sum(precision * off, axis=1)
         # Of each repeat if it is usual, and if it is discordant; axes: parameters, repeats, cases.
-        scatter = jnp.broadcast_to(self.about.scatter[:, None], slope.shape)
+        sd_repeat = jnp.broadcast_to(self.about.sd_repeat[:, None], slope.shape)
         usual, discordant = (
-            NormalPosterior(slope - slope_off, precision, widening * scatter) for widening in (1.0, self.widening)
+            NormalPosterior(slope - slope_off, precision, widening * sd_repeat) for widening in (1.0, self.widening)
         )
 
         def total(of_usual: Array, of_discordant: Array) -> Array:
@@ -212,14 +212,14 @@ class CollapsedPosterior(NamedTuple):
         choice = picked(log_choice, of_choice)
         choices = jnp.asarray(repeats.members.choices)
         discordant = choices[choice[repeats.of_record] % len(choices), repeats.members.place]
-        scatter = jnp.where(discordant, repeats.widening, 1.0) * repeats.about.scatter[:, repeats.of_record]
+        sd_repeat = jnp.where(discordant, repeats.widening, 1.0) * repeats.about.sd_repeat[:, repeats.of_record]
         mean, precision = repeats.about.mean, jnp.moveaxis(repeats.estimates.precision, 0, -1)
 
         def side(sign: float) -> Array:
             cases = self.cases.draw(sign * of_cases[:, None, None]).reshape(len(mean), *log_choice.shape)
             drawn = jnp.take_along_axis(cases, choice[None, None], axis=1)[:, 0]
             above = (mean + drawn)[:, repeats.of_record] + repeats.about.offset.T
-            records = NormalPosterior(repeats.estimates.slope_at(above.T).T, precision, scatter)
+            records = NormalPosterior(repeats.estimates.slope_at(above.T).T, precision, sd_repeat)
             return jnp.moveaxis(above + jax.vmap(records.draw)(sign * of_records), 1, -1)
 
         return jnp.stack([side(1.0), side(-1.0)])

@@ -19,7 +19,7 @@ from bayes_tyre.inference.model.normal_posterior import QuadraticApproximation
 from bayes_tyre.inference.model.priors import Priors
 
 #: Scatter of repeats where no case has two of them; it counts with no weight.
-_UNKNOWN_SCATTER = 0.1
+_UNKNOWN_SD = 0.1
 #: Rounds of reweighted least squares, and the residual below which a case counts no more: far below any scatter.
 _ROUNDS, _LEAST_RESIDUAL = 30, 1e-4
 #: What is added to the diagonal of normal equations, of its mean: a design may leave terms open.
@@ -35,7 +35,7 @@ class CaseEstimates(NamedTuple):
     ----------
     middle, variance:
         Shape (parameters, cases): mean of the logarithms of those that look usual, and of the variance of one of them.
-    log_scatter:
+    log_sd_repeat:
         Estimates of the logarithm of the scatter of repeats, by speed; shape (parameters, speeds).
     discordant:
         Shape (records,): which records look discordant.
@@ -48,7 +48,7 @@ class CaseEstimates(NamedTuple):
 
     middle: Float[Array, "parameters cases"]
     variance: Float[Array, "parameters cases"]
-    log_scatter: Gaussian
+    log_sd_repeat: Gaussian
     discordant: Bool[Array, " records"]
     apart: Bool[Array, "parameters cases"]
     terms: Float[Array, "parameters most"]
@@ -68,21 +68,21 @@ def case_estimates(
     median = np.array([np.median(values[member], axis=0) for member in members])
     variance = np.array([np.mean(variances[member], axis=0) for member in members]).T
     both = zip(values.T, variance, strict=True)
-    scatter = [_log_scatter([own[member] for member in members], of_one, factors) for own, of_one in both]
-    log_scatter = Gaussian(*(jnp.asarray(np.stack(of_each)) for of_each in zip(*scatter, strict=True)))
-    typical = np.exp(log_scatter.value)[:, factors.speed.of_case[factors.of_record]].T
+    sd_repeat = [_log_sd_repeat([own[member] for member in members], of_one, factors) for own, of_one in both]
+    log_sd_repeat = Gaussian(*(jnp.asarray(np.stack(of_each)) for of_each in zip(*sd_repeat, strict=True)))
+    typical = np.exp(log_sd_repeat.value)[:, factors.speed.of_case[factors.of_record]].T
     discordant = _look_discordant(values - median[factors.of_record], variances, typical, priors)
     usual = [member & ~discordant if (member & ~discordant).any() else member for member in members]
     middle, variance = (np.array([np.mean(of[member], axis=0) for member in usual]).T for of in (values, variances))
     apart = np.zeros(middle.shape, dtype=bool)
     if weight := apart_weight(factors, parameters, priors):
-        of_one = np.exp(log_scatter.value)[:, factors.speed.of_case] ** 2 + variance
+        of_one = np.exp(log_sd_repeat.value)[:, factors.speed.of_case] ** 2 + variance
         of_mean = of_one / np.maximum(factors.repeats, 1)
         each = zip(parameters, middle, of_mean, strict=True)
         apart = np.stack([_look_apart(*one, factors, weight, priors.apart_widening) for one in each])
     looks = jnp.asarray(discordant), jnp.asarray(apart)
     terms = _terms(middle, [factors.design(parameter) for parameter in parameters])
-    return CaseEstimates(jnp.asarray(middle), jnp.asarray(variance), log_scatter, *looks, jnp.asarray(terms))
+    return CaseEstimates(jnp.asarray(middle), jnp.asarray(variance), log_sd_repeat, *looks, jnp.asarray(terms))
 
 
 def _terms(
@@ -105,12 +105,12 @@ def _least_squares(
 def _look_discordant(
     deviation: Float[np.ndarray, "records parameters"],
     variance: Float[np.ndarray, "records parameters"],
-    scatter: Float[np.ndarray, "records parameters"],
+    sd_repeat: Float[np.ndarray, "records parameters"],
     priors: Priors,
 ) -> Bool[np.ndarray, " records"]:
     """Return which records are likelier discordant than usual, by how far they lie from the median of their case."""
     usual, widened = (
-        stats.norm.logpdf(deviation, 0.0, np.sqrt((widening * scatter) ** 2 + variance)).sum(axis=1)
+        stats.norm.logpdf(deviation, 0.0, np.sqrt((widening * sd_repeat) ** 2 + variance)).sum(axis=1)
         for widening in (1.0, priors.discordant_widening)
     )
     weight = priors["discordant_weight"].scipy().mean()
@@ -150,7 +150,7 @@ def _least_absolute_residuals(
     return off
 
 
-def _log_scatter(
+def _log_sd_repeat(
     by_case: list[np.ndarray], variance: np.ndarray, factors: Factors
 ) -> tuple[Float[np.ndarray, " speeds"], Float[np.ndarray, " speeds"]]:
     """Return estimates and precisions of the scatter of repeats by speed.
@@ -162,7 +162,7 @@ def _log_scatter(
     for speed in range(len(factors.speed.labels)):
         cases = np.flatnonzero((factors.speed.of_case == speed) & (spare > 0))
         if not len(cases):
-            estimates.append(np.log(_UNKNOWN_SCATTER))
+            estimates.append(np.log(_UNKNOWN_SD))
             precisions.append(0.0)
             continue
         # The median of a chi-squared number is 0.7 of its mean with two degrees of freedom, near it with others.

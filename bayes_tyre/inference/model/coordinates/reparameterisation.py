@@ -1,7 +1,7 @@
 """Coordinates in which NUTS finds every record, case and noise level close to a standard normal.
 
 Where the data below a level are strong, sampling it centred is right; where they are weak, non-centred; in between,
-or where the scales decide, neither. Here each unknown is placed at its conditional mean and scaled by its conditional
+or where the scales decide, neither. Here each unknown is centred on its conditional mean and scaled by its conditional
 standard deviation, both under a Gaussian approximation of its data (the least-squares estimate and Fisher
 information) and given the scales above it, which are being sampled too: strong and weak are the two ends of one
 formula. The change of variables is exact, with its volume accounted for; the approximation shapes the coordinates
@@ -28,7 +28,7 @@ class Gaussian(NamedTuple):
 
 
 class Reparameterised(NamedTuple):
-    """Unknowns placed from standard coordinates.
+    """Unknowns as functions of standard coordinates.
 
     Attributes
     ----------

@@ -32,7 +32,9 @@ from bayes_tyre.inference.model.terms import Terms
 #: By site: its reparameterisation, given the values of the sites before it.
 Coordinates = Mapping[str, Callable[[Hyperparameters], Reparam]]
 #: Places the records' logarithms, given their coordinates and the mean and standard deviation of each about its case.
-Place = Callable[[Array, Float[Array, "records parameters"], Float[Array, "records parameters"]], Reparameterised]
+Reparameterisation = Callable[
+    [Array, Float[Array, "records parameters"], Float[Array, "records parameters"]], Reparameterised
+]
 
 
 class InCoordinates(handlers.reparam):
@@ -166,8 +168,8 @@ class RecordsReparam(Reparam):
 
     Parameters
     ----------
-    place:
-        Places the records.
+    reparameterisation:
+        Of the records' logarithms.
     estimates:
         Of the cases, which of them look as if they stood apart, and which records look discordant.
     variance:
@@ -178,23 +180,24 @@ class RecordsReparam(Reparam):
 
     def __init__(
         self,
-        place: Place,
+        reparameterisation: Reparameterisation,
         estimates: CaseEstimates,
         variance: Float[Array, "parameters cases"],
         rest: np.ndarray,
     ) -> None:
-        self.place, self.estimates, self.variance, self.rest = place, estimates, variance, rest
+        self.reparameterisation, self.estimates = reparameterisation, estimates
+        self.variance, self.rest = variance, rest
 
     @override
     def __call__(self, name: str, fn: Any, obs: Any) -> tuple[None, Array]:
         if isinstance(fn, RepeatsOfCases):
             return None, self._about_auxiliary_cases(name, fn)
-        records = self._placed(name, fn.centre, fn.sd)
+        records = self._reparameterised(name, fn.centre, fn.sd)
         numpyro.factor(f"{name}_density", fn.log_prob(records.value))
         return None, records.value
 
-    def _placed(self, name: str, case: Array, scatter: Array) -> Reparameterised:
-        records = self.place(sample_coordinates(f"{name}_z", case.shape), case, scatter)
+    def _reparameterised(self, name: str, case: Array, sd_repeat: Array) -> Reparameterised:
+        records = self.reparameterisation(sample_coordinates(f"{name}_z", case.shape), case, sd_repeat)
         numpyro.factor(f"{name}_volume", records.log_volume)
         return records
 
@@ -204,8 +207,8 @@ class RecordsReparam(Reparam):
         auxiliary = self._auxiliary_cases(name, fn)
         numpyro.deterministic(f"{name}_auxiliary", auxiliary)
         cases = about.mean.at[rest].set(auxiliary) if len(rest) else about.mean
-        scatter = jnp.where(discordant[:, None], fn.widening, 1.0) * about.scatter.T[fn.of_record]
-        records = self._placed(name, cases.T[fn.of_record] + about.offset, scatter).value
+        sd_repeat = jnp.where(discordant[:, None], fn.widening, 1.0) * about.sd_repeat.T[fn.of_record]
+        records = self._reparameterised(name, cases.T[fn.of_record] + about.offset, sd_repeat).value
         posterior = fn.given(records)
         numpyro.factor(f"{name}_density", posterior.log_density)
         if len(rest):

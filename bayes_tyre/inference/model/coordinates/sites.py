@@ -13,7 +13,7 @@ from numpyro import distributions as dist  # not `import numpyro.distributions`:
 from numpyro.distributions import biject_to
 from numpyro.infer.reparam import Reparam
 
-from bayes_tyre.inference.model.case_effects import OFFSET, case_remainder, scatter_of_cases, with_remainder
+from bayes_tyre.inference.model.case_effects import OFFSET, case_remainder, sd_of_repeats, with_remainder
 from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, RecordEstimates
 from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates, find_kinds
 from bayes_tyre.inference.model.coordinates.noise import noise_coordinates, student_coordinates
@@ -24,8 +24,8 @@ from bayes_tyre.inference.model.coordinates.reparams import (
     DrawnReparam,
     InCoordinates,
     NormalReparam,
-    Place,
     RecordsReparam,
+    Reparameterisation,
     TermsReparam,
     softplus,
 )
@@ -38,12 +38,12 @@ from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.record_levels import COVARIATE, RecordLevels
 from bayes_tyre.inference.model.terms import find_terms
 
-#: Most terms of a linear predictor that are placed together: with the cube of their number, time goes into little else.
+#: Most terms of a linear predictor that are reparameterised together: time goes with the cube of their number.
 MOST_TOGETHER = 64
 #: Repeats that a case without any counts as in its coordinates: an estimate without weight.
 _ALMOST_NONE = 1e-6
 #: Scatter of printed means where they fit exactly.
-_LEAST_SCATTER = 0.01
+_LEAST_SD = 0.01
 
 
 def records_in_coordinates(approximation: LaplaceApproximation, **arguments: Any) -> None:
@@ -94,7 +94,7 @@ def record_starts(arguments: Mapping[str, Any], estimates: RecordEstimates | Non
 def case_coordinates(
     factors: Factors,
     estimates: CaseEstimates,
-    placed_by: Callable[[Hyperparameters], Place],
+    reparameterisation_of: Callable[[Hyperparameters], Reparameterisation],
     parameters: Sequence[str] = PARAMETERS,
     priors: Priors = PRIORS,
 ) -> Coordinates:
@@ -104,8 +104,8 @@ def case_coordinates(
     ----------
     factors, estimates:
         Cases, and their estimates from the records.
-    placed_by:
-        Gives what places the records' logarithms.
+    reparameterisation_of:
+        Gives the reparameterisation of the records' logarithms.
     parameters, priors:
         As the model has them.
     """
@@ -113,7 +113,7 @@ def case_coordinates(
     repeats = jnp.asarray(np.maximum(factors.repeats, _ALMOST_NONE))
 
     def variance(values: Hyperparameters) -> Float[Array, "parameters cases"]:
-        return (scatter_of_cases(factors, values, parameters) ** 2 + estimates.variance) / repeats
+        return (sd_of_repeats(factors, values, parameters) ** 2 + estimates.variance) / repeats
 
     def middle(values: Hyperparameters) -> Float[Array, "parameters cases"]:
         if OFFSET not in values:
@@ -131,14 +131,14 @@ def case_coordinates(
         return TermsReparam(terms, kinds.estimate(middle(values), of_cases))
 
     return {
-        "log_sd_repeat_by_speed": lambda _: NormalReparam(estimates.log_scatter),
+        "log_sd_repeat_by_speed": lambda _: NormalReparam(estimates.log_sd_repeat),
         "terms": of_terms,
         "log_cases": lambda values: CasesReparam(
             Gaussian(*(of[rest].reshape(-1, 1) for of in (middle(values), 1.0 / variance(values)))),
             wider[rest].reshape(-1, 1),
         ),
         "log_records": lambda values: RecordsReparam(
-            placed_by(values), estimates._replace(middle=middle(values)), variance(values), rest
+            reparameterisation_of(values), estimates._replace(middle=middle(values)), variance(values), rest
         ),
         "choice_z": lambda _: DrawnReparam(),
         "kind_z": lambda _: DrawnReparam(),
@@ -158,13 +158,13 @@ def record_coordinates(approximation: LaplaceApproximation, factors: Factors, pr
         )
         return NormalReparam(Gaussian(sums / total, total))
 
-    def placed_by(values: Hyperparameters) -> Place:
+    def reparameterisation_of(values: Hyperparameters) -> Reparameterisation:
         quadratic = estimates.of_log_values(values["J_group"][group], values["sd_J"])
 
-        def place(z: Array, case: Array, scatter: Array) -> Reparameterised:
-            return reparameterise_by_slope(z, quadratic.slope_at(case), quadratic.precision, case, scatter)
+        def reparameterised(z: Array, case: Array, sd_repeat: Array) -> Reparameterised:
+            return reparameterise_by_slope(z, quadratic.slope_at(case), quadratic.precision, case, sd_repeat)
 
-        return place
+        return reparameterised
 
     def atanh_rho(_: Hyperparameters) -> Gaussian:
         return Gaussian(jnp.arctanh(estimates.rho), estimates.points * (1.0 - estimates.rho**2))
@@ -179,12 +179,12 @@ def record_coordinates(approximation: LaplaceApproximation, factors: Factors, pr
     def of_records(values: Hyperparameters) -> Gaussian:
         """Return what the records' estimates have beside their case's; of discordant ones next to nothing."""
         off = estimates.centre[:, 2:] - approximation.cases.middle.T[factors.of_record]
-        variance = (scatter_of_cases(factors, values) ** 2 + approximation.cases.variance).T[factors.of_record]
+        variance = (sd_of_repeats(factors, values) ** 2 + approximation.cases.variance).T[factors.of_record]
         weight = jnp.where(approximation.cases.discordant[:, None], _ALMOST_NONE, 1.0)
         return Gaussian(off, weight / variance)
 
     return {
-        **case_coordinates(factors, approximation.cases, placed_by, priors=priors),
+        **case_coordinates(factors, approximation.cases, reparameterisation_of, priors=priors),
         **_level_coordinates(factors.levels, of_records),
         "J_group": of_mean_J,
         "offsets_z": lambda _: DrawnReparam(),
@@ -219,14 +219,14 @@ def published_coordinates(
 
     def of_terms(hyperparameters: Hyperparameters) -> Reparam:
         return TermsReparam(
-            terms, kinds.estimate(printed, scatter_of_cases(factors, hyperparameters, of="published") ** 2)
+            terms, kinds.estimate(printed, sd_of_repeats(factors, hyperparameters, of="published") ** 2)
         )
 
-    scatter = _log_scatter_of_residuals(printed, terms.design, factors)
-    return {"log_sd_published_by_speed": lambda _: NormalReparam(scatter), "terms": of_terms}
+    sd_repeat = _log_sd_of_residuals(printed, terms.design, factors)
+    return {"log_sd_published_by_speed": lambda _: NormalReparam(sd_repeat), "terms": of_terms}
 
 
-def _log_scatter_of_residuals(
+def _log_sd_of_residuals(
     printed: Float[Array, "parameters cases"], design: Float[np.ndarray, "parameters cases most"], factors: Factors
 ) -> Gaussian:
     """Return estimates by speed of the logarithm of what least squares leave, of as many means as are spare."""
@@ -234,6 +234,6 @@ def _log_scatter_of_residuals(
     rest = jnp.stack([y - x @ (np.linalg.pinv(x, rtol=cut) @ y) for y, x in zip(printed, design, strict=True)])
     at_speed = factors.speed.of_case[:, None] == np.arange(len(factors.speed.labels))
     spare = np.array([1.0 - np.linalg.matrix_rank(x) / len(x) for x in design])[:, None] * at_speed.sum(axis=0)
-    variance = (rest**2 @ at_speed + _LEAST_SCATTER**2) / np.maximum(spare, _ALMOST_NONE)
-    estimate = jnp.where(spare > _ALMOST_NONE, 0.5 * jnp.log(variance), np.log(_LEAST_SCATTER))
+    variance = (rest**2 @ at_speed + _LEAST_SD**2) / np.maximum(spare, _ALMOST_NONE)
+    estimate = jnp.where(spare > _ALMOST_NONE, 0.5 * jnp.log(variance), np.log(_LEAST_SD))
     return Gaussian(estimate, jnp.asarray(2.0 * spare))

@@ -68,11 +68,11 @@ def between_steps(
     path, errors = at_rest(batch, np.where(noisy, sd_mm, 0.0))
     for record in np.flatnonzero((step_mm > 0) & ~noisy):
         own = record, batch.present[record]
-        found = _between_changes(batch.displacement_mm[own], step_mm[record])
-        path[own] = found.path_mm
+        between = _between_changes(batch.displacement_mm[own], step_mm[record])
+        path[own] = between.path_mm
         # As n readings of a step share their errors, each counts as a reading with 1 / sqrt(n) of its error.
-        errors.sd_mm[own] = sd_mm[record] / np.sqrt(found.repeated)
-        errors.start_mm[own] = sd_mm[record] * found.share_of_start
+        errors.sd_mm[own] = sd_mm[record] / np.sqrt(between.repeated)
+        errors.start_mm[own] = sd_mm[record] * between.share_of_start
     return path, errors._replace(shared=bool(np.any((step_mm > 0) & ~noisy)))
 
 

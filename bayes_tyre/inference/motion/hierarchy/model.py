@@ -1,4 +1,4 @@
-"""The NumPyro model of records that are motions: their estimates, repeats in a case, cases by what their words say."""
+"""The NumPyro model of records that are motions: their estimates, repeats in a case, cases by their factors."""
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -50,7 +50,7 @@ class Motions:
     Attributes
     ----------
     factor_table:
-        A row a record: `record` and the words.
+        A row a record: `record` and the factors.
     rows, target:
         Shape (records, p, p) and (records, p): the likelihood of a record's logarithms is
         exp(-|rows @ logarithms - target|^2 / 2); `bayes_tyre.inference.motion.record.likelihood`.
@@ -114,13 +114,13 @@ def motions_model(
 def motions_in_coordinates(cases: CaseEstimates, **arguments: Any) -> None:
     """Run `motions_model`, with these arguments, in coordinates that follow the records' estimates."""
 
-    def place(z: Array, case: Array, scatter: Array) -> Reparameterised:
+    def reparameterised(z: Array, case: Array, sd_repeat: Array) -> Reparameterised:
         # Whitened by its rows an estimate is of independent numbers, each a mixture of the logarithms: coordinates
         # follow the scatter of repeats where a record says little, and the record where it says much.
-        return reparameterise_whitened(z, arguments["rows"], arguments["target"], case, scatter)
+        return reparameterise_whitened(z, arguments["rows"], arguments["target"], case, sd_repeat)
 
     factors, law, priors = (arguments[name] for name in ("factors", "law", "priors"))
-    coordinates = case_coordinates(factors, cases, lambda _: place, law.parameters, priors)
+    coordinates = case_coordinates(factors, cases, lambda _: reparameterised, law.parameters, priors)
     InCoordinates(motions_model, coordinates)(**arguments)
 
 
@@ -165,7 +165,7 @@ def fit_motions(
     repeats:
         How repeats scatter about their case.
     factors:
-        Of the words; None: as they are found, only with cases that have records.
+        Of the factors; None: those of the records, only with cases that have records.
 
     Returns
     -------

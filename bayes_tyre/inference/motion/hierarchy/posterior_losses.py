@@ -113,7 +113,7 @@ def _of_draws(
     def of_one(one: Float[Array, " p"]) -> dict[str, Float[Array, ""]]:
         # C, which moves the middle by tenths of a mm and causes no loss, is 0.
         cycle = rig, law, one, displacement_mm, amplitude_mm
-        found = losses_from_reported(*cycle)._asdict()
-        return found | (stiffnesses_from_reported(*cycle)._asdict() if with_stiffness else {})
+        energies = losses_from_reported(*cycle)._asdict()
+        return energies | (stiffnesses_from_reported(*cycle)._asdict() if with_stiffness else {})
 
     return jax.vmap(of_one)(jnp.asarray(values))

@@ -43,8 +43,8 @@ class NotebookFigure:
         return layout.save(self.figure, Path(path))
 
 
-def small_png(picture: Image.Image, colours: int) -> bytes:
+def small_png(image: Image.Image, colours: int) -> bytes:
     """Return a picture as a small PNG, the same bytes each time."""
     small = BytesIO()
-    picture.quantize(colours).save(small, format="png", optimize=True)
+    image.quantize(colours).save(small, format="png", optimize=True)
     return small.getvalue()

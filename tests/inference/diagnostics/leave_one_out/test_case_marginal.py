@@ -62,7 +62,7 @@ def test_the_linear_predictor_and_the_scales_are_the_posteriors(records):
     np.testing.assert_allclose(population.mean[0, 0], np.log(group) + load, rtol=1e-12)
     np.testing.assert_allclose(population.mean[1, 1], np.log(0.05) - 2 * np.array(load), rtol=1e-12)
     np.testing.assert_allclose(population.remainder[:, :, 0], [REMAINDER, REMAINDER])
-    np.testing.assert_allclose(population.scatter[1, 1], 1.5 * SCATTER[1])
+    np.testing.assert_allclose(population.sd_repeat[1, 1], 1.5 * SCATTER[1])
     assert not np.asarray(population.offset).any()
 
 

@@ -113,13 +113,13 @@ def test_the_density_is_that_of_a_mixture_of_normals(discordant, remainder, apar
 def test_gradients_are_those_of_finite_differences(discordant, remainder):
     """In all that a case's density depends on."""
     repeats, step = made(4, discordant, remainder), 1e-6
-    values = {name: getattr(repeats.about, name) for name in ("mean", "remainder", "scatter")}
+    values = {name: getattr(repeats.about, name) for name in ("mean", "remainder", "sd_repeat")}
     values |= {name: getattr(repeats.estimates, name) for name in ("slope", "precision")}
     if discordant:
         values["weight"] = repeats.weight
 
     def density(values: dict[str, jax.Array]) -> jax.Array:
-        about = repeats.about._replace(**{name: values[name] for name in ("mean", "remainder", "scatter")})
+        about = repeats.about._replace(**{name: values[name] for name in ("mean", "remainder", "sd_repeat")})
         estimates = repeats.estimates._replace(slope=values["slope"], precision=values["precision"])
         weight = values.get("weight", repeats.weight)
         return repeats._replace(about=about, estimates=estimates, weight=weight).given().log_density.sum()

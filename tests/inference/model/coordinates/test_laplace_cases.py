@@ -32,7 +32,7 @@ def test_an_odd_record_is_seen_and_moves_no_case():
     np.testing.assert_allclose(found.middle[:, 1], values[[3, 5]].mean(axis=0))
     # Of usual records 0.3 % look odd (simulated, 200,000 of them): more than 5 of 119 in 2e-6 of seeds.
     assert found.discordant.sum() <= 6
-    np.testing.assert_allclose(np.exp(found.log_scatter.value), SCATTER, rtol=0.4)
+    np.testing.assert_allclose(np.exp(found.log_sd_repeat.value), SCATTER, rtol=0.4)
 
 
 def test_records_that_say_little_are_not_called_odd():
