@@ -1,7 +1,7 @@
 """Errors and coverage of the motion fit on simulated records, with and without a mismatch between model and truth."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from itertools import product, zip_longest
 from typing import NamedTuple
 
@@ -16,6 +16,7 @@ from bayes_tyre.inference.motion.record.law_average import estimate_by
 from bayes_tyre.inference.motion.record.model.window import Recorded
 from bayes_tyre.record import RECORD_UNITS, parameter_column
 from bayes_tyre.rig.axle import load_rig
+from bayes_tyre.runtime import prepare_jax
 from bayes_tyre.signals.factors import RecordFactors
 from bayes_tyre.signals.process import prepare
 from bayes_tyre.simulate.draw import draw_truth, stream
@@ -28,6 +29,8 @@ from bayes_tyre.studies.uniformity import share_interval
 STATIONARY, ROLLING = "stationary", "rolling"
 ORIGIN = "simulated"
 CHANNELS = ("acceleration", "laser", "load")
+#: Mismatches by name; the first of all records is none.
+MISMATCHED = tuple(MISMATCHES)[1:]
 _NORMAL_95 = float(stats.norm.ppf(0.975))
 # Duration and start of the step of a record, s: enough rest before it to estimate turns and levels, enough after it for
 # the vibration to decay.
@@ -60,7 +63,12 @@ class StudyRecord(NamedTuple):
 
 
 def study_records(
-    stationary: int, rolling: int, seed: int, mismatched: int = 0, standing_only: bool = False
+    stationary: int,
+    rolling: int,
+    seed: int,
+    mismatched: int = 0,
+    standing_only: bool = False,
+    mismatches: Sequence[str] = MISMATCHED,
 ) -> list[StudyRecord]:
     """Return the records of a study: cases in random order, balanced over axles, directions and speeds.
 
@@ -74,15 +82,15 @@ def study_records(
         Number of records of each kind with each mismatch that it can have; the first cases of its kind.
     standing_only:
         Whether mismatches are those of stationary records alone.
+    mismatches:
+        Which mismatches, names in `MISMATCHED`.
     """
     records = []
     for kind, count in ((STATIONARY, stationary), (ROLLING, rolling)):
         plans = _cases(kind, max(count, mismatched), seed)
         records += [StudyRecord("none", kind, i, plan) for i, plan in enumerate(plans[:count])]
-        for name, mismatch in list(MISMATCHES.items())[1:]:
-            if standing_only and kind == ROLLING:
-                continue
-            if kind == ROLLING or not mismatch.rolling_only:
+        for name in () if standing_only and kind == ROLLING else mismatches:
+            if kind == ROLLING or not MISMATCHES[name].rolling_only:
                 records += [StudyRecord(name, kind, i, plan) for i, plan in enumerate(plans[:mismatched])]
     return records
 
@@ -100,31 +108,29 @@ def _cases(kind: str, count: int, seed: int) -> list[Planned]:
     return [plan._replace(duration_s=duration_s, step_between_s=between) for plan in in_turn[:count]]
 
 
-def study_motion(
-    records: list[StudyRecord],
-    seed: int = 0,
-    on_progress: Callable[[int], None] = lambda _: None,
-    law: str = FANCHER.name,
-) -> MotionStudy:
-    """Return errors and coverage of the motion fit on records, one after the other.
+class MotionFit(NamedTuple):
+    """How the records of a study are simulated and fitted.
 
-    Parameters
+    Attributes
     ----------
-    records:
-        As `study_records` returns.
     seed:
         Of axles, tyres and noise, which differ between records.
-    on_progress:
-        Called with 1 after each record.
     law:
         Of the fit: `fancher`, one that extends it, or `auto`.
     """
-    rows = []
-    for record in records:
-        rows += _rows(record, seed, motion_law(law))
-        on_progress(1)
-    table = pd.DataFrame(rows)
-    return MotionStudy(summarise(table), table)
+
+    seed: int
+    law: str = FANCHER.name
+
+    def rows(self, record: StudyRecord) -> pd.DataFrame:
+        """Return the rows of one record of `MotionStudy.records`, simulated and fitted; in any process."""
+        prepare_jax()
+        return pd.DataFrame(_rows(record, self.seed, motion_law(self.law)))
+
+    def decides(self, record: StudyRecord) -> dict[str, object]:
+        """Return what determines the rows of a record beside the package's version, ready for JSON."""
+        plan = record.plan._replace(case=record.plan.case._asdict())._asdict()
+        return {**self._asdict(), **record._asdict(), "plan": plan}
 
 
 def _rows(record: StudyRecord, seed: int, law: MotionLaw) -> list[dict[str, object]]:

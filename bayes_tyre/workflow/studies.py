@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -36,11 +36,11 @@ from bayes_tyre.studies.design import POINTS, WEAK_POINTS, calibration_design
 from bayes_tyre.studies.design_fit import DesignFit
 from bayes_tyre.studies.estimates_fit import MotionsFit, PublishedFit
 from bayes_tyre.studies.law_ranking import Ranked, rank_laws
-from bayes_tyre.studies.motion_study import MotionStudy, StudyRecord, study_motion
+from bayes_tyre.studies.motion_study import MotionFit, MotionStudy, StudyRecord, summarise
 from bayes_tyre.studies.outliers import Outliers, study_outliers
 from bayes_tyre.studies.truths import study_priors
 from bayes_tyre.studies.uniformity import TOGETHER, band, pit
-from bayes_tyre.workflow.execution.outcome import Done
+from bayes_tyre.workflow.execution.batch import Machines, cached_tables
 from bayes_tyre.workflow.execution.task_cache import TaskCache
 from bayes_tyre.workflow.fit import sampler_options
 
@@ -139,14 +139,22 @@ def write_outliers(out: Path, campaigns: int, seed: int, on_progress: Callable[[
 def write_motion_study(
     out: Path,
     records: list[StudyRecord],
-    seed: int,
+    fit: MotionFit,
     on_progress: Callable[[int], None],
-    law: str,
-    counts: dict[str, int],
+    machines: Machines,
+    options: dict[str, object],
 ) -> MotionStudy:
-    """Write `motion_study.csv` and `motion_records.csv` of records fitted by a law; `run.json` has their `counts`."""
-    with study_run("study motion", out, seed, law=law, **counts):
-        result = study_motion(records, seed, on_progress, law)
+    """Write `motion_study.csv` and `motion_records.csv` of fitted records; `run.json` has `options`.
+
+    Each record is cached as it is done; to resume, those in the cache are not fitted again.
+    """
+    with study_run("study motion", out, fit.seed, law=fit.law, **options):
+        cache = TaskCache(out / "motion_study.csv")
+        cache.prepare(machines.resume, ())
+        tasks = {_fingerprint(fit.decides(record)): record for record in records}
+        parts = cached_tables(fit.rows, tasks, cache, on_progress, machines.workers)
+        table = pd.concat([pd.read_parquet(part) for part in parts], ignore_index=True)
+        result = MotionStudy(summarise(table), table)
         write_table(result.records, out / "motion_records.csv")
         write_table(result.table, out / "motion_study.csv")
     return result
@@ -178,13 +186,12 @@ def write_coverage(
     with study_run("study coverage", out, seed, kinds=list(kinds), sets=sets, **sampler_options(fit.sampler)):
         cache = TaskCache(out / "coverage.csv")
         cache.prepare(resume, ())
-        parts: dict[str, list[Path]] = {name: [] for name in kinds}
-        for number in range(sets):  # of all kinds in turn: of an interrupted study each kind has as many
-            for name in kinds:
-                parts[name].append(_cached_estimate(fit, cache, name, seed, number))
-                on_progress(1)
+        # Of all kinds in turn: of an interrupted study each kind has as many.
+        chosen = [(name, seed, number) for number in range(sets) for name in kinds]
+        tasks = {_fingerprint(fit.decides(*one)): one for one in chosen}
+        parts = cached_tables(lambda one: fit.estimate(*one), tasks, cache, on_progress)
         estimates = pd.concat(
-            [pd.read_parquet(part) for of_kind in parts.values() for part in of_kind], ignore_index=True
+            [pd.read_parquet(part) for i in range(len(kinds)) for part in parts[i :: len(kinds)]], ignore_index=True
         )
         table = coverage(estimates)
         write_table(estimates, out / "coverage_estimates.csv")
@@ -194,12 +201,10 @@ def write_coverage(
     return table
 
 
-def _cached_estimate(fit: CoverageFit, cache: TaskCache, name: str, seed: int, number: int) -> Path:
-    decides = {"version": version("bayes-tyre"), **fit.decides(name, seed, number)}
-    key = hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()
-    part = cache.find(key, None) or cache.keep(key, Done(fit.estimate(name, seed, number)), None)
-    assert isinstance(part, Path)
-    return part
+def _fingerprint(decides: Mapping[str, object]) -> str:
+    """Return the SHA-256 of what determines the table of a simulated data set, and of the package's version."""
+    text = json.dumps({"version": version("bayes-tyre"), **decides}, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _curves(result: Calibration, drawn_from: str) -> RankCurves:

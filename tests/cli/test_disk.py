@@ -34,7 +34,7 @@ from helpers.command_line import (
 from helpers.coverage_studies import estimated
 from helpers.law_rankings import ranked
 from helpers.left_out import made_up
-from helpers.motion_studies import studied
+from helpers.motion_studies import motion_rows
 from helpers.permissions import permissions
 from helpers.quick_fits import once, put_draws_for_the_sampler, write_result
 from helpers.quick_motions import put_draws_for_the_motions
@@ -46,6 +46,7 @@ from bayes_tyre.report.figures import catalogue
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import PLANS
 from bayes_tyre.studies.coverage import CoverageFit
+from bayes_tyre.studies.motion_study import MotionFit
 from bayes_tyre.workflow import fit, least_squares, load_deflection, loops, modes, published, studies
 from bayes_tyre.workflow.from_results import compare
 from bayes_tyre.workflow.raw import motion as raw_motion
@@ -125,7 +126,7 @@ def quick(monkeypatch) -> None:
     every_figure, every_audit_figure = catalogue.drawings, audit_figures.draw
     monkeypatch.setattr(catalogue, "drawings", lambda *of: islice(every_figure(*of), 2))
     monkeypatch.setattr(studies, "study_audit", lambda *_: audited(blind, replicates=1))
-    monkeypatch.setattr(studies, "study_motion", lambda records, *_: studied(records))
+    monkeypatch.setattr(MotionFit, "rows", lambda _, record: motion_rows([record]))
     monkeypatch.setattr(CoverageFit, "estimate", estimated)
     monkeypatch.setattr(studies, "rank_laws", lambda true_laws, **_: ranked(true_laws))
     monkeypatch.setattr(audit_figures, "draw", lambda *of: islice(every_audit_figure(*of), 1))

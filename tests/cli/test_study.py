@@ -18,7 +18,7 @@ from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.studies import motion_study
 from bayes_tyre.studies.calibration import Calibration
 from bayes_tyre.studies.coverage import CoverageFit
-from bayes_tyre.studies.motion_study import STATIONARY, MotionStudy, StudyRecord, study_records, summarise
+from bayes_tyre.studies.motion_study import STATIONARY, MotionFit, StudyRecord, study_records
 from bayes_tyre.studies.outlier_calibration import outlier_calibration
 from bayes_tyre.studies.outliers import KINDS, POSTERIOR, SHARES, Outliers, compare
 from bayes_tyre.studies.repeat_means import RULES
@@ -160,19 +160,31 @@ def test_outliers_are_written_and_said_in_words(tmp_path, monkeypatch):
 
 
 def test_motions_are_written_and_said_in_words(tmp_path, monkeypatch):
-    def made_up(records, seed, _, law):
-        assert (len(records), seed, law) == (2 + 3, 5, "auto")
-        table = motion_rows(records)
-        return MotionStudy(summarise(table), table)
+    fitted = []
 
-    monkeypatch.setattr(workflow, "study_motion", made_up)
-    options = ["--stationary", 2, "--rolling", 3, "--seed", 5, "--law", "auto"]
+    def made_up(fit: MotionFit, record: StudyRecord) -> pd.DataFrame:
+        assert fit == (5, "auto")
+        fitted.append(record)
+        return motion_rows([record])
+
+    monkeypatch.setattr(MotionFit, "rows", made_up)
+    options = ["--stationary", 2, "--rolling", 3, "--seed", 5, "--law", "auto", "--workers", 1]
     done = here("study", "motion", "--out", tmp_path / "made", *options)
     assert done.exit_code == 0, done.stderr
-    assert set(tree_of(tmp_path / "made")) == {"motion_study.csv", "motion_records.csv", "run.json"}
+    files = {path for path in tree_of(tmp_path / "made") if not path.startswith(".motion_study.csv.parts/")}
+    assert files == {"motion_study.csv", "motion_records.csv", "run.json"}
+    assert len(fitted) == 5
     assert "stationary, mismatch none, 2 records, 0 doubted: rms error k 1 % (bias +1, coverage 100%)" in done.stdout
     told = json.loads((tmp_path / "made" / "run.json").read_text())["options"]
     assert (told["rolling"], told["law"]) == (3, "auto")
+    # Resumed with a mismatch beside them, that alone is fitted.
+    further = [*options, "--mismatch", 1, "--standing-only", "--kinds", "mass 5 % off", "--resume"]
+    done = here("study", "motion", "--out", tmp_path / "made", *further)
+    assert done.exit_code == 0, done.stderr
+    assert [record.mismatch for record in fitted[5:]] == ["mass 5 % off"]
+    wrong = here("study", "motion", "--out", tmp_path / "made", "--mismatch", 1, "--kinds", "mass")
+    assert wrong.exit_code == 2
+    assert "'mass' is none of first-order lag" in " ".join(wrong.stderr.split())
 
 
 @pytest.mark.slow
@@ -187,7 +199,22 @@ def test_a_small_study_of_motions_from_simulation_to_tables(tmp_path, monkeypatc
 
     # Each rig is compiled for anew, and a rolling record takes minutes.
     monkeypatch.setattr(motion_study, "study_records", standing_on_one_rig)
-    done = here("study", "motion", "--out", tmp_path, "--stationary", 4, "--rolling", 0, "--mismatch", 1, "--seed", 8)
+    done = here(
+        "study",
+        "motion",
+        "--out",
+        tmp_path,
+        "--stationary",
+        4,
+        "--rolling",
+        0,
+        "--mismatch",
+        1,
+        "--seed",
+        8,
+        "--workers",
+        1,
+    )
     assert done.exit_code == 0, done.stderr
     records = pd.read_csv(tmp_path / "motion_records.csv")
     assert (records["cpu_seconds"] > 0).all()

@@ -53,6 +53,11 @@ def work(task: int) -> str:
     return str(task)
 
 
+def tabulate(task: int) -> pd.DataFrame:
+    """Return a table of one row; killed as `work` is."""
+    return pd.DataFrame({"task": [work(task)]}).astype(int)
+
+
 def make(task: Task) -> Done | Fault:
     """Return a table of a file's text: `deadly` kills, `once` kills the first time, `bad` is a fault."""
     text = task.file.read_text()

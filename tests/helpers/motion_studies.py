@@ -4,7 +4,7 @@ import pandas as pd
 
 from bayes_tyre.inference.motion.record.estimate import RECORD_PARAMETERS
 from bayes_tyre.record import RECORD_UNITS
-from bayes_tyre.studies.motion_study import MotionStudy, StudyRecord, summarise
+from bayes_tyre.studies.motion_study import StudyRecord
 
 
 def motion_rows(records: list[StudyRecord]) -> pd.DataFrame:
@@ -17,9 +17,3 @@ def motion_rows(records: list[StudyRecord]) -> pd.DataFrame:
         for record in records
         for name in RECORD_PARAMETERS
     )
-
-
-def studied(records: list[StudyRecord]) -> MotionStudy:
-    """Return what the study would."""
-    table = motion_rows(records)
-    return MotionStudy(summarise(table), table)

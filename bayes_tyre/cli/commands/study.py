@@ -1,5 +1,6 @@
 """`study`: validation of the posterior on simulated data."""
 
+from collections.abc import Collection
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -7,12 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from bayes_tyre.cli.messages import fault, print_table
+from bayes_tyre.cli.raw import Workers
 from bayes_tyre.cli.shell import NOT_TRUSTED, Out, Quiet, Seed, first_paragraph, guarded, progress, say, warn
 from bayes_tyre.runtime import prepare_jax
 
 if TYPE_CHECKING:
     from bayes_tyre.studies.calibration import Calibration
 
+Resume = Annotated[
+    bool, typer.Option("--resume", help="Fit only data sets that earlier runs into --out have not fitted.")
+]
 #: Host devices among which data sets are divided.
 DEVICES = 2
 #: Data sets of a calibration unless asked otherwise; and of one around a fit, each of twice its records.
@@ -178,7 +183,15 @@ def motion(
         Literal["fancher", "relaxing", "speed_friction", "stiffening", "two_yields", "auto"],
         typer.Option(help="Force law of the fit, Fancher's or one that extends it; auto averages over all of them."),
     ] = "fancher",
+    kinds: Annotated[
+        str,
+        typer.Option(
+            help="Mismatches, such as 'relaxing branch,mass 5 % off'; all without it. A wrong name lists them."
+        ),
+    ] = "",
     seed: Seed = 0,
+    workers: Workers = None,
+    resume: Resume = False,
     quiet: Quiet = False,
 ) -> None:
     """Fit motions of known k (kN/mm), x (kN), beta (mm), m (kg), c (kN s/mm): error, bias, coverage, mismatch.
@@ -191,13 +204,16 @@ def motion(
     if stationary + rolling + mismatch == 0:
         raise typer.BadParameter("no record is asked for: --stationary, --rolling or --mismatch must be above 0")
     prepare_jax()
-    from bayes_tyre.studies.motion_study import sentences, study_records
+    from bayes_tyre.studies.motion_study import MISMATCHED, MotionFit, sentences, study_records
+    from bayes_tyre.workflow.execution.batch import Machines
     from bayes_tyre.workflow.studies import write_motion_study
 
-    records = study_records(stationary, rolling, seed, mismatch, standing_only)
+    names = _names(kinds, MISMATCHED)
+    records = study_records(stationary, rolling, seed, mismatch, standing_only, names)
+    options = {"stationary": stationary, "rolling": rolling, "mismatch": mismatch, "standing_only": standing_only}
     with progress("fitting motions", len(records), quiet) as on_progress:
-        counts = {"stationary": stationary, "rolling": rolling, "mismatch": mismatch, "standing_only": standing_only}
-        result = write_motion_study(out, records, seed, on_progress, law, counts)
+        machines, fit = Machines(workers, None, resume), MotionFit(seed, law)
+        result = write_motion_study(out, records, fit, on_progress, machines, options | {"kinds": names})
     say(f"wrote {out / 'motion_study.csv'} (simulated, not measured)", quiet)
     for line in sentences(result.table):
         say(f"  {line}", quiet)
@@ -244,9 +260,7 @@ def coverage(
     ] = "",
     sets: Annotated[int, typer.Option(min=1, help="Simulated data sets of each kind, each fitted.")] = 40,
     seed: Seed = 0,
-    resume: Annotated[
-        bool, typer.Option("--resume", help="Fit only data sets that earlier runs into --out have not fitted.")
-    ] = False,
+    resume: Resume = False,
     quiet: Quiet = False,
 ) -> None:
     """Count how often intervals of k (kN/mm) and beta (mm) hold the truth, on records as modelled and with a fault.
@@ -259,9 +273,7 @@ def coverage(
     """
     from bayes_tyre.studies.coverage_data import KINDS
 
-    names = list(dict.fromkeys(kinds.split(","))) if kinds else list(KINDS)
-    if unknown := [name for name in names if name not in KINDS]:
-        raise typer.BadParameter(f"{unknown[0]!r} is none of {', '.join(KINDS)}", param_hint="--kinds")
+    names = _names(kinds, KINDS)
     prepare_jax(DEVICES)
     from bayes_tyre.studies.coverage import overview
     from bayes_tyre.workflow.studies import write_coverage
@@ -273,6 +285,14 @@ def coverage(
         print_table({str(name): {} for name in by_kind}, by_kind.to_numpy().tolist())
     say("coverage of 95 % intervals ± its standard error, of all data sets", quiet)
     say(f"wrote {out / 'coverage.csv'} (simulated, not measured); failed checks: {out / 'verdicts.csv'}", quiet)
+
+
+def _names(kinds: str, known: Collection[str]) -> list[str]:
+    """Return the names in a list with commas, all that are known where it is empty."""
+    names = list(dict.fromkeys(name.strip() for name in kinds.split(","))) if kinds else list(known)
+    if unknown := [name for name in names if name not in known]:
+        raise typer.BadParameter(f"{unknown[0]!r} is none of {', '.join(known)}", param_hint="--kinds")
+    return names
 
 
 for command in (calibration, outliers, motion, laws, coverage):

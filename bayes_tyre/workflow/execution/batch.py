@@ -5,7 +5,7 @@ memory grows with the number of files, and it ends with the first worker that di
 """
 
 import os
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import ExitStack, closing
 from functools import partial
@@ -14,6 +14,9 @@ from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
 
+import pandas as pd
+
+from bayes_tyre.errors import BadInput
 from bayes_tyre.workflow.execution.cluster import WorkerMismatch, cluster_executors, connected
 from bayes_tyre.workflow.execution.executors import Executors, local_processes
 from bayes_tyre.workflow.execution.outcome import Done, Fault, FileTask, fingerprint
@@ -22,6 +25,7 @@ from bayes_tyre.workflow.execution.task_cache import TaskCache
 type Keyed = tuple[str | None, Done | Fault]
 
 _DIED = "every process that worked on it died, perhaps for want of memory; cut the file in pieces"
+_STUDY_DIED = "two processes died at a data set, perhaps for want of memory; --resume --workers 1 needs less"
 #: s between looks at the executor: futures of a lost scheduler may never be done.
 _LOOK = 1.0
 
@@ -88,6 +92,60 @@ def run_batch[T: FileTask](
             on_progress(1)
     cache.keep_only(keys)
     return [outcomes[i] for i in range(len(tasks))]
+
+
+def cached_tables[T](
+    work: Callable[[T], pd.DataFrame],
+    tasks: Mapping[str, T],
+    cache: TaskCache,
+    on_progress: Callable[[int], None],
+    workers: int | None = 1,
+) -> list[Path]:
+    """Return where the table of each task is cached, in the order of the tasks; those cached are not computed again.
+
+    Parameters
+    ----------
+    work:
+        Returns a task's table; a picklable function where there are several workers.
+    tasks:
+        By the fingerprint of all that determines their table.
+    cache:
+        Where tables are, prepared.
+    on_progress:
+        Called with 1 after each task.
+    workers:
+        Processes; None: one a core.
+
+    Raises
+    ------
+    BadInput
+        If each process that worked on one of them died; tables so far stay cached.
+    """
+    parts: dict[str, Path] = {}
+    for key in tasks:
+        if isinstance(part := cache.find(key, None), Path):
+            parts[key] = part
+            on_progress(1)
+    keys = [key for key in tasks if key not in parts]
+    with closing(_computed(work, [tasks[key] for key in keys], workers)) as computed:
+        for nth, table in computed:
+            if isinstance(table, Fault):
+                raise BadInput(f"{cache.folder}: {_STUDY_DIED}")
+            part = cache.keep(keys[nth], Done(table), None)
+            assert isinstance(part, Path)
+            parts[keys[nth]] = part
+            on_progress(1)
+    return [parts[key] for key in tasks]
+
+
+def _computed[T, R](
+    work: Callable[[T], R], tasks: Sequence[T], workers: int | None
+) -> Generator[tuple[int, R | Fault]]:
+    count = min(workers or os.cpu_count() or 1, len(tasks))
+    if count <= 1:
+        yield from ((i, work(task)) for i, task in enumerate(tasks))
+    else:
+        yield from as_completed(local_processes(count), work, tasks)
 
 
 def as_completed[T, R](
@@ -157,10 +215,7 @@ def _started[T: FileTask](
     if machines.cluster is not None and tasks:
         executors = cluster_executors(stack.enter_context(connected(machines.cluster)), machines.cluster)
     else:
-        count = min(machines.workers or os.cpu_count() or 1, len(tasks))
-        if count <= 1:
-            return ((i, work(task)) for i, task in enumerate(tasks))
-        executors = local_processes(count)
+        return stack.enter_context(closing(_computed(work, tasks, machines.workers)))
     return stack.enter_context(closing(as_completed(executors, work, tasks)))
 
 

@@ -6,13 +6,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 from helpers import dying_work
-from helpers.dying_work import ALIVE, Task, make
+from helpers.dying_work import ALIVE, DEADLY, Task, make
 
 from bayes_tyre.errors import BadInput, CutShort
 from bayes_tyre.workflow.execution import cluster as cluster_module
-from bayes_tyre.workflow.execution.batch import Machines, as_completed, run_batch
+from bayes_tyre.workflow.execution.batch import Machines, as_completed, cached_tables, run_batch
 from bayes_tyre.workflow.execution.cluster import check_versions, cluster_executors, connected
 from bayes_tyre.workflow.execution.outcome import Fault
 from bayes_tyre.workflow.execution.task_cache import TaskCache
@@ -60,6 +61,22 @@ def test_what_is_done_is_not_done_again_and_what_changed_is(tmp_path):
     more = tasks_of(tmp_path / "raw", ["a", "mended", "c", "d"])
     assert resumed(more, out)[1] == ["3.lvm"]
     assert run(more, out)[1] == ["0.lvm", "1.lvm", "2.lvm", "3.lvm"]  # without --resume an earlier run counts nothing
+
+
+def test_tables_of_simulated_data_sets_are_cached_and_a_process_that_dies_ends_the_study(tmp_path):
+    cache, progress = TaskCache(tmp_path / "study.csv"), []
+    cache.prepare(False, ())
+    tasks = {f"key{i}": i for i in range(DEADLY + 2) if i != DEADLY}
+    parts = cached_tables(dying_work.tabulate, tasks, cache, progress.append, workers=2)
+    assert [pd.read_parquet(part)["task"].item() for part in parts] == list(tasks.values())
+    with pytest.raises(BadInput, match=r"two processes died at a data set.*--resume --workers 1"):
+        cached_tables(
+            dying_work.tabulate, {**tasks, "last": DEADLY + 2, "deadly": DEADLY}, cache, progress.append, workers=2
+        )
+    # What is cached is not computed again: here by a function that could not.
+    progress.clear()
+    assert cached_tables(lambda _: pd.DataFrame(), tasks, cache, progress.append) == parts
+    assert progress == [1] * len(tasks)
 
 
 def test_a_picture_that_is_missing_or_another_is_drawn_again(tmp_path):
