@@ -124,14 +124,15 @@ def _of_json(value: object) -> object:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def write_run(run: Run, out: Path, sampler_runs: Sequence[SamplerRun] = ()) -> None:
-    """Write `run.json`: command, options, seed, origin, versions, SHA-256 of each input, wall time, runs of NUTS."""
+def write_run(run: Run, out: Path, sampler_runs: Sequence[SamplerRun] = (), device: str = "cpu") -> None:
+    """Write `run.json`: command, options, seed, origin, versions, device, SHA-256 of inputs, wall time, runs of NUTS."""
     content = {
         "command": run.command,
         "options": dict(run.options),
         "seed": run.seed,
         "origin": run.origin,
         "versions": versions(),
+        "device": device,
         "inputs": dict(run.inputs),
         "wall_time_s": time.monotonic() - run.began,
         "sampler_runs": [one._asdict() for one in sampler_runs],

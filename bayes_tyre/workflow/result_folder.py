@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import jax
 import pandas as pd
 
 from bayes_tyre.formats.files import prepare_folder, write_bytes
@@ -95,7 +96,7 @@ def write_fit(
         write_tree(thin_records(tree, record_draws), out / "posterior.nc")
         result, judged = settled(result, tables, figures)
     write_json(judged._asdict(), out / "diagnostics.json")
-    write_run(run, out, sampler_runs(result.tree))
+    write_run(run, out, sampler_runs(result.tree), jax.default_backend())
     return judged
 
 

@@ -304,6 +304,7 @@ def test_a_run_tells_how_it_was_made(fitted):
         assert run["versions"][library] == version(library)
     assert run["versions"]["python"] == ".".join(map(str, sys.version_info[:3]))
     assert run["wall_time_s"] > 1
+    assert run["device"] == "cpu"
     others = [path for path in (folder / "one").rglob("*") if path.is_file() and path.name != "run.json"]
     assert all(path.stat().st_mtime_ns <= (folder / "one" / "run.json").stat().st_mtime_ns for path in others)
 
