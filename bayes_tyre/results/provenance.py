@@ -125,7 +125,7 @@ def _of_json(value: object) -> object:
 
 
 def write_run(run: Run, out: Path, sampler_runs: Sequence[SamplerRun] = (), device: str = "cpu") -> None:
-    """Write `run.json`: command, options, seed, origin, versions, device, SHA-256 of inputs, wall time, runs of NUTS."""
+    """Write `run.json`: command, options, seed, origin, versions, device, SHA-256 of inputs, wall time, NUTS runs."""
     content = {
         "command": run.command,
         "options": dict(run.options),

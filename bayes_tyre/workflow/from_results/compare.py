@@ -90,27 +90,18 @@ def compare_folders(
     if len(folders) < 2:
         raise BadInput("one fit cannot be compared; name two folders or more that fit wrote from the same records")
     check_folder(out)
-    posteriors = [read_posterior(folder) for folder in folders]
-    motions = [is_of_motions(tree["posterior"].to_dataset()) for _, tree, _ in posteriors]
-    if any(motions) and not all(motions):
-        other = next(str(folder) for folder, moves in zip(folders, motions, strict=True) if not moves)
-        raise BadInput(
-            f"{other}: is of forces against displacement, others are of motions; compare results of one kind"
-        )
-    by_name = dict(zip(names(folders), folders, strict=True))
-    verdicts = {name: verdict for name, (_, _, verdict) in zip(by_name, posteriors, strict=True)}
-    if all(motions):
-        models = _motions(by_name, {name: tree for name, (_, tree, _) in zip(by_name, posteriors, strict=True)})
-    else:
-        models = _fits(by_name, on_note)
+    models, verdicts = _models(dict(zip(names(folders), folders, strict=True)), on_note)
     left_out, of_cases = dict[str, LeaveOneOut](), dict[str, LeaveOneOut]()
     failed: list[str] = []
     for name, model in models.items():
         attempts = Attempts()
-        for what, predict, found in (("record", model.predict, left_out), ("case", model.predict_cases, of_cases)):
+        for what, predict, done in (
+            ("record", model.predict, left_out),
+            ("case", model.predict_cases, of_cases),
+        ):
             work = partial(_predicted, name, predict, model.sampler if refit else None, on_note, attempts)
             predicted = attempts(f"leave-one-{what}-out", work, None)
-            found |= {} if predicted is None else {name: predicted}
+            done |= {} if predicted is None else {name: predicted}
         failed += [f"{name}: {check.reason}" for check in attempts.failed]
         on_progress(1)
     if len(left_out) < 2:
@@ -124,14 +115,7 @@ def compare_folders(
             f"cases left out are not ranked: those of {without} cannot be integrated out (Student-t repeats or noise, "
             "or more than six repeats of a case)"
         )
-    prepare_folder(out)
-    # What models predicted together had the weights of before; what a fit predicted alone stays as it is.
-    together = () if (out / "posterior.nc").exists() else (PREDICTION, str(Path(PREDICTION).with_suffix(".toml")))
-    for name in (OF_CASES, *together):
-        (out / name).unlink(missing_ok=True)
-    with ExitStack() as whole:
-        for name, table in tables.items():
-            write_table(table, whole.enter_context(whole_file(out / name)))
+    _write(tables, out)
     ranked = [tables[name] for name in (COMPARISON, OF_CASES) if name in tables]
     untrusted = (_untrusted(name, verdicts[name], tables[COMPARISON]) for name in left_out)
     return Comparison(
@@ -141,6 +125,33 @@ def compare_folders(
         tuple(failed),
         tuple(filter(None, untrusted)),
     )
+
+
+def _models(folders: Mapping[str, Path], on_note: Callable[[str], None]) -> tuple[dict[str, _Model], dict[str, str]]:
+    """Return the model of each folder, all fits or all motions, and the verdict of each."""
+    posteriors = {name: read_posterior(folder) for name, folder in folders.items()}
+    trees = {name: tree for name, (_, tree, _) in posteriors.items()}
+    verdicts = {name: verdict for name, (_, _, verdict) in posteriors.items()}
+    fits = [name for name, tree in trees.items() if not is_of_motions(tree["posterior"].to_dataset())]
+    if not fits:
+        return _motions(folders, trees), verdicts
+    if len(fits) < len(trees):
+        raise BadInput(
+            f"{folders[fits[0]]}: is of forces against displacement, others are of motions; compare results of one kind"
+        )
+    return _fits(folders, on_note), verdicts
+
+
+def _write(tables: Mapping[str, pd.DataFrame], out: Path) -> None:
+    """Write the tables, all or none, and remove what an earlier comparison has beside them."""
+    prepare_folder(out)
+    # What models predicted together had the weights of before; what a fit predicted alone stays as it is.
+    together = () if (out / "posterior.nc").exists() else (PREDICTION, str(Path(PREDICTION).with_suffix(".toml")))
+    for name in (OF_CASES, *together):
+        (out / name).unlink(missing_ok=True)
+    with ExitStack() as whole:
+        for name, table in tables.items():
+            write_table(table, whole.enter_context(whole_file(out / name)))
 
 
 def _untrusted(name: str, verdict: str, compared: pd.DataFrame) -> str:
