@@ -76,11 +76,8 @@ class _PyMC:
         self.starts = starts
 
     def prior(self, name: str) -> Any:
-        family, (first, *rest) = PRIORS[name].family.__name__, PRIORS[name].parameters
-        start = self.starts.get(name)
-        if family == "HalfNormal":
-            return pm.HalfNormal(name, first, initval=start)
-        return (pm.LogNormal if family == "LogNormal" else pm.Beta)(name, first, *rest, initval=start)
+        family = {"HalfNormal": pm.HalfNormal, "LogNormal": pm.LogNormal, "Beta": pm.Beta}[PRIORS[name].family.__name__]
+        return family(name, *PRIORS[name].parameters, initval=self.starts.get(name))
 
     def normal(self, name: str, mean: Any, sd: Any, size: int) -> Any:
         return pm.Normal(name, mean, sd, shape=size, initval=self.starts.get(name))

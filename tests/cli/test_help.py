@@ -9,10 +9,14 @@ from bayes_tyre.cli import app, suffixes
 from bayes_tyre.cli.commands import study
 from bayes_tyre.cli.commands.motion import Law, motion
 from bayes_tyre.cli.commands.study import RankedLaw
+from bayes_tyre.cli.model_options import LawOption
 from bayes_tyre.formats.recordings import raw
 from bayes_tyre.formats.tables import table_files as tables
 from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS
+from bayes_tyre.inference.record_data import LAWS
+from bayes_tyre.report.answer import caveats
 from bayes_tyre.studies.law_ranking import RANKED_LAWS
+from bayes_tyre.workflow.from_results.predict import EQUATIONS
 
 
 def test_help_names_the_suffixes_that_are_read():
@@ -24,6 +28,11 @@ def test_help_names_the_laws_that_a_motion_can_be_fitted_with():
     assert [law.value for law in Law] == list(MOTION_LAWS)
     assert motion.__doc__ is not None
     assert all(law.value in motion.__doc__ for law in Law if law is not Law.fancher)
+
+
+def test_every_law_along_a_record_can_be_asked_for_named_and_predicted_by():
+    choices = get_args(get_args(LawOption)[0])
+    assert choices == tuple(LAWS) == tuple(EQUATIONS) == tuple(caveats._LAWS)
 
 
 def test_studies_take_the_laws_that_they_can_compare():

@@ -126,7 +126,7 @@ def test_every_law_has_its_place_in_the_reference():
 
 def test_files_and_names_in_contributing_are_there():
     page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    rooms = ("bayes_tyre", "tests", "docs", "benchmarks")
+    rooms = ("bayes_tyre", "tests", "docs", "benchmarks", "notebooks", "data")
     files = [path for room in rooms for path in (ROOT / room).glob("**/*.*")]
     ends = "\n".join(f"{path.as_posix()}\n" for path in [*files, ROOT / "README.md"])
     named = {name for name in re.findall(r"`([\w/]+\.(?:py|md))`", page) if "NAME" not in name}
@@ -134,6 +134,15 @@ def test_files_and_names_in_contributing_are_there():
     code = "\n".join(path.read_text(encoding="utf-8") for path in files if path.suffix == ".py")
     constants = set(re.findall(r"`(_?[A-Z]+_?[A-Z_]+)`", page))
     assert {name for name in constants if not re.search(rf"^{name}\b", code, re.MULTILINE)} == set()
+
+
+def test_every_check_of_a_result_is_in_the_table_of_checks():
+    files = (ROOT / "bayes_tyre" / "inference" / "diagnostics").glob("*.py")
+    code = "\n".join(path.read_text(encoding="utf-8") for path in files)
+    names = set(re.findall(r'Check\(\s*"(\w+)", "(?:sampling|model|data)"', code))
+    assert {"r_hat", "record_curves", "records"} <= names
+    table = text("reference/files.md").split("| check | limit |")[1].split("\n\n")[0]
+    assert names <= set(re.findall(r"`(\w+)`", table))
 
 
 def test_columns_and_exit_codes_are_the_programs():

@@ -26,8 +26,8 @@ class Family(NamedTuple):
         As a file names it, and NumPyro's class.
     parameters:
         What a user gives, in NumPyro's order.
-    to_numpyro:
-        From these to NumPyro's parameters.
+    to_numpyro, from_numpyro:
+        From these to NumPyro's parameters, and back.
     scipy:
         From NumPyro's parameters to the frozen distribution.
     positive:
@@ -38,8 +38,13 @@ class Family(NamedTuple):
     distribution: type[dist.Distribution]
     parameters: tuple[str, ...]
     to_numpyro: Callable[..., tuple[float, ...]]
+    from_numpyro: Callable[..., tuple[float, ...]]
     scipy: Callable[..., Any]
     positive: tuple[str, ...]
+
+
+def _same(*values: float) -> tuple[float, ...]:
+    return values
 
 
 FAMILIES = (
@@ -48,16 +53,17 @@ FAMILIES = (
         dist.LogNormal,
         ("median", "sd_log"),
         lambda median, sd_log: (float(np.log(median)), sd_log),
+        lambda location, scale: (float(np.exp(location)), scale),
         lambda location, scale: stats.lognorm(scale, scale=np.exp(location)),
         ("median", "sd_log"),
     ),
     Family(
-        *("half_normal", dist.HalfNormal, ("scale",), lambda scale: (scale,)),
+        *("half_normal", dist.HalfNormal, ("scale",), _same, _same),
         lambda scale: stats.halfnorm(scale=scale),
         ("scale",),
     ),
-    Family("beta", dist.Beta, ("a", "b"), lambda a, b: (a, b), stats.beta, ("a", "b")),
-    Family("normal", dist.Normal, ("mean", "sd"), lambda mean, sd: (mean, sd), stats.norm, ("sd",)),
+    Family("beta", dist.Beta, ("a", "b"), _same, _same, stats.beta, ("a", "b")),
+    Family("normal", dist.Normal, ("mean", "sd"), _same, _same, stats.norm, ("sd",)),
 )
 _BY_CLASS = {family.distribution: family for family in FAMILIES}
 _BY_NAME = {family.name: family for family in FAMILIES}
@@ -99,9 +105,8 @@ class Prior(NamedTuple):
     def given(self) -> dict[str, float | str]:
         """Return it as a user gives it, such as ``{"family": "log_normal", "median": 1.8, "sd_log": 0.3}``."""
         family = _BY_CLASS[self.family]
-        values = (np.exp(self.parameters[0]), *self.parameters[1:]) if self.of_logarithm else self.parameters
         # So many digits that the number somebody wrote comes back, and no more: a median has been through a logarithm.
-        written = (float(f"{value:.12g}") for value in values)
+        written = (float(f"{value:.12g}") for value in family.from_numpyro(*self.parameters))
         return {"family": family.name, **dict(zip(family.parameters, written, strict=True))}
 
 
@@ -229,7 +234,7 @@ def _read(name: str, change: Any, default: Prior) -> Prior:
     for key in family.positive:
         if values[key] <= 0:
             raise BadInput(f"priors, {name}, {key}: {values[key]:g} is not above 0")
-    return Prior(family.distribution, family.to_numpyro(**values), default.unit, str(change.get("reason", "")))
+    return Prior(family.distribution, family.to_numpyro(*values.values()), default.unit, str(change.get("reason", "")))
 
 
 def _check_family(name: str, default: Prior, prior: Prior) -> None:

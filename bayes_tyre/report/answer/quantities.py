@@ -38,6 +38,8 @@ _SINGLE = {
     "displacement_scale": "common factor of the displacements",
     "force_scale": "common factor of the forces",
 }
+#: Between what failed and the error's message (`bayes_tyre.inference.diagnostics.attempts`).
+_FAILED = " failed: "
 #: A name and, in brackets, its element: a label may hold brackets itself.
 _ELEMENT = re.compile(r"\b(?P<name>[A-Za-z]\w*)(?:\[(?P<label>(?:[^\[\]]|\[[^\[\]]*\])*)\])?")
 _LEVEL = re.compile(rf"(?P<sd>sd_)?log_(?P<parameter>{'|'.join(_PARAMETERS)})_(?P<factor>\w+)")
@@ -46,11 +48,15 @@ _LEVEL = re.compile(rf"(?P<sd>sd_)?log_(?P<parameter>{'|'.join(_PARAMETERS)})_(?
 def in_words(sentence: str) -> str:
     """Return a sentence of `diagnostics.json` with its quantities in the user's terms; what is no quantity stays.
 
+    So does the message of an error of this package, which is looked for by its text.
+
     Examples
     --------
     >>> in_words("k_group[dual loading], sd_log_beta_speed: weakly identified")
     'stiffness k of dual loading, standard deviation of log beta between speeds: weakly identified'
     """
+    if _FAILED in sentence:
+        return sentence
     return _ELEMENT.sub(lambda match: _words(match["name"], match["label"]) or match[0], sentence)
 
 

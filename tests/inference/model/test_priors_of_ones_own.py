@@ -16,7 +16,7 @@ from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import by_family, prior_sites, sample_hyperparameters
 from bayes_tyre.inference.model.models import records_model
 from bayes_tyre.inference.model.prior_predictive import PriorDraws, draw_prior
-from bayes_tyre.inference.model.priors import Prior, Priors
+from bayes_tyre.inference.model.priors import FAMILIES, Prior, Priors
 from bayes_tyre.inference.model.terms import find_terms
 from bayes_tyre.inference.record_data import RecordData
 from bayes_tyre.record_table import record_factors
@@ -35,6 +35,15 @@ OWN = PRIORS.changed(
 @pytest.fixture(scope="module")
 def factors():
     return find_factors(record_factors(simulate(Plan(), seed=0)[0]))
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
+def test_a_family_has_one_distribution_in_numpyro_and_scipy_and_comes_back_as_it_was_given(family):
+    given = dict(zip(family.parameters, (0.7, 0.3), strict=False))
+    prior = Prior(family.distribution, family.to_numpyro(*given.values()))
+    assert prior.given() == {"family": family.name, **given}
+    at = np.array([0.1, 0.4, 0.9])
+    np.testing.assert_allclose(prior.distribution().log_prob(jnp.asarray(at)), prior.scipy().logpdf(at), rtol=1e-12)
 
 
 def test_what_is_given_comes_back_to_the_bit():

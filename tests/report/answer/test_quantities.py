@@ -16,6 +16,7 @@ from bayes_tyre.report.answer.quantities import in_words
         ("most at large sd_log_beta_repeat)", "most at large standard deviation of log beta between repeats)"),
         ("k_case: probably apart from the others", "stiffness k of cases: probably apart from the others"),
         ("sd_log_k_repeat_by_speed[15]", "standard deviation of log k between repeats at 15 km/h"),
+        ("energy of a cycle failed: KeyError: no 'student_nu'", "energy of a cycle failed: KeyError: no 'student_nu'"),
         ("R-hat 1.2 of chain 2: raise --warmup; k and beta", "R-hat 1.2 of chain 2: raise --warmup; k and beta"),
     ],
 )
