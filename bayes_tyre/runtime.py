@@ -20,8 +20,11 @@ RUN_ONCE = {"xla_backend_optimization_level": 0}
 #: Without the library that XLA's CPU backend hands sums to: on arrays of a hierarchy's size it adds half to the time of
 #: a gradient, for each call divides its work among threads that other chains are using.
 _WITHOUT_YNN = {"xla_cpu_experimental_ynn_fusion_type": ""}
-#: Where Linux lists a process's memory maps and how many it grants; share of them above which compiled code is dropped.
+#: Where Linux lists a process's memory maps and how many it grants; share of them, and of the memory that a process a
+#: core has, above which compiled code is dropped.
 _MAPS, _MAPS_GRANTED, _HELD_MOST = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count"), 0.5
+#: Where Linux says how large a process is; GB that one may have in any case: two rigs by one law take that.
+_STATM, _LEAST_GB = Path("/proc/self/statm"), 2.5
 
 
 @cache
@@ -84,22 +87,36 @@ def return_freed_memory() -> None:
 
 
 def drop_code_where_full() -> None:
-    """Drop what JAX has compiled where it fills half of the memory maps that Linux grants a process.
+    """Drop what JAX has compiled where it fills half of this process's memory maps, or its share of the memory.
 
-    LLVM ends a process that has none left. What fits a rolling record takes some 25,000 of the usual 65,530 maps when
-    it is compiled, for each rig and force law; read from the compilation cache it takes a third of that.
+    LLVM ends a process that has no map left. What fits a rolling record takes some 25,000 of the usual 65,530 maps and
+    a GB when it is compiled, for each rig and force law; read from the compilation cache it takes a third of that.
     """
-    try:
-        with _MAPS.open("rb") as maps:
-            held = sum(1 for _ in maps)
-        granted = int(_MAPS_GRANTED.read_text())
-    except (OSError, ValueError):  # another system
-        return
-    if held > _HELD_MOST * granted:
+    if _fills_maps() or _fills_memory():
         import jax
 
         jax.clear_caches()
         return_freed_memory()
+
+
+def _fills_maps() -> bool:
+    try:
+        with _MAPS.open("rb") as maps:
+            held = sum(1 for _ in maps)
+        return held > _HELD_MOST * int(_MAPS_GRANTED.read_text())
+    except (OSError, ValueError):  # another system
+        return False
+
+
+def _fills_memory() -> bool:
+    """Return whether this process is larger than half of the memory divided among the cores, and than `_LEAST_GB`."""
+    try:
+        pages = int(_STATM.read_text().split()[1])
+        memory = os.sysconf("SC_PHYS_PAGES")
+    except (OSError, ValueError, IndexError):  # another system
+        return False
+    share = _HELD_MOST * memory / (os.cpu_count() or 1)
+    return pages > max(share, _LEAST_GB * 1e9 / os.sysconf("SC_PAGE_SIZE"))
 
 
 def _set_compilation_cache() -> None:

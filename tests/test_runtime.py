@@ -1,5 +1,6 @@
 """JAX's compilation cache serves the next run, and no state of its folder disturbs a run."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -109,8 +110,28 @@ def test_compiled_code_is_dropped_where_it_fills_the_maps(most, left, monkeypatc
     assert doubled(2.0) == 4.0
 
 
-def test_without_maps_to_count_compiled_code_stays(monkeypatch, tmp_path):
+@pytest.mark.parametrize(
+    ("resident_gb", "cores", "dropped"),
+    [(2.4, 64, []), (2.6, 64, [True]), (7.9, 2, []), (8.1, 2, [True])],
+    ids=["small", "more than a core of many has", "room", "full"],
+)
+def test_compiled_code_is_dropped_where_it_fills_a_cores_memory(resident_gb, cores, dropped, monkeypatch, tmp_path):
+    """A machine of 32 GB: half of it among two cores is 8 GB each, and among many 2.5 GB all the same."""
+    page = 4096
+    (tmp_path / "statm").write_text(f"9999999 {int(resident_gb * 1e9 / page)} 300\n")
     monkeypatch.setattr(runtime, "_MAPS", tmp_path / "none")
+    monkeypatch.setattr(runtime, "_STATM", tmp_path / "statm")
+    monkeypatch.setattr(os, "cpu_count", lambda: cores)
+    monkeypatch.setattr(os, "sysconf", {"SC_PHYS_PAGES": int(32e9 / page), "SC_PAGE_SIZE": page}.get)
+    calls = []
+    monkeypatch.setattr(jax, "clear_caches", lambda: calls.append(True))
+    runtime.drop_code_where_full()
+    assert calls == dropped
+
+
+def test_without_maps_and_memory_to_count_compiled_code_stays(monkeypatch, tmp_path):
+    monkeypatch.setattr(runtime, "_MAPS", tmp_path / "none")
+    monkeypatch.setattr(runtime, "_STATM", tmp_path / "none")
     dropped = []
     monkeypatch.setattr(jax, "clear_caches", lambda: dropped.append(True))
     runtime.drop_code_where_full()
