@@ -151,9 +151,14 @@ def write_motion_study(
     with study_run("study motion", out, fit.seed, law=fit.law, **options):
         cache = TaskCache(out / "motion_study.csv")
         cache.prepare(machines.resume, ())
-        tasks = {_fingerprint(fit.decides(record)): record for record in records}
+        # One rig after the other: what is compiled for one serves its next record, that of two may be too much to keep.
+        in_turn = sorted(records, key=lambda record: (record.plan.case.configuration, record.kind))
+        tasks = {_fingerprint(fit.decides(record)): record for record in in_turn}
         parts = cached_tables(fit.rows, tasks, cache, on_progress, machines.workers)
-        table = pd.concat([pd.read_parquet(part) for part in parts], ignore_index=True)
+        part_of = dict(zip(tasks, parts, strict=True))
+        table = pd.concat(
+            [pd.read_parquet(part_of[_fingerprint(fit.decides(record))]) for record in records], ignore_index=True
+        )
         result = MotionStudy(summarise(table), table)
         write_table(result.records, out / "motion_records.csv")
         write_table(result.table, out / "motion_study.csv")

@@ -41,7 +41,7 @@ from bayes_tyre.workflow.raw.motion_estimates import (
     read_estimates,
     shown_motions,
 )
-from bayes_tyre.workflow.raw.process_tasks import Settings, plan_tasks
+from bayes_tyre.workflow.raw.process_tasks import Settings, Task, plan_tasks
 from bayes_tyre.workflow.raw.raw_records import REJECTED, none_usable, rejected
 from bayes_tyre.workflow.result_folder import write_fit
 
@@ -155,7 +155,10 @@ def estimate_files(
     tasks = plan_tasks(files, Settings(plan.rig, plan.cases, f"{BY_LAW}{plan.law}", plan.figures))
     prepare_folder(out)
     cache = TaskCache(out / ESTIMATES)
-    outcomes = run_batch(estimate_file, tasks, cache, machines, on_progress)
+    # One rig after the other: what is compiled for one serves its next file, that of two may be too much to keep.
+    order = sorted(range(len(tasks)), key=lambda i: _compiled_for(tasks[i]))
+    done = run_batch(estimate_file, [tasks[i] for i in order], cache, machines, on_progress)
+    outcomes = [end for _, end in sorted(zip(order, done, strict=True), key=lambda pair: pair[0])]
     rows = rejected(files, outcomes)
     estimates = [
         (file, task, end) for file, task, end in zip(files, tasks, outcomes, strict=True) if isinstance(end, Path)
@@ -235,6 +238,12 @@ def fit_estimates(
     diagnostics = write_fit(result, diagnostics, run, out, beside, xlsx=xlsx, callbacks=callbacks)
     checkpoints.clear()
     return diagnostics
+
+
+def _compiled_for(task: Task) -> tuple[str, bool]:
+    """Return what the fit of a file is compiled for: its rig, and whether the tyre rolls."""
+    rolls = not isinstance(task.factors, str) and task.factors.case.speed_km_h > 0
+    return "" if task.rig is None else task.rig.model_dump_json(), rolls
 
 
 def _refuse_other_estimates(out: Path, plan: MotionPlan) -> None:
