@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from itertools import product, zip_longest
+from itertools import cycle, islice, product, zip_longest
 from typing import NamedTuple
 
 import numpy as np
@@ -96,7 +96,10 @@ def study_records(
 
 
 def _cases(kind: str, count: int, seed: int) -> list[Planned]:
-    """Return plans of a kind, in random order within groups of axle, direction and speed, the groups in turn."""
+    """Return plans of a kind, in random order within groups of axle, direction and speed, the groups in turn.
+
+    Of more than the test plan has they begin again: with other truths, which have the number of their record.
+    """
     plans = [plan for plan in thesis_plan() if (plan.case.speed_km_h > 0) == (kind == ROLLING)]
     rng = stream(seed, "motion study", kind)
     groups: dict[tuple[object, ...], list[Planned]] = {}
@@ -105,7 +108,7 @@ def _cases(kind: str, count: int, seed: int) -> list[Planned]:
         groups.setdefault((case.configuration, case.direction, case.speed_km_h), []).append(plans[i])
     in_turn = [plan for round_ in zip_longest(*groups.values()) for plan in round_ if plan is not None]
     duration_s, between = _LENGTH[kind]
-    return [plan._replace(duration_s=duration_s, step_between_s=between) for plan in in_turn[:count]]
+    return [plan._replace(duration_s=duration_s, step_between_s=between) for plan in islice(cycle(in_turn), count)]
 
 
 class MotionFit(NamedTuple):

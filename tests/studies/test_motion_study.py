@@ -26,6 +26,10 @@ def test_speeds_directions_and_axles_come_equally_often():
     assert set(still.values()) == {3}
     assert records == study_records(12, 12, seed=3)
     assert records != study_records(12, 12, seed=4)
+    more = study_records(80, 0, seed=3)  # 72 cases of the plan stand
+    assert [record.number for record in more] == list(range(80))
+    assert more[:12] == records[:12]
+    assert more[72].plan == more[0].plan
 
 
 def test_mismatches_are_tried_on_the_kinds_that_can_have_them():
