@@ -45,6 +45,7 @@ from bayes_tyre.report.terminal.progress import Stages
 from bayes_tyre.results import contrasts as ratios
 from bayes_tyre.results import log_likelihood, prediction, summary
 from bayes_tyre.results.cases.selection import parse_query
+from bayes_tyre.results.cases.stacked import Weighted
 from bayes_tyre.results.derived import with_derived
 from bayes_tyre.results.posterior import Posterior
 from bayes_tyre.results.prediction import Prediction
@@ -432,7 +433,8 @@ def predict(
     verdict, tree = _verdict(posterior), put_together(posterior)
     query = parse_query([case] if isinstance(case, str) else case, prediction.predictable_cases(tree))
     grid = None if displacement_mm is None else np.asarray(displacement_mm, dtype=float).ravel()
-    return prediction.predict(tree, query, grid, verdict=verdict, of=of, interval=interval, seed=seed)
+    alone = [Weighted(tree, 1.0)]
+    return prediction.predict_stack(alone, query, grid, verdict=verdict, of=of, interval=interval, seed=seed)
 
 
 def equation_2(

@@ -60,34 +60,6 @@ class Prediction(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def predict(
-    tree: xr.DataTree,
-    query: CaseQuery,
-    displacement_mm: Float[np.ndarray, " points"] | None = None,
-    *,
-    verdict: str,
-    of: str = "case",
-    interval: float = 0.95,
-    seed: int = 0,
-) -> Prediction:
-    """Return force against displacement of the cases asked for, loading and unloading.
-
-    Parameters
-    ----------
-    tree:
-        A posterior of records (`bayes_tyre.inference.sampling.hierarchical_fit.fit_hierarchical`).
-    query, displacement_mm, verdict, of, interval, seed:
-        As `predict_stack` has them.
-
-    Raises
-    ------
-    BadInput
-        As `predict_stack` does.
-    """
-    alone = [Weighted(tree, 1.0)]
-    return predict_stack(alone, query, displacement_mm, verdict=verdict, of=of, interval=interval, seed=seed)
-
-
 def predict_stack(
     models: Sequence[Weighted],
     query: CaseQuery,

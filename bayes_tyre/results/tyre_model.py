@@ -105,7 +105,7 @@ def of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:
 
 
 def of_untested(tree: xr.DataTree, cases: Sequence[Case], level: float = 0.5) -> list[TyreModel]:
-    """Return cases without records, as `bayes_tyre.results.prediction.predict` has them; others as in `of_posterior`.
+    """Return cases without records, as `bayes_tyre.results.prediction` has them; others as in `of_posterior`.
 
     Raises
     ------

@@ -142,7 +142,7 @@ def write_motion_study(
     fit: MotionFit,
     on_progress: Callable[[int], None],
     machines: Machines,
-    options: dict[str, object],
+    options: Mapping[str, object],
 ) -> MotionStudy:
     """Write `motion_study.csv` and `motion_records.csv` of fitted records; `run.json` has `options`.
 

@@ -1,5 +1,7 @@
 """Prediction: Equation 2 from the posterior's draws, for the cases that were asked for, with honest intervals."""
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -22,7 +24,8 @@ PARAMETERS = ["k_kN_per_mm", "beta_mm", "J_kN", "C_kN", "F_i_kN", "d_i_mm"]
 def predict(tree: xr.DataTree, *texts: str, u: object = None, **more: object) -> Prediction:
     query = parse_query(texts, predictable_cases(tree))
     asked = None if u is None else np.asarray(u, dtype=float)
-    return prediction.predict(tree, query, asked, **{"verdict": "pass", **more})  # pyright: ignore[reportArgumentType]
+    options: Any = {"verdict": "pass", **more}
+    return prediction.predict_stack([Weighted(tree, 1.0)], query, asked, **options)
 
 
 def campaign(repeats: int = 3, **changed: tuple) -> xr.DataTree:

@@ -11,7 +11,7 @@ from scipy import stats
 from bayes_tyre.inference.diagnostics.course_checks import CHANCE, case_of_records
 from bayes_tyre.inference.diagnostics.sampling_checks import Check
 from bayes_tyre.inference.model.hyperparameters import APART_REPEATS, JUDGEABLE_REPEATS
-from bayes_tyre.inference.sampling.datatree import case_parameters, record_offset
+from bayes_tyre.inference.sampling.datatree import case_parameters, draws_in_a_row, record_offset
 from bayes_tyre.plain_text import listed
 
 #: Fewest degrees of freedom that the scatter of repeats is estimated from.
@@ -106,10 +106,7 @@ def _outside(posterior: xr.Dataset, parameter: str, case: Int[np.ndarray, " reco
 
 def _by_speed(posterior: xr.Dataset, parameter: str, case: Int[np.ndarray, " records"]) -> Iterator[_Agreement | None]:
     """Yield the agreement at each speed, of records that are not discordant."""
-    values = np.log(posterior[parameter].transpose("chain", "draw", "record").to_numpy())
-    of_case = np.log(posterior[f"{parameter}_case"].transpose("chain", "draw", "case").to_numpy())
-    flat = (values.shape[0] * values.shape[1], -1)
-    values, of_case = values.reshape(flat), of_case.reshape(flat)
+    values, of_case = (np.log(draws_in_a_row(posterior[name])) for name in (parameter, f"{parameter}_case"))
     usual = np.ones(len(case), dtype=bool)
     if "outlier_probability" in posterior:
         usual = (posterior["outlier_probability"].mean(("chain", "draw")) < _DISCORDANT).to_numpy()

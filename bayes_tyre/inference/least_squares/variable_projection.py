@@ -92,36 +92,17 @@ class Optimum(NamedTuple):
     tangents: dict[int, Float[Array, " points"]]
 
 
-class Point(NamedTuple):
-    """The profile at one beta, in scaled units.
-
-    Attributes
-    ----------
-    rss, slope, curvature:
-        Sum of squares of the residuals; half its first derivative in log beta; and half its second, or
-        the Gauss-Newton approximation where the second is negative or nearly so.
-    exact:
-        Whether the curvature is the second derivative.
-    """
-
-    rss: Float[Array, ""]
-    slope: Float[Array, ""]
-    curvature: Float[Array, ""]
-    exact: Bool[Array, ""]
-
-
-def at(profile: Profile, log_beta: Float[Array, ""], free: tuple[int, ...]) -> Point:
-    """Return the profile at a beta, with its derivatives."""
-    return _at(profile, jnp.exp(log_beta), free)[0]
-
-
 def optimum(profile: Profile, beta: Float[Array, ""], free: tuple[int, ...]) -> Optimum:
     """Return the best fit at a beta."""
-    return _at(profile, beta, free)[1]
+    return half_rss_at(profile, beta, free)[2]
 
 
-def _at(profile: Profile, beta: Float[Array, ""], free: tuple[int, ...]) -> tuple[Point, Optimum]:
-    """Return the profile and the best fit at a beta.
+def half_rss_at(
+    profile: Profile, beta: Float[Array, ""], free: tuple[int, ...]
+) -> tuple[Float[Array, ""], Derivatives, Optimum]:
+    """Return half the sum of squares of the residuals at a beta, its derivatives in log beta, and the best fit there.
+
+    Where the second derivative is negative or nearly so, the curvature is its Gauss-Newton approximation.
 
     By an orthogonal basis of the columns: the normal equations would lose twice the digits, which records almost
     without noise need.
@@ -149,9 +130,9 @@ def _at(profile: Profile, beta: Float[Array, ""], free: tuple[int, ...]) -> tupl
     bend = bend - sum(((2.0 * a + v) * v for a, v in zip(along, projected, strict=True)), jnp.zeros(()))
     never_negative = jnp.maximum(square, _LEAST_CURVATURE * jnp.sum(tangent**2))
     exact = bend > _LEAST_NEWTON * never_negative
-    point = Point(rss, jnp.sum(residual * across), jnp.where(exact, bend, never_negative), exact)
+    derivatives = Derivatives(jnp.sum(residual * across), jnp.where(exact, bend, never_negative), exact)
     tangents = {i: columns[i] for i in names} | {BETA: tangent / beta}
-    return point, Optimum(value.at[BETA].set(beta), rss, tangents)
+    return 0.5 * rss, derivatives, Optimum(value.at[BETA].set(beta), rss, tangents)
 
 
 def solve(
@@ -166,8 +147,7 @@ def solve(
     low, high = jnp.log(jnp.stack(ends(profile)))
 
     def half_rss(log_beta: Float[Array, ""], _: None) -> tuple[Float[Array, ""], Derivatives]:
-        point = at(profile, log_beta, free)
-        return 0.5 * point.rss, Derivatives(point.slope, point.curvature, point.exact)
+        return half_rss_at(profile, jnp.exp(log_beta), free)[:2]
 
     solver = ScalarNewton(
         low=low, high=high, rtol=tolerance, atol=tolerance, ftol=0.01 * profile.rounding, wanted=wanted

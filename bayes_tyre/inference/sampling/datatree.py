@@ -9,6 +9,7 @@ import arviz_base
 import numpy as np
 import pandas as pd
 import xarray as xr
+from jaxtyping import Float
 
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import INTERACTIONS, Factors
@@ -131,6 +132,20 @@ def to_datatree(
     tree["posterior"] = xr.DataTree(posterior)
     tree.attrs.update(attributes)
     return tree
+
+
+def draws_in_a_row(draws: xr.DataArray) -> np.ndarray:
+    """Return draws of all chains in a row, shape (draws, ...)."""
+    by_chain = draws.transpose("chain", "draw", ...).to_numpy()
+    return by_chain.reshape(-1, *by_chain.shape[2:])
+
+
+def sd_repeat_of_cases(posterior: xr.Dataset, parameter: str, factors: Factors) -> Float[np.ndarray, "draws cases"]:
+    """Return draws of the standard deviation of repeats of a parameter's logarithm, of each case."""
+    by_speed = f"sd_log_{parameter}_repeat_by_speed"
+    if by_speed in posterior:
+        return draws_in_a_row(posterior[by_speed])[:, factors.speed.of_case]
+    return np.repeat(draws_in_a_row(posterior[f"sd_log_{parameter}_repeat"])[:, None], len(factors.cases), axis=1)
 
 
 def _with_factors(posterior: xr.Dataset, factors: Factors, factor_table: pd.DataFrame) -> xr.Dataset:

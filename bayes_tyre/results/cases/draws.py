@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.record_levels import LEVELS
-from bayes_tyre.inference.sampling.datatree import tree_cases
+from bayes_tyre.inference.sampling.datatree import draws_in_a_row, tree_cases
 from bayes_tyre.record import CASE_FACTORS, Case
 
 
@@ -89,7 +89,7 @@ class CaseValues(NamedTuple):
 
 def tested(posterior: xr.Dataset, case: int) -> CaseValues:
     """Return a case that has records."""
-    k, beta = (flat(posterior[f"{name}_case"].isel(case=case)) for name in ("k", "beta"))
+    k, beta = (draws_in_a_row(posterior[f"{name}_case"].isel(case=case)) for name in ("k", "beta"))
     factors = tree_cases(posterior)[case]
     records = records_like(posterior, factors)
     if not records:
@@ -138,7 +138,7 @@ def draw_noise(
 def _sd_of_levels(posterior: xr.Dataset, parameter: str) -> Float[np.ndarray, "#draws"]:
     """Return the standard deviation of a specimen and a day that were not measured; 0 where the model has neither."""
     sds = (f"sd_log_{parameter}_{level}" for level in LEVELS)
-    return np.sqrt(sum((flat(posterior[sd]) ** 2 for sd in sds if sd in posterior), np.zeros(1)))
+    return np.sqrt(sum((draws_in_a_row(posterior[sd]) ** 2 for sd in sds if sd in posterior), np.zeros(1)))
 
 
 def _widening(
@@ -200,16 +200,10 @@ def factors_along(posterior: xr.Dataset, dim: str) -> list[tuple[object, ...]]:
     return [tuple(None if v != v or v == "" else v for v in row) for row in zip(*columns, strict=True)]
 
 
-def flat(draws: xr.DataArray) -> np.ndarray:
-    """Return draws of all chains in one row, shape (draws, ...)."""
-    by_chain = draws.transpose("chain", "draw", ...).to_numpy()
-    return by_chain.reshape(-1, *by_chain.shape[2:])
-
-
 def _scalar(posterior: xr.Dataset, name: str) -> np.ndarray:
     if name not in posterior:
         raise BadInput(f"the posterior lacks {name}, so no repeat can be predicted; ask for the case, or run fit again")
-    return flat(posterior[name])
+    return draws_in_a_row(posterior[name])
 
 
 def sd_of_repeats(posterior: xr.Dataset, parameter: str, speed_km_h: float | None) -> Float[np.ndarray, " draws"]:
@@ -220,5 +214,7 @@ def sd_of_repeats(posterior: xr.Dataset, parameter: str, speed_km_h: float | Non
     speeds = [str(level) for level in posterior["speed"].to_numpy().tolist()]  # text beside numbers is stored as text
     wanted = "" if speed_km_h is None or np.isnan(speed_km_h) else str(float(speed_km_h))
     return (
-        flat(posterior[f"{name}_by_speed"])[:, speeds.index(wanted)] if wanted in speeds else _scalar(posterior, name)
+        draws_in_a_row(posterior[f"{name}_by_speed"])[:, speeds.index(wanted)]
+        if wanted in speeds
+        else _scalar(posterior, name)
     )

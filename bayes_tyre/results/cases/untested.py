@@ -9,9 +9,9 @@ from jaxtyping import Float
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.factors import INTERACTIONS
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.sampling.datatree import tree_cases
+from bayes_tyre.inference.sampling.datatree import draws_in_a_row, tree_cases
 from bayes_tyre.record import Case
-from bayes_tyre.results.cases.draws import CaseValues, Start, flat, records_like, start_of
+from bayes_tyre.results.cases.draws import CaseValues, Start, records_like, start_of
 from bayes_tyre.results.cases.level_trend import effects_by_trend
 
 #: Factors whose levels are numbers along which effects may follow a trend.
@@ -107,7 +107,7 @@ def _groups(posterior: xr.Dataset, parameter: str, new: Sequence[Case]) -> list[
 
 def log_draws(posterior: xr.Dataset, names: Sequence[str]) -> Float[np.ndarray, "draws units names"]:
     """Return the logarithms of draws of some variables, of one dimension beside chain and draw."""
-    values = np.stack([flat(posterior[name]) for name in names], axis=-1)
+    values = np.stack([draws_in_a_row(posterior[name]) for name in names], axis=-1)
     for name, positive in zip(names, np.moveaxis((values > 0) & np.isfinite(values), -1, 0), strict=True):
         if not positive.all():
             raise BadInput(f"{name} has draws that are not above 0; run fit or motion again")
@@ -128,7 +128,7 @@ def _effects(
     effects = dict.fromkeys(levels, np.zeros(1))
     if site in posterior:
         levels = _labels(posterior, factor)
-        effects |= dict(zip(levels, flat(posterior[site]).T, strict=True))
+        effects |= dict(zip(levels, draws_in_a_row(posterior[site]).T, strict=True))
     new = [level for level in asked if level not in effects]
     # Where one configuration was tested, what a speed changes in it alone is in the effect of the speed already.
     absorbed = factor in INTERACTIONS and len({level.rpartition(" ")[0] for level in levels}) == 1
@@ -148,7 +148,7 @@ def _effects(
 def _sd(posterior: xr.Dataset, priors: Priors, site: str, rng: np.random.Generator) -> Float[np.ndarray, " draws"]:
     """Return draws of a standard deviation; of a factor that did not vary, its prior's."""
     draws = posterior.sizes["chain"] * posterior.sizes["draw"]
-    return flat(posterior[site]) if site in posterior else priors[site].scipy().rvs(draws, random_state=rng)
+    return draws_in_a_row(posterior[site]) if site in posterior else priors[site].scipy().rvs(draws, random_state=rng)
 
 
 def _levels(case: Case) -> dict[str, str]:

@@ -12,10 +12,10 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.record_levels import LEVELS as LEVELS_OF_RECORDS
 from bayes_tyre.inference.sampling.common_scales import as_measured
-from bayes_tyre.inference.sampling.datatree import case_parameters, priors_of, tree_cases
+from bayes_tyre.inference.sampling.datatree import case_parameters, draws_in_a_row, priors_of, tree_cases
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import AXLE_PARAMETERS, LAW_PARAMETERS, Case
-from bayes_tyre.results.cases.draws import factors_along, flat, sd_of_repeats
+from bayes_tyre.results.cases.draws import factors_along, sd_of_repeats
 from bayes_tyre.results.cases.untested import log_draws, log_values_of_untested
 
 #: Factors that a rig sets to numbers; most new cases that are compared.
@@ -149,8 +149,10 @@ def _record_noise(
     few = slice(None, None, max(1, len(sd_repeat) // _FEW))
     variance = sd_repeat[few, :, None] ** 2 * eye
     if "student_nu" in posterior:
-        nu = flat(posterior["student_nu"])[few, None, None]
+        nu = draws_in_a_row(posterior["student_nu"])[few, None, None]
         variance = variance * (nu + len(sd) + 2) / (nu + len(sd))
-    weight = flat(posterior["discordant_weight"])[few, None, None] if "discordant_weight" in posterior else 0.0
+    weight = (
+        draws_in_a_row(posterior["discordant_weight"])[few, None, None] if "discordant_weight" in posterior else 0.0
+    )
     usual, discordant = (np.linalg.inv(wider**2 * variance + error) for wider in (1.0, priors.discordant_widening))
     return np.linalg.inv((1.0 - weight) * usual + weight * discordant).mean(axis=0)

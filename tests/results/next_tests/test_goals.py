@@ -5,9 +5,8 @@ import pytest
 from helpers.hand_made_posteriors import grid, posterior, scattered
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.sampling.datatree import tree_cases
+from bayes_tyre.inference.sampling.datatree import draws_in_a_row, tree_cases
 from bayes_tyre.record import Case
-from bayes_tyre.results.cases.draws import flat
 from bayes_tyre.results.contrasts import contrasts
 from bayes_tyre.results.next_tests.goals import Goal, parse_goal
 
@@ -21,7 +20,7 @@ def parsed(text: str, new: tuple[Case, ...] = ()) -> Goal:
 
 
 def median(goal: Goal) -> float:
-    return float(np.median(np.exp(np.log(flat(POSTERIOR[f"{goal.parameter}_case"])) @ goal.weights)))
+    return float(np.median(np.exp(np.log(draws_in_a_row(POSTERIOR[f"{goal.parameter}_case"])) @ goal.weights)))
 
 
 @pytest.mark.parametrize(("text", "of"), [("k dual / single", "4 pairs"), ("beta  loading/unloading", "same span")])

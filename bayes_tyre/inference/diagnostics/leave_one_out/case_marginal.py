@@ -16,7 +16,6 @@ from jaxtyping import Array, Float
 from bayes_tyre.inference.diagnostics.leave_one_out.record_marginal import (
     Hyperparameters,
     RecordDensity,
-    flat,
     forces_at,
     hyperparameters,
     log_prior_of_noise,
@@ -33,6 +32,7 @@ from bayes_tyre.inference.model.hyperparameters import PARAMETERS, apart_weight
 from bayes_tyre.inference.model.marginal_mixture import members_of
 from bayes_tyre.inference.model.prepared_records import PreparedRecords
 from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.sampling.datatree import draws_in_a_row, sd_repeat_of_cases
 
 #: Points of each integral.
 POINTS = 128
@@ -70,24 +70,21 @@ def case_population(posterior: xr.Dataset, factors: Factors) -> CasePopulation:
     means, remainders, sds, offsets = [], [], [], []
     draws = posterior.sizes["chain"] * posterior.sizes["draw"]
     for parameter in PARAMETERS:
-        mean = np.log(flat(posterior[f"{parameter}_group"]))[:, factors.group.of_case]
+        mean = np.log(draws_in_a_row(posterior[f"{parameter}_group"]))[:, factors.group.of_case]
         for name, factor in factors.effects(parameter).items():
             # A posterior holds no levels whose effect is zero by construction (`to_datatree`).
             effects = np.zeros((draws, len(factor.labels)))
-            effects[:, factor.free] = flat(posterior[f"log_{parameter}_{name}"])
+            effects[:, factor.free] = draws_in_a_row(posterior[f"log_{parameter}_{name}"])
             mean = mean + effects[:, factor.of_case] * factor.weight
         sd = f"sd_log_{parameter}_case"
-        of_case = flat(posterior[sd]) if sd in posterior else np.zeros(draws)
-        sd = f"sd_log_{parameter}_repeat"
-        by_speed = posterior.get(f"{sd}_by_speed")
-        of_repeat = flat(posterior[sd])[:, None] if by_speed is None else flat(by_speed)[:, factors.speed.of_case]
+        of_case = draws_in_a_row(posterior[sd]) if sd in posterior else np.zeros(draws)
         offset = np.zeros((draws, len(factors.of_record)))
         if factors.levels.names:
-            effects = {name: flat(posterior[f"log_{parameter}_{name}"]) for name in factors.levels.names}
+            effects = {name: draws_in_a_row(posterior[f"log_{parameter}_{name}"]) for name in factors.levels.names}
             offset = factors.levels.offset(effects.__getitem__)
         means.append(mean)
         remainders.append(of_case[:, None])
-        sds.append(np.broadcast_to(of_repeat, mean.shape))
+        sds.append(sd_repeat_of_cases(posterior, parameter, factors))
         offsets.append(offset)
     mean, remainder, sd_repeat = (jnp.asarray(np.stack(each, axis=1)) for each in (means, remainders, sds))
     return CasePopulation(mean, remainder, sd_repeat, jnp.asarray(np.stack(offsets, axis=2)))

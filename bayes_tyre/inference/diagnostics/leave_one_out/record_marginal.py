@@ -30,6 +30,7 @@ from bayes_tyre.inference.model.likelihood.direct import Likelihood
 from bayes_tyre.inference.model.likelihood.offsets import sd_of_offsets
 from bayes_tyre.inference.model.likelihood.student import StudentLikelihood
 from bayes_tyre.inference.record_data import RecordData
+from bayes_tyre.inference.sampling.datatree import draws_in_a_row, sd_repeat_of_cases
 
 #: Points of each integral (a power of two, for Sobol's sequence), and degrees of freedom of the t they are drawn from.
 POINTS, TAILS = 256, 6.0
@@ -83,35 +84,25 @@ def hyperparameters(posterior: xr.Dataset, factors: Factors) -> Hyperparameters:
     records = factors.of_record
     by_case, sd_repeat = [], []
     for parameter in ("k", "beta"):
-        by_case.append(np.log(flat(posterior[f"{parameter}_case"]))[:, records])
+        by_case.append(np.log(draws_in_a_row(posterior[f"{parameter}_case"]))[:, records])
         if factors.levels.names:
-            effects = {name: flat(posterior[f"log_{parameter}_{name}"]) for name in factors.levels.names}
+            effects = {name: draws_in_a_row(posterior[f"log_{parameter}_{name}"]) for name in factors.levels.names}
             by_case[-1] = by_case[-1] + factors.levels.offset(effects.__getitem__)
-        name = f"sd_log_{parameter}_repeat"
-        if f"{name}_by_speed" in posterior:
-            sd_repeat.append(flat(posterior[f"{name}_by_speed"])[:, factors.speed.of_case[records]])
-        else:
-            sd_repeat.append(np.broadcast_to(flat(posterior[name])[:, None], by_case[-1].shape))
+        sd_repeat.append(sd_repeat_of_cases(posterior, parameter, factors)[:, records])
     # A posterior of version 0.1 has J about zero.
     mean_J = np.zeros(by_case[0].shape)
     if "J_group" in posterior:
-        mean_J = flat(posterior["J_group"])[:, factors.group.of_case[records]]
+        mean_J = draws_in_a_row(posterior["J_group"])[:, factors.group.of_case[records]]
     names = ("discordant_weight", "student_nu", "atanh_rho_typical", "sd_atanh_rho", "noise_nu")
     return Hyperparameters(
         jnp.asarray(np.stack(by_case, axis=2)),
         jnp.asarray(np.log(np.stack(sd_repeat, axis=2))),
         jnp.asarray(mean_J),
-        jnp.asarray(flat(posterior["sd_J"])),
-        jnp.asarray(np.log(flat(posterior["sigma_typical"]))),
-        jnp.asarray(flat(posterior["sd_log_sigma"])),
-        *(jnp.asarray(flat(posterior[name])) if name in posterior else None for name in names),
+        jnp.asarray(draws_in_a_row(posterior["sd_J"])),
+        jnp.asarray(np.log(draws_in_a_row(posterior["sigma_typical"]))),
+        jnp.asarray(draws_in_a_row(posterior["sd_log_sigma"])),
+        *(jnp.asarray(draws_in_a_row(posterior[name])) if name in posterior else None for name in names),
     )
-
-
-def flat(draws: xr.DataArray) -> np.ndarray:
-    """Return draws one after the other, whatever their chain."""
-    sample = draws.transpose("chain", "draw", ...).to_numpy()
-    return sample.reshape(-1, *sample.shape[2:])
 
 
 class RecordDensity(NamedTuple):

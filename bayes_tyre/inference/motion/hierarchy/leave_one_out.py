@@ -27,7 +27,7 @@ from bayes_tyre.inference.motion.hierarchy.model import Motions, Readings, fit_m
 from bayes_tyre.inference.motion.laws import motion_law
 from bayes_tyre.inference.motion.record.evidence import log_average
 from bayes_tyre.inference.sampling.common_scales import as_measured
-from bayes_tyre.inference.sampling.datatree import priors_of
+from bayes_tyre.inference.sampling.datatree import draws_in_a_row, priors_of, sd_repeat_of_cases
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record import FACTORS
 
@@ -135,8 +135,8 @@ def densities(
     """
     assert motions.readings is not None
     of_record, rows = factors.of_record, np.asarray(motions.rows)
-    case = np.stack([_draws(posterior, f"{name}_case") for name in motions.law.parameters], axis=-1)
-    sd_repeat = np.stack([_sd_repeat(posterior, name, factors) for name in motions.law.parameters], axis=-1)[
+    case = np.stack([draws_in_a_row(posterior[f"{name}_case"]) for name in motions.law.parameters], axis=-1)
+    sd_repeat = np.stack([sd_repeat_of_cases(posterior, name, factors) for name in motions.law.parameters], axis=-1)[
         :, of_record
     ]
     offset = np.asarray(motions.target) - np.einsum("rij,drj->dri", rows, np.log(case)[:, of_record])
@@ -151,28 +151,15 @@ def _averaged(
     if kind == "normal":
         return log_average(rows, offset, variance)
     if kind == "student":
-        half = _draws(posterior, "student_nu")[:, None] / 2
+        half = draws_in_a_row(posterior["student_nu"])[:, None] / 2
         # Student's t is a normal whose variance is nu over a chi-squared variable of nu degrees of freedom.
         shares = (np.arange(_QUANTILES) + 0.5) / _QUANTILES
         precisions = gammaincinv(half, shares) / half
         each = [log_average(rows, offset, variance / precision[:, None, None]) for precision in precisions.T]
         return np.logaddexp.reduce(each, axis=0) - np.log(_QUANTILES)
-    weight = _draws(posterior, "discordant_weight")[:, None]
+    weight = draws_in_a_row(posterior["discordant_weight"])[:, None]
     usual = np.log1p(-weight) + log_average(rows, offset, variance)
     return np.logaddexp(usual, np.log(weight) + log_average(rows, offset, widening**2 * variance))
-
-
-def _sd_repeat(posterior: xr.Dataset, parameter: str, factors: Factors) -> Float[np.ndarray, "draws cases"]:
-    """Return the standard deviation of repeats of each case."""
-    by_speed = f"sd_log_{parameter}_repeat_by_speed"
-    if by_speed in posterior:
-        return _draws(posterior, by_speed)[:, factors.speed.of_case]
-    return np.repeat(_draws(posterior, f"sd_log_{parameter}_repeat")[:, None], len(factors.cases), axis=1)
-
-
-def _draws(posterior: xr.Dataset, name: str) -> np.ndarray:
-    values = posterior[name].transpose("chain", "draw", ...).to_numpy()
-    return values.reshape(-1, *values.shape[2:])
 
 
 def _chosen(motions: Motions, which: np.ndarray) -> Motions:
