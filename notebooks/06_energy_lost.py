@@ -27,7 +27,6 @@ from support import motion_figures, motion_truth
 
 from bayes_tyre.formats.recordings.raw import read_raw
 from bayes_tyre.inference.motion.record import estimate
-from bayes_tyre.inference.motion.record.model import window
 from bayes_tyre.laws.loop_energy import dissipated_energy_per_cycle, loop_energy
 from bayes_tyre.report.figures import process as process_figures
 from bayes_tyre.report.figures.page.notebook_display import NotebookFigure
@@ -95,7 +94,7 @@ def estimated(recording: process.Recording):
     read, step = recording.raw, recording.step
     channels = read.acceleration_m_per_s2, read.laser_mm, read.load_kN
     ramp_s = step.ramp.start_s, step.ramp.end_s
-    return estimate.estimate_motion(rig, window.Recorded(read.dt_s, *channels, pre_step=step.pre_step, ramp_s=ramp_s))
+    return estimate.estimate_motion(rig, estimate.Recorded(read.dt_s, *channels, pre_step=step.pre_step, ramp_s=ramp_s))
 
 
 estimates = {record: estimated(recording) for record, recording in recordings.items()}

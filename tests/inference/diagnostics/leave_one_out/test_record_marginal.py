@@ -41,7 +41,7 @@ def known(estimates, **other) -> Hyperparameters:
     pair = np.asarray(estimates.centre[:, 2:])
     values = {
         "log_case": jnp.asarray(np.stack([pair, pair + 0.01])),
-        "log_scatter": jnp.full((2, *pair.shape), np.log(NARROW)),
+        "log_sd_repeat": jnp.full((2, *pair.shape), np.log(NARROW)),
         "mean_J": jnp.asarray(np.broadcast_to(J_MEAN[:, None], (2, len(pair)))),
         "sd_J": jnp.asarray(J_SCALE),
         "log_sigma": jnp.log(jnp.array([0.03, 0.05])),
@@ -125,7 +125,7 @@ def student_by_hand(data, log_pair, mean_J, sd_J, sigma, nu) -> float:
 
 def test_repeats_enter_as_in_the_model(records):
     """A mixture of weight 0 is the normal one, a t of many degrees of freedom nearly, and one of weight 1 is wider."""
-    wide = {"log_scatter": jnp.full((2, 3, 2), np.log(0.1)), "sd_log_sigma": jnp.full(2, 0.1)}
+    wide = {"log_sd_repeat": jnp.full((2, 3, 2), np.log(0.1)), "sd_log_sigma": jnp.full(2, 0.1)}
 
     def with_(**other) -> np.ndarray:
         return np.asarray(density(records, ModelSettings(), lambda e: known(e, **wide, **other))[1].log_density)
@@ -140,7 +140,7 @@ def test_repeats_enter_as_in_the_model(records):
 
 
 def test_other_points_change_little(records):
-    wide = {"log_scatter": jnp.full((2, 3, 2), np.log(0.1)), "sd_log_sigma": jnp.full(2, 0.3)}
+    wide = {"log_sd_repeat": jnp.full((2, 3, 2), np.log(0.1)), "sd_log_sigma": jnp.full(2, 0.3)}
     of = (ModelSettings(), lambda estimates: known(estimates, **wide))
     found = [density(records, *of, seed, POINTS)[1].log_density for seed in (1, 2)]
     assert jax.tree.reduce(jnp.maximum, jnp.abs(found[0] - found[1])).max() < 0.2
