@@ -94,13 +94,13 @@ class Optimum(NamedTuple):
 
 def optimum(profile: Profile, beta: Float[Array, ""], free: tuple[int, ...]) -> Optimum:
     """Return the best fit at a beta."""
-    return half_rss_at(profile, beta, free)[2]
+    return profile_at(profile, beta, free)[2]
 
 
-def half_rss_at(
+def profile_at(
     profile: Profile, beta: Float[Array, ""], free: tuple[int, ...]
 ) -> tuple[Float[Array, ""], Derivatives, Optimum]:
-    """Return half the sum of squares of the residuals at a beta, its derivatives in log beta, and the best fit there.
+    """Return the profile at a beta: half the sum of squared residuals, its derivatives in log beta, and the best fit.
 
     Where the second derivative is negative or nearly so, the curvature is its Gauss-Newton approximation.
 
@@ -147,7 +147,7 @@ def solve(
     low, high = jnp.log(jnp.stack(ends(profile)))
 
     def half_rss(log_beta: Float[Array, ""], _: None) -> tuple[Float[Array, ""], Derivatives]:
-        return half_rss_at(profile, jnp.exp(log_beta), free)[:2]
+        return profile_at(profile, jnp.exp(log_beta), free)[:2]
 
     solver = ScalarNewton(
         low=low, high=high, rtol=tolerance, atol=tolerance, ftol=0.01 * profile.rounding, wanted=wanted

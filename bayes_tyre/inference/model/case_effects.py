@@ -76,9 +76,9 @@ def sample_sd_by_speed(
     )
     shape = (len(parameters), len(factors.speed.labels))
     by_speed = dist.Normal(jnp.log(typical), spread).expand(shape).to_event(2)
-    sd_repeat = jnp.exp(jnp.asarray(numpyro.sample(f"log_sd_{of}_by_speed", by_speed)))
-    deterministic_each(f"sd_log_*_{of}_by_speed", parameters, sd_repeat)
-    return {f"sd_log_{name}_{of}_by_speed": value for name, value in zip(parameters, sd_repeat, strict=True)}
+    sds = jnp.exp(jnp.asarray(numpyro.sample(f"log_sd_{of}_by_speed", by_speed)))
+    deterministic_each(f"sd_log_*_{of}_by_speed", parameters, sds)
+    return {f"sd_log_{name}_{of}_by_speed": sd for name, sd in zip(parameters, sds, strict=True)}
 
 
 def sample_offset(
@@ -102,7 +102,7 @@ def sample_offset(
     return deterministic(OFFSET, jnp.asarray(levels.offset(effects.__getitem__)).T)
 
 
-def sd_of_repeats(
+def sd_about_cases(
     factors: Factors,
     hyperparameters: Hyperparameters,
     parameters: Sequence[str] = PARAMETERS,
@@ -193,6 +193,6 @@ def sample_case_distribution(
     with_sd = {**hyperparameters, **sample_sd_by_speed(factors, hyperparameters, parameters)}
     offset = sample_offset(factors, with_sd, parameters, priors) if factors.levels.names else np.zeros((1, 1))
     mean = sample_linear_predictor(factors, with_sd, parameters, priors)
-    remainder, sd_repeat = (of(factors, with_sd, parameters) for of in (case_remainder, sd_of_repeats))
+    remainder, sd_repeat = (of(factors, with_sd, parameters) for of in (case_remainder, sd_about_cases))
     weight = apart_weight(factors, parameters, priors)
     return CaseDistribution(mean, remainder, sd_repeat, weight, priors.apart_widening, offset)

@@ -15,7 +15,7 @@ from numpyro import distributions as dist  # not `import numpyro.distributions`:
 from bayes_tyre.inference.model.case_effects import (
     sample_linear_predictor,
     sample_sd_by_speed,
-    sd_of_repeats,
+    sd_about_cases,
 )
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
@@ -158,7 +158,7 @@ def published_model(
     hyperparameters = sample_hyperparameters(published_sites(factors), priors)
     by_speed = sample_sd_by_speed(factors, hyperparameters, of="published")
     mean = sample_linear_predictor(factors, hyperparameters, priors=priors)
-    sd_published = sd_of_repeats(factors, {**hyperparameters, **by_speed}, of="published")
+    sd_published = sd_about_cases(factors, {**hyperparameters, **by_speed}, of="published")
     deterministic_each("*_case", PARAMETERS, jnp.exp(mean))
     fn = dist.StudentT(hyperparameters["student_nu"], mean, sd_published)
     numpyro.sample("log_published", fn, obs=None if values is None else log_published(values))

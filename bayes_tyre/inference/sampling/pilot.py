@@ -42,9 +42,9 @@ _OF_PILOT, _OF_ERROR = 100, 101
 _APPROACH_CHUNKS = 2
 #: Iterations of the warmup that the pilot run stands for: those of the default but for a chunk.
 _WARMUP_BY_PILOT = 500
-#: Draws that the covariance before counts as, at least, beside a chunk's of each chain; and as many as there
+#: Draws that the covariance so far counts as, at least, beside a chunk's of each chain; and as many as there
 #: are unknowns, for the covariance of fewer draws than these is worse than the mode's.
-_PRIOR_DRAWS = 100
+_COVARIANCE_DRAWS = 100
 #: Squared standard errors of a slope that are taken off its square: what chance explains, twice over.
 _BEYOND_CHANCE = 4.0
 _TINY = float(np.finfo(float).tiny)
@@ -152,10 +152,8 @@ class Pilot(NamedTuple):
         """Return where the chains are after a chunk that begins at a location."""
         chains, settings = self._given(location), self.settings
         last = max(settings.warmup - CHUNK, 0)
-        state, count = (
-            self._begin(chains, location, number, last),
-            1 if location.draws is not None else 1 + _APPROACH_CHUNKS,
-        )
+        state = self._begin(chains, location, number, last)
+        count = 1 if location.draws is not None else 1 + _APPROACH_CHUNKS
         settings.on_stage("pilot run", count * CHUNK)
         for _ in range(count):
             chunk = chains.advance(state, CHUNK)
@@ -165,7 +163,7 @@ class Pilot(NamedTuple):
         draws = chains.blocks.join(chunk.unconstrained)
         before = np.eye(draws.shape[-1]) if location.covariance is None else location.covariance
         count = len(flat(draws))
-        share = count / (count + max(_PRIOR_DRAWS, len(before)))
+        share = count / (count + max(_COVARIANCE_DRAWS, len(before)))
         covariance = share * np.cov(flat(draws).T) + (1.0 - share) * before
         located = self._located(sites, location.sites)
         own = {name: sites[name] for name in _OF_SUMMARIES if name in sites}

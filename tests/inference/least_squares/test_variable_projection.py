@@ -12,7 +12,7 @@ from bayes_tyre.inference.least_squares.parameters import BETA, F_I, C, K
 from bayes_tyre.inference.least_squares.scalar_newton import Derivatives, ScalarNewton
 from bayes_tyre.inference.least_squares.scaled_problem import Problem, scale_problem
 from bayes_tyre.inference.least_squares.small_linear_algebra import r_factor
-from bayes_tyre.inference.least_squares.variable_projection import half_rss_at, optimum, profile_of
+from bayes_tyre.inference.least_squares.variable_projection import optimum, profile_at, profile_of
 
 
 def problem_of(seed: int, fixed_k: float = NAN) -> Problem:
@@ -28,7 +28,7 @@ def test_slope_and_curvature_are_the_derivatives_of_the_profile(free):
     def half(log_beta):
         return 0.5 * optimum(profile, jnp.exp(log_beta), free).rss
 
-    value, derivatives, _ = jax.jit(lambda beta: half_rss_at(profile, beta, free))(0.06)
+    value, derivatives, _ = jax.jit(lambda beta: profile_at(profile, beta, free))(0.06)
     assert derivatives.exact
     assert value == pytest.approx(float(half(jnp.log(0.06))), rel=1e-9)
     assert derivatives.slope == pytest.approx(float(jax.grad(half)(jnp.log(0.06))), rel=1e-7)

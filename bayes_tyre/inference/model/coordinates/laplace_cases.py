@@ -68,8 +68,8 @@ def case_estimates(
     median = np.array([np.median(values[member], axis=0) for member in members])
     variance = np.array([np.mean(variances[member], axis=0) for member in members]).T
     both = zip(values.T, variance, strict=True)
-    sd_repeat = [_log_sd_repeat([own[member] for member in members], of_one, factors) for own, of_one in both]
-    log_sd_repeat = Gaussian(*(jnp.asarray(np.stack(of_each)) for of_each in zip(*sd_repeat, strict=True)))
+    of_parameters = [_log_sd_repeat([own[member] for member in members], of_one, factors) for own, of_one in both]
+    log_sd_repeat = Gaussian(*(jnp.asarray(np.stack(of_each)) for of_each in zip(*of_parameters, strict=True)))
     typical = np.exp(log_sd_repeat.value)[:, factors.speed.of_case[factors.of_record]].T
     discordant = _look_discordant(values - median[factors.of_record], variances, typical, priors)
     usual = [member & ~discordant if (member & ~discordant).any() else member for member in members]

@@ -13,7 +13,7 @@ from numpyro import distributions as dist  # not `import numpyro.distributions`:
 from numpyro.distributions import biject_to
 from numpyro.infer.reparam import Reparam
 
-from bayes_tyre.inference.model.case_effects import OFFSET, case_remainder, sd_of_repeats, with_remainder
+from bayes_tyre.inference.model.case_effects import OFFSET, case_remainder, sd_about_cases, with_remainder
 from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, RecordEstimates
 from bayes_tyre.inference.model.coordinates.laplace_cases import CaseEstimates, find_kinds
 from bayes_tyre.inference.model.coordinates.noise import noise_coordinates, student_coordinates
@@ -113,7 +113,7 @@ def case_coordinates(
     repeats = jnp.asarray(np.maximum(factors.repeats, _ALMOST_NONE))
 
     def variance(values: Hyperparameters) -> Float[Array, "parameters cases"]:
-        return (sd_of_repeats(factors, values, parameters) ** 2 + estimates.variance) / repeats
+        return (sd_about_cases(factors, values, parameters) ** 2 + estimates.variance) / repeats
 
     def middle(values: Hyperparameters) -> Float[Array, "parameters cases"]:
         if OFFSET not in values:
@@ -179,7 +179,7 @@ def record_coordinates(approximation: LaplaceApproximation, factors: Factors, pr
     def of_records(values: Hyperparameters) -> Gaussian:
         """Return what the records' estimates have beside their case's; of discordant ones next to nothing."""
         off = estimates.centre[:, 2:] - approximation.cases.middle.T[factors.of_record]
-        variance = (sd_of_repeats(factors, values) ** 2 + approximation.cases.variance).T[factors.of_record]
+        variance = (sd_about_cases(factors, values) ** 2 + approximation.cases.variance).T[factors.of_record]
         weight = jnp.where(approximation.cases.discordant[:, None], _ALMOST_NONE, 1.0)
         return Gaussian(off, weight / variance)
 
@@ -219,11 +219,11 @@ def published_coordinates(
 
     def of_terms(hyperparameters: Hyperparameters) -> Reparam:
         return TermsReparam(
-            terms, kinds.estimate(printed, sd_of_repeats(factors, hyperparameters, of="published") ** 2)
+            terms, kinds.estimate(printed, sd_about_cases(factors, hyperparameters, of="published") ** 2)
         )
 
-    sd_repeat = _log_sd_of_residuals(printed, terms.design, factors)
-    return {"log_sd_published_by_speed": lambda _: NormalReparam(sd_repeat), "terms": of_terms}
+    log_sd_published = _log_sd_of_residuals(printed, terms.design, factors)
+    return {"log_sd_published_by_speed": lambda _: NormalReparam(log_sd_published), "terms": of_terms}
 
 
 def _log_sd_of_residuals(
