@@ -8,7 +8,7 @@ from pathlib import Path
 import jax
 import pandas as pd
 
-from bayes_tyre.formats.files import prepare_folder, write_bytes
+from bayes_tyre.formats.files import prepare_folder, remove_leftovers, write_bytes
 from bayes_tyre.formats.netcdf import write_tree
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.diagnostics.attempts import Attempts
@@ -68,6 +68,8 @@ def write_fit(
     prepare_folder(out)
     for name in (RUN_JSON, *_ABOUT_OLDER):  # run.json first: it marks a folder as finished
         (out / name).unlink(missing_ok=True)
+    written = (RUN_JSON, "diagnostics.json", "posterior.nc", WORKBOOK, *_tables(result, beside or {}))
+    remove_leftovers(out / name for name in (*written, *(f"figures/{name}.png" for name in HEADINGS)))
     attempts, callbacks = Attempts(), callbacks or Callbacks()
     callbacks.on_stage("tables", None)
     with drawing_process(_records(result) >= DRAWN_APART) as begin:

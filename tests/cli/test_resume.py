@@ -21,6 +21,13 @@ FEW = [*FEW_DRAWS, "--seed", 5]
 SAME = (*TABLES, "diagnostics.json", "posterior.nc")
 #: What is there when a run is killed: in warmup; between two files. (`test_checkpoint` has them all.)
 MOMENTS = (".checkpoint/chunk-000000.npz", "cases.csv")
+#: What a run leaves that is killed while it writes a table, the posterior, a figure or `run.json`.
+HALF_WRITTEN = (
+    ".contrasts.csv.u9738etp.csv",
+    ".posterior.nc.5zq_c0de.nc",
+    "figures/.pair_plot.png.abcd1234.png",
+    ".run.json.01234567.json",
+)
 
 
 def killed(process: subprocess.Popen[str], appears: Path) -> None:
@@ -52,6 +59,9 @@ def runs(tmp_path_factory) -> Path:
         resume = ["--resume"] if number else []
         killed(start("fit", "records.csv", "--out", "cut", *FEW, *resume, cwd=folder), folder / "cut" / moment)
         shutil.copytree(folder / "cut", folder / "after" / str(number))
+    for name in HALF_WRITTEN:  # whether a run is killed while it writes one of these is chance
+        (folder / "cut" / name).parent.mkdir(exist_ok=True)
+        (folder / "cut" / name).write_text("half")
     done = finish(start("fit", "--from", "whole/run.json", "--out", "cut", "--resume", cwd=folder))
     (folder / "cut said").write_text(done.stderr)
     assert done.returncode == 4, done.stderr
