@@ -33,8 +33,9 @@ MEASURES = ("contraction", "prior_sensitivity", "likelihood_sensitivity")
 CONTRACTION_LEAST = 0.5
 #: Sensitivity from which on ArviZ calls a prior informative.
 SENSITIVE = 0.05
-#: Draws of the prior, fewer where there are many records: a ratio of variances is then off by 2 or 3 % of itself.
-PRIOR_DRAWS, _PRIOR_NUMBERS = 4000, 4_000_000
+#: Draws of the prior, at most and at least, and how many numbers they may be of a quantity of each record. A ratio of
+#: variances is off by 2 % of itself; of thousands of records by 7 %.
+PRIOR_DRAWS, _PRIOR_DRAWS_LEAST, _PRIOR_NUMBERS = 4000, 400, 1_000_000
 #: What is drawn of the prior: all that a posterior holds, but what is a probability itself.
 PRIOR_SITES = tuple(name for name in QUANTITIES if name not in PROBABILITIES)
 #: Draws of the posterior that sensitivities rest on, evenly taken; and quantities of pure noise beside them.
@@ -148,7 +149,7 @@ def identify_records(
         Runs the power scaling; where that fails, the contraction stands alone.
     """
     data, factors = records.data, records.factors
-    draws = max(PRIOR_DRAWS // 10, min(PRIOR_DRAWS, _PRIOR_NUMBERS // len(records.factor_table)))
+    draws = max(_PRIOR_DRAWS_LEAST, min(PRIOR_DRAWS, _PRIOR_NUMBERS // len(records.factor_table)))
     without_data = {"data": without_points(data), "likelihood": None, "observed": False}
     drawn = draw_prior(records_model, records.arguments(model) | without_data, PRIOR_SITES, draws, seed=0)
     prior = prior_tree(drawn | usual_repeats(drawn, factors, seed=0), factors, records.factor_table)

@@ -210,14 +210,14 @@ def find_factors(factor_table: pd.DataFrame, initial_force_kN: Float[np.ndarray,
     keys = [
         tuple(None if pd.isna(value) else value for value in row) for row in complete[list(CASE_FACTORS)].to_numpy()
     ]
-    unique = list(dict.fromkeys(keys))
-    cases = tuple(Case._make(np.nan if value is None else value for value in key) for key in unique)
+    number = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+    cases = tuple(Case._make(np.nan if value is None else value for value in key) for key in number)
     sizes, speeds, loads = (
         ["" if np.isnan(value) else f"{abs(value):g}" for value in values]
         for values in zip(*((case.step_kN, case.speed_km_h, case.initial_load_kN) for case in cases), strict=True)
     )
     step, speed = _factor(sizes), _factor([_level(case.speed_km_h) for case in cases])
-    of_record = np.array([unique.index(key) for key in keys], dtype=int)
+    of_record = np.array([number[key] for key in keys], dtype=int)
     load = _factor([_level(case.initial_load_kN) for case in cases])
     if initial_force_kN is not None:
         load = _slope(np.bincount(of_record, weights=initial_force_kN) / np.bincount(of_record))

@@ -2,16 +2,18 @@
 
 from typing import NamedTuple
 
+import jax
 import numpy as np
 import pandas as pd
 import xarray as xr
+from jaxtyping import Float, Int
 
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.models import records_model
 from bayes_tyre.inference.model.prepared_records import record_batch
 from bayes_tyre.inference.model.prior_predictive import PriorDraws, draw_prior, prior_forces, without_points
 from bayes_tyre.inference.record_data import record_data
-from bayes_tyre.inference.sampling.datatree import law_of, model_of
+from bayes_tyre.inference.sampling.datatree import model_of
 from bayes_tyre.record_table import record_factors
 from bayes_tyre.results.cases.untested import has_slope
 
@@ -46,6 +48,20 @@ class PriorPanel(NamedTuple):
     points: pd.DataFrame
 
 
+class _Drawn(NamedTuple):
+    """Draws of the prior of some records, by their numbers in the data, and the law that they follow."""
+
+    records: Int[np.ndarray, " drawn"]
+    draws: PriorDraws
+    law: str
+
+    def forces(
+        self, record: int, displacement_mm: Float[np.ndarray, " points"], seed: int
+    ) -> Float[np.ndarray, "draws points"]:
+        """Return the forces (kN) of a record of the data at these displacements, a row a draw."""
+        return prior_forces(self.draws, int(np.searchsorted(self.records, record)), displacement_mm, seed, self.law)
+
+
 def prior_panels(tree: xr.DataTree, table: pd.DataFrame, interval: float = 0.95, seed: int = 0) -> list[PriorPanel]:
     """Return prior records for each configuration and direction of a record table, six at most.
 
@@ -62,13 +78,14 @@ def prior_panels(tree: xr.DataTree, table: pd.DataFrame, interval: float = 0.95,
     factors = _levels(tree, table, factor_table)
     group_of_record = factors.group.of_case[factors.of_record]
     travel = table.groupby("record", sort=False)["displacement_mm"].agg(np.ptp).to_numpy()
-    drawn = _draw(tree, table, factors, seed)
-    panels = []
+    likes = []
     for group in range(min(PANELS, len(factors.group.labels))):
         of_group = np.flatnonzero(group_of_record == group)
-        like = int(of_group[np.argsort(travel[of_group], kind="stable")[(len(of_group) - 1) // 2]])
-        panels.append(_panel(table, factor_table, factors, like, interval, drawn, seed + group, law_of(tree)))
-    return panels
+        likes.append(int(of_group[np.argsort(travel[of_group], kind="stable")[(len(of_group) - 1) // 2]]))
+    drawn = _draw(tree, table, factors, _drawn_records(factors, likes), seed)
+    return [
+        _panel(table, factor_table, factors, like, interval, drawn, seed + group) for group, like in enumerate(likes)
+    ]
 
 
 def _levels(tree: xr.DataTree, table: pd.DataFrame, factor_table: pd.DataFrame) -> Factors:
@@ -77,12 +94,24 @@ def _levels(tree: xr.DataTree, table: pd.DataFrame, factor_table: pd.DataFrame) 
     return find_factors(factor_table, record_batch(table).force_kN[:, 0] if slope else None)
 
 
-def _draw(tree: xr.DataTree, table: pd.DataFrame, factors: Factors, seed: int) -> PriorDraws:
-    """Return draws of the prior of every record's parameters, with the model that the posterior was fitted with."""
+def _drawn_records(factors: Factors, likes: list[int]) -> Int[np.ndarray, " drawn"]:
+    """Return the numbers of these records, and of others that the model needs to be the same: not those of an archive.
+
+    Whether repeats can be discordant is judged by the case with the most, and noise differs where there are two.
+    """
+    cases = [*factors.of_record[likes], np.argmax(factors.repeats), factors.of_record[0], factors.of_record[-1]]
+    return np.flatnonzero(np.isin(factors.of_record, cases))
+
+
+def _draw(
+    tree: xr.DataTree, table: pd.DataFrame, factors: Factors, records: Int[np.ndarray, " drawn"], seed: int
+) -> _Drawn:
+    """Return draws of the prior of these records' parameters, with the model that the posterior was fitted with."""
     data, model = without_points(record_data(record_batch(table))), model_of(tree)
     options = {"repeats": model.repeats, "noise": model.correlation, "law": model.law, "priors": model.priors}
-    arguments = {"data": data, "factors": factors, "observed": False, **options}
-    return draw_prior(records_model, arguments, _DRAWN_SITES, _BAND_DRAWS, seed)
+    of_records = {"data": jax.tree.map(lambda leaf: leaf[records], data), "factors": factors.only(records)}
+    arguments = {**of_records, **options, "observed": False}
+    return _Drawn(records, draw_prior(records_model, arguments, _DRAWN_SITES, _BAND_DRAWS, seed), model.law)
 
 
 def _panel(
@@ -91,9 +120,8 @@ def _panel(
     factors: Factors,
     like: int,
     interval: float,
-    drawn: PriorDraws,
+    drawn: _Drawn,
     seed: int,
-    law: str,
 ) -> PriorPanel:
     case = int(factors.of_record[like])
     names = factor_table["record"].tolist()
@@ -102,7 +130,7 @@ def _panel(
     points = table.loc[table["record"].isin(shown), ["record", "displacement_mm", "force_kN"]]
     mine = points[points["record"] == names[like]]
     grid = _grid(mine["displacement_mm"].to_numpy())
-    forces = prior_forces(drawn, like, grid, seed, law)
+    forces = drawn.forces(like, grid, seed)
     lower, upper = np.quantile(forces, [(1.0 - interval) / 2.0, (1.0 + interval) / 2.0], axis=0)
     curves = pd.DataFrame(
         {

@@ -6,7 +6,9 @@ import pytest
 from helpers.hand_made_posteriors import posterior, scattered
 from helpers.simulated_records import Plan, simulate
 
+from bayes_tyre.inference.model.prior_predictive import draw_prior
 from bayes_tyre.record_table import record_factors
+from bayes_tyre.results.figure_data import prior_curves
 from bayes_tyre.results.figure_data.prior_curves import DRAWN, PANELS, POINTS, REAL, PriorPanel, prior_panels
 
 CAMPAIGN = Plan(speeds=(0.0,), points=40)
@@ -92,3 +94,21 @@ def test_a_slope_over_actual_loads_in_the_posterior_is_one_in_the_priors():
     dataset = tree["posterior"].to_dataset().drop_vars("load", errors="ignore")
     tree["posterior"] = type(tree)(dataset.assign(log_k_load=(("chain", "draw", "load"), slope)))
     assert not prior_panels(tree, table)[0].curves["force_kN"].equals(nominal["force_kN"])
+
+
+def test_few_records_are_drawn_and_repeats_are_judged_by_those_of_the_data(monkeypatch):
+    table, _ = simulate(Plan(configurations=("a",), speeds=(0.0, 10.0, 20.0, 25.0), points=20), 8)
+    cases = list(dict.fromkeys(case for case, _ in table["record"].str.rsplit("(", n=1)))
+    single = table[table["record"].str.endswith("(1)") | table["record"].str.startswith(cases[-1])]
+    drawn_for = []
+
+    def spy(model, arguments, sites, draws, seed):
+        drawn_for.append(arguments["factors"])
+        return draw_prior(model, arguments, sites, draws, seed)
+
+    monkeypatch.setattr(prior_curves, "draw_prior", spy)
+    panels = panels_of(single)
+    assert cases[-1] not in {panel.like.rsplit("(", 1)[0] for panel in panels}
+    (factors,) = drawn_for
+    assert factors.repeats.max() == 3
+    assert 2 <= len(factors.of_record) < single["record"].nunique() / 2
