@@ -31,9 +31,11 @@ from bayes_tyre.inference.sampling.summary_error import SUMMARY_ERROR_MOST, Summ
 #: Times that the summaries are made anew about the mode, at most; and about chunks of the chains, at least and at
 #: most: of many records the draws of a chunk are too few to show that an error is small.
 _ROUNDS_AT_MODE, _ROUNDS_OF_CHAINS = 4, (2, 4)
-#: Error of the summaries that may be hidden by chance where one looks small. Where more is, slopes tell it, from so
-#: many records on: of fewer, summaries whose error cannot be told are no good.
-_BY_CHANCE_MOST, _SLOPES_FROM = 0.2, 1000
+#: The same at the mode for many records, and draws for each chain, of a chunk: enough for where each record is.
+_ROUNDS_OF_MANY, _DRAWS_OF_MANY = 2, 20
+#: Error of the summaries that may be hidden by chance where one looks small. Where more is, slopes tell it, of many
+#: records, so many or more: of fewer, summaries whose error cannot be told are no good.
+_BY_CHANCE_MOST, _MANY_RECORDS = 0.2, 1000
 #: Draws of each chain at which slopes of what the summaries miss are taken, at most a chunk.
 _DRAWS_OF_SLOPES = 100
 #: What slopes are taken for, to tell their seeds apart; others are numbers of attempts, which are few.
@@ -89,7 +91,7 @@ class Pilot(NamedTuple):
         """Return where the posterior is."""
         self.settings.on_stage("posterior mode", None)
         location = first = Location(self.arguments["summaries"], self._unknown())
-        for number in range(_ROUNDS_AT_MODE):
+        for number in range(_ROUNDS_OF_MANY if self._many else _ROUNDS_AT_MODE):
             location = self._about_mode(location, number) or first
             if location is first or location.error.at_least <= SUMMARY_ERROR_MOST:
                 break
@@ -98,8 +100,9 @@ class Pilot(NamedTuple):
             location = self._about_chunk(location, number)
             error = location.error
             undecided = 2.0 * error.chance > _BY_CHANCE_MOST**2
-            by_slopes = undecided and len(self.arguments["factors"].of_record) >= _SLOPES_FROM
-            small = error.total <= SUMMARY_ERROR_MOST and not undecided
+            by_slopes = undecided and self._many
+            # Of no error at all chance shows as much as its own standard error in every sixth round.
+            small = error.total**2 <= SUMMARY_ERROR_MOST**2 + error.chance and not undecided
             if not np.isfinite(error.total) or (number + 1 >= least and (small or by_slopes)):
                 break
         location = location._replace(sites=_NO_SITES)
@@ -139,11 +142,12 @@ class Pilot(NamedTuple):
     def _about_mode(self, location: Location, number: int) -> Location | None:
         """Return the location at the mode that there is with these summaries; None where there is none."""
         chains, seed = self._given(location), self.settings.seed
-        start = chains.middle if location.draws is None else location.draws[:, -1].mean(axis=0)
-        approximation = normal_approximation(chains.potential, start, chains.chains)
+        start = chains.middle if location.draws is None else flat(location.draws).mean(axis=0)
+        approximation = normal_approximation(chains.potential, start, chains.chains, location.covariance)
         if approximation is None:
             return None
-        draws = approximation.draw(chains.chains * CHUNK, seed).reshape(chains.chains, CHUNK, -1)
+        count = _DRAWS_OF_MANY if self._many else CHUNK
+        draws = approximation.draw(chains.chains * count, seed).reshape(chains.chains, count, -1)
         sites = chains.constrain(chains.blocks.split(draws), (seed, number))
         location = self._located(sites)._replace(draws=draws, covariance=approximation.covariance)
         return location if np.isfinite(location.error.total) else None
@@ -218,6 +222,10 @@ class Pilot(NamedTuple):
 
     def _error(self, sites: Mapping[str, np.ndarray], by_slopes: ArrayLike = 0.0) -> SummaryError:
         return summary_error(sites, self.chains.sampled, self._cases(), by_slopes)
+
+    @property
+    def _many(self) -> bool:
+        return len(self.arguments["factors"].of_record) >= _MANY_RECORDS
 
     def _unknown(self) -> SummaryError:
         return SummaryError(np.inf, np.inf, self._cases()[0], np.inf)

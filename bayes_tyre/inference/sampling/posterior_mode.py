@@ -45,7 +45,10 @@ class NormalApproximation(NamedTuple):
 
 
 def normal_approximation(
-    potential: Potential, start: Float[np.ndarray, " unknowns"], points: int
+    potential: Potential,
+    start: Float[np.ndarray, " unknowns"],
+    points: int,
+    covariance: Float[np.ndarray, "unknowns unknowns"] | None = None,
 ) -> NormalApproximation | None:
     """Return the normal approximation at the mode; None where the potential energy is finite nowhere on the way.
 
@@ -57,21 +60,41 @@ def normal_approximation(
         Where the search for the mode begins.
     points:
         How many points that takes.
+    covariance:
+        Of a posterior that differs little: then only the mode is found, along the axes of this, and it is kept. None:
+        the inverse curvature at the mode, a gradient for each unknown.
     """
+    root = None if covariance is None else np.linalg.cholesky(covariance)
 
     def at(z: Float[np.ndarray, " unknowns"]) -> tuple[float, Float[np.ndarray, " unknowns"]]:
         energies, gradients = potential(np.tile(z, (points, 1)))
         return float(energies[0]), gradients[0]
 
+    def along_axes(w: Float[np.ndarray, " unknowns"]) -> tuple[float, Float[np.ndarray, " unknowns"]]:
+        if root is None:
+            return at(start + w)
+        energy, gradient = at(start + root @ w)
+        return energy, root.T @ gradient
+
     options = {"maxiter": _ITERATIONS, "gtol": _GRADIENT_MOST, "maxcor": 20}
-    mode = minimize(at, start, jac=True, method="L-BFGS-B", options=options).x
-    energy, gradient = at(mode)
-    beside = mode + _STEP * np.eye(len(mode))
-    room = np.tile(mode, (-len(mode) % points, 1))
+    found = minimize(along_axes, np.zeros_like(start), jac=True, method="L-BFGS-B", options=options)
+    mode = start + (found.x if root is None else root @ found.x)
+    if not np.isfinite(found.fun):
+        return None
+    covariance = _inverse_curvature(potential, mode, points) if covariance is None else covariance
+    return None if covariance is None else NormalApproximation(mode, covariance)
+
+
+def _inverse_curvature(
+    potential: Potential, mode: Float[np.ndarray, " unknowns"], points: int
+) -> Float[np.ndarray, "unknowns unknowns"] | None:
+    """Return the inverse of the curvature at the mode, by finite differences; None where it is not finite."""
+    beside = np.concatenate([mode[None], mode + _STEP * np.eye(len(mode))])
+    room = np.tile(mode, (-len(beside) % points, 1))
     each = np.concatenate([beside, room]).reshape(-1, points, len(mode))
-    gradients = np.concatenate([potential(some)[1] for some in each])[: len(mode)]
-    curvature = (gradients - gradient) / _STEP
-    if not (np.isfinite(energy) and np.isfinite(curvature).all()):
+    gradients = np.concatenate([potential(some)[1] for some in each])[: len(beside)]
+    curvature = (gradients[1:] - gradients[0]) / _STEP
+    if not np.isfinite(curvature).all():
         return None
     values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
-    return NormalApproximation(mode, (vectors / np.maximum(values, _LEAST_CURVATURE)) @ vectors.T)
+    return (vectors / np.maximum(values, _LEAST_CURVATURE)) @ vectors.T

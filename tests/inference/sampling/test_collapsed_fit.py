@@ -214,7 +214,7 @@ def test_what_the_summaries_miss_is_added_by_its_slope(monkeypatch):
     monkeypatch.setattr(pilot, "_summaries_about", off)
     # As if the records were too many for a regression to tell.
     monkeypatch.setattr(pilot, "_BY_CHANCE_MOST", 0.0)
-    monkeypatch.setattr(pilot, "_SLOPES_FROM", 0)
+    monkeypatch.setattr(pilot, "_MANY_RECORDS", 0)
     tree = fit_hierarchical(check_record_table(simulate(CLEAN, 1)[0]), ENOUGH)
     assert [(one.sampler, one.kept) for one in sampler_runs(tree)] == [("collapsed", True)]
     assert SummaryError.from_json(tree.attrs[RECORD_SUMMARIES]).total < 0.15

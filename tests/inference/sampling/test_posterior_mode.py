@@ -52,3 +52,19 @@ def test_without_a_density_there_is_none(value):
         return np.full(len(points), value), np.full(points.shape, np.nan)
 
     assert normal_approximation(nowhere, np.zeros(3), POINTS) is None
+
+
+def test_with_a_covariance_only_the_mode_is_found_and_at_once():
+    taken = []
+
+    def counted(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        taken.append(points)
+        return normal(points)
+
+    covariance = ROOT @ ROOT.T
+    found = normal_approximation(counted, MODE + 3.0, POINTS, covariance)
+    assert found is not None
+    assert found.covariance is covariance
+    # In its own units a normal posterior is round: two or three points lead to the mode.
+    assert len(taken) <= 4
+    np.testing.assert_allclose(found.mode, MODE, atol=0.1)
