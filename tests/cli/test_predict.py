@@ -173,8 +173,8 @@ def test_fits_that_were_compared_predict_together(tmp_path):
 
 
 def test_a_comparison_that_is_not_to_be_trusted_makes_no_prediction_that_is(tmp_path):
-    fits = [a_fit(tmp_path / "one"), a_fit(tmp_path / "two")]
-    table = compared(tmp_path / "all", verdict="fail", one=0.6, two=0.4)
+    fits = [a_fit(tmp_path / "01"), a_fit(tmp_path / "02")]  # names, not numbers
+    table = compared(tmp_path / "all", verdict="fail", **{"01": 0.6, "02": 0.4})
     done = here("predict", *fits, "--weights", table / "comparison.csv", "--case", "single (25)30-20")
     assert done.exit_code == 4
     assert f"{table / 'comparison.csv'} gives the reason" in " ".join(done.stderr.split())

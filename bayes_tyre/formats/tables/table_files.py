@@ -22,6 +22,8 @@ from bayes_tyre.record import TEXT_COLUMNS
 
 #: Characters of one cell; our own tables have cells that name several labels.
 MOST_TEXT = 50_000
+#: Columns of names, which may look like numbers: `01` stays `01`. Models are those of `comparison.csv`.
+_NAMES = (*TEXT_COLUMNS, "model")
 _MEMORY = "give it more memory or, where it may be damaged, save it again"
 _WORKBOOKS = (".xlsm", ".xlsb", ".xls", ".ods")
 _TEXTS = (".txt", ".tsv", ".dat", ".asc")
@@ -51,7 +53,7 @@ def _parse(path: Path, dialect: Dialect, decimal: str, ours: Sequence[str]) -> p
                 index_col=False,  # or a first cell too many becomes an index, and all others move one column on
                 keep_default_na=False,
                 low_memory=False,
-                dtype={name: str for name, our in zip(dialect.header, ours, strict=True) if our in TEXT_COLUMNS},
+                dtype={name: str for name, our in zip(dialect.header, ours, strict=True) if our in _NAMES},
             )
         except (pd.errors.ParserWarning, pd.errors.ParserError):
             wrong = first_long_row(path, dialect)
