@@ -173,7 +173,7 @@ def _check_factors(table: pd.DataFrame, name: str) -> None:
     check_agreement(table, name, "record", present)
     if {"direction", "step_kN"} <= set(present):
         first = table.drop_duplicates("record")
-        wrong = (first["direction"] == "loading") != (first["step_kN"] > 0)
+        wrong = first["step_kN"].where(first["direction"] == "loading", -first["step_kN"]) <= 0
         if wrong.any():
             record, direction, step = first.loc[wrong, ["record", "direction", "step_kN"]].iloc[0]
             raise BadInput(

@@ -10,7 +10,7 @@ import xarray as xr
 from jaxtyping import Bool
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.sampling.datatree import case_parameters, tree_cases
+from bayes_tyre.inference.sampling.datatree import case_parameters, draws_in_a_row, tree_cases
 from bayes_tyre.plain_text import listed, quoted
 from bayes_tyre.record import CASE_FACTORS, Case
 
@@ -144,7 +144,7 @@ def contrasts(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.Dat
     rows = []
     for contrast in _contrasts(tree, cases):
         for parameter in case_parameters(posterior):
-            draws = posterior[f"{parameter}_case"].to_numpy().reshape(-1, len(cases))
+            draws = draws_in_a_row(posterior[f"{parameter}_case"])
             ratio = contrast.ratio(draws)
             lower, median, upper = np.quantile(ratio, tails)
             rows.append(
@@ -173,12 +173,13 @@ def _contrasts(tree: xr.DataTree, cases: list[Case]) -> Iterator[_Contrast]:
 
 
 def average_ratios(tree: xr.DataTree, parameter: str) -> xr.DataArray:
-    """Return draws of the ratios of a parameter that are averaged over all matched cells; dims chain, draw, contrast.
+    """Return draws of the ratios of a parameter that are averaged over all matched cases; dims chain, draw, contrast.
 
     Labels are those of `contrasts.csv`: ``dual / single, same case``.
     """
     posterior = tree["posterior"].to_dataset()
-    cases, of_case = tree_cases(posterior), posterior[f"{parameter}_case"].to_numpy()
+    cases = tree_cases(posterior)
+    of_case = posterior[f"{parameter}_case"].transpose("chain", "draw", "case").to_numpy()
     averages = {
         f"{one.contrast}, {one.matching}": one.ratio(of_case.reshape(-1, len(cases))).reshape(of_case.shape[:2])
         for one in _contrasts(tree, cases)

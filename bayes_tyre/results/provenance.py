@@ -73,8 +73,9 @@ def difference(saved: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     """
     theirs, ours = saved.get("inputs", {}), now["inputs"]
     if list(theirs.values()) != list(ours.values()):
-        name = next((name for name, other in zip(ours, theirs.values(), strict=False) if ours[name] != other), "")
-        was, now_is = (one[:12] or "none" for one in (next(iter(theirs.values()), ""), ours.get(name, "")))
+        pairs = zip(ours, theirs.values(), strict=False)
+        name, was = next(((name, other) for name, other in pairs if ours[name] != other), ("", ""))
+        was, now_is = (one[:12] or "none" for one in (was, ours.get(name, "")))
         return f"input {name or ', '.join(ours)}: SHA-256 was {was}..., is {now_is}..."
     for kind in ("options", "versions"):
         one, other = saved.get(kind, {}), now[kind]

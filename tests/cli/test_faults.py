@@ -58,6 +58,10 @@ FAULTS: dict[str, tuple[Callable[[], bytes], tuple[str, ...]]] = {
         lambda: text_of(small().assign(direction="loading")),
         ("single (0)20-10(1)", "step_kN", "-10", "'loading'"),
     ),
+    "no step": (
+        lambda: text_of(small().assign(direction="unloading", step_kN=0.0)),
+        ("single (0)20-10(1)", "step_kN", "0 contradicts", "'unloading'"),
+    ),
     "time backwards": (
         lambda: text_of(small().assign(time_s=lambda t: -1.0 * t.index)),
         ("row 2 (line 3)", "time_s", "backwards"),

@@ -185,6 +185,9 @@ def test_motions_are_written_and_said_in_words(tmp_path, monkeypatch):
     wrong = here("study", "motion", "--out", tmp_path / "made", "--mismatch", 1, "--kinds", "mass")
     assert wrong.exit_code == 2
     assert "'mass' is none of first-order lag" in " ".join(wrong.stderr.split())
+    wrong = here("study", "motion", "--out", tmp_path / "made", "--rolling", 1, "--kinds", "mass 5 % off")
+    assert wrong.exit_code == 2
+    assert "--kinds: has no effect without --mismatch" in " ".join(wrong.stderr.split())
 
 
 @pytest.mark.slow

@@ -8,8 +8,9 @@ import pytest
 import xarray as xr
 from helpers.hand_made_posteriors import fixed, grid, posterior, scattered
 
+from bayes_tyre.inference.sampling.group_means import group_means
 from bayes_tyre.published import tables
-from bayes_tyre.results.contrasts import contrasts, with_reference
+from bayes_tyre.results.contrasts import average_ratios, contrasts, with_reference
 
 FACTORS = ["configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN"]
 COLUMNS = [
@@ -247,3 +248,12 @@ def test_a_common_factor_on_displacement_leaves_every_ratio_as_it_is():
     moved = draws | {"k_case": draws["k_case"] / factor, "beta_case": draws["beta_case"] * factor}
     before, after = (contrasts(posterior(one, factor_table), "pass") for one in (draws, moved))
     pd.testing.assert_frame_equal(before, after, rtol=1e-10)
+
+
+def test_the_order_of_dimensions_does_not_matter():
+    tree = posterior(scattered(factor_table := grid(), seed=3), factor_table)
+    turned = tree.map_over_datasets(lambda dataset: dataset.transpose(..., "draw", "chain", missing_dims="ignore"))
+    turned.attrs |= tree.attrs
+    pd.testing.assert_frame_equal(contrasts(turned, "pass", 0.9), contrasts(tree, "pass", 0.9))
+    xr.testing.assert_allclose(average_ratios(turned, "k"), average_ratios(tree, "k"))
+    xr.testing.assert_allclose(group_means(turned), group_means(tree))

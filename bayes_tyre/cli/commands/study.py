@@ -203,6 +203,9 @@ def motion(
     """
     if stationary + rolling + mismatch == 0:
         raise typer.BadParameter("no record is asked for: --stationary, --rolling or --mismatch must be above 0")
+    if not mismatch and (kinds or standing_only):
+        option = "--kinds" if kinds else "--standing-only"
+        raise typer.BadParameter("has no effect without --mismatch; say how many records of each", param_hint=option)
     prepare_jax()
     from bayes_tyre.studies.motion_study import MISMATCHED, MotionFit, sentences, study_records
     from bayes_tyre.workflow.execution.batch import Machines

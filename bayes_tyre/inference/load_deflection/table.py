@@ -23,7 +23,7 @@ WHEEL_CENTRE = ("wheel_centre_mm", "wheel_centre_kN")
 _BETAS, _LEAST = 300, 1e-3
 #: Readings are padded to a multiple of the width; tests are fitted in blocks of this size.
 _WIDTH, _BLOCK = 32, 4
-#: Fewest readings of a test for the law: one more than its parameters.
+#: Fewest readings of a test that leave a degree of freedom beside a curvature.
 _FEWEST = 5
 #: Significance level of a curvature of the envelopes.
 _CURVATURE_LEVEL = 1e-3
@@ -125,13 +125,14 @@ def _line_columns(lines: Mapping[str, Line]) -> dict[str, float]:
     return columns
 
 
-def _unfittable(test: pd.DataFrame) -> str:
+def _unfittable(test: pd.DataFrame, beta_mm: float | None) -> str:
     """Return why the law cannot be fitted to a test; empty where it can."""
     there = set(test["direction"])
     if len(there) == 1:
         return f"only {there.pop()} readings: friction shows between loading and unloading alone"
-    if len(test) < _FEWEST:
-        return f"too few readings: {len(test)} for 4 parameters"
+    parameters = 4 if beta_mm is None else 3
+    if len(test) <= parameters:
+        return f"too few readings: {len(test)} for {parameters} parameters"
     if any(np.ptp(test[column].to_numpy(float)) == 0 for column in (*FLAT_GROUND, *WHEEL_CENTRE)):
         return "no travel: displacement or force is constant"
     return ""
@@ -139,7 +140,7 @@ def _unfittable(test: pd.DataFrame) -> str:
 
 def _law(tests: list[pd.DataFrame], place: tuple[str, str], beta_mm: float | None) -> dict[int, CycleEstimate]:
     """Return the estimate of the law for each test that has one."""
-    fittable = [i for i, test in enumerate(tests) if not _unfittable(test)]
+    fittable = [i for i, test in enumerate(tests) if not _unfittable(test, beta_mm)]
     if not fittable:
         return {}
     # In blocks of one size with readings padded, because each shape is compiled.
@@ -201,7 +202,7 @@ def _energy_columns(test: pd.DataFrame, flat: CycleEstimate | None, centre: Cycl
 def _status(
     test: pd.DataFrame, lines: Mapping[str, Line], estimate: CycleEstimate | None, beta_mm: float | None
 ) -> str:
-    reasons = [_unfittable(test)]
+    reasons = [_unfittable(test, beta_mm)]
     for name in LINES:
         if test["direction"].eq(name).any() and np.isnan(lines[name].k):
             reasons.append(f"fewer than 2 {name} readings at different displacements: no line")

@@ -168,4 +168,4 @@ def _by_record(table: pd.DataFrame, column: str, option: str) -> pd.Series:
 
 
 def _text(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value).strip()
+    return f"{value:.15g}" if isinstance(value, float) else str(value).strip()

@@ -18,7 +18,7 @@ def group_means(tree: xr.DataTree) -> xr.Dataset:
     means = {}
     for parameter in case_parameters(posterior):
         of_case = posterior[f"{parameter}_case"]
-        by_group = [of_case[..., [key == group for key in keys]].mean("case") for group in groups]
+        by_group = [of_case.isel(case=[key == group for key in keys]).mean("case") for group in groups]
         means[parameter] = xr.concat(by_group, dim="group").transpose("chain", "draw", "group")
     factor_table = {word: ("group", [group[i] for group in groups]) for i, word in enumerate(CASE_FACTORS[:2])}
     return xr.Dataset(means).assign_coords(factor_table)

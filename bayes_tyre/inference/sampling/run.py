@@ -64,7 +64,7 @@ class SamplerSettings:
     Raises
     ------
     BadInput
-        For counts too small to judge a chain by, and an acceptance out of range.
+        For counts too small to judge a chain by, a negative seed, and an acceptance out of range.
     """
 
     chains: int = 4
@@ -79,7 +79,7 @@ class SamplerSettings:
     longest: int = 1
 
     def __post_init__(self) -> None:
-        for name, least in (("chains", 1), ("warmup", 1), ("draws", 4), ("longest", 1)):
+        for name, least in (("chains", 1), ("warmup", 1), ("draws", 4), ("longest", 1), ("seed", 0)):
             if getattr(self, name) < least:
                 raise BadInput(f"{name} is {getattr(self, name)}; give at least {least}")
         if self.target_accept is not None and not ACCEPTANCE_LEAST <= self.target_accept <= ACCEPTANCE_MOST:
@@ -254,7 +254,7 @@ def run(
     every = 0
     while True:
         every += 1
-        _advance(chains, settings, done, every - 1, begun)
+        _advance(chains, settings, done, every, begun)
         settings.on_stage("quantities of each draw", None)
         kept = _evenly_spaced(chains, settings, done[len(warmup) : len(warmup) + every * len(draws)], every)
         if every == settings.longest or not worthwhile(kept) or not _falls_short(kept):
@@ -265,14 +265,14 @@ def run(
         )
 
 
-def _advance(chains: Chains, settings: SamplerSettings, done: list[Chunk], parts: int, begun: Begun | None) -> None:
-    """Add the missing chunks of a run, up to the end of `parts` + 1 times its draws."""
+def _advance(chains: Chains, settings: SamplerSettings, done: list[Chunk], every: int, begun: Begun | None) -> None:
+    """Add the missing chunks of a run, up to `every` times its draws."""
     warmup, draws = _lengths(settings.warmup), _lengths(settings.draws)
-    lengths, resumed = warmup + (parts + 1) * draws, len(done)
+    lengths, resumed = warmup + every * draws, len(done)
     state = done[-1].state if done else _first_state(chains, settings.seed, begun)
     for number, length in enumerate(lengths[resumed:], resumed):
         if number in (resumed, len(warmup)):
-            first = len(warmup) + parts * len(draws)
+            first = len(warmup) + (every - 1) * len(draws)
             name, first, of_stage = ("draws", first, draws) if number >= len(warmup) else ("warm-up", 0, warmup)
             settings.on_stage(name, sum(of_stage))
             settings.on_progress(sum(lengths[first:number]))

@@ -41,7 +41,8 @@ def untested(posterior: xr.Dataset, priors: Priors, case: Case, rng: np.random.G
     Raises
     ------
     BadInput
-        For a posterior with a slope over the force that records really started from.
+        For a posterior with a slope over the force that records really started from, and for a load other than 0 where
+        all records start from 0 kN.
     """
     if has_slope(posterior):
         raise BadInput(
@@ -66,6 +67,10 @@ def _start(
     loads = posterior["record_initial_load_kN"].to_numpy()[group]
     nearest = sorted(np.unique(loads), key=lambda load: abs(load - case.initial_load_kN))[:2]
     means = [start.F_i[:, loads == load].mean(axis=1) for load in nearest]
+    if len(nearest) == 1 and nearest[0] == 0:
+        raise BadInput(
+            "every record like it starts from 0 kN, which does not say the force at another load; name one of 0 kN"
+        )
     if len(nearest) == 1:
         return means[0] * case.initial_load_kN / nearest[0], start.J[one]
     part = (case.initial_load_kN - nearest[0]) / (nearest[1] - nearest[0])

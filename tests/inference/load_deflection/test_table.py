@@ -176,6 +176,10 @@ def test_a_test_that_allows_no_law_keeps_its_line_and_says_why():
     assert first[empty].isna().all()
     assert "too few readings: 3 for 4 parameters" in last["status"]
     assert last["loop_area_J"] > 0
+    # With beta given there are three parameters, and four readings will do.
+    four = cycle.iloc[[0, 5, 10, 14]]
+    assert "too few readings: 4 for 4 parameters" in fitted(four).iloc[0]["status"]
+    assert "too few readings" not in fitted(four, beta_mm=0.05).iloc[0]["status"]
 
 
 def test_the_loop_of_the_law_closes_and_has_its_energy():

@@ -79,3 +79,9 @@ def test_a_column_that_cannot_serve_is_named(change, said):
     covariates = change.pop("covariates", [])
     with pytest.raises(BadInput, match=f"^{said}".replace("(", r"\(")):
         find_levels(table, CONFIGURATIONS, {"specimen": None, "day": None} | change, covariates)
+
+
+def test_long_numbers_are_labels_of_their_own():
+    table = TABLE.assign(day=TABLE["day"].astype(float) + 20240100.0)
+    levels = find_levels(table, CONFIGURATIONS, GROUPINGS, [])
+    assert levels.labels["day"] == ("20240103", "20240104")

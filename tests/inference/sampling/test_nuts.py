@@ -92,8 +92,8 @@ def test_progress_counts_every_iteration_of_a_chain():
     assert done == [0, 100, 30, 0, 100, 10]
 
 
-@pytest.mark.parametrize(("name", "least"), [("chains", 1), ("warmup", 1), ("draws", 4)])
-def test_counts_too_small_are_refused(name, least):
+@pytest.mark.parametrize(("name", "least"), [("chains", 1), ("warmup", 1), ("draws", 4), ("seed", 0)])
+def test_numbers_too_small_are_refused(name, least):
     with pytest.raises(BadInput, match=f"{name} is {least - 1}; give at least {least}"):
         SamplerSettings(**{name: least - 1})
 

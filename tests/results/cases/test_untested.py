@@ -93,6 +93,13 @@ def test_a_step_from_another_load_starts_on_the_line_through_those_of_the_neares
     np.testing.assert_allclose(untested(both, PRIORS, of(15.0, load=35.0), np.random.default_rng(1)).start.F_i, 24.0)
 
 
+def test_records_that_start_from_0_alone_say_nothing_of_another_load():
+    drawn = tree()["posterior"].to_dataset()
+    drawn = drawn.assign_coords(record_initial_load_kN=("record", np.zeros(drawn.sizes["record"])))
+    with pytest.raises(BadInput, match="starts from 0 kN, which does not say the force at another load"):
+        untested(drawn, PRIORS, of(15.0, load=25.0), np.random.default_rng(1))
+
+
 def test_a_case_without_records_goes_as_far_for_its_step_as_those_that_have_some():
     drawn = tree()["posterior"].to_dataset()
     travel = np.linspace(2.0, 4.0, drawn.sizes["record"])

@@ -10,7 +10,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.sampling import checkpoint
 from bayes_tyre.inference.sampling.checkpoint import Checkpoints
 from bayes_tyre.inference.sampling.chunks import Chunk
-from bayes_tyre.results.provenance import Run, begin_run, write_run
+from bayes_tyre.results.provenance import Run, begin_run, difference, write_run
 from bayes_tyre.workflow.execution.resume import CHECKPOINTS, Callbacks, open_checkpoints
 
 RUN = begin_run("bayes-tyre motion raw", {"draws": 100}, 0, [], "simulated")
@@ -63,3 +63,10 @@ def test_ones_own_checkpoints_are_gone_on_with_either_way(tmp_path):
         found = open_checkpoints(tmp_path, RUN, Callbacks(warn=lambda said: pytest.fail(said)), True, overwrite=over)
         assert isinstance(found, Checkpoints)
         assert found.exist()
+
+
+def test_the_input_that_differs_is_named_with_its_own_digests():
+    one = replace(RUN, inputs={"records.csv": "a" * 64, "map.toml": "b" * 64})
+    other = replace(one, inputs={"records.csv": "a" * 64, "map.toml": "c" * 64})
+    said = difference(one.identity, other.identity)
+    assert said == f"input map.toml: SHA-256 was {'b' * 12}..., is {'c' * 12}..."
