@@ -16,7 +16,7 @@ def with_derived(tree: xr.DataTree) -> xr.DataTree:
 
     `k_mean`, `beta_mean` and the like, dims chain, draw, mean_of, are the rows of `summary.csv` so called, labelled by
     configuration and direction. `k_ratio`, `beta_ratio` and the like, dims chain, draw, contrast, are the rows of
-    `contrasts.csv` that are averaged over all matched cells, labelled by contrast and matching.
+    `contrasts.csv` that are averaged over all matched cases, labelled by contrast and matching.
     """
     means = named_group_means(tree)
     derived = means.drop_vars(("configuration", "direction"))

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from bayes_tyre.inference.diagnostics.convergence import Figures, monitor, stored_figures
+from bayes_tyre.inference.diagnostics.convergence import ConvergenceStatistics, monitor, stored_statistics
 from bayes_tyre.inference.diagnostics.course_checks import case_of_records
 from bayes_tyre.inference.diagnostics.power_scaling import identified
 from bayes_tyre.inference.model.hyperparameters import APART_REPEATS, JUDGEABLE_REPEATS
@@ -29,7 +29,9 @@ REPEAT_PARAMETERS = (
 _BATCH = 256
 
 
-def describe(draws: xr.DataArray, interval: float = 0.95, figures: Figures | None = None) -> pd.DataFrame:
+def describe(
+    draws: xr.DataArray, interval: float = 0.95, statistics: ConvergenceStatistics | None = None
+) -> pd.DataFrame:
     """Return the statistics of each element, a row each in C order, columns `STATISTICS`.
 
     Parameters
@@ -38,8 +40,8 @@ def describe(draws: xr.DataArray, interval: float = 0.95, figures: Figures | Non
         With dims chain and draw.
     interval:
         Probability inside `lower` and `upper`, equal-tailed.
-    figures:
-        Its convergence figures, where they are known already.
+    statistics:
+        Its convergence statistics, where they are known already.
     """
     sample = draws.transpose("chain", "draw", ...)
     flat = sample.to_numpy().reshape(-1, int(np.prod(sample.shape[2:])))
@@ -49,19 +51,19 @@ def describe(draws: xr.DataArray, interval: float = 0.95, figures: Figures | Non
     mean, sd, lower, median, upper = np.concatenate(
         [[one.mean(axis=0), one.std(axis=0, ddof=1), *np.quantile(one, tails, axis=0)] for one in batches], axis=1
     )
-    figures = figures or monitor(sample.to_dataset(name="quantity"))
-    r_hat = xr.full_like(figures.ess_bulk, np.nan) if figures.r_hat is None else figures.r_hat
+    statistics = statistics or monitor(sample.to_dataset(name="quantity"))
+    r_hat = xr.full_like(statistics.ess_bulk, np.nan) if statistics.r_hat is None else statistics.r_hat
     monitored = {
-        "mcse_mean": figures.mcse_mean,
-        "ess_bulk": figures.ess_bulk,
-        "ess_tail": figures.ess_tail,
+        "mcse_mean": statistics.mcse_mean,
+        "ess_bulk": statistics.ess_bulk,
+        "ess_tail": statistics.ess_tail,
         "r_hat": r_hat,
     }
     return pd.DataFrame(
         {
             **{"mean": mean, "sd": sd, "median": median},
             **{"lower": lower, "upper": upper, "interval": interval},
-            **{name: figure.to_dataarray().to_numpy().ravel() for name, figure in monitored.items()},
+            **{name: statistic.to_dataarray().to_numpy().ravel() for name, statistic in monitored.items()},
         }
     )
 
@@ -186,7 +188,7 @@ def _level(label: object) -> str:
 def _block(
     tree: xr.DataTree, factors: pd.DataFrame, parameter: str, draws: xr.DataArray, unit: str, interval: float
 ) -> pd.DataFrame:
-    described = describe(draws, interval, stored_figures(tree, str(draws.name)))
+    described = describe(draws, interval, stored_statistics(tree, str(draws.name)))
     return pd.concat([factors.reset_index(drop=True).assign(parameter=parameter, unit=unit), described], axis=1)
 
 

@@ -15,7 +15,7 @@ from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation
 from bayes_tyre.studies.calibration import AT_ONCE, judge_sampling
 from bayes_tyre.studies.design import START_MM, Design, outlier_design
 from bayes_tyre.studies.design_fit import DesignFit
-from bayes_tyre.studies.repeat_means import RULES, CaseEstimates, mean_of_repeats
+from bayes_tyre.studies.repeat_means import RULES, MeanEstimates, mean_of_repeats
 from bayes_tyre.studies.truths import Truths, simulate_forces
 from bayes_tyre.studies.uniformity import share_interval
 
@@ -122,14 +122,14 @@ def _estimates(
     return pd.concat(tables, ignore_index=True)
 
 
-def _posterior(draws: Float[np.ndarray, "sets draws cases"]) -> CaseEstimates:
+def _posterior(draws: Float[np.ndarray, "sets draws cases"]) -> MeanEstimates:
     # Between two draws, so that the interval holds exactly 95 % with 39, 79, 119, ... of them.
     lower, median, upper = np.quantile(draws, [0.025, 0.5, 0.975], axis=1, method="weibull")
-    return CaseEstimates(median, lower, upper)
+    return MeanEstimates(median, lower, upper)
 
 
 def _rows(
-    estimates: CaseEstimates,
+    estimates: MeanEstimates,
     true: Float[np.ndarray, "sets cases"],
     has_discordant: Bool[np.ndarray, "sets cases"],
     parameter: str,

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float
 from scipy.stats import t
 
 
-class CaseEstimates(NamedTuple):
+class MeanEstimates(NamedTuple):
     """An estimate of each case and its 95 % interval, shape (..., cases)."""
 
     value: Float[np.ndarray, "*shape"]
@@ -49,7 +49,7 @@ RULES: dict[str, Callable[[np.ndarray, str], np.ndarray]] = {
 }
 
 
-def mean_of_repeats(repeats: Float[np.ndarray, "*cases 3"], parameter: str, rule: str) -> CaseEstimates:
+def mean_of_repeats(repeats: Float[np.ndarray, "*cases 3"], parameter: str, rule: str) -> MeanEstimates:
     """Return the mean of the repeats that a rule keeps, with Student's t interval.
 
     At most one repeat of a case is left out: of several that a rule would leave out, the one farthest from the median.
@@ -68,4 +68,4 @@ def mean_of_repeats(repeats: Float[np.ndarray, "*cases 3"], parameter: str, rule
     mean = np.where(mask, repeats, 0.0).sum(axis=-1) / count
     variance = np.where(mask, (repeats - mean[..., None]) ** 2, 0.0).sum(axis=-1) / (count - 1)
     half = t.ppf(0.975, count - 1) * np.sqrt(variance / count)
-    return CaseEstimates(mean, mean - half, mean + half)
+    return MeanEstimates(mean, mean - half, mean + half)

@@ -36,7 +36,7 @@ SLOW_TESTS = Kind("test", check_load_deflection, "load_kN", "load")
 
 @dataclass(frozen=True)
 class Written:
-    """What was written: a row a test, k pooled with steps if asked for, remarks on averages, and all files."""
+    """What was written: a row a test, k pooled with steps if asked for, notes on averages, and all files."""
 
     tests: pd.DataFrame
     shared: pd.DataFrame | None

@@ -7,7 +7,7 @@ import pytest
 from helpers.hand_made_posteriors import grid
 from helpers.quick_motions import drawn
 
-from bayes_tyre.inference.diagnostics.convergence import with_figures
+from bayes_tyre.inference.diagnostics.convergence import with_statistics
 from bayes_tyre.inference.diagnostics.verdict import diagnose
 from bayes_tyre.inference.motion.hierarchy.model import Motions
 from bayes_tyre.inference.motion.hierarchy.posterior_losses import Middle, with_losses
@@ -24,7 +24,7 @@ def write_motions(folder: Path, configurations: tuple[str, ...] = ("single", "du
     tree = drawn(Motions(factor_table, np.zeros((len(factor_table), 5, 5)), zeros, zeros, zeros))
     tree.attrs |= {"origin": "simulated", "law": "fancher"}
     middles = [Middle(load_rig(name), 10.0) for name in factor_table["configuration"]]
-    tree = with_figures(with_losses(tree, factor_table, middles, 2.0))
+    tree = with_statistics(with_losses(tree, factor_table, middles, 2.0))
     folder.mkdir(parents=True)
     given = folder / "given.txt"
     given.write_text(str(folder))

@@ -11,7 +11,7 @@ from helpers.hand_made_posteriors import grid, posterior, scattered
 from helpers.quick_fits import put_draws_for_the_sampler
 from helpers.simulated_records import Plan, simulate
 
-from bayes_tyre.inference.diagnostics.convergence import with_figures
+from bayes_tyre.inference.diagnostics.convergence import with_statistics
 from bayes_tyre.inference.diagnostics.verdict import diagnose
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.sampling.datatree import QUANTITIES
@@ -49,7 +49,7 @@ def write_made(
     common = {name: np.exp(spread * rng.normal(size=(4, 250))) for name in sorted(stiffness)}
     way = {"loading": 1.1, "unloading": 1.0}
     k = [stiffness[c.configuration] * way.get(c.direction, 1.0) * common[c.configuration] for c in cases]
-    tree = with_figures(posterior({**draws, "k_case": np.stack(k, axis=-1)}, factor_table, origin=origin))
+    tree = with_statistics(posterior({**draws, "k_case": np.stack(k, axis=-1)}, factor_table, origin=origin))
     judged = diagnose(tree)._replace(verdict=verdict, reasons=(REASON,) if verdict == "fail" else ())
     folder.mkdir(parents=True)
     given = folder / "given.txt"

@@ -18,7 +18,7 @@ _STATISTICS = ("r_hat", "ess_bulk", "ess_tail", "mcse_mean")
 _FEW_DIVERGENCES = 5
 
 
-class Figures(NamedTuple):
+class ConvergenceStatistics(NamedTuple):
     """R-hat, bulk and tail ESS, Monte Carlo error of the mean of every element of a posterior.
 
     R-hat is None with a single chain.
@@ -37,7 +37,7 @@ class Worst(NamedTuple):
     element: str
 
 
-def monitor(posterior: xr.Dataset) -> Figures:
+def monitor(posterior: xr.Dataset) -> ConvergenceStatistics:
     """Return the convergence statistics of each element of a posterior, dims chain, draw, ..."""
     by_quantity: dict[str, list[xr.DataArray]] = {}
     for name, draws in posterior.data_vars.items():
@@ -49,25 +49,25 @@ def monitor(posterior: xr.Dataset) -> Figures:
     r_hat, *others = (
         xr.Dataset({name: each[i] for name, each in by_quantity.items()}) for i in range(len(_STATISTICS))
     )
-    return Figures(r_hat if posterior.sizes["chain"] > 1 else None, *others)
+    return ConvergenceStatistics(r_hat if posterior.sizes["chain"] > 1 else None, *others)
 
 
-def with_figures(tree: xr.DataTree) -> xr.DataTree:
+def with_statistics(tree: xr.DataTree) -> xr.DataTree:
     """Return the posterior with the group `GROUP`: the convergence statistics of each element, dims figure, ..."""
-    figures = monitor(tree["posterior"].to_dataset())
-    missing = xr.full_like(figures.ess_bulk, np.nan, dtype=float)
-    filled = [missing if figure is None else figure for figure in figures]
+    computed = monitor(tree["posterior"].to_dataset())
+    missing = xr.full_like(computed.ess_bulk, np.nan, dtype=float)
+    filled = [missing if statistic is None else statistic for statistic in computed]
     with_group = tree.copy()
     with_group[GROUP] = xr.DataTree(xr.concat(filled, pd.Index(_STATISTICS, name="figure")))
     return with_group
 
 
-def figures_of(tree: xr.DataTree) -> Figures:
+def statistics_of(tree: xr.DataTree) -> ConvergenceStatistics:
     """Return the convergence statistics that a posterior's tree holds, or compute them."""
     return _from_group(tree, tree[GROUP].to_dataset()) if _holds(tree) else monitor(tree["posterior"].to_dataset())
 
 
-def stored_figures(tree: xr.DataTree, name: str) -> Figures | None:
+def stored_statistics(tree: xr.DataTree, name: str) -> ConvergenceStatistics | None:
     """Return the convergence statistics of one quantity, where a posterior's tree holds them."""
     return _from_group(tree, tree[GROUP].to_dataset()[[name]]) if _holds(tree) and name in tree[GROUP] else None
 
@@ -77,9 +77,9 @@ def _holds(tree: xr.DataTree) -> bool:
     return GROUP in tree.children and set(_STATISTICS) <= set(tree[GROUP]["figure"].to_numpy())
 
 
-def _from_group(tree: xr.DataTree, group: xr.Dataset) -> Figures:
+def _from_group(tree: xr.DataTree, group: xr.Dataset) -> ConvergenceStatistics:
     r_hat, *others = (group.sel(figure=name, drop=True) for name in _STATISTICS)
-    return Figures(r_hat if tree["posterior"].sizes["chain"] > 1 else None, *others)
+    return ConvergenceStatistics(r_hat if tree["posterior"].sizes["chain"] > 1 else None, *others)
 
 
 def worst(statistic: xr.Dataset | None, largest: bool) -> Worst:
@@ -97,15 +97,15 @@ def worst(statistic: xr.Dataset | None, largest: bool) -> Worst:
     return result
 
 
-def by_parameter(figures: Figures) -> dict[str, dict[str, Any]]:
+def by_parameter(statistics: ConvergenceStatistics) -> dict[str, dict[str, Any]]:
     """Return the worst R-hat, bulk and tail ESS of each parameter, and their elements, for `diagnostics.json`."""
     rows: dict[str, dict[str, Any]] = {}
-    for name in map(str, figures.ess_bulk.data_vars):
+    for name in map(str, statistics.ess_bulk.data_vars):
         row = {}
         for key, statistic, largest in (
-            ("r_hat_max", figures.r_hat, True),
-            ("ess_bulk_min", figures.ess_bulk, False),
-            ("ess_tail_min", figures.ess_tail, False),
+            ("r_hat_max", statistics.r_hat, True),
+            ("ess_bulk_min", statistics.ess_bulk, False),
+            ("ess_tail_min", statistics.ess_tail, False),
         ):
             value, element = worst(statistic if statistic is None else statistic[[name]], largest)
             row |= {key: value, f"{key}_at": element}

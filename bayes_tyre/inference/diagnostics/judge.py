@@ -7,7 +7,7 @@ import pandas as pd
 import xarray as xr
 
 from bayes_tyre.inference.diagnostics.attempts import MODEL_CHECKS, Attempt, Attempts, with_checks
-from bayes_tyre.inference.diagnostics.convergence import with_figures
+from bayes_tyre.inference.diagnostics.convergence import with_statistics
 from bayes_tyre.inference.diagnostics.repeat_checks import repeat_checks
 from bayes_tyre.inference.diagnostics.residual_checks import residual_checks
 from bayes_tyre.inference.diagnostics.sampling_checks import Check
@@ -35,7 +35,7 @@ def judge(
         The points that the posterior was fitted to, where it is of records.
     """
     tree = attempts("prior sensitivity", lambda: identify(tree, attempts), tree)
-    tree = attempts("convergence statistics", lambda: with_figures(tree), tree, kind="sampling")
+    tree = attempts("convergence statistics", lambda: with_statistics(tree), tree, kind="sampling")
     if table is not None:
         tree = attempts("model checks", lambda: with_checks(tree, MODEL_CHECKS, model_checks(tree, table)), tree)
     diagnostics = attempts("diagnostics", lambda: diagnose(tree), undiagnosed(tree), kind="sampling")

@@ -6,7 +6,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
-from bayes_tyre.inference.diagnostics.convergence import Figures, discordant_chain, monitor, where_divergent, worst
+from bayes_tyre.inference.diagnostics.convergence import (
+    ConvergenceStatistics,
+    discordant_chain,
+    monitor,
+    where_divergent,
+    worst,
+)
 from bayes_tyre.inference.diagnostics.divergences import against_divergences, longer_note, repeat_note
 from bayes_tyre.inference.sampling.datatree import PROBABILITIES
 from bayes_tyre.inference.sampling.effective_sizes import ESS_LEAST_PER_CHAIN, R_HAT_MOST
@@ -65,28 +71,32 @@ class Check(NamedTuple):
         return {name: value for name, value in row.items() if name != "finding" and (name != "note" or value)}
 
 
-def without_probabilities(figures: Figures) -> Figures:
+def without_probabilities(statistics: ConvergenceStatistics) -> ConvergenceStatistics:
     """Return the convergence statistics of all quantities but `PROBABILITIES`, near 0 or 1 in most draws."""
-    r_hat = None if figures.r_hat is None else figures.r_hat.drop_vars(PROBABILITIES, errors="ignore")
-    return Figures(r_hat, *(figure.drop_vars(PROBABILITIES, errors="ignore") for figure in figures[1:]))
+    r_hat = None if statistics.r_hat is None else statistics.r_hat.drop_vars(PROBABILITIES, errors="ignore")
+    return ConvergenceStatistics(
+        r_hat, *(statistic.drop_vars(PROBABILITIES, errors="ignore") for statistic in statistics[1:])
+    )
 
 
-def sampling_checks(tree: xr.DataTree, figures: Figures, sampler: list[dict[str, Any]]) -> Iterator[Check]:
+def sampling_checks(
+    tree: xr.DataTree, statistics: ConvergenceStatistics, sampler: list[dict[str, Any]]
+) -> Iterator[Check]:
     """Yield the checks of the sampler.
 
     Parameters
     ----------
     tree:
         A posterior as `bayes_tyre.inference.sampling.datatree.to_datatree` gives it.
-    figures, sampler:
+    statistics, sampler:
         Its convergence statistics without those of `PROBABILITIES`, and `convergence.by_chain` of it.
     """
     posterior = tree["posterior"].to_dataset()
     yield _finite(posterior)
-    yield _agreement(posterior, figures)
+    yield _agreement(posterior, statistics)
     least = ESS_LEAST_PER_CHAIN * posterior.sizes["chain"]
-    yield _enough("bulk", figures.ess_bulk, least)
-    yield _enough("tail", figures.ess_tail, least)
+    yield _enough("bulk", statistics.ess_bulk, least)
+    yield _enough("tail", statistics.ess_tail, least)
     yield _energy(sampler)
     yield _divergences(tree, sampler)
     yield from _summaries(tree)
@@ -122,12 +132,12 @@ def _finite(posterior: xr.Dataset) -> Check:
     return Check("finite_draws", "sampling", not bad, float(len(bad)), 0.0, where, finding, remedy)
 
 
-def _agreement(posterior: xr.Dataset, figures: Figures) -> Check:
-    if figures.r_hat is None:
+def _agreement(posterior: xr.Dataset, statistics: ConvergenceStatistics) -> Check:
+    if statistics.r_hat is None:
         finding, remedy = "one chain cannot be compared with another", "use --chains 4"
         return Check("r_hat", "sampling", False, np.nan, R_HAT_MOST, "", finding, remedy)
-    value, where = worst(figures.r_hat, largest=True)
-    bad = sum(bool((figure > R_HAT_MOST).any()) for figure in figures.r_hat.data_vars.values())
+    value, where = worst(statistics.r_hat, largest=True)
+    bad = sum(bool((statistic > R_HAT_MOST).any()) for statistic in statistics.r_hat.data_vars.values())
     chain = f"chain {discordant_chain(posterior, where)} most" if where else "all of them"
     finding = f"{where}: R-hat {value:.3f} is above {R_HAT_MOST}{_others(bad, _LISTED)}: chains disagree, {chain}"
     return Check("r_hat", "sampling", value <= R_HAT_MOST, value, R_HAT_MOST, where, finding, _MORE)
@@ -135,7 +145,7 @@ def _agreement(posterior: xr.Dataset, figures: Figures) -> Check:
 
 def _enough(kind: str, ess: xr.Dataset, least: int) -> Check:
     value, where = worst(ess, largest=False)
-    bad = sum(bool((figure < least).any()) for figure in ess.data_vars.values())
+    bad = sum(bool((statistic < least).any()) for statistic in ess.data_vars.values())
     more = _others(bad, _LISTED)
     finding = f"{where}: {kind} ESS {value:.0f} is below {least}, {ESS_LEAST_PER_CHAIN} for each chain{more}"
     return Check(f"ess_{kind}", "sampling", value >= least, value, float(least), where, finding, _MORE)

@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from bayes_tyre.inference.diagnostics.attempts import MODEL_CHECKS, checks_in
-from bayes_tyre.inference.diagnostics.convergence import by_chain, by_parameter, figures_of
+from bayes_tyre.inference.diagnostics.convergence import by_chain, by_parameter, statistics_of
 from bayes_tyre.inference.diagnostics.data_checks import failed_checks, find_limitations
 from bayes_tyre.inference.diagnostics.sampling_checks import (
     Check,
@@ -26,7 +26,7 @@ class Diagnostics(NamedTuple):
     verdict:
         ``pass`` or ``fail``.
     reasons:
-        One sentence each: the parameter or the chain, the figure, and what to do.
+        One sentence each: the parameter or the chain, the value, and what to do.
     r_hat_max, ess_bulk_min, ess_tail_min, bfmi_min:
         The worst over all parameters (chains); NaN where they do not exist.
     residual_autocorrelation:
@@ -34,7 +34,7 @@ class Diagnostics(NamedTuple):
     limitations:
         What a reader should know and that fails nothing, such as weakly identified quantities: one sentence each.
     by_parameter, by_chain:
-        The figures of each parameter and of each chain's sampler, as
+        The statistics of each parameter and of each chain's sampler, as
         `bayes_tyre.inference.diagnostics.convergence` has them.
     checks:
         Every criterion of the verdict: `name`, `kind` (``sampling``, ``model``, ``data``), `passed`, `value`, `limit`,
@@ -69,8 +69,8 @@ _SHOWN = ("verdict", "reasons", "limitations")
 def diagnose(tree: xr.DataTree) -> Diagnostics:
     """Return the verdict on a posterior, from every quantity it holds.
 
-    Pass: R-hat <= 1.01, bulk and tail ESS >= 100 a chain, BFMI >= 0.3, no divergence, finite draws, no doubt of
-    `bayes_tyre.inference.diagnostics.data_checks` about the records, and the checks of the model that the posterior
+    Pass: R-hat <= 1.01, bulk and tail ESS >= 100 a chain, BFMI >= 0.3, no divergence, finite draws, no failed check
+    of `bayes_tyre.inference.diagnostics.data_checks` on the records, and the checks of the model that the posterior
     carries (`bayes_tyre.inference.diagnostics.judge.model_checks`). Of an outlier probability neither R-hat nor ESS is
     judged: a Monte Carlo error of its mean above 0.02 is a limitation, for it makes no interval wrong.
 
@@ -82,9 +82,9 @@ def diagnose(tree: xr.DataTree) -> Diagnostics:
         A posterior as `bayes_tyre.inference.sampling.datatree.to_datatree` gives it.
     """
     posterior = tree["posterior"].to_dataset()
-    figures, sampler = without_probabilities(figures_of(tree)), by_chain(tree)
+    statistics, sampler = without_probabilities(statistics_of(tree)), by_chain(tree)
     checks = [
-        *sampling_checks(tree, figures, sampler),
+        *sampling_checks(tree, statistics, sampler),
         *checks_in(tree, MODEL_CHECKS),
         *data_checks(failed_checks(posterior, priors_of(tree))),
     ]
@@ -107,7 +107,7 @@ def diagnose(tree: xr.DataTree) -> Diagnostics:
             *_deep_trees(sampler, draws),
             *find_limitations(tree),
         ),
-        by_parameter(figures),
+        by_parameter(statistics),
         sampler,
         [check.row for check in checks],
     )

@@ -48,9 +48,9 @@ def sample_linear_predictor(
     sampled = numpyro.sample("terms", dist.Normal(terms.mean, terms.sd(hyperparameters)).to_event(1))
     predictors = []
     for parameter, value in zip(parameters, terms.stacked(jnp.asarray(sampled)), strict=True):
-        cells = value[: len(factors.group.labels)]
-        deterministic(f"{parameter}_group", jnp.exp(cells))
-        predictor, effects = cells[factors.group.of_case], factors.effects(parameter)
+        log_group_means = value[: len(factors.group.labels)]
+        deterministic(f"{parameter}_group", jnp.exp(log_group_means))
+        predictor, effects = log_group_means[factors.group.of_case], factors.effects(parameter)
         for name, (start, basis) in effects_in_terms(parameter, factors).items():
             effect = jnp.asarray(basis) @ value[start : start + basis.shape[1]]
             deterministic(f"log_{parameter}_{name}", effect)
@@ -71,11 +71,11 @@ def sample_sd_by_speed(
     """
     if not factors.speed.varies:
         return {}
-    typical, spread = (
+    typical, sd_over_speeds = (
         of_each(f"sd_log_*_{of}{ending}", parameters, hyperparameters) for ending in ("", "_over_speeds")
     )
     shape = (len(parameters), len(factors.speed.labels))
-    by_speed = dist.Normal(jnp.log(typical), spread).expand(shape).to_event(2)
+    by_speed = dist.Normal(jnp.log(typical), sd_over_speeds).expand(shape).to_event(2)
     sds = jnp.exp(jnp.asarray(numpyro.sample(f"log_sd_{of}_by_speed", by_speed)))
     deterministic_each(f"sd_log_*_{of}_by_speed", parameters, sds)
     return {f"sd_log_{name}_{of}_by_speed": sd for name, sd in zip(parameters, sds, strict=True)}

@@ -30,9 +30,9 @@ def _half_normal(scale: float, reason: str, unit: str = "") -> Prior:
     return Prior(dist.HalfNormal, (scale,), unit, reason)
 
 
-#: By name of the site in `hierarchical` and `motion_hierarchy`. Scales of parameters are relative (of the logarithm).
-#: `settled` is x - k beta. Of the mass there is what any axle may have: the rig file's own, with which each record is
-#: fitted, would count once a record.
+#: By name of the site in `models.py` and `motion/hierarchy/model.py`. Standard deviations of k, beta, ... are those of
+#: the logarithm. `settled` is x - k beta. The prior of the mass covers any axle: the rig file's own mass, with which
+#: each record is fitted, would otherwise count once for every record.
 PRIORS = Priors(
     {
         "k_group": _log_normal(1.0, 1.0, "0.14 to 7.1 kN/mm: car tyre to a pair of truck tyres", "kN/mm"),

@@ -102,7 +102,7 @@ class Factors:
         return np.bincount(self.of_record, minlength=len(self.cases))
 
     def effects(self, parameter: str) -> dict[str, Factor]:
-        """Return what `k` or `beta` of a case depends on beside its cell, by name; only what varies in the data.
+        """Return what `k` or `beta` of a case depends on beside its group, by name; only what varies in the data.
 
         The size of the step acts on beta by direction too (Table 11: strongly in loading, little in unloading);
         speed and initial load act on k and beta by configuration too.
@@ -116,13 +116,13 @@ class Factors:
 
     def design(self, parameter: str) -> Float[np.ndarray, "cases terms"]:
         """Return the design matrix: the group of each case, and the coordinates of each factor's effects."""
-        cells = np.eye(len(self.group.labels))[self.group.of_case]
-        return np.concatenate([cells, *(factor.matrix for factor in self.effects(parameter).values())], axis=1)
+        groups = np.eye(len(self.group.labels))[self.group.of_case]
+        return np.concatenate([groups, *(factor.matrix for factor in self.effects(parameter).values())], axis=1)
 
     def has_remainder(self, parameter: str) -> bool:
         """Return whether cases can differ by more than their factors explain: not where these fit every case exactly.
 
-        With one repeat a case the data hold remainder and scatter as one number; their priors tell them apart.
+        With one repeat a case the data cannot separate the remainder from the repeats' deviation; their priors do.
         """
         return self.spare_cases(parameter) > 0
 
@@ -210,14 +210,14 @@ def find_factors(factor_table: pd.DataFrame, initial_force_kN: Float[np.ndarray,
     keys = [
         tuple(None if pd.isna(value) else value for value in row) for row in complete[list(CASE_FACTORS)].to_numpy()
     ]
-    number = {key: number for number, key in enumerate(dict.fromkeys(keys))}
-    cases = tuple(Case._make(np.nan if value is None else value for value in key) for key in number)
+    number_of = {key: number for number, key in enumerate(dict.fromkeys(keys))}
+    cases = tuple(Case._make(np.nan if value is None else value for value in key) for key in number_of)
     sizes, speeds, loads = (
         ["" if np.isnan(value) else f"{abs(value):g}" for value in values]
         for values in zip(*((case.step_kN, case.speed_km_h, case.initial_load_kN) for case in cases), strict=True)
     )
     step, speed = _factor(sizes), _factor([_level(case.speed_km_h) for case in cases])
-    of_record = np.array([number[key] for key in keys], dtype=int)
+    of_record = np.array([number_of[key] for key in keys], dtype=int)
     load = _factor([_level(case.initial_load_kN) for case in cases])
     if initial_force_kN is not None:
         load = _slope(np.bincount(of_record, weights=initial_force_kN) / np.bincount(of_record))

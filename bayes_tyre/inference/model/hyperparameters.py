@@ -61,7 +61,7 @@ def motion_sites(
 
 
 def _case_sites(factors: Factors, parameters: Sequence[str], repeats: str) -> tuple[str, ...]:
-    """Return the names of cells, effects and remainders of cases, and of the scatter of repeats about them."""
+    """Return the names of group means, effects and remainders of cases, and of standard deviations of repeats."""
     of_repeats = {"mixture": ["discordant_weight"], "student": ["student_nu"], "normal": []}[repeats]
     sites = []
     for parameter in parameters:

@@ -32,7 +32,7 @@ class Checkpoints:
     identity:
         What the draws follow from: inputs, options, seed, versions; of what JSON can say.
     on_trouble:
-        Told, in a line, what kept a checkpoint from being written or read; the run goes on without it.
+        Called with one line on why a checkpoint could not be written or read; the run continues without it.
     first:
         Number that the first chunk has in its file's name: 0, but for a run repeated, which goes on counting.
     """

@@ -135,7 +135,7 @@ def _sample_joint(
 ) -> tuple[Draws, tuple[SamplerRun, ...]]:
     """Return draws of the joint sampler, and its runs."""
     arguments = records.arguments(model)
-    # Least squares and the chains are compiled side by side: these need the shapes of the approximation alone.
+    # Least squares runs while the chains compile, which need only the shapes of the approximation.
     with ThreadPoolExecutor(1) as beside:
         estimating = beside.submit(records.approximation, model)
         chains = chains or joint_chains(records, settings, model)

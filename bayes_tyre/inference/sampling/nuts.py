@@ -1,8 +1,8 @@
-"""NUTS chains side by side, moved on some iterations at a time by one compiled function.
+"""NUTS chains in parallel, advanced a chunk of iterations at a time by one compiled function.
 
-NumPyro's own loop compiles a whole run into one call, which can neither be looked into nor be continued. Here the call
-is a chunk of iterations, warmup and draws alike: the adaptation follows the iteration counted in the state. So it is
-compiled once, and a run cut anywhere and continued from its state gives the bits of a run left alone.
+NumPyro's own loop compiles a whole run into one call, which cannot be watched or resumed. Here one call runs a chunk,
+of warmup or draws alike, because the adaptation follows the iteration number in the state. It is compiled once, and a
+run that is stopped and resumed from its state gives the same bits as one that was not.
 """
 
 import math
@@ -37,8 +37,8 @@ TARGET_ACCEPTANCE = 0.65
 #: few thousand diverged. For the collapsed sampler too, which walks over little else than standard deviations.
 CAREFUL_ACCEPTANCE = 0.8
 #: Standard deviation of the starts about the values given; half the range of the others. All unconstrained.
-START_SPREAD, START_RADIUS = 0.2, 0.5
-#: Starts tried before a density that is zero at all of them is the sampler's to say.
+START_SD, START_RADIUS = 0.2, 0.5
+#: Starts tried before one at which the density is zero is handed to the sampler all the same.
 _STARTS_TRIED = 20
 #: Fields of NumPyro's state by ArviZ's name.
 STATISTICS = {"diverging": "diverging", "energy": "energy", "n_steps": "num_steps", "acceptance_rate": "accept_prob"}
@@ -176,7 +176,7 @@ class Chains:
         for name, shape in self._shapes.items():
             of_chains = (self.chains, *shape)
             if name in self._starts:
-                starts[name] = self._starts[name] + START_SPREAD * random.standard_normal(of_chains)
+                starts[name] = self._starts[name] + START_SD * random.standard_normal(of_chains)
             else:
                 starts[name] = random.uniform(-START_RADIUS, START_RADIUS, of_chains)
         return starts
@@ -248,7 +248,7 @@ class Chains:
         return sampled, normals
 
     def _compile_together(self) -> list[Callable[[Any, Any], Any]]:
-        """Return what begins, advances and constrains, compiled side by side: half of a run's seconds go into it."""
+        """Return what begins, advances and constrains, compiled in parallel: half of the time of a run."""
         begin, advance, constrain = map(self._devices.mapped, (self._init, self._sample, self._constrained))
         keys = jax.eval_shape(lambda: jax.random.split(jax.random.PRNGKey(0), self.chains))
         fresh = keys, self.blocks.pack(self.starts(0)), self._of_each()

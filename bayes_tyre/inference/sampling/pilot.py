@@ -4,9 +4,9 @@ First the normal approximation of what the records share, at its mode; then shor
 Each time the summaries are made anew about draws. The draws of all chains together also say what the mass matrix is:
 the windows of the warmup in which each chain would learn it by itself are skipped.
 
-What summaries miss of a record is small, and alike in many: its slope along what they share adds up with their number,
-while the posterior narrows with the root of it. Of thousands of records that slope is measured and added; but for what
-it has by the choices of discordant repeats, which are drawn and have no derivative.
+The error of a record's summary is small but alike in many records: its slope along the shared unknowns grows with their
+number, while the posterior narrows with the root of it. With thousands of records that slope is measured and added to
+the log density, except the part due to choices of discordant repeats, which are drawn and have no derivative.
 """
 
 from collections.abc import Mapping
@@ -28,13 +28,13 @@ from bayes_tyre.inference.sampling.posterior_mode import normal_approximation
 from bayes_tyre.inference.sampling.run import Begun, Draws, SamplerSettings
 from bayes_tyre.inference.sampling.summary_error import SUMMARY_ERROR_MOST, SummaryError, flat, summary_error
 
-#: Times that the summaries are made anew about the mode, at most; and about chunks of the chains, at least and at
-#: most: of many records the draws of a chunk are too few to show that an error is small.
+#: Most rounds in which summaries are made anew about the mode; least and most about chunks of the chains. With many
+#: records a chunk has too few draws to show that an error is small.
 _ROUNDS_AT_MODE, _ROUNDS_OF_CHAINS = 4, (2, 4)
-#: The same at the mode for many records, and draws for each chain, of a chunk: enough for where each record is.
-_ROUNDS_OF_MANY, _DRAWS_OF_MANY = 2, 20
-#: Error of the summaries that may be hidden by chance where one looks small. Where more is, slopes tell it, of many
-#: records, so many or more: of fewer, summaries whose error cannot be told are no good.
+#: With many records: most rounds at the mode, and draws for each chain in such a round, enough to locate each record.
+_ROUNDS_AT_MODE_OF_MANY, _DRAWS_AT_MODE_OF_MANY = 2, 20
+#: Largest error of the summaries that chance may hide. Where chance may hide more, slopes measure the error from
+#: `_MANY_RECORDS` records on; with fewer records such summaries are not used.
 _BY_CHANCE_MOST, _MANY_RECORDS = 0.2, 1000
 #: Draws of each chain at which slopes of what the summaries miss are taken, at most a chunk.
 _DRAWS_OF_SLOPES = 100
@@ -61,7 +61,7 @@ class Location(NamedTuple):
     Attributes
     ----------
     summaries, error:
-        Of the records, and how far those were off that they were made from.
+        Summaries of the records; and the error of the previous summaries, at the draws that these were made about.
     draws, covariance:
         Draws of the unknowns of what the records share, unconstrained, and their covariance; None: not known.
     sites:
@@ -91,7 +91,7 @@ class Pilot(NamedTuple):
         """Return where the posterior is."""
         self.settings.on_stage("posterior mode", None)
         location = first = Location(self.arguments["summaries"], self._unknown())
-        for number in range(_ROUNDS_OF_MANY if self._many else _ROUNDS_AT_MODE):
+        for number in range(_ROUNDS_AT_MODE_OF_MANY if self._many else _ROUNDS_AT_MODE):
             location = self._about_mode(location, number) or first
             if location is first or location.error.at_least <= SUMMARY_ERROR_MOST:
                 break
@@ -101,7 +101,7 @@ class Pilot(NamedTuple):
             error = location.error
             undecided = 2.0 * error.chance > _BY_CHANCE_MOST**2
             by_slopes = undecided and self._many
-            # Of no error at all chance shows as much as its own standard error in every sixth round.
+            # Without any error, chance alone exceeds its own standard error in one round of six.
             small = error.total**2 <= SUMMARY_ERROR_MOST**2 + error.chance and not undecided
             if not np.isfinite(error.total) or (number + 1 >= least and (small or by_slopes)):
                 break
@@ -146,7 +146,7 @@ class Pilot(NamedTuple):
         approximation = normal_approximation(chains.potential, start, chains.chains, location.covariance)
         if approximation is None:
             return None
-        count = _DRAWS_OF_MANY if self._many else CHUNK
+        count = _DRAWS_AT_MODE_OF_MANY if self._many else CHUNK
         draws = approximation.draw(chains.chains * count, seed).reshape(chains.chains, count, -1)
         sites = chains.constrain(chains.blocks.split(draws), (seed, number))
         location = self._located(sites)._replace(draws=draws, covariance=approximation.covariance)

@@ -50,7 +50,7 @@ def normal_approximation(
     points: int,
     covariance: Float[np.ndarray, "unknowns unknowns"] | None = None,
 ) -> NormalApproximation | None:
-    """Return the normal approximation at the mode; None where the potential energy is finite nowhere on the way.
+    """Return the normal approximation at the mode; None where potential energy or curvature there are not finite.
 
     Parameters
     ----------
@@ -61,8 +61,8 @@ def normal_approximation(
     points:
         How many points that takes.
     covariance:
-        Of a posterior that differs little: then only the mode is found, along the axes of this, and it is kept. None:
-        the inverse curvature at the mode, a gradient for each unknown.
+        Of a similar posterior, such as that of the round before: it scales the search for the mode and is returned
+        unchanged. None: the inverse curvature at the mode is computed, one gradient for each unknown.
     """
     root = None if covariance is None else np.linalg.cholesky(covariance)
 

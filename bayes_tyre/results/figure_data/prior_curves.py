@@ -95,9 +95,10 @@ def _levels(tree: xr.DataTree, table: pd.DataFrame, factor_table: pd.DataFrame) 
 
 
 def _drawn_records(factors: Factors, likes: list[int]) -> Int[np.ndarray, " drawn"]:
-    """Return the numbers of these records, and of others that the model needs to be the same: not those of an archive.
+    """Return the numbers of all records in the cases of these ones, and in those that keep the model the same.
 
-    Whether repeats can be discordant is judged by the case with the most, and noise differs where there are two.
+    The case with most repeats decides whether repeats can be discordant; a second record, whether noise differs. The
+    prior of all records of an archive would take gigabytes.
     """
     cases = [*factors.of_record[likes], np.argmax(factors.repeats), factors.of_record[0], factors.of_record[-1]]
     return np.flatnonzero(np.isin(factors.of_record, cases))

@@ -23,7 +23,7 @@ from bayes_tyre.results.model_comparison import CASE, by_record, compare, senten
 from bayes_tyre.results.provenance import RUN_JSON, read_run
 from bayes_tyre.workflow.fit import Plan, planned_in
 from bayes_tyre.workflow.from_results.predict import NAME as PREDICTION
-from bayes_tyre.workflow.from_results.predict import Result, read_posterior, read_result
+from bayes_tyre.workflow.from_results.predict import StoredFit, read_posterior, read_result
 from bayes_tyre.workflow.record_tables import read_given
 from bayes_tyre.workflow.result_names import COMPARISON, names
 
@@ -230,12 +230,12 @@ def _refit(seed: int, tree: xr.DataTree) -> SamplerSettings:
     return replace(REFIT, seed=seed, target_accept=kept_acceptance(tree))
 
 
-def _read(folder: Path, on_note: Callable[[str], None]) -> tuple[Plan, Result, pd.DataFrame]:
+def _read(folder: Path, on_note: Callable[[str], None]) -> tuple[Plan, StoredFit, pd.DataFrame]:
     result, plan = read_result(folder), planned_in(folder / RUN_JSON, on_note)
     return plan, result, read_given(plan.records, plan.columns).table
 
 
-def _check_same(read: Sequence[tuple[str, Plan, Result, pd.DataFrame]]) -> None:
+def _check_same(read: Sequence[tuple[str, Plan, StoredFit, pd.DataFrame]]) -> None:
     (first, plan, _, table), *others = read
     for name, other, _, records in others:
         if plan.model.region != other.model.region or not _same_points(table, records):

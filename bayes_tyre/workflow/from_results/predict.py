@@ -38,7 +38,7 @@ EQUATIONS = {
 }
 
 
-class Result(NamedTuple):
+class StoredFit(NamedTuple):
     """A fit on disk: the path of its posterior, the posterior, its cases, and the verdict on it."""
 
     path: Path
@@ -47,7 +47,7 @@ class Result(NamedTuple):
     verdict: str
 
 
-def read_result(folder: Path) -> Result:
+def read_result(folder: Path) -> StoredFit:
     """Return the posterior and the verdict in a folder that a fit wrote, and its cases.
 
     Raises
@@ -57,7 +57,7 @@ def read_result(folder: Path) -> Result:
     """
     path, tree, verdict = read_posterior(folder)
     with errors_name(path):
-        return Result(path, tree, predictable_cases(tree), verdict)
+        return StoredFit(path, tree, predictable_cases(tree), verdict)
 
 
 def read_posterior(folder: Path) -> tuple[Path, xr.DataTree, str]:
@@ -130,7 +130,7 @@ class Stack(NamedTuple):
         What says that a fit, or the comparison that the weights are from, is not to be trusted: its files.
     """
 
-    results: dict[str, Result]
+    results: dict[str, StoredFit]
     weights: dict[str, float]
     failed: tuple[Path, ...] = ()
 
@@ -140,7 +140,7 @@ class Stack(NamedTuple):
         return "fail" if self.failed else "pass"
 
     @property
-    def first(self) -> Result:
+    def first(self) -> StoredFit:
         """The first fit that has a weight: cases and origin are those of all."""
         return next(result for name, result in self.results.items() if self.weights[name] > 0)
 
@@ -202,7 +202,7 @@ def _folders_of(models: Sequence[str], folders: Sequence[Path], path: Path) -> d
     return {model: each[0] for model, each in folders_of.items()}
 
 
-def _check_alike(results: Mapping[str, Result]) -> None:
+def _check_alike(results: Mapping[str, StoredFit]) -> None:
     digests = {result.tree.attrs.get(RECORDS_DIGEST) for result in results.values()}
     if len(digests) > 1:
         raise BadInput(f"{' and '.join(results)} are not fits of the same records; stack fits of one table")

@@ -12,7 +12,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder, remove_leftovers
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.diagnostics.attempts import Attempts
-from bayes_tyre.inference.diagnostics.convergence import with_figures
+from bayes_tyre.inference.diagnostics.convergence import with_statistics
 from bayes_tyre.inference.diagnostics.judge import judge, with_failures
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
 from bayes_tyre.inference.model.default_priors import PRIORS
@@ -230,7 +230,7 @@ def fit_estimates(
     diagnostics = with_estimates(diagnostics, estimated.table, len(estimated.rejected))
     if plan.force_scale_sd:  # no record can tell of it, nor does any check above
         tree = with_scale(tree, "force_scale", plan.force_scale_sd, plan.sampler.seed)
-        tree = attempts("convergence statistics", lambda: with_figures(tree), tree, kind="sampling")
+        tree = attempts("convergence statistics", lambda: with_statistics(tree), tree, kind="sampling")
         diagnostics = with_failures(diagnostics, attempts.failed)
     beside = {ESTIMATES: estimated.table, REJECTED: estimated.rejected}
     limit = None if plan.limit is None else parse_limit(plan.limit)

@@ -1,10 +1,10 @@
-"""The figures that a tree keeps are those taken anew, of all quantities and of one."""
+"""The statistics that a tree keeps are those taken anew, of all quantities and of one."""
 
 import numpy as np
 import pytest
 import xarray as xr
 
-from bayes_tyre.inference.diagnostics.convergence import figures_of, monitor, stored_figures, with_figures
+from bayes_tyre.inference.diagnostics.convergence import monitor, statistics_of, stored_statistics, with_statistics
 
 
 def tree_of(chains: int) -> xr.DataTree:
@@ -22,8 +22,8 @@ def tree_of(chains: int) -> xr.DataTree:
 @pytest.mark.parametrize("chains", [1, 4])
 def test_figures_kept_are_those_taken_anew(chains):
     tree = tree_of(chains)
-    kept, anew = figures_of(with_figures(tree)), monitor(tree["posterior"].to_dataset())
-    assert figures_of(tree).ess_bulk.identical(anew.ess_bulk)
+    kept, anew = statistics_of(with_statistics(tree)), monitor(tree["posterior"].to_dataset())
+    assert statistics_of(tree).ess_bulk.identical(anew.ess_bulk)
     for one, other in zip(kept, anew, strict=True):
         assert (one is None) == (other is None)
         if one is not None and other is not None:
@@ -31,10 +31,10 @@ def test_figures_kept_are_those_taken_anew(chains):
 
 
 def test_one_quantity_has_its_own():
-    tree = with_figures(tree_of(4))
-    figures = stored_figures(tree, "k_case")
-    assert figures is not None
-    assert figures.r_hat is not None
-    assert list(figures.r_hat.data_vars) == ["k_case"]
-    assert stored_figures(tree, "beta_case") is None
-    assert stored_figures(tree_of(4), "k_case") is None
+    tree = with_statistics(tree_of(4))
+    statistics = stored_statistics(tree, "k_case")
+    assert statistics is not None
+    assert statistics.r_hat is not None
+    assert list(statistics.r_hat.data_vars) == ["k_case"]
+    assert stored_statistics(tree, "beta_case") is None
+    assert stored_statistics(tree_of(4), "k_case") is None

@@ -65,7 +65,7 @@ def test_what_fails_fails_the_verdict_and_leaves_the_rest(tree):
 
 def test_draws_that_cannot_be_diagnosed_are_counted_all_the_same(tree, monkeypatch):
     monkeypatch.setattr(module, "diagnose", fails)
-    monkeypatch.setattr(module, "with_figures", fails)
+    monkeypatch.setattr(module, "with_statistics", fails)
     judged, found = judge(tree, as_it_is, Attempts())
     assert GROUP not in judged.children
     assert (found.verdict, found.draws, found.chains, found.divergences) == ("fail", 400, 4, 0)

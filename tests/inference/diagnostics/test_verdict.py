@@ -9,7 +9,7 @@ import xarray as xr
 from helpers.hand_made_posteriors import grid, posterior, quiet, scattered
 
 from bayes_tyre.inference.diagnostics.attempts import MODEL_CHECKS, with_checks
-from bayes_tyre.inference.diagnostics.convergence import figures_of
+from bayes_tyre.inference.diagnostics.convergence import statistics_of
 from bayes_tyre.inference.diagnostics.sampling_checks import Check, mean_error
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics, diagnose
 from bayes_tyre.inference.sampling.run import RUNS, SamplerRun, runs_to_json
@@ -208,8 +208,8 @@ def test_a_probability_is_judged_by_the_error_of_its_mean_not_by_r_hat_and_effec
     rare = np.full((CHAINS, DRAWS, 12), 1e-6)
     rare[0, :8, 3] = 0.3  # one run of draws in one chain: it hardly moves the mean
     found = diagnose(tree(outlier_probability=rare))
-    figures = figures_of(tree(outlier_probability=rare))
-    assert float(figures.ess_tail["outlier_probability"].min()) < 100 * CHAINS
+    statistics = statistics_of(tree(outlier_probability=rare))
+    assert float(statistics.ess_tail["outlier_probability"].min()) < 100 * CHAINS
     assert found.verdict == "pass", found.reasons
     assert "outlier_probability" not in found.by_parameter
     assert not [each for each in found.limitations if "outlier_probability" in each]

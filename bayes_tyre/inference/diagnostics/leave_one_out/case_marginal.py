@@ -14,8 +14,8 @@ from jax.scipy.special import logsumexp
 from jaxtyping import Array, Float
 
 from bayes_tyre.inference.diagnostics.leave_one_out.record_marginal import (
-    Hyperparameters,
     RecordDensity,
+    RecordPopulation,
     forces_at,
     hyperparameters,
     log_prior_of_noise,
@@ -119,7 +119,7 @@ def densities_of_cases(
     z = student_points(random, (POINTS, unknowns(model.correlation) - len(PARAMETERS), count))
     log_z = log_standard(jnp.moveaxis(z, 1, -1))
 
-    def given(of_draw: tuple[Hyperparameters, CasePopulation]) -> RecordDensity:
+    def given(of_draw: tuple[RecordPopulation, CasePopulation]) -> RecordDensity:
         of, population = of_draw
         mean, remainder, sd_repeat, offset = population
         about = CaseDistribution(mean, remainder, sd_repeat, weight_apart, priors.apart_widening, offset)

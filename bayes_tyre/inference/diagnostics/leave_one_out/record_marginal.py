@@ -38,7 +38,7 @@ POINTS, TAILS = 256, 6.0
 _STUDENT_WIDENING = 1.5
 
 
-class Hyperparameters(NamedTuple):
+class RecordPopulation(NamedTuple):
     """What a record's parameters are drawn from, a draw of the posterior each; scales of k and beta are relative.
 
     Attributes
@@ -71,7 +71,7 @@ class Hyperparameters(NamedTuple):
     noise_nu: Float[Array, "*draws"] | None = None
 
 
-def hyperparameters(posterior: xr.Dataset, factors: Factors) -> Hyperparameters:
+def hyperparameters(posterior: xr.Dataset, factors: Factors) -> RecordPopulation:
     """Return the populations that records are drawn from.
 
     Parameters
@@ -94,7 +94,7 @@ def hyperparameters(posterior: xr.Dataset, factors: Factors) -> Hyperparameters:
     if "J_group" in posterior:
         mean_J = draws_in_a_row(posterior["J_group"])[:, factors.group.of_case[records]]
     names = ("discordant_weight", "student_nu", "atanh_rho_typical", "sd_atanh_rho", "noise_nu")
-    return Hyperparameters(
+    return RecordPopulation(
         jnp.asarray(np.stack(by_case, axis=2)),
         jnp.asarray(np.log(np.stack(sd_repeat, axis=2))),
         jnp.asarray(mean_J),
@@ -152,7 +152,7 @@ def record_density(
     likelihood: Likelihood | StudentLikelihood,
     data: RecordData,
     estimates: RecordEstimates,
-    of: Hyperparameters,
+    of: RecordPopulation,
     z: Float[Array, "points dimensions"],
     widening: float = DISCORDANT_WIDENING,
 ) -> RecordDensity:
@@ -171,7 +171,7 @@ def record_density(
     """
     log_z = log_standard(z)
 
-    def given(population: Hyperparameters) -> RecordDensity:
+    def given(population: RecordPopulation) -> RecordDensity:
         def integral(log_widening: float) -> tuple[Array, Array]:
             wide = population._replace(log_sd_repeat=population.log_sd_repeat + log_widening)
             reparameterised = _log_values(z[:, :2], estimates, wide)
@@ -197,7 +197,7 @@ def record_density(
 def forces_at(
     likelihood: Likelihood | StudentLikelihood,
     data: RecordData,
-    of: Hyperparameters,
+    of: RecordPopulation,
     log_values: Float[Array, "points records 2"],
     log_sigma: Float[Array, "points records"],
     atanh_rho: Float[Array, "points records"] | None,
@@ -221,7 +221,7 @@ def forces_at(
     return jax.vmap(at, in_axes=(0, 0, None if atanh_rho is None else 0, 0))(log_values, log_sigma, atanh_rho, z)
 
 
-def _log_values(z: Float[Array, "points 2"], estimates: RecordEstimates, of: Hyperparameters) -> Reparameterised:
+def _log_values(z: Float[Array, "points 2"], estimates: RecordEstimates, of: RecordPopulation) -> Reparameterised:
     """Return (log k, log beta) about each record's posterior given hyperparameters; leading axis points."""
     quadratic = estimates.of_log_values(of.mean_J, of.sd_J)
     slope = quadratic.slope_at(of.log_case)
@@ -236,10 +236,9 @@ def _log_values(z: Float[Array, "points 2"], estimates: RecordEstimates, of: Hyp
 
 
 def noise_about(
-    z: Float[Array, "points some *records"], estimates: RecordEstimates, of: Hyperparameters
+    z: Float[Array, "points some *records"], estimates: RecordEstimates, of: RecordPopulation
 ) -> tuple[Float[Array, "points records"], Float[Array, "points records"] | None, Float[Array, "points records"]]:
-    """Return log sigma, and atanh rho for autoregressive noise, likewise; and the log volume of the map."""
-
+    """Return log sigma and atanh rho (None: noise is not autoregressive) at points z, and the log volume of the map."""
     shape = (len(z), len(estimates.points))
 
     def reparameterised(z: Array, value: Array, precision: Array, above: Array, scale: Array) -> Reparameterised:
@@ -265,7 +264,7 @@ def _log_normal(value: Array, centre: Array | float, log_scale: Array) -> Array:
 
 
 def log_prior_of_noise(
-    log_sigma: Float[Array, "points records"], atanh_rho: Float[Array, "points records"] | None, of: Hyperparameters
+    log_sigma: Float[Array, "points records"], atanh_rho: Float[Array, "points records"] | None, of: RecordPopulation
 ) -> Float[Array, "points records"]:
     """Return the log density of the noise of each record, as `records_model` has it."""
     prior = _log_normal(log_sigma, of.log_sigma, jnp.log(of.sd_log_sigma))
@@ -276,7 +275,7 @@ def log_prior_of_noise(
     return prior + _log_normal(atanh_rho, of.atanh_rho, jnp.log(of.sd_atanh_rho))
 
 
-def _about_case(log_values: Float[Array, "points records 2"], of: Hyperparameters) -> Float[Array, "points records"]:
+def _about_case(log_values: Float[Array, "points records 2"], of: RecordPopulation) -> Float[Array, "points records"]:
     """Return the log density of (log k, log beta) about the case, of usual records or of a Student-t."""
     if of.student_nu is None:
         return _log_normal(log_values, of.log_case, of.log_sd_repeat).sum(axis=2)

@@ -93,11 +93,14 @@ def _summarise(
     variance = jnp.var(noises.centre, axis=0)
     own = jnp.mean(1.0 / jnp.diagonal(noises.precision, axis1=1, axis2=2), axis=0)
     typical = jnp.broadcast_to(jnp.mean(noises.centre, axis=0), noises.centre.shape)
-    spread = jnp.sqrt(jnp.maximum(variance - own, _LEAST_NOISE_SHARE * variance)) + jnp.zeros_like(typical)
-    moments = _moments(records.of_log_values(*of_J), case, sd_repeat), _moments(noises, typical, spread)
+    sd_among_records = jnp.sqrt(jnp.maximum(variance - own, _LEAST_NOISE_SHARE * variance)) + jnp.zeros_like(typical)
+    moments = _moments(records.of_log_values(*of_J), case, sd_repeat), _moments(noises, typical, sd_among_records)
     for _ in range(_ROUNDS - 1):
         values, noise, _ = _nearest(data, likelihood, of_J, *moments)
-        moments = _moments(values.given(values.noise)[0], case, sd_repeat), _moments(noise.quadratic, typical, spread)
+        moments = (
+            _moments(values.given(values.noise)[0], case, sd_repeat),
+            _moments(noise.quadratic, typical, sd_among_records),
+        )
     return _nearest(data, likelihood, of_J, *moments)
 
 

@@ -31,7 +31,8 @@ from bayes_tyre.inference.model.terms import Terms
 
 #: By site: its reparameterisation, given the values of the sites before it.
 Coordinates = Mapping[str, Callable[[Hyperparameters], Reparam]]
-#: Places the records' logarithms, given their coordinates and the mean and standard deviation of each about its case.
+#: Reparameterises the records' logarithms, given their coordinates, and mean and standard deviation of each about its
+#: case.
 Reparameterisation = Callable[
     [Array, Float[Array, "records parameters"], Float[Array, "records parameters"]], Reparameterised
 ]

@@ -41,7 +41,7 @@ class WeightedDraws(NamedTuple):
     Attributes
     ----------
     standard:
-        MotionParameters, in standard deviations of their prior, shape (draws, parameters).
+        Parameters, in standard deviations of their prior, shape (draws, parameters).
     weights:
         Pareto-smoothed, their sum 1, shape (draws,).
     pareto_k:

@@ -129,7 +129,7 @@ def fit_map(rig: Rig, window: Window, starts: Float[ArrayLike, "starts parameter
 
 @functools.partial(jax.jit, static_argnums=0)
 def rough_map(rig: Rig, window: Window, starts: Float[ArrayLike, "starts parameters"]) -> Float[Array, " parameters"]:
-    """Return the parameters before the last stage of a fit; arguments as in `find`."""
+    """Return the parameters before the last stage of a fit; arguments as in `fit_map`."""
     best, eased = _best_start(rig, window, jnp.asarray(starts)), WEIGHT_SHARES[1:-1]
     return _staged(rig, window, best, eased, [ROUGH_TOLERANCE] * len(eased)).standard
 

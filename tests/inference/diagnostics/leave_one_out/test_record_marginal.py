@@ -10,7 +10,7 @@ from scipy import stats
 
 from bayes_tyre.inference.diagnostics.leave_one_out.record_marginal import (
     POINTS,
-    Hyperparameters,
+    RecordPopulation,
     hyperparameters,
     record_density,
     standard_points,
@@ -36,7 +36,7 @@ def records():
     return prepare_records(check_record_table(table), ModelSettings()).batch
 
 
-def known(estimates, **other) -> Hyperparameters:
+def known(estimates, **other) -> RecordPopulation:
     """Return two draws of populations that leave nothing open but F_i and J."""
     pair = np.asarray(estimates.centre[:, 2:])
     values = {
@@ -48,7 +48,7 @@ def known(estimates, **other) -> Hyperparameters:
         "sd_log_sigma": jnp.full(2, NARROW),
         **dict.fromkeys(("discordant_weight", "student_nu", "atanh_rho", "sd_atanh_rho")),
     }
-    return Hyperparameters(**{**values, **other})
+    return RecordPopulation(**{**values, **other})
 
 
 def by_hand(data, record, log_pair, mean_J, sd_J, sigma, rho=0.0) -> float:
