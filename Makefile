@@ -98,7 +98,7 @@ fuzz: install  ## Mutated files (COUNT=... of each kind), results (DAMAGED=...),
 chaos: install  ## Kill commands, fill their disk, change their input (FOR=600 seconds): the bytes of a run left alone
 	@PYTHONPATH=tests $(BIN)/python -m helpers.chaos $${FOR:-600} $${SEED:-0} $${RUNS:-10}
 
-soak: install  ## 50 fits and 500 least-squares tables in one process: memory flat after the fifth (ten minutes)
+soak: install  ## 50 fits and 500 least-squares tables in one process: memory flat after the fifth (twenty minutes)
 	@PYTHONPATH=tests $(BIN)/python -m helpers.soak $${FITS:-50} $${TABLES:-500}
 
 lint: install

@@ -64,8 +64,8 @@ Draws = Annotated[
     int | None,
     typer.Option(
         min=4,
-        help="Iterations of each chain to keep. Default: 1500 (published: 2000; 750 of more than 1,000 records), taken "
-        "from up to 6000 (8000) where R-hat or ESS falls short.",
+        help="Iterations of each chain to keep. Default: 1500 (published: 2000; fit of more than 1,000 records: "
+        "750), taken from up to 6000 (published: 8000) where R-hat or ESS falls short.",
         show_default=False,
     ),
 ]
@@ -76,7 +76,7 @@ TargetAccept = Annotated[
         min=0.5,
         max=0.99,
         help="Mean acceptance that NUTS adapts its steps to: higher against divergences, and slower. Default: 0.65 (of "
-        "motions 0.8), and a run with divergences is repeated once at 0.99.",
+        "motions, and where a fit integrates records out, 0.8), and a run with divergences is repeated once at 0.99.",
         show_default=False,
     ),
 ]

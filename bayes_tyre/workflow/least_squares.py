@@ -8,6 +8,7 @@ import pandas as pd
 from bayes_tyre.formats.files import prepare_folder
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.least_squares.table import FitSettings, fit_records
+from bayes_tyre.workflow.result_names import REPORTS
 
 FITS, WORKBOOK = "least_squares.csv", "least_squares.xlsx"
 #: What `bayes_tyre.workflow.loops` writes beside it.
@@ -29,7 +30,7 @@ def fit_least_squares(
 
 def write_fits(fits: pd.DataFrame, out: Path, *, xlsx: bool) -> None:
     """Write `least_squares.csv` into a folder that is there, and as a workbook if asked for; remove an older run's."""
-    for name in (LOOPS, BACKBONE, FIGURE, WORKBOOK):
+    for name in (LOOPS, BACKBONE, FIGURE, WORKBOOK, *REPORTS):
         (out / name).unlink(missing_ok=True)
     write_table(fits, out / FITS)
     if xlsx:

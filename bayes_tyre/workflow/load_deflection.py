@@ -26,6 +26,7 @@ from bayes_tyre.signals.load_deflection import (
     with_deflection,
 )
 from bayes_tyre.workflow.record_tables import Kind
+from bayes_tyre.workflow.result_names import REPORTS
 
 TESTS, CASES, SHARED = "load_deflection.csv", "load_deflection_cases.csv", "shared_stiffness.csv"
 FIGURE = "figures/load_deflection_loops.png"
@@ -72,7 +73,7 @@ def fit_load_deflection(
     means, notes = averaged(readings)
     tests, cases = _tests(readings, beta_mm), _cases(means, beta_mm)
     shared = shared_stiffness(tests, estimates) if estimates is not None else None
-    for name in (CASES, SHARED):
+    for name in (CASES, SHARED, *REPORTS):
         (out / name).unlink(missing_ok=True)  # an older run's
     paths = [write_table(tests, out / TESTS)]
     paths += [write_table(cases, out / CASES)] if len(cases) else []

@@ -16,6 +16,7 @@ from bayes_tyre.report.figures.page.layout import save
 from bayes_tyre.signals.reversals import cut_loops
 from bayes_tyre.workflow.least_squares import BACKBONE, FIGURE, FITS, LOOPS, WORKBOOK
 from bayes_tyre.workflow.record_tables import RECORDS, read_given
+from bayes_tyre.workflow.result_names import REPORTS
 
 
 def read_loops(
@@ -54,7 +55,8 @@ def fit_loops(
         As `read_loops` returns them.
     """
     prepare_folder(out)
-    (out / WORKBOOK).unlink(missing_ok=True)  # an older run's
+    for name in (WORKBOOK, *REPORTS):  # an older run's
+        (out / name).unlink(missing_ok=True)
     fits = fit_records(branches, settings, on_progress).astype({"branch": int, "cycle": int})
     backbones = backbone(branches)
     cycles = cycle_table(branches, fits, backbones)

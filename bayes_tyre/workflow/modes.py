@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import jax
 import numpy as np
 import pandas as pd
 
@@ -88,7 +89,7 @@ def fit_modes(
     setting = Setting(origin_of(table), fit.verdict)
     note = "A thin, inextensible ring on an elastic foundation; modes between measured ones are joined by lines."
     save(frequencies_by_mode(frequencies, _conditions(table), setting, note), out / FIGURE)
-    write_run(run, out)
+    write_run(run, out, device=jax.default_backend())
     return parameters, fit
 
 

@@ -26,11 +26,17 @@ from bayes_tyre.results.figure_data.motion_traces import MOTIONS_CSV
 from bayes_tyre.results.provenance import RUN_JSON, Run, write_json, write_run
 from bayes_tyre.workflow.drawing import Begin, drawing_process
 from bayes_tyre.workflow.execution.resume import Callbacks
+from bayes_tyre.workflow.result_names import COMPARISON, REPORTS
 
 #: All tables of a result, a sheet each.
 WORKBOOK = "results.xlsx"
 #: What other commands wrote about the result that a new one replaces.
-_ABOUT_OLDER = ("report.html", "report.pdf", "prediction.csv", "prediction.toml")
+_ABOUT_OLDER = (
+    *REPORTS,
+    *("prediction.csv", "prediction.toml", COMPARISON, "comparison_records.csv", "comparison_cases.csv"),
+)
+#: Tables that a result of motions has.
+_OF_MOTIONS = {"estimates.csv", MOTIONS_CSV}
 #: Fewest records of a result whose figures are drawn by a process of their own: it takes seconds to start.
 DRAWN_APART = 48
 
@@ -69,6 +75,8 @@ def write_fit(
     for name in (RUN_JSON, *_ABOUT_OLDER):  # run.json first: it marks a folder as finished
         (out / name).unlink(missing_ok=True)
     written = (RUN_JSON, "diagnostics.json", "posterior.nc", WORKBOOK, *_tables(result, beside or {}))
+    for name in _OF_MOTIONS.difference(written):
+        (out / name).unlink(missing_ok=True)
     remove_leftovers(out / name for name in (*written, *(f"figures/{name}.png" for name in HEADINGS)))
     attempts, callbacks = Attempts(), callbacks or Callbacks()
     callbacks.on_stage("tables", None)

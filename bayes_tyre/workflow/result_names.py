@@ -5,6 +5,8 @@ from pathlib import Path
 
 from bayes_tyre.errors import BadInput
 
+#: What `report` writes into the folder of one result.
+REPORTS = ("report.html", "report.pdf")
 #: The table of models that `compare` writes into its folder.
 COMPARISON = "comparison.csv"
 

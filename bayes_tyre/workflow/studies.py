@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
+import jax
 import numpy as np
 import pandas as pd
 
@@ -55,7 +56,7 @@ def study_run(command: str, out: Path, seed: int, inputs: Sequence[Path] = (), /
     run = begin_run(f"bayes-tyre {command}", {**options, "seed": seed}, seed, list(inputs), "simulated")
     (out / RUN_JSON).unlink(missing_ok=True)
     yield
-    write_run(run, out)
+    write_run(run, out, device=jax.default_backend())
 
 
 class CalibrationTarget(NamedTuple):

@@ -130,7 +130,8 @@ def test_fit_that_fails_half_way_leaves_no_run_json_to_vouch_for_it(sampled, tmp
 def test_a_figure_or_table_that_fails_becomes_a_failed_check_and_the_rest_is_written(sampled, tmp_path, monkeypatch):
     path, out = written(sampled, tmp_path / "records.csv"), tmp_path / "out"
     (out / "figures").mkdir(parents=True)
-    for earlier in ("figures/rank_plot.png", "repeats.csv", "report.html", "report.pdf", "prediction.csv"):
+    about_older = ("report.html", "report.pdf", "prediction.csv", "comparison_cases.csv", "motions_shown.csv")
+    for earlier in ("figures/rank_plot.png", "repeats.csv", "estimates.csv", *about_older):
         (out / earlier).write_text("earlier")  # of another run: it must not stay
 
     def fails(*_: object) -> None:

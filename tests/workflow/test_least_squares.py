@@ -42,7 +42,7 @@ def test_a_fault_names_the_file_and_the_row(tmp_path):
 
 
 def test_a_run_without_loops_removes_what_one_with_them_left(tmp_path, monkeypatch):
-    for name in ("loops.csv", "backbone.csv", "figures/loops.png", "figures/own.png"):
+    for name in ("loops.csv", "backbone.csv", "report.html", "figures/loops.png", "figures/own.png"):
         Path(tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
     monkeypatch.setattr(least_squares, "fit_records", lambda *_: pd.DataFrame({"record": ["a"]}))
