@@ -74,7 +74,8 @@ def difference(saved: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     theirs, ours = saved.get("inputs", {}), now["inputs"]
     if list(theirs.values()) != list(ours.values()):
         pairs = zip(ours, theirs.values(), strict=False)
-        name, was = next(((name, other) for name, other in pairs if ours[name] != other), ("", ""))
+        first = "", next(iter(theirs.values()), "")  # where one has more inputs than the other
+        name, was = next((pair for pair in pairs if ours[pair[0]] != pair[1]), first)
         was, now_is = (one[:12] or "none" for one in (was, ours.get(name, "")))
         return f"input {name or ', '.join(ours)}: SHA-256 was {was}..., is {now_is}..."
     for kind in ("options", "versions"):

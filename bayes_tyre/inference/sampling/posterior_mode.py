@@ -50,7 +50,7 @@ def normal_approximation(
     points: int,
     covariance: Float[np.ndarray, "unknowns unknowns"] | None = None,
 ) -> NormalApproximation | None:
-    """Return the normal approximation at the mode; None where potential energy or curvature there are not finite.
+    """Return the normal approximation at the mode; None where its potential energy or curvature is not finite.
 
     Parameters
     ----------

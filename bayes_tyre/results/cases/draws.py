@@ -121,9 +121,8 @@ def of_repeat(
         for name in ("k", "beta")
     }
     k, beta = (getattr(values, name) * np.exp(sd * rng.standard_normal(draws)) for name, sd in sds.items())
-    sd_log_sigma = (
-        _scalar(posterior, "sd_log_sigma") if "sd_log_sigma" in posterior else 0.0
-    )  # one record: sigma does not vary
+    # sigma of one record does not vary.
+    sd_log_sigma = _scalar(posterior, "sd_log_sigma") if "sd_log_sigma" in posterior else 0.0
     sigma = _scalar(posterior, "sigma_typical") * np.exp(sd_log_sigma * rng.standard_normal(draws))
     F_i, J, d_i = (draws[one] for draws in values.start)
     nu = _scalar(posterior, "noise_nu") if "noise_nu" in posterior else None
