@@ -21,9 +21,10 @@ DisplacementScaleOption = Annotated[
     typer.Option(
         min=0.0,
         max=1.0,
-        help="Relative standard deviation of a common, unknown factor on displacement (0.05: a gauge accurate to 5 %); "
-        "it widens the intervals of k and beta, not those of their ratios. Default: the largest in the column "
-        "displacement_scale_sd, which process writes from [accuracy] of the rig file, or 0.",
+        help="Relative standard deviation of a common, unknown factor on displacement (0.05: a gauge accurate to 5 %), "
+        "of motions on acceleration too (a lever arm); it widens the intervals of k and beta, not those of their "
+        "ratios. Default: what [accuracy] of the rig file says (in a record table the column displacement_scale_sd), "
+        "or 0.",
         show_default=False,
     ),
 ]

@@ -40,6 +40,9 @@ class Machine(NamedTuple):
         A load that rings after its step: first peak (share of the step), frequency and decay time.
     laser_lag_s, laser_average_s:
         Time constant of the laser's first-order lag, and the time over which it averages.
+    laser_factor, arm_factor:
+        What the laser reads over what moves before it; the same of laser and accelerometer together, as an arm to them
+        that is longer than the rig file says makes it.
     load_cell_kg, load_cell_lag_s:
         Mass between load cell and axle, whose inertia the cell reads, and the time constant of its amplifier's filter.
     beam_Hz, beam_share, beam_damping:
@@ -60,6 +63,8 @@ class Machine(NamedTuple):
     overshoot_s: float = 0.08
     laser_lag_s: float = 0.0
     laser_average_s: float = 0.0
+    laser_factor: float = 1.0
+    arm_factor: float = 1.0
     load_cell_kg: float = 0.0
     load_cell_lag_s: float = 0.0
     beam_Hz: float = 60.0
@@ -88,8 +93,9 @@ def recorded_on(machine: Machine, truth: Truth, rig: Rig) -> RawSignals:
     at_load = rig.axle.support_to_load_mm / rig.axle.support_to_wheel_centre_mm * path.acceleration_m_per_s2
     at_cell, rate_Hz = load + machine.load_cell_kg * at_load * 1e-3, truth.plan.rate_Hz
     read = _late(at_cell, rate_Hz, machine.load_cell_lag_s)
-    seen = _late(path.displacement_mm, rate_Hz, machine.laser_lag_s, machine.laser_average_s)
-    return channels(truth, rig, path.time_s, seen, path.acceleration_m_per_s2, read)
+    moved, acceleration = machine.arm_factor * path.displacement_mm, machine.arm_factor * path.acceleration_m_per_s2
+    seen = machine.laser_factor * _late(moved, rate_Hz, machine.laser_lag_s, machine.laser_average_s)
+    return channels(truth, rig, path.time_s, seen, acceleration, read)
 
 
 def load_of(machine: Machine, truth: Truth, time_s: Values) -> Values:

@@ -67,4 +67,6 @@ MISMATCHES: dict[str, Mismatch] = {
     "road's slope 0.5": Mismatch(change=_road, rolling_only=True),
     "three together": Mismatch(Machine(overshoot=0.06, laser_lag_s=1.5e-3, laser_average_s=2e-3, relaxing=0.08)),
     "load cell filter 3 ms": Mismatch(Machine(load_cell_lag_s=3e-3)),
+    "laser reads 1 % more": Mismatch(Machine(laser_factor=1.01)),
+    "arm 1 % longer": Mismatch(Machine(arm_factor=1.01)),
 }

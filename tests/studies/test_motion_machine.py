@@ -54,3 +54,20 @@ def test_a_laser_lags_and_a_load_cell_feels_its_mass():
     )
     differ = [name for name, values in plain.items() if not np.array_equal(values, late[name])]
     assert len(differ) == 4, differ  # laser and load, each as volts and in its unit
+
+
+def test_a_longer_arm_enlarges_both_sensors_and_a_laser_s_factor_its_own():
+    plain, laser, arm = (
+        {channel.name: channel.values for channel in recorded_on(machine, TRUTH, RIG).segments[0]}
+        for machine in (Machine(), Machine(laser_factor=1.1), Machine(arm_factor=1.1))
+    )
+    of_laser = {name for name, values in plain.items() if not np.array_equal(values, laser[name])}
+    assert len(of_laser) == 2, of_laser  # as volts and in its unit
+    of_arm = {name for name, values in plain.items() if not np.array_equal(values, arm[name])}
+    assert of_laser < of_arm
+    assert len(of_arm) == 4, of_arm
+    for name in of_laser:
+        np.testing.assert_array_equal(laser[name], arm[name])
+    for name in of_arm:
+        ratio = np.std(arm[name]) / np.std(plain[name])
+        assert ratio == pytest.approx(1.1, rel=0.01)  # noise and converter steps are not enlarged

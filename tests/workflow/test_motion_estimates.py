@@ -10,6 +10,7 @@ from helpers.hand_made_posteriors import grid
 from helpers.map_estimates import map_estimate
 
 from bayes_tyre.embedded import data_path
+from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.motion.hierarchy.model import Motions
 from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS
 from bayes_tyre.inference.motion.record.model.parameters import parameter_names
@@ -32,7 +33,7 @@ def estimated() -> Estimated:
 
 def test_rig_files_of_the_cases_are_inputs_and_say_how_accurate_they_are(monkeypatch, tmp_path):
     files = [tmp_path / f"{name}.lvm" for name in "abc"]
-    accuracy = "\n[accuracy]\nload_relative_sd = 0.01\n"
+    accuracy = "\n[accuracy]\nload_relative_sd = 0.01\ndisplacement_relative_sd = 0.005\n"
     (tmp_path / "mine.toml").write_text(data_path("rigs/single.toml").read_text() + accuracy)
     cases = pd.DataFrame({"file": [file.name for file in files], "rig": ["mine.toml", "dual", "mine.toml"]})
     factors = {"configuration": "wide", "speed_km_h": 0, "initial_load_kN": 20, "step_kN": 10, "repeat": 1}
@@ -56,10 +57,17 @@ def test_rig_files_of_the_cases_are_inputs_and_say_how_accurate_they_are(monkeyp
     with pytest.raises(InterruptedError):
         fit_estimates(found, plan, tmp_path / "out", [])
     assert inputs == [*files, tmp_path / "mine.toml", tmp_path / "cases.csv"]
-    assert known["force_scale_sd"] == 0.01  # of the least accurate rig
+    assert (known["force_scale_sd"], known["displacement_scale_sd"]) == (0.01, 0.005)  # of the least accurate rig
     with pytest.raises(InterruptedError):
         fit_estimates(found, replace(plan, force_scale_sd=0.02), tmp_path / "out", [])
-    assert known["force_scale_sd"] == 0.02
+    assert (known["force_scale_sd"], known["displacement_scale_sd"]) == (0.02, 0.005)
+
+
+@pytest.mark.parametrize("name", ["force_scale_sd", "displacement_scale_sd"])
+@pytest.mark.parametrize("sd", [-0.01, np.inf, np.nan])
+def test_a_factor_that_cannot_be_known_so_is_refused(name, sd):
+    with pytest.raises(BadInput, match=rf"{name} is {sd:g}; give 0 or more"):
+        MotionPlan(SamplerSettings(), **{name: sd})
 
 
 def test_columns_are_those_of_the_law():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayes_tyre.cli import sampled, shell
-from bayes_tyre.cli.model_options import ForceScaleOption, PriorsOption, RepeatsOption
+from bayes_tyre.cli.model_options import DisplacementScaleOption, ForceScaleOption, PriorsOption, RepeatsOption
 from bayes_tyre.cli.raw import CasesTable, Cluster, RawFiles, RigName, Workers, check_machines
 from bayes_tyre.runtime import prepare_jax
 
@@ -47,6 +47,7 @@ def motion(
         ),
     ] = 1.0,
     repeats: RepeatsOption = "mixture",
+    displacement_scale_sd: DisplacementScaleOption = None,
     force_scale_sd: ForceScaleOption = None,
     priors: PriorsOption = None,
     figures: Annotated[
@@ -103,7 +104,7 @@ def motion(
         shell.warn(warning)
     sampler = sampled.settings(chains, warmup, draws, seed, target_accept)
     limit = shell.checked_limit(limit, (*motion_law(law.value).reported_parameters, ENERGY))
-    how = law.value, amplitude, repeats, interval, read_priors(priors), limit, force_scale_sd
+    how = law.value, amplitude, repeats, interval, read_priors(priors), limit, displacement_scale_sd, force_scale_sd
     plan = MotionPlan(sampler, rig, cases, figures, *how)
     _run(files, plan, Machines(workers, cluster, resume), out, xlsx, quiet)
 

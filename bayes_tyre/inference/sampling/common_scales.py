@@ -4,6 +4,8 @@ True displacement is `displacement_scale` times the measured one, true force `fo
 about 1. Records cannot tell them from k, beta, J and the rest: Equation 2 holds for any, with each parameter times a
 power of the factor. Every draw takes one of the prior. All k move together, and all beta, so that no ratio of two k or
 of two beta changes. Displacement has no power in C = F_i + J - k d_i, since d_i is scaled as k is divided.
+
+So does the equation of motion, where the factor on displacement is one on acceleration too, as that of a lever arm is.
 """
 
 from collections.abc import Mapping
@@ -17,15 +19,10 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.record import DISPLACEMENT_SCALE_SD, FORCE_SCALE_SD
 
-#: What motions have beside k: all that the equation of motion holds is in proportion to force.
-_OF_MOTIONS = (
-    *("x", "settled", "m", "c", "energy_per_cycle", "equivalent_damping", "separation"),
-    *("static_stiffness", "stiffness_at_1_Hz", "ring_down_stiffness"),
-)
 #: By the name of a factor in a posterior: the power with which each parameter follows it, whatever its level.
 POWERS: Mapping[str, Mapping[str, float]] = {
-    "displacement_scale": {"k": -1.0, "beta": 1.0},
-    "force_scale": dict.fromkeys(("k", "J", "C", "F_i", "sigma", *_OF_MOTIONS), 1.0),
+    "displacement_scale": {"k": -1.0, "beta": 1.0, "m": -1.0, "c": -1.0},
+    "force_scale": dict.fromkeys(("k", "J", "C", "F_i", "sigma", "x", "settled", "m", "c"), 1.0),
 }
 #: What a parameter is called at its levels; the effects of factors are of logarithms, which a common factor leaves.
 _LEVELS = ("{}", "{}_case", "{}_group", "{}_typical", "sd_{}")
@@ -73,7 +70,7 @@ def with_scale(tree: xr.DataTree, name: str, relative_sd: float, seed: int) -> x
     Parameters
     ----------
     tree:
-        A posterior of records, or of motions for a factor on force.
+        A posterior of records or motions; what is computed from parameters is added to it afterwards.
     name:
         Of the factor, in `POWERS`.
     relative_sd:

@@ -40,6 +40,12 @@ def unchecked(result: Reported) -> list[Unchecked]:
     one = f"1{PERCENT}"
     force = f"A force that is {one} too large makes k, C and J {one} too large. Ratios on one rig stay the same."
     gauge = f"A gauge that reads {one} too much makes k {one} too small and beta {one} too large. Ratios stay the same."
+    if result.of_motions:
+        gauge = (
+            f"An arm to laser and accelerometer that is {one} longer than stated makes k, m and c {one} too small and "
+            f"beta {one} too large. A laser alone that reads {one} too much makes k, x and m too small by much of "
+            "that, and a status of most records reports it. Ratios stay the same."
+        )
     rows = [
         Unchecked("Lever arms and the load cell's factor", force + _in_intervals(result, "force_scale_sd")),
         Unchecked("The displacement gauge", gauge + _in_intervals(result, "displacement_scale_sd")),

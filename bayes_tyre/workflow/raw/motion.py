@@ -2,7 +2,7 @@
 
 import math
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,8 +12,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.files import check_folder, prepare_folder, remove_leftovers
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.diagnostics.attempts import Attempts
-from bayes_tyre.inference.diagnostics.convergence import with_statistics
-from bayes_tyre.inference.diagnostics.judge import judge, with_failures
+from bayes_tyre.inference.diagnostics.judge import judge
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.priors import Priors
@@ -24,6 +23,7 @@ from bayes_tyre.inference.motion.hierarchy.power_scaling import identify_motions
 from bayes_tyre.inference.motion.laws import motion_law
 from bayes_tyre.inference.sampling.common_scales import with_scale
 from bayes_tyre.inference.sampling.run import SamplerSettings
+from bayes_tyre.record import DISPLACEMENT_SCALE_SD, FORCE_SCALE_SD
 from bayes_tyre.record_table import origin_of
 from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.results.limits import parse_limit
@@ -44,6 +44,12 @@ from bayes_tyre.workflow.raw.motion_estimates import (
 from bayes_tyre.workflow.raw.process_tasks import Settings, Task, plan_tasks
 from bayes_tyre.workflow.raw.raw_records import REJECTED, none_usable, rejected
 from bayes_tyre.workflow.result_folder import write_fit
+
+#: By the name of the option: how well a rig's file says that the factor is known.
+_SCALES: Mapping[str, Callable[[Rig], float]] = {
+    DISPLACEMENT_SCALE_SD: geometry.displacement_relative_sd,
+    FORCE_SCALE_SD: geometry.force_relative_sd,
+}
 
 
 @dataclass(frozen=True)
@@ -68,9 +74,9 @@ class MotionPlan:
         Of the hierarchy.
     limit:
         What `cases.csv` says the probability of, such as ``k >= 1.8``; None: nothing.
-    force_scale_sd:
-        Relative standard deviation of a common factor on force, carried into k, x, m, c and the energy; 0: none; None:
-        that of the least accurate rig.
+    displacement_scale_sd, force_scale_sd:
+        Relative standard deviations of common factors on displacement and acceleration (carried into k, beta, m, c and
+        the energy) and on force (k, x, m, c and the energy); 0: none; None: that of the least accurate rig.
     """
 
     sampler: SamplerSettings
@@ -83,15 +89,17 @@ class MotionPlan:
     interval: float = 0.95
     priors: Priors = PRIORS
     limit: str | None = None
+    displacement_scale_sd: float | None = None
     force_scale_sd: float | None = None
 
     def __post_init__(self) -> None:
-        if self.force_scale_sd is not None and not 0.0 <= self.force_scale_sd < math.inf:
-            raise BadInput(f"force_scale_sd is {self.force_scale_sd:g}; give 0 or more, such as 0.01")
+        for name in _SCALES:
+            if (sd := getattr(self, name)) is not None and not 0.0 <= sd < math.inf:
+                raise BadInput(f"{name} is {sd:g}; give 0 or more, such as 0.01")
 
     @property
     def options(self) -> dict[str, object]:
-        """What `run.json` says of it, beside the seed and the inputs; limit and factor only where they were given."""
+        """What `run.json` says of it, beside the seed and the inputs; limit and factors only where they were given."""
         sources = {"rig": self.rig, "cases": None if self.cases is None else str(self.cases), "law": self.law}
         return {
             **sampler_options(self.sampler),
@@ -99,8 +107,13 @@ class MotionPlan:
             "priors": self.priors.given(),
             **{"amplitude_mm": self.amplitude_mm, "repeats": self.repeats, "interval": self.interval},
             **({} if self.limit is None else {"limit": self.limit}),
-            **({"force_scale_sd": self.force_scale_sd} if self.force_scale_sd else {}),
+            **{name: sd for name in _SCALES if (sd := getattr(self, name))},
         }
+
+    def with_scales_of(self, rigs: Sequence[Rig]) -> "MotionPlan":
+        """Return the plan with how well factors are known where it does not say: those of the least accurate rig."""
+        largest = {name: max(map(sd_of, rigs), default=0.0) for name, sd_of in _SCALES.items()}
+        return replace(self, **{name: sd for name, sd in largest.items() if getattr(self, name) is None})
 
 
 @dataclass(frozen=True)
@@ -203,9 +216,7 @@ def fit_estimates(
     BadInput
         If the folder is of no use.
     """
-    if plan.force_scale_sd is None:
-        sds = [geometry.force_relative_sd(middle.rig) for middle in estimated.middles]
-        plan = replace(plan, force_scale_sd=max(sds, default=0.0))
+    plan = plan.with_scales_of([middle.rig for middle in estimated.middles])
     callbacks, origin = callbacks or Callbacks(), estimated.origin
     call = shlex.join(["bayes-tyre", *command])
     inputs = [*estimated.files, *estimated.rig_files, *_files_of_options(plan)]
@@ -216,6 +227,9 @@ def fit_estimates(
     settings, motions, attempts = callbacks.settings(plan.sampler, checkpoints), estimated.motions, Attempts()
     tree = fit_motions(motions, settings, plan.repeats, priors=plan.priors)
     tree.attrs["origin"] = origin
+    for number, name in enumerate(_SCALES):
+        if sd := getattr(plan, name):
+            tree = with_scale(tree, name.removesuffix("_sd"), sd, plan.sampler.seed + number)
     tree = attempts(
         "energy of a cycle",
         lambda: with_losses(tree, motions.factor_table, estimated.middles, plan.amplitude_mm),
@@ -228,10 +242,6 @@ def fit_estimates(
         attempts,
     )
     diagnostics = with_estimates(diagnostics, estimated.table, len(estimated.rejected))
-    if plan.force_scale_sd:  # no record can tell of it, nor does any check above
-        tree = with_scale(tree, "force_scale", plan.force_scale_sd, plan.sampler.seed)
-        tree = attempts("convergence statistics", lambda: with_statistics(tree), tree, kind="sampling")
-        diagnostics = with_failures(diagnostics, attempts.failed)
     beside = {ESTIMATES: estimated.table, REJECTED: estimated.rejected}
     limit = None if plan.limit is None else parse_limit(plan.limit)
     result = Result(tree, diagnostics.verdict, interval=plan.interval, motions=estimated.shown, limit=limit)

@@ -19,6 +19,7 @@ from bayes_tyre.inference.model.hyperparameters import motion_sites
 from bayes_tyre.inference.model.prior_predictive import draw_prior, usual_repeats
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.motion.hierarchy.model import Motions, log_likelihood, motions_model
+from bayes_tyre.inference.sampling.common_scales import as_measured
 
 
 def log_likelihood_of_motions(posterior: xr.Dataset, motions: Motions) -> xr.Dataset:
@@ -27,8 +28,9 @@ def log_likelihood_of_motions(posterior: xr.Dataset, motions: Motions) -> xr.Dat
     Parameters
     ----------
     posterior, motions:
-        Draws and data of `bayes_tyre.inference.motion.hierarchy.model.fit_motions`.
+        Draws of `bayes_tyre.inference.motion.hierarchy.model.fit_motions`, or of `common_scales.with_scale`; and data.
     """
+    posterior = as_measured(posterior)
     values = [posterior[name].transpose(*SAMPLE, "record").to_numpy() for name in motions.law.parameters]
     rows, target = jnp.asarray(motions.rows), jnp.asarray(motions.target)
     density = log_likelihood(jnp.log(jnp.stack(values, axis=-1)), rows, target)

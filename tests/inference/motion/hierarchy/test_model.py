@@ -10,7 +10,8 @@ from bayes_tyre.inference.diagnostics.power_scaling import identified
 from bayes_tyre.inference.diagnostics.verdict import diagnose
 from bayes_tyre.inference.model.hyperparameters import MOTION_PARAMETERS
 from bayes_tyre.inference.motion.hierarchy.model import fit_motions
-from bayes_tyre.inference.motion.hierarchy.power_scaling import identify_motions
+from bayes_tyre.inference.motion.hierarchy.power_scaling import identify_motions, log_likelihood_of_motions
+from bayes_tyre.inference.sampling.common_scales import with_scale
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.results import summary
 
@@ -89,6 +90,17 @@ def test_what_the_data_said_is_known_of_every_parameter(tree, made):
     for name in ("k_case", "x_case", "beta_case", "m_case", "c_case"):
         said = identified(with_group, name)
         assert (said["contraction"] > 0.9).all(), name
+
+
+@pytest.mark.slow
+def test_the_likelihood_is_of_what_was_measured_whatever_the_factors_on_it(tree, made):
+    plain = tree["posterior"].to_dataset()
+    scaled = with_scale(with_scale(tree, "displacement_scale", 0.05, seed=1), "force_scale", 0.02, seed=2)
+    found, expected = (
+        log_likelihood_of_motions(posterior, made.motions)["motion"]
+        for posterior in (scaled["posterior"].to_dataset(), plain)
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-7)
 
 
 def test_an_unknown_kind_of_repeats_is_refused(made):
