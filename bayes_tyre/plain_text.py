@@ -27,7 +27,13 @@ def one_line(text: object, most: int | None = LABEL) -> str:
 
 
 def number_in(text: str | bytes) -> float | None:
-    """Return the number that a text is, which may be infinite or NaN; None where it is none."""
+    """Return the number that a text is, which may be infinite or NaN; None where it is none.
+
+    Underscores between digits, and digits of other scripts, are Python's alone.
+    """
+    text = text.strip()
+    if not text.isascii() or (b"_" if isinstance(text, bytes) else "_") in text:  # pyright: ignore[reportOperatorIssue]
+        return None
     try:
         return float(text)
     except ValueError:

@@ -27,6 +27,8 @@ def _column(name: str) -> pa.Column:
             checks.append(pa.Check.isin(allowed, error=f"is none of {', '.join(allowed)}"))
         return pa.Column(None, checks, required=required)
     checks = [pa.Check(_finite, error="is not a finite number")]
+    if name == "speed_km_h":
+        checks.append(pa.Check.ge(0.0, error="is below 0"))
     if name == "repeat":
         checks.append(pa.Check(lambda s: (s == s.round()) & (s.abs() < 2**53), error="is not a whole number"))
     return pa.Column(float, checks, required=required, nullable=True)
@@ -122,11 +124,12 @@ def _typed(table: pd.DataFrame, name: str) -> pd.DataFrame:
     typed = table.reset_index(drop=True)  # copy on write: only columns that change take memory
     for column in TEXT_COLUMNS:
         if column in typed:
-            typed[column] = _as_text(typed[column])
+            texts = _as_text(typed[column])
+            typed[column] = texts if column == "record" else texts.str.strip()
     for column in NUMBER_COLUMNS:
         if column not in typed:
             continue
-        numbers = pd.to_numeric(typed[column], errors="coerce").astype(float)
+        numbers = numbers_in(typed[column])
         wrong = numbers.isna().to_numpy()
         if wrong.any():
             row = int(np.flatnonzero(wrong)[0])
@@ -137,6 +140,14 @@ def _typed(table: pd.DataFrame, name: str) -> pd.DataFrame:
             )
         typed[column] = numbers
     return typed
+
+
+def numbers_in(column: pd.Series) -> pd.Series:
+    """Return a column as numbers, NaN where a cell is none: dates, durations and truth values are no numbers."""
+    if not _is_numeric(column):
+        cells = [np.nan if isinstance(cell, (bool, np.bool_)) else cell for cell in column]
+        column = pd.Series(cells, column.index, dtype=object)
+    return pd.to_numeric(column, errors="coerce").astype(float)
 
 
 def _as_text(column: pd.Series) -> pd.Series:
@@ -231,7 +242,7 @@ def record_extras(table: pd.DataFrame) -> pd.DataFrame:
     """Return further columns of each record, such as a pressure: one row a record, in order of appearance.
 
     Columns `record`, and each column that is no column of a record table. Numbers that vary within a record are
-    averaged; text that varies is left out.
+    averaged, blank cells among them left out; text that varies is left out.
 
     Warns
     -----
@@ -242,9 +253,12 @@ def record_extras(table: pd.DataFrame) -> pd.DataFrame:
     extras, varying = table[["record"]].drop_duplicates().reset_index(drop=True), []
     by_record = table.groupby("record", sort=False)
     for column in (column for column in table.columns if column not in standard):
-        if pd.api.types.is_numeric_dtype(table[column]) and not pd.api.types.is_bool_dtype(table[column]):
-            extras[column] = by_record[column].mean().to_numpy()
-        elif by_record[column].nunique(dropna=False).gt(1).any():
+        cells = table[column]
+        texts = cells.map(str) if cells.dtype == object else cells  # lists and the like cannot be compared
+        varies = texts.groupby(table["record"], sort=False).nunique(dropna=False).gt(1).any()
+        if (varies and _blank_or_numbers(cells)) or _is_numeric(cells):
+            extras[column] = numbers_in(cells).groupby(table["record"], sort=False).mean().to_numpy()
+        elif varies:
             varying.append(str(column))
         else:
             extras[column] = by_record[column].first().to_numpy()
@@ -255,6 +269,17 @@ def record_extras(table: pd.DataFrame) -> pd.DataFrame:
             stacklevel=3,
         )
     return extras
+
+
+def _is_numeric(cells: pd.Series) -> bool:
+    return pd.api.types.is_numeric_dtype(cells) and not pd.api.types.is_bool_dtype(cells)
+
+
+def _blank_or_numbers(cells: pd.Series) -> bool:
+    """Return whether cells of text are numbers, or blank, as a few of a CSV file may be."""
+    if not isinstance(cells.dtype, pd.StringDtype):
+        return False
+    return bool((numbers_in(cells).notna() | (cells.fillna("").str.strip() == "")).all())
 
 
 def carry_extras(rows: pd.DataFrame, extras: pd.DataFrame) -> pd.DataFrame:

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from bayes_tyre.plain_text import command_line
+from bayes_tyre.plain_text import command_line, number_in
 
 
 @pytest.mark.parametrize("on_path", [True, False])
@@ -21,3 +21,11 @@ def test_a_command_is_named_as_the_user_can_type_it(on_path, monkeypatch, tmp_pa
 def test_another_program_names_the_command_by_its_name(monkeypatch):
     monkeypatch.setattr(sys, "argv", ["/usr/bin/python"])
     assert command_line("show", "results") == "bayes-tyre show results"
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [("1.5", 1.5), (" 1e3 ", 1000.0), (b"-2", -2.0), ("1_5", None), ("\u0663", None), ("", None), (b"1_5", None)],
+)
+def test_a_number_is_one_as_it_is_written_everywhere(text, number):
+    assert number_in(text) == number

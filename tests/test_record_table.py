@@ -6,7 +6,7 @@ import pytest
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.record import FACTORS, ORIGIN_UNKNOWN
-from bayes_tyre.record_table import check_record_table, origin_of, record_factors
+from bayes_tyre.record_table import check_record_table, origin_of, record_extras, record_factors
 
 MINIMAL = pd.DataFrame(
     {
@@ -180,6 +180,40 @@ def test_words_that_contradict_each_other_within_a_record_are_refused(column, ot
 def test_a_direction_against_the_sign_of_the_step_is_refused(record, step):
     message = refusal(WORDED.assign(step_kN=WORDED["step_kN"].where(WORDED["record"] != record, step)))
     assert f"record '{record}', column step_kN: {step:g} contradicts direction" in message
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [
+        pd.to_datetime(["2024-01-01"] * 5),
+        pd.to_timedelta([1, 2, 3, 4, 5], unit="s"),
+        [True, False, True, True, False],
+        pd.Series([1.0, 2.0, True, 3.0, 4.0], dtype=object),
+    ],
+)
+def test_dates_durations_and_truth_values_are_no_numbers(cells):
+    """A spreadsheet makes a date of 1.5."""
+    assert "column force_kN holds" in refusal(WORDED.assign(force_kN=cells))
+
+
+def test_a_speed_below_0_is_refused():
+    assert "column speed_km_h: '-25.0' is below 0" in refusal(WORDED.assign(speed_km_h=-25))
+
+
+def test_labels_are_without_the_spaces_around_them_but_for_a_record_s():
+    spaced = WORDED.assign(configuration=["single", " single", "single ", "dual", "dual"])
+    pd.testing.assert_frame_equal(check_record_table(spaced), check_record_table(WORDED))
+
+
+def test_further_columns_may_lack_readings_or_hold_what_cannot_be_compared():
+    lists = pd.Series([[1], [2], [1], [3], [3]], dtype=object)
+    bar = pd.Series(["7.25", "", "7.75", "8", " "], dtype="str")
+    numbers = pd.Series(["001", "001", "001", "002", "002"], dtype="str")
+    with pytest.warns(UserWarning, match="column tags: text that varies within a record"):
+        extras = record_extras(MINIMAL.assign(bar=bar, tags=lists, tyre=numbers))
+    pd.testing.assert_frame_equal(
+        extras, pd.DataFrame({"record": ["a", "b"], "bar": [7.5, 8.0], "tyre": ["001", "002"]}), check_dtype=False
+    )
 
 
 def test_time_that_runs_backwards_is_refused():

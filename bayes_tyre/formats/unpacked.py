@@ -130,12 +130,16 @@ def _unpacked(path: Path, stream: io.BufferedIOBase, left: int, size: int) -> by
     return content
 
 
+#: What a column of text may be; pandas writes large strings.
+_TEXTS = (pa.types.is_string, pa.types.is_large_string)
+
+
 def check_parquet(path: Path) -> None:
     """Refuse a Parquet file whose table is too large; see `check_unpacked`."""
     described = pq.read_metadata(path)
     groups = [described.row_group(i).total_byte_size for i in range(described.num_row_groups)]
     check_unpacked(path, max(sum(groups), 8 * described.num_rows * described.num_columns))
-    texts = [field.name for field in pq.read_schema(path) if pa.types.is_string(field.type)]
+    texts = [field.name for field in pq.read_schema(path) if any(of(field.type) for of in _TEXTS)]
     if texts:  # each text once, and where it stands
         coded = pq.read_table(path, columns=texts, read_dictionary=texts)
         check_unpacked(path, sum(map(_length_of_texts, coded.columns)))

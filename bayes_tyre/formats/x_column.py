@@ -5,9 +5,10 @@ import re
 import numpy as np
 
 _TIME = re.compile(
-    r"(?:x[ _]?values?|x|t|time|seconds?)(?:[ _]*[\[(]?(?P<unit>s|sec|seconds|ms|us|µs|min|h)?[\])]?)", re.IGNORECASE
+    r"(?:x[ _]?values?|x|t|time|seconds?)(?:[ _]*[\[(]?(?P<unit>s|sec|seconds|ms|us|µs|μs|min|h)?[\])]?)", re.IGNORECASE
 )
-_SECONDS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0, "h": 3600.0}
+#: Of microseconds the micro sign, and the Greek letter.
+_SECONDS = {"ms": 1e-3, "us": 1e-6, "\u00b5s": 1e-6, "\u03bcs": 1e-6, "min": 60.0, "h": 3600.0}
 _UNIT = re.compile(r"[\[(]([^\[\]()]*)[\])]\s*$")
 #: The share of steps that must go forward: a table may hold several writes, each of which begins again.
 _FORWARD = 0.9
@@ -18,16 +19,19 @@ def is_time(name: str) -> bool:
     return _TIME.fullmatch(name.strip()) is not None
 
 
-def seconds_per_unit(name: str) -> float:
-    """Return how many seconds the unit in the name of an X column has; 1 where it names none.
+def seconds_per_unit(name: str, unit: str = "") -> float:
+    """Return how many seconds the unit of an X column has: that stated, else that in its name; 1 where there is none.
 
     Examples
     --------
-    >>> seconds_per_unit("time_ms"), seconds_per_unit("Time (s)"), seconds_per_unit("X_Value")
-    (0.001, 1.0, 1.0)
+    >>> seconds_per_unit("time_ms"), seconds_per_unit("Zeit [ms]"), seconds_per_unit("X_Value")
+    (0.001, 0.001, 1.0)
+    >>> seconds_per_unit("t", "ms")
+    0.001
     """
     match = _TIME.fullmatch(name.strip())
-    return _SECONDS.get((match["unit"] or "").lower(), 1.0) if match else 1.0
+    in_name = unit_in(name) or (match["unit"] or "" if match else "")
+    return _SECONDS.get((unit.strip() or in_name).lower(), 1.0)
 
 
 def unit_in(name: str) -> str:

@@ -29,7 +29,7 @@ class BoucWen(StatefulLaw):
     C:
         Force half-way between the branches at zero displacement, kN.
     settled:
-        Friction: half the distance between the branches, kN, >= 0.
+        Friction: half the distance between the branches, kN, > 0.
     beta:
         Displacement over which the force settles, mm, > 0: the friction's slope where it is 0 is ``settled / beta``.
     n:

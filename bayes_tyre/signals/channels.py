@@ -17,6 +17,8 @@ Samples = Float[np.ndarray, " samples"]
 _JITTER = 0.1
 #: Fewer samples hold no step, nor does a shorter recording, nor samples further apart, s.
 LEAST_SAMPLES, SHORTEST_S, COARSEST_S = 100, 0.5, 2e-3
+#: Times that differ by less than rounding does are alike.
+_ROUNDED = 1 + 1e-6
 # An accelerometer that repeats its largest or smallest value this often, and for so long (s), is clipped: the peak of a
 # response is rounder than that even in converter steps.
 _CLIPPED, _CLIPPED_S = 8, 1e-3
@@ -130,7 +132,7 @@ def _check_times(channels: Sequence[Channel]) -> None:
     dt = float(np.median(steps))
     if not (np.isfinite(time).all() and dt > 0):
         raise BadInput(f"channel {name!r}: time does not run forward; mend the X column")
-    if dt > COARSEST_S or dt * len(time) < SHORTEST_S:
+    if dt > COARSEST_S * _ROUNDED or dt * len(time) < SHORTEST_S:
         raise BadInput(
             f"channel {name!r}: {len(time)} samples {dt:g} s apart are {dt * len(time):g} s; a step takes some 0.04 s, "
             f"and needs samples {COARSEST_S:g} s apart or less, and rest about it: is there a time column, in seconds?"

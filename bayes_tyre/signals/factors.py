@@ -98,6 +98,8 @@ def factors_from_row(row: Mapping[str, object], file_name: str) -> RecordFactors
 
 
 def _case(configuration: str, speed: float, before: float, step: float) -> Case:
+    if speed < 0:
+        raise BadInput(f"its factors say a speed of {speed:g} km/h; give 0 or more in name or --cases")
     if step == 0:
         raise BadInput(f"its factors say a step from {before:g} to {before:g} kN, which is none; mend name or --cases")
     return Case(configuration, "loading" if step > 0 else "unloading", speed, before, round(step, 9))

@@ -12,6 +12,7 @@ from bayes_tyre.signals.flat_ground import to_flat_ground
 from bayes_tyre.signals.integrate import MM_PER_M, Path, anchored_path
 from bayes_tyre.signals.mass import Mass, Motion, find_mass
 from bayes_tyre.signals.processed import Processed, Recording, clarity
+from bayes_tyre.signals.runout import LEAST_TURNS
 
 Samples = Float[np.ndarray, " samples"]
 # The path begins so long before the acceleration leaves its noise, s: the axle has not moved by 1 um yet.
@@ -53,7 +54,7 @@ def inertia(recording: Recording, rig: Rig) -> Processed:
     motion = _at_wheel_centre(rig, path, signals.load_kN)
     used = round((step.ramp.end_s + _RINGING_S) / dt_s) - first
     mass = find_mass(rig, Motion(*(values[:used] for values in motion)), dt_s)
-    _check_mass(mass, rig, recording.runout_rms_m_per_s2)
+    _check_mass(mass, rig, recording)
     force = motion.applied_kN - mass.kg * KN_PER_KG_MM_PER_S2 * motion.acceleration_mm_per_s2
     force -= mass.damping_kN_s_per_mm * motion.velocity_mm_per_s
     end = _first_reversal(motion.velocity_mm_per_s, step.sign, round(step.ramp.end_s / dt_s) - first)
@@ -101,7 +102,7 @@ def _check_sensors(path: Path) -> None:
         )
 
 
-def _check_mass(mass: Mass, rig: Rig, runout_rms_m_per_s2: float) -> None:
+def _check_mass(mass: Mass, rig: Rig, recording: Recording) -> None:
     """Reject a record whose motion asks for a mass that the axle cannot have; k would be wrong by as much.
 
     Of a rolling tyre that is the runout: what it does to the friction before the step it does not do during it, so
@@ -112,11 +113,12 @@ def _check_mass(mass: Mass, rig: Rig, runout_rms_m_per_s2: float) -> None:
     sd_kg = float(np.hypot(kg * np.hypot(rig.axle.effective_mass_relative_sd, _MASS_OFF), mass.record_sd_kg))
     if abs(mass.record_kg - kg) <= MASS_APART * sd_kg:
         return
-    cause = (
-        f"the runout of {runout_rms_m_per_s2:.2g} m/s^2 cannot be told from the step, "
-        if runout_rms_m_per_s2 > 0
-        else "mend the calibration of accelerometer or load, "
-    )
+    cause = "mend the calibration of accelerometer or load, "
+    if recording.factors.case.speed_km_h > 0:
+        rms = recording.runout_rms_m_per_s2
+        cause = f"the runout of {rms:.2g} m/s^2 cannot be told from the step, "
+        if rms == 0:
+            cause = f"its runout stayed in it for want of {LEAST_TURNS:g} turns before the step, "
     raise BadInput(
         f"motion follows the load as a mass of {mass.record_kg:.3g} kg would, {abs(mass.record_kg - kg) / sd_kg:.2g} "
         f"standard deviations from the rig file's {kg:.3g} kg: {cause}or mend effective_mass_kg or its relative_sd"

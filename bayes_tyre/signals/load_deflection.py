@@ -14,7 +14,7 @@ import pandas as pd
 from bayes_tyre.errors import BadInput
 from bayes_tyre.plain_text import NAME, one_line
 from bayes_tyre.record import DIRECTIONS, ORIGINS
-from bayes_tyre.record_table import check_agreement, check_columns, first_line
+from bayes_tyre.record_table import check_agreement, check_columns, first_line, numbers_in
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.load_deflection import Deflection, deflection_of
 from bayes_tyre.signals.reversals import cut_at_reversals, direction_of, is_closed
@@ -157,7 +157,7 @@ def _texts(table: pd.DataFrame, column: str, name: str) -> pd.Series:
 
 
 def _finite(table: pd.DataFrame, column: str, name: str) -> pd.Series:
-    numbers = pd.to_numeric(table[column], errors="coerce").astype(float)
+    numbers = numbers_in(table[column])
     fine = np.isfinite(numbers.to_numpy())
     if column == "repeat":
         fine &= (numbers == numbers.round()).to_numpy()

@@ -6,7 +6,7 @@ import pandas as pd
 from bayes_tyre.errors import BadInput
 from bayes_tyre.plain_text import quoted
 from bayes_tyre.record import ORIGINS
-from bayes_tyre.record_table import check_columns
+from bayes_tyre.record_table import check_columns, first_line, numbers_in
 
 REQUIRED = ("mode", "frequency_Hz")
 CONDITIONS = ("pressure_bar", "speed_km_h", "wave")
@@ -44,7 +44,7 @@ def check_natural_frequencies(table: pd.DataFrame, name: str = "table of natural
     check_columns(table, name, "mode", REQUIRED)
     typed = table.reset_index(drop=True)
     for column in (column for column in _NUMBERS if column in typed):
-        numbers = pd.to_numeric(typed[column], errors="coerce").astype(float)
+        numbers = numbers_in(typed[column])
         least = numbers.ge(0) if column in ("mode", "speed_km_h") else numbers.gt(0)
         fine = least & numbers.lt(np.inf) & (numbers.eq(numbers.round()) | (column != "mode"))
         _refuse(typed, fine, column, f"is not {_NUMBERS[column]}", name)
@@ -65,7 +65,5 @@ def _refuse(table: pd.DataFrame, fine: pd.Series, column: str, what: str, name: 
     """Refuse a table with the first row where a column is not `fine`."""
     if not fine.all():
         row = int(np.flatnonzero(~fine.to_numpy())[0])
-        cell = quoted(str(table[column].iloc[row]))
-        raise BadInput(
-            f"{name}: row {row + 1} (line {row + 2}), column {column}: {cell} {what}; mend the cell or remove the row"
-        )
+        where, cell = f"row {row + 1} (line {row + first_line(table)})", quoted(str(table[column].iloc[row]))
+        raise BadInput(f"{name}: {where}, column {column}: {cell} {what}; mend the cell or remove the row")

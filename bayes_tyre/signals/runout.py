@@ -17,7 +17,7 @@ Columns = Float[np.ndarray, "columns samples"]
 WHEEL_HARMONICS, ROLLER_HARMONICS = 5, 3
 # A loaded tyre rolls on less than its unloaded radius, and the speed is not exact: a turn is searched this far about
 # its nominal frequency, on means over 4 ms. Fewer turns than this before the step are indistinguishable from a drift.
-_SEARCH, _MEAN_S, _LEAST_TURNS = 0.06, 4e-3, 2.0
+_SEARCH, _MEAN_S, LEAST_TURNS = 0.06, 4e-3, 2.0
 
 
 class Turning(NamedTuple):
@@ -67,7 +67,7 @@ def remove_runout(signals: Signals, pre_step: int, bodies: tuple[Turning, ...]) 
         As `nominal_bodies` gives them.
     """
     time_s = signals.time_s - signals.time_s[0]
-    bodies_fitted = tuple(body for body in bodies if body.turn_Hz * time_s[pre_step - 1] >= _LEAST_TURNS)
+    bodies_fitted = tuple(body for body in bodies if body.turn_Hz * time_s[pre_step - 1] >= LEAST_TURNS)
     if not bodies_fitted:
         return signals, Runout((), 0.0)
     length = max(1, round(_MEAN_S / signals.dt_s))

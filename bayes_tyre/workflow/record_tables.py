@@ -56,6 +56,8 @@ def read_given(paths: Sequence[Path], columns: Path | None = None, kind: Kind = 
         For a file or map that cannot be used, a name that stands in two files, and a column that some files lack.
     """
     column_map, (files, notes) = read_column_map(columns), table_files(paths)
+    if not files:
+        raise BadInput(f"no file to read {kind.unit}s from; give the path of a table at least")
     each = [read_one(file, column_map, len(files) > 1, kind) for file in files]
     tables = [given.table for given in each]
     check_columns(files, [our_columns(table) for table in tables])

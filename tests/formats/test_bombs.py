@@ -10,6 +10,7 @@ import sys
 import zipfile
 import zlib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -81,9 +82,9 @@ def numbers_in_parquet(path: Path) -> None:
             file.write_table(table)
 
 
-def texts_in_parquet(path: Path) -> None:
+def texts_in_parquet(path: Path, text: pa.DataType) -> None:
     labels = pa.DictionaryArray.from_arrays(pa.array(np.zeros(1 << 20, "i4")), pa.array(["x" * 1000]))
-    pq.write_table(pa.table({"record": labels.cast(pa.string())}), path)
+    pq.write_table(pa.table({"record": labels.cast(text)}), path)
 
 
 def text(content: str) -> Callable[[Path], object]:
@@ -100,7 +101,11 @@ BOMBS: dict[str, tuple[str, str, Callable[[Path], object]]] = {
     "MATLAB 4, a recording": ("raw", "r.mat", numbers_in_mat_4),
     "workbook": ("table", "t.xlsx", zeros_in_workbook),
     "Parquet of numbers": ("table", "t.parquet", numbers_in_parquet),
-    "Parquet of texts": ("table", "t.parquet", texts_in_parquet),
+    "Parquet of texts": ("table", "t.parquet", partial(texts_in_parquet, text=pa.string())),
+    "Parquet of texts as pandas writes them": (
+        *("table", "t.parquet"),
+        partial(texts_in_parquet, text=pa.large_string()),
+    ),
     "a million columns": ("table", "t.csv", text(",".join(f"c{i}" for i in range(1_000_000)) + "\n1\n")),
     "a million columns without names": ("table", "t.csv", text("a" + "," * 400_000 + "\n1\n")),
     "a million columns of a recording": ("raw", "r.csv", text(",".join(f"c{i}" for i in range(1_000_000)) + "\n1\n")),

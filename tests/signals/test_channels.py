@@ -50,6 +50,11 @@ def with_gap() -> RawSignals:
     return at_times(SIGNALS.time_s + 0.5 * (SIGNALS.time_s > 1.5))
 
 
+def test_samples_at_the_coarsest_rate_may_be_rounded():
+    raw = RawSignals((tuple(replace(one, values=one.values[::4], time_s=one.time_s[::4]) for one in RAW.segments[0]),))
+    assert find_channels(raw, RIG).dt_s == pytest.approx(2e-3)
+
+
 @pytest.mark.parametrize(
     ("raw", "said"),
     [

@@ -49,6 +49,8 @@ def test_a_row_says_what_was_tested():
         ({"step_kN": "ten"}, "'ten' is no number"),
         ({"repeat": 1.5}, "whole number"),
         ({"speed_km_h": None}, "speed_km_h"),
+        ({"speed_km_h": -25}, "speed of -25 km/h; give 0 or more"),
+        ({"speed_km_h": "1_5"}, "'1_5' is no number"),
     ],
 )
 def test_a_wrong_row_is_refused_by_its_column(change, said):

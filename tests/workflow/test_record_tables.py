@@ -52,6 +52,11 @@ def test_a_folder_without_a_table_is_refused(tmp_path):
     assert "is a folder without a table" in refusal(tmp_path)
 
 
+def test_no_file_at_all_is_refused():
+    with pytest.raises(BadInput, match="no file to read records from"):
+        bt.read_records()
+
+
 def test_a_file_without_a_record_is_one_named_by_its_file_where_there_are_several(tmp_path):
     table = pd.DataFrame({"displacement_mm": [1.0, 2.0], "force_kN": [1.0, 2.0]})
     paths = [written(table, tmp_path / name) for name in ("V 01.csv", "V 02.csv")]

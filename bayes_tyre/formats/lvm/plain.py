@@ -31,9 +31,6 @@ def find_plain_table(source: Source) -> Section:
     lines = [line for line in source.data[:_START].split(b"\n", _LINES)[:_LINES] if line.strip()]
     if not lines:
         raise BadInput(f"{source.path}: holds nothing; give a recording")
-    first = re.split(r"[\t,;]", as_text(lines[0][:200]))[0].strip().strip('"\ufeff')
-    if first in TAGS:
-        raise BadInput(f"{source.path}: its header has no end (***End_of_Header***); it may have been cut short")
     start = source.data.index(lines[0])
     if max(line.count(one) for line in lines for one in (b"\t", b",", b";", b" ")) >= MOST_COLUMNS:
         raise source.fault(start, f"has over {MOST_COLUMNS} columns; give a file with a column a channel")
@@ -42,6 +39,8 @@ def find_plain_table(source: Source) -> Section:
         (dialect for some in (lines, lines[:2]) for one in _DIALECTS if (dialect := _dialect(some, *one))), None
     )
     if dialect is None:
+        if re.split(r"[\t,;]", as_text(lines[0][:200]))[0].strip().strip('"\ufeff') in TAGS:
+            raise BadInput(f"{source.path}: its header has no end (***End_of_Header***); it may have been cut short")
         line = as_text(lines[min(1, len(lines) - 1)].strip())
         raise source.fault(start, f"no header, and no rows of numbers below: {quoted(line)}; give a recording")
     if dialect.names is not None:
@@ -82,6 +81,6 @@ def _numeric(cells: list[bytes], decimal: str) -> bool:
 
 
 def _is_number(cell: bytes, decimal: str) -> bool:
-    if len(cell) > _LONGEST_CELL or b"_" in cell or (decimal == "," and b"." in cell):
+    if len(cell) > _LONGEST_CELL or (decimal == "," and b"." in cell):
         return False
     return number_in(cell.replace(decimal.encode(), b".") if decimal != "." else cell) is not None

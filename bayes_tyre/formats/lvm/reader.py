@@ -28,7 +28,7 @@ from bayes_tyre.formats.lvm.roles import COMMENT, Roles, find_roles, is_x, last_
 from bayes_tyre.formats.lvm.source import Source, as_text
 from bayes_tyre.formats.lvm.table import Numbers, Rows, read_numbers
 from bayes_tyre.formats.lvm.tail import end_of_whole_rows
-from bayes_tyre.formats.x_column import grows, is_time
+from bayes_tyre.formats.x_column import grows, is_time, seconds_per_unit
 from bayes_tyre.plain_text import quoted
 from bayes_tyre.record import Channel, RawSignals
 
@@ -177,6 +177,9 @@ def _channels(
         roles = find_roles(names, len(names), (header.get("X_Columns") or [""])[0])
     else:
         roles = _plain_roles(names, columns)
+        if roles.x[:1] == (0,) and (factor := seconds_per_unit(names[0])) != 1:
+            columns = [columns[0] * factor, *columns[1:]]
+            warnings.append(f"X {quoted(names[0])} turned into seconds")
     if None in roles.x and is_x(names[0]) and not np.isnan(columns[0]).all():
         if np.isnan(columns[-1]).all() and len(columns) > 1:
             raise source.fault(section.start, "rows lack the blank X cell that the header promises; mend the file")

@@ -42,7 +42,7 @@ def signals_of(
         x = 0
     channels = tuple(i for i in range(last) if i != x)
     if x is not None:
-        factor = next((f for f in map(seconds_per_unit, (names[x], f"time ({given[x]})")) if f != 1), 1.0)
+        factor = seconds_per_unit(names[x], given[x])
         if factor != 1:
             values[x] = values[x] * factor
             texts.append(f"X {quoted(names[x])} turned into seconds")
@@ -55,10 +55,15 @@ def signals_of(
 def named_by_number(columns: Mapping[str, int], names: Mapping[int, str]) -> list[tuple[int, str]]:
     """Return the columns, counted from 0, that a mapping counts from 1, and what to call each.
 
-    That is what the mapping calls it; X keeps its name in the file, if it is one of X, for the unit in it.
+    That is what the mapping calls it; X has the unit that its name in the file has.
     """
-    wanted = [(at - 1, name, names.get(at - 1, "")) for name, at in columns.items()]
-    return [(i, in_file if is_time(name) and is_time(in_file) else name) for i, name, in_file in wanted]
+    return [(at - 1, _called(name, names.get(at - 1, ""))) for name, at in columns.items()]
+
+
+def _called(name: str, in_file: str) -> str:
+    if not is_time(name) or is_time(in_file):
+        return in_file if is_time(name) else name
+    return f"{name} ({unit_in(in_file)})" if seconds_per_unit(in_file) != 1 else name
 
 
 def numbered(raw: RawSignals, columns: Mapping[str, int] | None, path: Path) -> RawSignals:
@@ -133,7 +138,7 @@ def _is_lvm_or_plain(path: Path) -> bool:
 
 def _numbers(column: pd.Series, name: str, path: Path) -> np.ndarray | None:
     """Return a column as numbers, NaN where a cell is blank; None if it holds no number."""
-    if pd.api.types.is_datetime64_any_dtype(column):
+    if pd.api.types.is_datetime64_any_dtype(column) or pd.api.types.is_timedelta64_dtype(column):
         return ((column - column.min()) / pd.Timedelta(seconds=1)).to_numpy(dtype=float) if is_time(name) else None
     if pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column):
         return column.to_numpy(dtype=float, na_value=np.nan)

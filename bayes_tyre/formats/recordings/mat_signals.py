@@ -92,6 +92,5 @@ def _times(name: str, samples: int, clocks: Mapping[str, list[str]], leaves: _Le
         for clock in clocks.get(owner, ()):
             times = leaves[clock]
             if isinstance(times, np.ndarray) and len(times) == samples:
-                factors = map(seconds_per_unit, (_last(clock), f"time ({_described(clock, leaves)[2]})"))
-                return times * next((factor for factor in factors if factor != 1), 1.0)
+                return times * seconds_per_unit(_last(clock), _described(clock, leaves)[2])
     return None

@@ -77,7 +77,7 @@ def _segment(group: TdmsGroup) -> tuple[tuple[Channel, ...], list[str]]:
         else:
             numbers.append((channel, values))
     x = next((i for i, (channel, _) in enumerate(numbers) if is_time(channel.name)), None)
-    times = None if x is None else _as_seconds(numbers[x][0].name, numbers[x][1])
+    times = None if x is None else _as_seconds(*numbers[x])
     channels = []
     for i, (channel, values) in enumerate(numbers):
         if i != x and np.issubdtype(values.dtype, np.datetime64):
@@ -85,8 +85,7 @@ def _segment(group: TdmsGroup) -> tuple[tuple[Channel, ...], list[str]]:
         elif i != x:
             time_s, warning = _times(channel, len(values), times)
             warnings.append((channel.name, warning))
-            unit = next((str(channel.properties[key]) for key in _UNITS if key in channel.properties), "")
-            channels.append(Channel(channel.name, unit, time_s, values.astype(float), None))
+            channels.append(Channel(channel.name, _unit(channel), time_s, values.astype(float), None))
     return tuple(channels), [f"group {quoted(group.name)}: {text}" for text in grouped_warnings(warnings)]
 
 
@@ -99,10 +98,14 @@ def _values(channel: TdmsChannel) -> np.ndarray | None:
     return None if np.iscomplexobj(readings) else readings
 
 
-def _as_seconds(name: str, values: np.ndarray) -> np.ndarray:
+def _unit(channel: TdmsChannel) -> str:
+    return next((str(channel.properties[key]) for key in _UNITS if key in channel.properties), "")
+
+
+def _as_seconds(channel: TdmsChannel, values: np.ndarray) -> np.ndarray:
     if np.issubdtype(values.dtype, np.datetime64):
         return (values - values[:1]) / np.timedelta64(1, "s")
-    return values.astype(float) * seconds_per_unit(name)
+    return values.astype(float) * seconds_per_unit(channel.name, _unit(channel))
 
 
 def _times(channel: TdmsChannel, samples: int, x: np.ndarray | None) -> tuple[np.ndarray, str]:

@@ -10,8 +10,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.structured_text import read_toml
-from bayes_tyre.formats.tables.header import FIRST_LINE, NOTES, UNITS, UNITS_ROW, Layout
-from bayes_tyre.formats.x_column import unit_in
+from bayes_tyre.formats.tables.header import FIRST_LINE, NOTES, UNITS, UNITS_ROW, Layout, unit_of_name
 from bayes_tyre.plain_text import listed, quoted, reason
 from bayes_tyre.record import DIRECTIONS, NUMBER_COLUMNS, ORIGINS, TEXT_COLUMNS
 
@@ -121,7 +120,8 @@ class ColumnMap(_Strict):
     def _in_our_unit(self, table: pd.DataFrame, column: str, path: Path, notes: list[str]) -> pd.DataFrame:
         """Return the table with a column in our unit; the map's word on its unit counts more than the file's."""
         their = self.columns.get(column, TheirColumn(name=column))
-        ours, in_row, in_name = OUR_UNITS[column], table.attrs.get(UNITS_ROW, {}).get(column, ""), unit_in(their.name)
+        ours, in_name = OUR_UNITS[column], unit_of_name(their.name)
+        in_row = table.attrs.get(UNITS_ROW, {}).get(column, "")
         unit = their.unit or in_row or ours
         if their.unit is None and not in_row and in_name not in ("", ours):
             raise BadInput(
@@ -171,7 +171,8 @@ def _check_unit(column: str, unit: str | None, where: str) -> float:
 
 def _divided(cells: pd.Series, divisor: float | np.ndarray) -> pd.Series:
     """Return numbers divided, by one number or by one each; what is no number stays, to be refused by its own text."""
-    numbers = pd.to_numeric(cells, errors="coerce")
+    # As objects, dates and durations are no numbers.
+    numbers = pd.to_numeric(cells if cells.dtype.kind in "iuf" else cells.astype(object), errors="coerce")
     return (numbers / divisor).astype(object).where(numbers.notna(), cells) if numbers.hasnans else numbers / divisor
 
 

@@ -9,8 +9,7 @@ import pandas as pd
 import tomli_w
 
 from bayes_tyre.formats.tables.column_map import OUR_COLUMNS, OUR_UNITS
-from bayes_tyre.formats.tables.header import UNITS, UNITS_ROW, Layout
-from bayes_tyre.formats.x_column import unit_in
+from bayes_tyre.formats.tables.header import UNIT_ENDING, UNITS, UNITS_ROW, Layout, unit_of_name
 from bayes_tyre.plain_text import quoted
 from bayes_tyre.record import DIRECTIONS, REQUIRED
 
@@ -37,9 +36,7 @@ _DIRECTIONS = {
 _OUR_DIRECTION = {name: ours for ours, names in _DIRECTIONS.items() for name in names.split()}
 #: Most values that a column of directions has.
 _MOST_VALUES = 10
-_SYMBOLS = "|".join([*map(re.escape, (unit for units in UNITS.values() for unit in units)), "km_h"])
-#: A unit that ends a name: ``Weg in mm``, ``force_kN``; and what stands in brackets there.
-_UNIT, _BRACKETS = re.compile(rf"(?:[\s_]in)?[\s_]({_SYMBOLS})$"), re.compile(r"[\[(][^\[\]()]*[\])]\s*$")
+_BRACKETS = re.compile(r"[\[(][^\[\]()]*[\])]\s*$")
 _UMLAUTS = {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss"}
 #: What serves a file that lacks a name: it stands the same in every row.
 _INSTEAD = {
@@ -143,7 +140,7 @@ def _why_not(ours: str, unit: str, all_ours: Sequence[str | None]) -> str:
 
 def _normalised(text: str) -> str:
     """Return letters and digits alone, lower case, umlauts written out; without a unit at the end."""
-    bare = unicodedata.normalize("NFC", _UNIT.sub("", _BRACKETS.sub("", text).strip()).lower())
+    bare = unicodedata.normalize("NFC", UNIT_ENDING.sub("", _BRACKETS.sub("", text).strip()).lower())
     return re.sub(r"[^a-z0-9]", "", "".join(_UMLAUTS.get(letter, letter) for letter in bare))
 
 
@@ -153,9 +150,7 @@ def _our_name(name: str) -> str | None:
 
 def _unit(name: str, table: pd.DataFrame) -> str:
     """Return the unit of a column by the row of units, brackets in its name, or the end of its name."""
-    ending = _UNIT.search(name)
-    in_row = table.attrs.get(UNITS_ROW, {}).get(name, "")
-    return (in_row or unit_in(name) or (ending[1] if ending else "")).replace("km_h", "km/h")
+    return table.attrs.get(UNITS_ROW, {}).get(name, "") or unit_of_name(name)
 
 
 def _our_by_unit(unit: str, could_be: Mapping[str, str | None]) -> str | None:

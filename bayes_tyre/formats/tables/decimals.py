@@ -13,6 +13,8 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables.header import FIRST_LINE
 from bayes_tyre.record import NUMBER_COLUMNS, TEXT_COLUMNS
 
+#: Columns of numbers by name, those of slow tests and natural frequencies too.
+_NUMBERS = (*NUMBER_COLUMNS, "load_kN", "frequency_Hz")
 _SIGN, _POWER = r"\s*[+-]?", r"(?:[eE][+-]?\d+)?\s*"
 _POINT = rf"{_SIGN}(?:\d+\.\d*|\.\d+){_POWER}"
 _COMMA = rf"{_SIGN}(?:\d+,\d*|,\d+){_POWER}"
@@ -20,6 +22,9 @@ _EITHER = rf"{_SIGN}(?:\d+[.,]?\d*|[.,]\d+){_POWER}"
 # Groups of three digits, by any sign in use for it: points, commas, apostrophes, plain and unbroken spaces.
 _BETWEEN = ".,' \u2019\u00a0\u202f"
 _GROUPS = rf"{_SIGN}\d{{1,3}}(?:[{_BETWEEN}]\d{{3}})+(?:[.,]\d*)?{_POWER}"
+
+
+_NO_READING = ("", "nan")
 
 
 class _Cell(NamedTuple):
@@ -48,7 +53,7 @@ def read_by_decimals(parse: Callable[[str], pd.DataFrame], path: Path, separator
     """
     table = parse(".") if separator == "," else _by_either_sign(parse, path)
     wrong, unless = (f"(?:{_COMMA})|(?:{_GROUPS})", _POINT) if separator == "," else (_GROUPS, _EITHER)
-    for cell in _first_cells(table, NUMBER_COLUMNS, wrong, unless):
+    for cell in _first_cells(table, _NUMBERS, wrong, unless):
         if pd.Series(cell.text).str.fullmatch(_COMMA).all():
             what = "a comma in a number; write decimals with a point, or put semicolons between the cells"
         else:
@@ -65,7 +70,7 @@ def numbers_of_texts(table: pd.DataFrame, path: Path) -> pd.DataFrame:
     BadInput
         For points and commas in such texts of one sheet, and for thousands separators.
     """
-    names = [name for name in (*NUMBER_COLUMNS, "load_kN") if name in table and table[name].dtype.kind not in "biuf"]
+    names = [name for name in _NUMBERS if name in table and table[name].dtype.kind not in "biuf"]
     texts = table.assign(
         **{name: table[name].map(lambda cell: cell if isinstance(cell, str) else "") for name in names}
     )
@@ -92,7 +97,7 @@ def _by_either_sign(parse: Callable[[str], pd.DataFrame], path: Path) -> pd.Data
     if not commas:
         return by_point
     # A column that is not used, such as a version, may hold either sign: it stays text.
-    our_points, our_commas = ([c for c in cells if c.column in NUMBER_COLUMNS] for cells in (points, commas))
+    our_points, our_commas = ([c for c in cells if c.column in _NUMBERS] for cells in (points, commas))
     if our_commas and not our_points:
         return _with_points(by_comma)
     if our_points and not our_commas:
@@ -109,9 +114,17 @@ def _mixed(table: pd.DataFrame, path: Path, *cells: _Cell) -> BadInput:
 
 def _first_decimals(table: pd.DataFrame, decimal: str) -> list[_Cell]:
     """Return the first number by this decimal sign in each column of text that is or seems one of numbers."""
-    others = [name for name in table.columns if name not in (*NUMBER_COLUMNS, *TEXT_COLUMNS) and _is_text(table[name])]
-    numeric = [name for name in others if (table[name].str.fullmatch(_EITHER) | (table[name] == "")).all()]
-    return list(_first_cells(table, (*NUMBER_COLUMNS, *numeric), decimal))
+    return list(_first_cells(table, _numeric_columns(table), decimal))
+
+
+def _numeric_columns(table: pd.DataFrame) -> list[str]:
+    """Return the columns that are of numbers by their name, and those whose cells are numbers, blank or NaN."""
+
+    def seems_numeric(cells: pd.Series) -> bool:
+        return bool((cells.str.fullmatch(_EITHER) | cells.str.strip().str.lower().isin(_NO_READING)).all())
+
+    others = (name for name in table.columns if name not in (*_NUMBERS, *TEXT_COLUMNS) and _is_text(table[name]))
+    return [*_NUMBERS, *(name for name in others if seems_numeric(table[name]))]
 
 
 def _first_cells(table: pd.DataFrame, columns: Iterable[str], pattern: str, unless: str = "") -> Iterable[_Cell]:
@@ -126,8 +139,8 @@ def _first_cells(table: pd.DataFrame, columns: Iterable[str], pattern: str, unle
 
 
 def _with_points(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the table with points in columns that a bad cell kept from being numbers: that cell alone is the fault."""
-    for name in NUMBER_COLUMNS:
+    """Return the table with points in columns that a bad, blank or NaN cell kept from being numbers."""
+    for name in _numeric_columns(table):
         if name in table and _is_text(table[name]):
             commas = table[name].str.fullmatch(_COMMA)
             table[name] = table[name].where(~commas, table[name].str.replace(",", "."))

@@ -1,6 +1,7 @@
 """Dialect of a CSV file: its encoding, the separator of its cells, and the names in its header.
 
-`csv.Sniffer` guesses the separator from letters too; here it is the most frequent one in the header.
+`csv.Sniffer` guesses the separator from letters too; here it is the most frequent one in the header. A comma before a
+space is none where there are others: ``Zeit, s;Weg, mm``.
 """
 
 import codecs
@@ -12,7 +13,7 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple, TextIO
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.tables.header import SEARCHED, Layout, units_in
+from bayes_tyre.formats.tables.header import SEARCHED, Layout, check_twice, units_in
 
 #: Characters of a header, and columns.
 MOST_HEADER, MOST_COLUMNS = 500_000, 5000
@@ -130,7 +131,7 @@ def _lines_above(lines: TextIO, layout: Layout | None) -> int:
 def _separator(lines: Iterable[str]) -> str:
     """Return what separates the cells of the header: the first line that is not blank, outside quotes."""
     counts: Counter[str] = Counter()
-    quoted, blank, before = False, True, "\n"
+    quoted, blank, before, punctuation = False, True, "\n", 0
     for character in chain.from_iterable(lines):
         if quoted:
             quoted = character != '"'
@@ -140,8 +141,12 @@ def _separator(lines: Iterable[str]) -> str:
             break
         elif character in SEPARATORS:
             counts[character] += 1
+        elif character == " " and before == ",":
+            punctuation += 1
         blank = blank and character.isspace()
         before = character
+    if counts[";"] or counts["\t"]:
+        counts[","] -= punctuation
     return max(SEPARATORS, key=lambda one: counts[one])
 
 
@@ -154,10 +159,7 @@ def _check_names(path: Path, names: list[str]) -> None:
         )
     if len(names) > MOST_COLUMNS:
         raise BadInput(f"{path}: has {len(names)} columns, over {MOST_COLUMNS}; keep those of the records")
-    names = [name.strip() for name in names]
-    twice = next((name for i, name in enumerate(names) if name and name in names[:i]), None)
-    if twice is not None:  # pandas would rename the second, and it would pass for a column of its own
-        raise BadInput(f"{path}: column {twice[:60]!r} stands twice; keep one")
+    check_twice([name.strip() for name in names], path)  # pandas would rename the second
 
 
 def first_long_row(path: Path, dialect: Dialect) -> str:

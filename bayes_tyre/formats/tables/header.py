@@ -1,10 +1,12 @@
 """The header of a lab's table: found below lines of preamble, its columns renamed, and the row of units below it."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.x_column import unit_in
 from bayes_tyre.plain_text import NAME, REASON, listed, number_in, one_line, quoted
 
 #: Units that are read, by ours: the divisor that turns a number into ours.
@@ -15,6 +17,8 @@ UNITS: dict[str, dict[str, float]] = {
     "km/h": {"km/h": 1.0},
 }
 _KNOWN = {unit for units in UNITS.values() for unit in units}
+#: A known unit that ends a name without brackets: ``Weg in mm``, ``force_kN``.
+UNIT_ENDING = re.compile(rf"(?:[\s_]in)?[\s_]({'|'.join([*map(re.escape, sorted(_KNOWN)), 'km_h'])})$")
 #: Lines among which the header is looked for.
 SEARCHED = 200
 #: What a table from disk says of itself in its `attrs`: the line of its first row, the units by column that stand in a
@@ -65,11 +69,22 @@ class Layout(NamedTuple):
             called = f"{listed(missing, 3, quoted)}, which the column map calls {meant}"
             raise BadInput(f"{path}: no column {called}; found {header}; mend the map, or its skip_rows")
         ours = [self.names.get(name, name) for name in names]
-        twice = next((name for i, name in enumerate(ours) if name and name in ours[:i]), None)
-        if twice is not None:
-            what = " beside the one that the column map calls so" if twice in self.names.values() else " twice"
-            raise BadInput(f"{path}: column {one_line(twice, NAME)!r} stands{what}; keep one")
+        check_twice(ours, path, self.names.values())
         return ours
+
+
+def check_twice(names: Sequence[str], path: Path, mapped: Collection[str] = ()) -> None:
+    """Refuse a table that has a column twice; of two of a name, one may be `mapped` to it.
+
+    Raises
+    ------
+    BadInput
+        With the first such column.
+    """
+    twice = next((name for i, name in enumerate(names) if name and name in names[:i]), None)
+    if twice is not None:
+        what = " beside the one that the column map calls so" if twice in mapped else " twice"
+        raise BadInput(f"{path}: column {one_line(twice, NAME)!r} stands{what}; keep one")
 
 
 def units_in(cells: Sequence[object]) -> tuple[str, ...]:
@@ -79,6 +94,12 @@ def units_in(cells: Sequence[object]) -> tuple[str, ...]:
     """
     texts = tuple("" if cell is None else str(cell).strip().strip("[]()").strip() for cell in cells)
     return texts if sum(text in _KNOWN for text in texts) > 1 and not any(map(_is_number, texts)) else ()
+
+
+def unit_of_name(name: str) -> str:
+    """Return the unit that a name ends with, in brackets or a known one without; empty where there is none."""
+    ending = UNIT_ENDING.search(name)
+    return (unit_in(name) or (ending[1] if ending else "")).replace("km_h", "km/h")
 
 
 def _is_number(text: str) -> bool:

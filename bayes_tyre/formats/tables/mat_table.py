@@ -31,7 +31,7 @@ def read_mat_table(path: Path) -> pd.DataFrame:
     if len(structs) > 1 or (structs and len(variables) > 1):
         raise BadInput(f"{path}: holds {listed([*variables], 4, quoted)}: which is the table is not clear; {_WHAT}")
     fields = variables[structs[0]] if structs else variables
-    columns = {name: _column(path, name, value) for name, value in fields.items()}
+    columns = {name: _column(path, name, value) for name, value in fields.items() if np.size(value)}  # or '' of a note
     rows = max(map(len, columns.values()), default=0)
     for name, column in columns.items():
         if len(column) not in (1, rows):

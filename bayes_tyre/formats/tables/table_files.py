@@ -13,7 +13,7 @@ from bayes_tyre.formats.files import whole_file
 from bayes_tyre.formats.tables.decimals import numbers_of_texts, read_by_decimals
 from bayes_tyre.formats.tables.dialect import Dialect, find_dialect, first_long_row, lines_below
 from bayes_tyre.formats.tables.formulas import as_meant, harmless, map_texts, texts_of
-from bayes_tyre.formats.tables.header import FIRST_LINE, NOTES, SEARCHED, UNITS_ROW, Layout, units_in
+from bayes_tyre.formats.tables.header import FIRST_LINE, NOTES, SEARCHED, UNITS_ROW, Layout, check_twice, units_in
 from bayes_tyre.formats.tables.workbook import read_rows, split_sheet
 from bayes_tyre.formats.tydex.table import read_tydex_table
 from bayes_tyre.formats.unpacked import MOST_BYTES, check_parquet
@@ -69,7 +69,10 @@ def _parse(path: Path, dialect: Dialect, decimal: str, ours: Sequence[str]) -> p
 
 def _read_parquet(path: Path, layout: Layout | None) -> pd.DataFrame:
     check_parquet(path)
-    return _renamed(map_texts(pd.read_parquet(path), _text), path, layout)
+    table = pd.read_parquet(path)
+    if any(name is not None for name in table.index.names):  # a column that pandas keeps as its index
+        table = table.reset_index()
+    return _renamed(map_texts(table, _text), path, layout)
 
 
 def _read_mat(path: Path, layout: Layout | None) -> pd.DataFrame:
@@ -99,6 +102,7 @@ def _read_xlsx(path: Path, layout: Layout | None) -> pd.DataFrame:
     width = max([len(names), *(len(row) for _, row in rows)])
     names += [""] * (width - len(names))
     ours = names if layout is None else layout.renamed(names, path)
+    check_twice(ours, path)
     cells = pd.DataFrame([[*row, *[None] * (width - len(row))] for _, row in rows], columns=range(width), dtype=object)
     used = [i for i in range(width) if ours[i] or cells[i].notna().any()]
     table = cells[used].set_axis([ours[i] or f"column {i + 1}" for i in used], axis=1).infer_objects()

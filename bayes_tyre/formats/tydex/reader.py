@@ -75,6 +75,8 @@ def _fields(where: str, text: str, most: int) -> tuple[str, str, str, list[str]]
     """Return name, description, unit and at most `most` values of a line, those at their places where they fit."""
     name, description, unit = text[:NAME].strip(), text[NAME:_UNIT].strip(), text[_UNIT:_VALUES].strip()
     values, places = text[_VALUES:].split(), [text[_VALUES + NUMBER * i :][:NUMBER].strip() for i in range(most)]
+    if most == 1 and "\t" not in text and name and unit and values and not {" "} & {*name, *unit}:
+        values = [text[_VALUES:].strip()]  # a text may hold spaces
     fit = most == 1 or (places == [*values, *[""] * (most - len(values))] and all(map(_is_number, values)))
     if "\t" not in text and fit and len(values) <= most and (unit or values) and not {" "} & {*name, *unit}:
         return name.upper(), description, unit, values

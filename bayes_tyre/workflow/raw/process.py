@@ -91,7 +91,7 @@ def _shared_masses(tasks: Sequence[Task], outcomes: Sequence[Path | Fault]) -> l
 
 
 def _masses(records: pd.DataFrame) -> Float[np.ndarray, "records 2"]:
-    standing = records["runout_rms_m_per_s2"] == 0
+    standing = records["speed_km_h"] == 0
     used = records[standing] if standing.any() else records
     return used[["mass_from_record_kg", "mass_from_record_sd_kg"]].to_numpy(dtype=float)
 

@@ -1,5 +1,6 @@
 """The task of each raw file: its factors, unique record name, rig, method and figure, found before the work."""
 
+import warnings
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -10,7 +11,7 @@ import pandas as pd
 from bayes_tyre.errors import BadInput, errors_name
 from bayes_tyre.formats.recordings.raw import TRUTH
 from bayes_tyre.formats.tables.table_files import read_table
-from bayes_tyre.plain_text import path_text
+from bayes_tyre.plain_text import listed, path_text, quoted
 from bayes_tyre.rig.axle import EMBEDDED_RIGS, Rig, load_rig
 from bayes_tyre.signals.factors import CASES_NEED, RecordFactors, factors_from_name, factors_from_row
 
@@ -73,6 +74,7 @@ def plan_tasks(files: Sequence[Path], settings: Settings) -> list[Task]:
     rigs = {name: load_rig(name) for name in (*EMBEDDED_RIGS, *given)} | _rigs_of_rows(settings.cases, cases)
     truths = {folder: _simulated_in(folder) for folder in {file.parent for file in files}}
     rows = [cases.get(path_text(file), cases.get(path_text(Path(file.name)))) for file in files]
+    _note_unused(settings.cases, cases, files)
     named = [_factors(file, row) for file, row in zip(files, rows, strict=True)]
     counts = Counter(factors.record for factors in named if isinstance(factors, RecordFactors))
     tasks, taken = [], set()
@@ -126,6 +128,14 @@ def _read_cases(path: Path) -> dict[str, dict[str, object]]:
     table["rig"] = [str(path.parent / rig) if rig and rig not in EMBEDDED_RIGS else rig for rig in rigs]
     rows = [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
     return dict(zip(files, rows, strict=True))
+
+
+def _note_unused(path: Path | None, cases: Mapping[str, object], files: Sequence[Path]) -> None:
+    """Warn of rows of the table of cases that are of no file: a name that is misspelt would be read from the file's."""
+    there = {path_text(file) for file in files} | {path_text(Path(file.name)) for file in files}
+    if unused := [file for file in cases if file not in there]:
+        text = f"--cases {path}: {len(unused)} rows are of no file that was given: {listed(unused, 3, quoted)}"
+        warnings.warn(text, stacklevel=3)
 
 
 def _rigs_of_rows(path: Path | None, cases: Mapping[str, Mapping[str, object]]) -> dict[str, Rig]:

@@ -39,13 +39,17 @@ def test_text_by_suffix(tmp_path, suffix):
         "acc (g),load,Time [s]\n1,-2.5,0\n1.125,-2.25,0.1\n1.25,-2,0.2\n",
         "run,acc (g),load\n0,1,-2.5\n0.1,1.125,-2.25\n0.2,1.25,-2\n",
         "time_ms;acc (g);load\n0;1;-2,5\n100;1,125;-2,25\n200;1,25;-2\n",
+        "Zeit [ms];acc (g);load\n0;1;-2,5\n100;1,125;-2,25\n200;1,25;-2\n",
+        "Time [\u03bcs];acc (g);load\n0;1;-2,5\n100000;1,125;-2,25\n200000;1,25;-2\n",
     ],
-    ids=["time first", "time last", "the first grows", "semicolons and ms"],
+    ids=["time first", "time last", "the first grows", "semicolons and ms", "another name and ms", "Greek mu"],
 )
 def test_csv_with_x_by_name_or_first(tmp_path, content):
     raw = read_raw(put(tmp_path / "step.csv", content))
     assert listed(raw) == [("acc (g)", "g", TIMES, ACC), ("load", "", TIMES, LOAD)]
-    assert [("turned into seconds" in warning) for warning in raw.warnings] == [True] * ("ms" in content)
+    assert [("turned into seconds" in warning) for warning in raw.warnings] == [True] * (
+        "s];" in content or "ms;" in content
+    )
 
 
 @pytest.mark.parametrize("content", [SAME["comma"], SAME["tab"], OTHERS["plain comma"], OTHERS["plain semicolon"]])
@@ -76,6 +80,7 @@ def test_csv_with_gaps_text_and_faults(tmp_path):
     ("name", "content"),
     [
         ("named.csv", "time_ms,note,acc,load\n0,a,1,-2.5\n100,b,1.125,-2.25\n200,c,1.25,-2\n"),
+        ("other.csv", "Zeit [ms],note,acc,load\n0,a,1,-2.5\n100,b,1.125,-2.25\n200,c,1.25,-2\n"),
         ("plain.csv", "0;7;1;-2,5\n0,1;7;1,125;-2,25\n0,2;7;1,25;-2\n"),
         ("plain.txt", "0\t7\t1\t-2.5\n0.1\t7\t1.125\t-2.25\n0.2\t7\t1.25\t-2\n"),
     ],
@@ -94,6 +99,28 @@ def test_columns_by_number(tmp_path, name, content):
 def test_columns_by_number_where_channels_have_names(tmp_path):
     with pytest.raises(BadInput, match="its channels have names, and no numbers"):
         read_raw(put(tmp_path / "step.lvm", SAME["tab"]), {"time": 1, "column 3": 3})
+
+
+@pytest.mark.parametrize("name", ["Time [ms]", "time_ms", "time (ms)"])
+def test_text_with_names_alone_has_their_unit_of_time(name, tmp_path):
+    raw = read_raw(put(tmp_path / "step.txt", f"{name}\tacc\tload\n0\t1\t-2.5\n100\t1.125\t-2.25\n200\t1.25\t-2\n"))
+    assert listed(raw) == [("acc", "", TIMES, ACC), ("load", "", TIMES, LOAD)]
+    assert raw.warnings == (f"X {name!r} turned into seconds",)
+
+
+def test_a_column_that_is_called_as_a_line_of_a_header_is_one(tmp_path):
+    raw = read_raw(put(tmp_path / "step.txt", "Time\tacc\n0,0\t1,0\n0,1\t1,125\n0,2\t1,25\n"))
+    assert listed(raw) == [("acc", "", TIMES, ACC)]
+    with pytest.raises(BadInput, match="its header has no end"):
+        read_raw(put(tmp_path / "cut.txt", "Time\t06:04:45\nDate\t2019/03/01\n"))
+
+
+@pytest.mark.parametrize("kept", ["index", "timedelta"])
+def test_times_of_parquet_that_pandas_keeps_apart(kept, tmp_path):
+    table = pd.DataFrame({"time": TIMES, "acc": ACC})
+    table = table.set_index("time") if kept == "index" else table.assign(time=pd.to_timedelta(TIMES, unit="s"))
+    table.to_parquet(tmp_path / "step.parquet")
+    assert listed(read_raw(tmp_path / "step.parquet")) == [("acc", "", TIMES, ACC)]
 
 
 def test_parquet(tmp_path):

@@ -45,8 +45,9 @@ def test_what_was_written_in_pieces_is_one(path):
     assert raw.segments[0][0].values.tolist() == [1.0, 2.0] * 3
 
 
-def test_channels_without_waveform_take_a_channel_of_times_or_count(path):
-    times = ChannelObject("g", "Time (ms)", np.array([0.0, 10.0, 20.0]))
+@pytest.mark.parametrize(("name", "unit"), [("Time (ms)", ""), ("Time", "ms")])
+def test_channels_without_waveform_take_a_channel_of_times_or_count(name, unit, path):
+    times = ChannelObject("g", name, np.array([0.0, 10.0, 20.0]), {"unit_string": unit})
     raw = read_tdms(
         written(path, times, ChannelObject("g", "a", np.arange(3.0)), ChannelObject("h", "b", np.arange(2.0)))
     )

@@ -175,6 +175,8 @@ def test_a_map_that_cannot_be_is_refused_in_one_line(toml, said, tmp_path):
         ("V,Weg,Kraft", 'record = "V"\nforce_kN = "F"', "no column 'F', which the column map calls force_kN; found V,"),
         ("V,Weg,force_kN,F", 'force_kN = "F"', "column 'force_kN' stands beside the one that the column map calls so"),
         ("V,Weg,Kraft (N)", 'force_kN = "Kraft (N)"', "is taken for kN, its name says 'N'; give its unit in the map"),
+        ("V,Travel in,F", 'displacement_mm = "Travel in"', "is taken for mm, its name says 'in'; give its unit"),
+        ("V,Weg,Kraft_N", 'force_kN = "Kraft_N"', "is taken for kN, its name says 'N'; give its unit in the map"),
         ("V,Weg,Stufe", 'step_kN = { name = "Stufe", unsigned = true }', "by the map, and need a column direction"),
         ("V,Weg,time_s", "[constants]\ntime_s = 1", "column time_s is in the file and among the constants"),
     ],
@@ -185,6 +187,17 @@ def test_a_file_that_the_map_does_not_fit_is_refused(header, toml, said, tmp_pat
         read(path, mapped(tmp_path, toml if toml.startswith("[") else f"[columns]\n{toml}"))
     assert str(caught.value).startswith(f"{path}: ")
     assert said in str(caught.value)
+
+
+def test_dates_are_no_numbers_in_any_unit(tmp_path):
+    """A spreadsheet makes one of 1.5, and a date counts from 1970."""
+    dates = pd.to_datetime(["2024-05-01", "2024-05-02"])
+    path = tmp_path / "a.parquet"
+    pd.DataFrame({"record": "a", "Weg": dates, "force_kN": [1.0, 2.0]}).to_parquet(path)
+    for unit in ("mm", "in"):
+        made = mapped(tmp_path, f'[columns]\ndisplacement_mm = {{ name = "Weg", unit = "{unit}" }}')
+        with pytest.raises(BadInput, match=r"column displacement_mm holds '2024-05-01.*not a finite number"):
+            check_record_table(made.applied(read_table(path, made.layout), path))
 
 
 def test_steps_without_a_sign_get_that_of_their_direction(tmp_path):

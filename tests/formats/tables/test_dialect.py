@@ -10,6 +10,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables.dialect import find_dialect
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.record_table import check_record_table
+from bayes_tyre.signals.load_deflection import check_load_deflection
 
 ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-32")
 #: Separator and decimal sign of every dialect that is read.
@@ -66,6 +67,8 @@ def test_every_dialect_gives_the_same_table_to_the_last_digit(separator, decimal
         ('"two\nlines, of; one";b;c', ";", ("two\nlines, of; one", "b", "c")),
         ('a;width 5" pipe;c', ";", ("a", 'width 5" pipe', "c")),
         ("force, kN;travel, mm;c;d", ";", ("force, kN", "travel, mm", "c", "d")),
+        ("Versuch;Zeit, s;Weg, mm;Kraft, kN", ";", ("Versuch", "Zeit, s", "Weg, mm", "Kraft, kN")),
+        ("Zeit, s\tWeg, mm\tKraft, kN", "\t", ("Zeit, s", "Weg, mm", "Kraft, kN")),
         ("alone", ",", ("alone",)),
         ("\r\n  \r\na;b", ";", ("a", "b")),
     ],
@@ -145,6 +148,19 @@ def test_one_bad_cell_is_the_one_that_is_named_by_either_decimal_sign(decimal, t
     rows = [row.replace(",", decimal) for row in ("r;1,5;2,5;3", "r;2,5;n/a;3", "r;3,5;3,5;3")]
     message = refusal(semicolons(tmp_path, *rows))
     assert "row 2 (line 3), record 'r', column force_kN holds 'n/a'" in message
+
+
+@pytest.mark.parametrize("blank", ["", " ", "NaN"])
+def test_decimal_commas_beside_a_cell_without_a_reading_are_numbers(blank, tmp_path):
+    table = read_table(write(tmp_path / "a.csv", f"Zeit;Weg;Bemerkung\n0,1;1,5;1,5\n0,2;{blank};warm\n0,3;2,5;\n"))
+    np.testing.assert_array_equal(pd.to_numeric(table["Weg"], errors="coerce"), [1.5, np.nan, 2.5])
+    assert table["Bemerkung"].to_list() == ["1,5", "warm", ""]  # text, as it is written
+
+
+def test_of_a_column_of_loads_the_bad_cell_is_named(tmp_path):
+    path = write(tmp_path / "slow.csv", "test;load_kN;displacement_mm\na;20,5;1,5\na;n/a;2,5\na;22,5;3,5\n")
+    with pytest.raises(BadInput, match=r"row 2 \(line 3\).*'n/a'"):
+        check_load_deflection(read_table(path))
 
 
 @pytest.mark.parametrize(

@@ -59,6 +59,11 @@ def test_whole_numbers_are_integers_so_that_a_record_keeps_its_name(tmp_path):
     assert np.isnan(table["x"].iloc[1])
 
 
+def test_an_empty_text_is_no_column(tmp_path):
+    savemat(tmp_path / "a.mat", {"record": "a", "note": "", "x": np.array([1.5, 2.5])})
+    assert read_table(tmp_path / "a.mat").to_dict("list") == {"record": ["a", "a"], "x": [1.5, 2.5]}
+
+
 def test_plain_hdf5_with_text_is_read(tmp_path):
     with h5py.File(tmp_path / "a.mat", "w") as file:
         file["Versuch"], file["Weg"] = ["a", "b"], [0.5, 1.5]

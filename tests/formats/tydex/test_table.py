@@ -21,6 +21,7 @@ CONSTANTS = [
     Constant("INFLPRES", "", "bar", "7.25"),
     Constant("INCLANGL", "", "deg", "0"),
     Constant("RIM", "", "-", "no"),
+    Constant("TYRESIZE", "Size", "-", "315/80 R 22.5"),
 ]
 
 
