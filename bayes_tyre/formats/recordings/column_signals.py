@@ -12,6 +12,7 @@ from bayes_tyre.formats.lvm.channel_header import ChannelHeader
 from bayes_tyre.formats.lvm.channels import build_channels, named_twice
 from bayes_tyre.formats.lvm.reader import read_lvm
 from bayes_tyre.formats.lvm.roles import COMMENT, Roles, last_channel
+from bayes_tyre.formats.tables.header import UNITS_ROW, Layout
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.formats.x_column import grows, is_time, seconds_per_unit, unit_in
 from bayes_tyre.plain_text import NAME, number_in, one_line, quoted
@@ -92,8 +93,8 @@ def numbered(raw: RawSignals, columns: Mapping[str, int] | None, path: Path) -> 
 def read_columns(path: Path, columns: Mapping[str, int] | None = None) -> RawSignals:
     """Return the raw signals in a `.csv` or `.parquet` file: a column a channel, X among them, names above.
 
-    A `.csv` file that is a LabVIEW file, or has no line of names, is read as such. A column of text is left out with
-    a warning; blank and NaN cells are missing.
+    A `.csv` file that is a LabVIEW file, or has no line of names, is read as such; lines of preamble may stand above the
+    names, and a row of units below. A column of text is left out with a warning; blank and NaN cells are missing.
 
     Parameters
     ----------
@@ -109,20 +110,22 @@ def read_columns(path: Path, columns: Mapping[str, int] | None = None) -> RawSig
     """
     if path.suffix.lower() == ".csv" and _is_lvm_or_plain(path):
         return numbered(read_lvm(path), columns, path)
-    table = read_table(path)
+    table = read_table(path, Layout(is_time))
+    in_row = table.attrs.get(UNITS_ROW, {})
     own = dict(enumerate(map(str, table.columns)))
     if columns is not None and (most := max(columns.values())) > len(own):
         raise BadInput(f"{path}: has {len(own)} columns, no column {most}; mend the number")
-    numeric, warnings = [], []
+    numeric, units, warnings = [], [], []
     for i, name in own.items() if columns is None else named_by_number(columns, own):
         numbers = _numbers(table.iloc[:, i], name, path)
         if numbers is None and name.strip().lower() != COMMENT:
             warnings.append(f"column {quoted(name)} is text: left out")
         elif numbers is not None:
             numeric.append((name, numbers))
+            units.append(in_row.get(own[i], ""))
     if not len(table) or not any(not np.isnan(numbers).all() for _, numbers in numeric):
         raise BadInput(f"{path}: holds no numbers; give a column a channel, and the time in the first")
-    return signals_of(numeric, warnings)
+    return signals_of(numeric, warnings, units)
 
 
 def _is_lvm_or_plain(path: Path) -> bool:

@@ -52,6 +52,13 @@ def test_csv_with_x_by_name_or_first(tmp_path, content):
     )
 
 
+def test_csv_with_preamble_and_a_row_of_units(tmp_path):
+    path = tmp_path / "step.csv"
+    raw = read_raw(put(path, "Stand 3\n\nTime;acc;load\nms;g;kN\n0;1;-2,5\n100;1,125;-2,25\n200;1,25;-2\n"))
+    assert listed(raw) == [("acc", "g", TIMES, ACC), ("load", "kN", TIMES, LOAD)]
+    assert listed(read_raw(path, {"time": 1, "cell": 3})) == [("cell", "kN", TIMES, LOAD)]
+
+
 @pytest.mark.parametrize("content", [SAME["comma"], SAME["tab"], OTHERS["plain comma"], OTHERS["plain semicolon"]])
 def test_csv_that_is_a_labview_file_or_has_no_names(tmp_path, content):
     assert [values for *_, values in listed(read_raw(put(tmp_path / "step.csv", content)))] == [ACC, LOAD]
