@@ -12,7 +12,6 @@ from bayes_tyre.signals.flat_ground import to_flat_ground
 from bayes_tyre.signals.integrate import MM_PER_M, Path, anchored_path
 from bayes_tyre.signals.mass import Mass, Motion, find_mass
 from bayes_tyre.signals.processed import Processed, Recording, clarity
-from bayes_tyre.signals.runout import LEAST_TURNS
 
 Samples = Float[np.ndarray, " samples"]
 # The path begins so long before the acceleration leaves its noise, s: the axle has not moved by 1 um yet.
@@ -115,10 +114,7 @@ def _check_mass(mass: Mass, rig: Rig, recording: Recording) -> None:
         return
     cause = "mend the calibration of accelerometer or load, "
     if recording.factors.case.speed_km_h > 0:
-        rms = recording.runout_rms_m_per_s2
-        cause = f"the runout of {rms:.2g} m/s^2 cannot be told from the step, "
-        if rms == 0:
-            cause = f"its runout stayed in it for want of {LEAST_TURNS:g} turns before the step, "
+        cause = f"the runout of {recording.runout_rms_m_per_s2:.2g} m/s^2 cannot be told from the step, "
     raise BadInput(
         f"motion follows the load as a mass of {mass.record_kg:.3g} kg would, {abs(mass.record_kg - kg) / sd_kg:.2g} "
         f"standard deviations from the rig file's {kg:.3g} kg: {cause}or mend effective_mass_kg or its relative_sd"

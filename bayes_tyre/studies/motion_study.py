@@ -202,10 +202,17 @@ def summarise(records: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+#: Columns of `MotionStudy.table` that are of the records with an estimate.
+_OF_ESTIMATES = (
+    *("rms_error_percent", "bias_percent", "bias_se_percent", "rms_sd_percent"),
+    *("coverage_95", "coverage_95_lower", "coverage_95_upper", "pareto_k_largest", "cpu_seconds_median"),
+)
+
+
 def _statistics(rows: pd.DataFrame) -> dict[str, float | int]:
     error, n, inside = rows["error_percent"].to_numpy(float), len(rows), int(rows["inside"].sum())
     if n == 0:
-        return {}
+        return {**dict.fromkeys(_OF_ESTIMATES, np.nan), "doubted": 0}
     lower, upper = share_interval(inside, n)
     doubted = int((rows["status"] != "ok").sum()) if "status" in rows else 0
     return {
@@ -226,6 +233,9 @@ def sentences(table: pd.DataFrame) -> list[str]:
     """Return a line a mismatch and kind: errors and coverage, numbers doubted and estimated, processor time."""
     lines = []
     for (mismatch, kind), rows in table.groupby(["mismatch", "kind"], sort=False):
+        if rows["declined"].eq(rows["records"]).all():
+            lines.append(f"{kind}, mismatch {mismatch}: none of {rows['records'].max()} records has an estimate")
+            continue
         columns = rows[["parameter", "rms_error_percent", "bias_percent", "coverage_95"]]
         errors = [
             f"{name} {rms:.2g} % (bias {bias:+.2g}, coverage {share:.0%})"

@@ -10,7 +10,7 @@ from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.draw import draw_truth
 from bayes_tyre.studies.motion_machine import Machine, load_of
 from bayes_tyre.studies.motion_mismatch import MISMATCHES
-from bayes_tyre.studies.motion_study import ROLLING, STATIONARY, study_records, summarise
+from bayes_tyre.studies.motion_study import ROLLING, STATIONARY, sentences, study_records, summarise
 
 pytestmark = pytest.mark.usefixtures("fully_compiled")
 
@@ -78,3 +78,10 @@ def test_a_record_without_an_estimate_is_declined():
     found = summarise(rows)
     assert (found["records"] == 2).all()
     assert (found["declined"] == 1).all()
+
+
+def test_a_study_without_any_estimate_says_so():
+    rows = motion_rows(study_records(2, 0, seed=0)).assign(estimate=np.nan)
+    table = summarise(rows)
+    assert table["rms_error_percent"].isna().all()
+    assert sentences(table) == ["stationary, mismatch none: none of 2 records has an estimate"]

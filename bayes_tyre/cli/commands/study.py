@@ -218,6 +218,8 @@ def motion(
 
     names = _names(kinds, MISMATCHED)
     records = study_records(stationary, rolling, seed, mismatch, standing_only, names)
+    if not records:
+        raise typer.BadParameter("name mismatches of rolling records alone", param_hint="--kinds with --standing-only")
     options = {"stationary": stationary, "rolling": rolling, "mismatch": mismatch, "standing_only": standing_only}
     with progress("fitting motions", len(records), quiet) as on_progress:
         machines, fit = Machines(workers, None, resume), MotionFit(seed, law)

@@ -93,8 +93,8 @@ def numbered(raw: RawSignals, columns: Mapping[str, int] | None, path: Path) -> 
 def read_columns(path: Path, columns: Mapping[str, int] | None = None) -> RawSignals:
     """Return the raw signals in a `.csv` or `.parquet` file: a column a channel, X among them, names above.
 
-    A `.csv` file that is a LabVIEW file, or has no line of names, is read as such; lines of preamble may stand above the
-    names, and a row of units below. A column of text is left out with a warning; blank and NaN cells are missing.
+    A `.csv` file that is a LabVIEW file, or has no line of names, is read as such; lines of preamble may stand above
+    the names, and a row of units below. A column of text is left out with a warning; blank and NaN cells are missing.
 
     Parameters
     ----------

@@ -7,6 +7,7 @@ import pandas as pd
 import xarray as xr
 from arviz_stats import sampling_diagnostics
 
+from bayes_tyre.inference.sampling.common_scales import as_measured, of_factors
 from bayes_tyre.inference.sampling.effective_sizes import statistics
 from bayes_tyre.inference.sampling.resonance import DEEPEST
 
@@ -38,18 +39,29 @@ class Worst(NamedTuple):
 
 
 def monitor(posterior: xr.Dataset) -> ConvergenceStatistics:
-    """Return the convergence statistics of each element of a posterior, dims chain, draw, ..."""
+    """Return the convergence statistics of each element of a posterior, dims chain, draw, ...
+
+    R-hat and ESS are those of what was sampled: a common factor on it (`sampling.common_scales`) is independent between
+    draws, and would hide chains that disagree. The error of the mean is that of the factor's draws too.
+    """
     by_quantity: dict[str, list[xr.DataArray]] = {}
+    measured, scaled = as_measured(posterior), of_factors(posterior)
     for name, draws in posterior.data_vars.items():
-        sample = draws.transpose("chain", "draw", ...)
-        like = sample.isel(chain=0, draw=0, drop=True).drop_attrs()
-        values = sample.to_numpy()
-        each = statistics(values.reshape(*values.shape[:2], -1))
-        by_quantity[str(name)] = [like.copy(data=statistic.reshape(like.shape)) for statistic in each]
+        each = _of_elements(measured[name])
+        by_quantity[str(name)] = [*each[:-1], _of_elements(draws)[-1]] if name in scaled else each
     r_hat, *others = (
         xr.Dataset({name: each[i] for name, each in by_quantity.items()}) for i in range(len(_STATISTICS))
     )
     return ConvergenceStatistics(r_hat if posterior.sizes["chain"] > 1 else None, *others)
+
+
+def _of_elements(draws: xr.DataArray) -> list[xr.DataArray]:
+    """Return `_STATISTICS` of each element of a quantity."""
+    sample = draws.transpose("chain", "draw", ...)
+    like = sample.isel(chain=0, draw=0, drop=True).drop_attrs()
+    values = sample.to_numpy()
+    each = statistics(values.reshape(*values.shape[:2], -1))
+    return [like.copy(data=statistic.reshape(like.shape)) for statistic in each]
 
 
 def with_statistics(tree: xr.DataTree) -> xr.DataTree:

@@ -7,7 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
+from scipy.special import stdtrit
 
 from bayes_tyre.inference.least_squares.beta_grid import grid_minima
 from bayes_tyre.inference.least_squares.bounded_levenberg_marquardt import BoxLevenbergMarquardt
@@ -24,8 +25,8 @@ MAX_STEPS, SHORT_STEPS = 512, 32
 TOLERANCE = 1e-11
 #: Singular values of the column-scaled Jacobian below this, relative to the largest, count as 0.
 RANK_TOLERANCE = 1e-7
-#: 95 % quantile of chi-squared with one degree of freedom: beta is unbounded to a side where its profile rises less.
-CHI2_95 = 3.841458820694124
+#: Degrees of freedom up to which quantiles are tabulated; more have the last.
+_MOST_FREEDOM = 1000
 #: A parameter this near to its bound, in scaled units, is at it; beta, relative to itself.
 AT_BOUND = 1e-11
 
@@ -130,10 +131,15 @@ def _best_fit(starts: Float[Array, "starts 5"], scaled: ScaledProblem, free: tup
     if others:
         # Where a kink is a minimum, the solver stops on the way into it.
         value = fits[0].value
-        point = scaled.d[jnp.argmin(jnp.where(scaled.used, jnp.abs(scaled.d - value[D_I]), jnp.inf))]
-        kink = jnp.clip(point, scaled.low[D_I], scaled.high[D_I])
+        kink = _nearest_kink(value[D_I], scaled)
         fits.append(_fit(value.at[D_I].set(kink), scaled._replace(base=scaled.base.at[D_I].set(kink)), others))
     return _best(jax.tree.map(lambda *fields: jnp.stack(fields), *fits))
+
+
+def _nearest_kink(d_i: Float[Array, ""], scaled: ScaledProblem) -> Float[Array, ""]:
+    """Return the d_i at a point, nearest to a value and within the bounds."""
+    point = scaled.d[jnp.argmin(jnp.where(scaled.used, jnp.abs(scaled.d - d_i), jnp.inf))]
+    return jnp.clip(point, scaled.low[D_I], scaled.high[D_I])
 
 
 def _best(fits: _Fit) -> _Fit:
@@ -171,6 +177,15 @@ def _exact_at_bounds(
     bound = jnp.where(jnp.abs(value - low) < jnp.abs(value - high), low, high)
     inside = jnp.where(at_bound, bound, jnp.clip(value, low, high))
     return jnp.where(_mask(free), inside, problem.base)
+
+
+def _f_95(spare: Int[Array, ""]) -> Float[Array, ""]:
+    """Return the 95 % quantile of F with 1 and `spare` degrees of freedom.
+
+    beta is unbounded to a side where the profile of the RSS rises by less, over the variance, which is estimated.
+    """
+    table = stdtrit(np.arange(1, _MOST_FREEDOM + 1), 0.975) ** 2
+    return jnp.asarray(table)[jnp.clip(spare, 1, _MOST_FREEDOM) - 1]
 
 
 class _Solution(NamedTuple):
@@ -215,7 +230,16 @@ def _solve_full(given: Float[Array, "starts 5"], scaled: ScaledProblem, free: tu
     fit = _best_fit(starting_values(given, scaled, free), scaled, free)
     units = jnp.eye(5)
     tangents = [jax.jvp(scaled.residual, (fit.value,), (units[i],))[1] for i in free]
-    ends = [solve_linear(beta, fit.value, scaled, free)[1] for beta in scaled.beta_ends] if BETA in free else []
+    if BETA not in free:
+        return _Solution(fit, tangents, [])
+    # Beside a point, a small beta would take it off the start of the curve: d_i is at the point too.
+    beside = [fit.value]
+    if D_I in free:
+        beside.append(fit.value.at[D_I].set(_nearest_kink(fit.value[D_I], scaled)))
+    ends = [
+        jnp.min(jnp.stack([solve_linear(beta, value, scaled, free)[1] for value in beside]))
+        for beta in scaled.beta_ends
+    ]
     return _Solution(fit, tangents, ends)
 
 
@@ -253,7 +277,7 @@ def estimate_record(
     errors, lost = _errors(tangents, scaled, fitted, free)
     below = above = jnp.zeros((), bool)
     if rss_at_ends:
-        ends = [at_end - rss < CHI2_95 * variance for at_end in rss_at_ends]
+        ends = [at_end - rss < _f_95(spare) * variance for at_end in rss_at_ends]
         below, above = ends[0] & ~(scaled.low[BETA] > 0), ends[1] & ~jnp.isfinite(scaled.high[BETA])
     return Estimate(
         value=_exact_at_bounds(scaled.units.given(value), at_bound, problem, free),

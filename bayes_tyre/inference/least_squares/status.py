@@ -56,14 +56,18 @@ def status(
     estimate: Estimate,
     bounds: Float[np.ndarray, "2 5"],
     unfittable: np.ndarray,
+    free: tuple[int, ...],
 ) -> np.ndarray:
-    """Return, a record, ``ok`` or why the estimate is not reliable; `bounds` (kN, mm): low and high."""
+    """Return, a record, ``ok`` or why the estimate is not reliable.
+
+    `bounds` (kN, mm): low and high; `free`: indices into `PARAMETERS` of those that were fitted.
+    """
     result = unfittable.copy()
     result[(result == "") & ~np.asarray(estimate.converged)] = (
         "did not converge: give a --start nearer to the data, or fix a parameter"
     )
     fitted = result == ""
-    wrong_curve, of_the_residuals = _of_the_residuals(batch, used, estimate, fitted)
+    wrong_curve, of_the_residuals = _of_the_residuals(batch, used, estimate, fitted, free)
     reasons = (
         *_of_the_points(batch, used),
         *_of_bounds(estimate, bounds),
@@ -154,11 +158,15 @@ def _of_the_estimate(estimate: Estimate) -> Reasons:
 
 
 def _of_the_residuals(
-    batch: Batch, used: Bool[np.ndarray, "records points"], estimate: Estimate, fitted: np.ndarray
+    batch: Batch,
+    used: Bool[np.ndarray, "records points"],
+    estimate: Estimate,
+    fitted: np.ndarray,
+    free: tuple[int, ...],
 ) -> tuple[np.ndarray, Reasons]:
     """Return which records follow another curve, and with these which are smoothed or have too few points to say."""
-    checked = np.isfinite(np.asarray(estimate.standard_error)[:, [K, C, BETA]]).all(axis=1)
-    checked &= fitted
+    of_curve = [i for i in (K, C, BETA) if i in free]
+    checked = fitted & np.isfinite(np.asarray(estimate.standard_error)[:, of_curve]).all(axis=1)
     if not checked.any():
         return checked, []
     points = used.sum(axis=1)

@@ -154,5 +154,5 @@ def _rows(
     rows.insert(0, "record", batch.records)
     rows["rmse_kN"] = np.where(unfit, np.nan, np.sqrt(estimate.rss / points))
     rows["points"] = points
-    rows["status"] = status(batch, used, estimate, bounds, reasons)
+    rows["status"] = status(batch, used, estimate, bounds, reasons, settings.free_indices)
     return rows

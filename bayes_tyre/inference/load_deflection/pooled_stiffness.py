@@ -41,7 +41,7 @@ def shared_stiffness(tests: pd.DataFrame, steps: pd.DataFrame) -> pd.DataFrame:
     pandas.DataFrame
         The factors that both tables have; `k_kN_per_mm_tests`, `k_kN_per_mm_steps`, `k_kN_per_mm_combined`, each with
         `_se` (kN/mm); `tests` and `steps`, how many estimates; `tension` (standard errors); `status`. Only where both
-        sides have one; rows without a value or a standard error are left out.
+        sides have one; rows without a value above 0 or a standard error are left out.
     """
     factors = [name for name in SHARED if _has_values(tests, name) and _has_values(steps, name)]
     sides = {"tests": _by_factors(tests, factors), "steps": _by_factors(steps, factors)}
@@ -99,7 +99,7 @@ def _has_values(table: pd.DataFrame, name: str) -> bool:
 def _by_factors(table: pd.DataFrame, factors: list[str]) -> dict[tuple[object, ...], tuple[_Values, _Values]]:
     """Return k and its standard errors, kN/mm, by the factors' levels."""
     k, error = (pd.to_numeric(table[column], errors="coerce").to_numpy(float) for column in (K, K_SE))
-    usable = np.isfinite(k) & np.isfinite(error) & (error > 0)
+    usable = np.isfinite(k) & (k > 0) & np.isfinite(error) & (error > 0)
     keys = [_comparable(table[name], name) for name in factors]
     cases: dict[tuple[object, ...], list[int]] = {}
     for i in np.flatnonzero(usable):

@@ -208,14 +208,18 @@ def _status(
             reasons.append(f"fewer than 2 {name} readings at different displacements: no line")
     if any(line.k <= 0 for line in lines.values()):
         reasons.append("force falls as displacement grows: check the signs")
-    if estimate is not None:
-        reasons += ["did not converge: check the readings"] if not estimate.converged else []
+    if estimate is not None and not estimate.converged:
+        reasons.append("did not converge: check the readings")
+    elif estimate is not None:
         reasons += _law_reasons(test, estimate, beta_mm)
         reasons += [_curvature(test, estimate)]
     return "; ".join(reason for reason in reasons if reason) or "ok"
 
 
 def _law_reasons(test: pd.DataFrame, estimate: CycleEstimate, beta_mm: float | None) -> list[str]:
+    half_stroke = np.ptp(test[FLAT_GROUND[0]].to_numpy(float)) / 2
+    if beta_mm is not None and beta_mm > half_stroke:
+        return [f"beta of {beta_mm:.3g} mm is above half the stroke, {half_stroke:.3g} mm: friction and k trade"]
     if not estimate.value[2] > 0:
         return ["no friction seen: unloading readings do not lie below loading ones, x - k beta is at its bound 0"]
     if beta_mm is not None:

@@ -95,6 +95,12 @@ def as_measured(posterior: xr.Dataset) -> xr.Dataset:
     return posterior
 
 
+def of_factors(posterior: xr.Dataset) -> set[str]:
+    """Return the parameters of a posterior that follow the factors in it."""
+    names = {parameter for name in POWERS if name in posterior for parameter in POWERS[name]}
+    return {level.format(parameter) for parameter in names for level in _LEVELS} & set(map(str, posterior.data_vars))
+
+
 def _scaled(posterior: xr.Dataset, name: str, factor: xr.DataArray) -> xr.Dataset:
     scaled = {}
     for parameter, power in POWERS[name].items():

@@ -6,7 +6,7 @@ from bayes_tyre.inference.diagnostics.verdict import Diagnostics, data_checks
 from bayes_tyre.inference.motion.laws import FANCHER
 from bayes_tyre.inference.motion.record.likelihood import WIDENED
 from bayes_tyre.plain_text import listed
-from bayes_tyre.record import parameter_column
+from bayes_tyre.record import LAW_PARAMETERS, parameter_column
 from bayes_tyre.workflow.raw.motion_estimates import FORCE_PERCENT, MODE_HZ, OK, WEIGHT, WITHOUT_FORCE
 from bayes_tyre.workflow.raw.raw_records import REJECTED
 
@@ -59,7 +59,8 @@ def _limitations(table: pd.DataFrame, rejected: int) -> list[str]:
         if weights.index[0] != f"{WEIGHT}{FANCHER.name}":
             sentences[-1] += f"; with --law {shares[0].split()[0]} {ESTIMATES} has what it adds"
     if rejected:
-        sentences.append(f"{rejected} files have no estimate and are not in the result: see {REJECTED}")
+        files = "1 file has no estimate and is" if rejected == 1 else f"{rejected} files have no estimate and are"
+        sentences.append(f"{files} not in the result: see {REJECTED}")
     shaken = table[table[MODE_HZ].notna()]
     if len(shaken):
         sentences.append(
@@ -68,9 +69,10 @@ def _limitations(table: pd.DataFrame, rejected: int) -> list[str]:
         )
     forced = table[table[FORCE_PERCENT] > 0]
     if len(forced):
+        parameters = {parameter_column(parameter): parameter for parameter in LAW_PARAMETERS}
         columns = [name.removesuffix(WITHOUT_FORCE) for name in map(str, forced) if name.endswith(WITHOUT_FORCE)]
         times = [
-            f"{(forced[f'{name}{WITHOUT_FORCE}'] / forced[f'{name}_se']).median():.2g} times for {name.split('_')[0]}"
+            f"{(forced[f'{name}{WITHOUT_FORCE}'] / forced[f'{name}_se']).median():.2g} times for {parameters[name]}"
             for name in columns
         ]
         of_fancher = f"{parameter_column('x')}_se" in table and weights.empty

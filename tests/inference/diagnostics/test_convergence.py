@@ -5,6 +5,7 @@ import pytest
 import xarray as xr
 
 from bayes_tyre.inference.diagnostics.convergence import monitor, statistics_of, stored_statistics, with_statistics
+from bayes_tyre.inference.sampling.common_scales import with_scale
 
 
 def tree_of(chains: int) -> xr.DataTree:
@@ -38,3 +39,19 @@ def test_one_quantity_has_its_own():
     assert list(statistics.r_hat.data_vars) == ["k_case"]
     assert stored_statistics(tree, "beta_case") is None
     assert stored_statistics(tree_of(4), "k_case") is None
+
+
+def test_a_common_factor_does_not_hide_chains_that_disagree():
+    rng = np.random.default_rng(0)
+    k = 2 * np.exp(0.003 * rng.standard_normal((4, 500)) + np.array([0, 0, 0, 0.008])[:, None])
+    draws = {"k_case": (("chain", "draw", "case"), k[..., None])}
+    tree = xr.DataTree.from_dict({"posterior": xr.Dataset(draws, {"case": ["a"]})})
+    plain = monitor(tree["posterior"].to_dataset())
+    scaled = monitor(with_scale(tree, "force_scale", 0.05, 1)["posterior"].to_dataset())
+    assert plain.r_hat is not None
+    assert scaled.r_hat is not None
+    assert float(plain.r_hat["k_case"][0]) > 1.2
+    for found, expected in zip(scaled[:3], plain[:3], strict=True):
+        np.testing.assert_allclose(found["k_case"], expected["k_case"], rtol=1e-6)
+    # 0.05 of 2, over the root of 2000 independent draws; the standard deviation of a sample sd of as many is 1.6 %.
+    assert float(scaled.mcse_mean["k_case"][0]) == pytest.approx(0.1 / np.sqrt(2000), rel=0.15)

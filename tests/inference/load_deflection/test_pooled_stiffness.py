@@ -27,6 +27,11 @@ def test_repeats_that_scatter_more_than_their_errors_widen_it_and_others_do_not(
     assert weighted_mean([1.5], [0.1]) == (1.5, 0.1)
 
 
+def test_a_stiffness_below_0_is_a_wrong_sign_and_no_estimate():
+    row = shared_stiffness(estimates([1.5], [0.1]), estimates([1.5, -12.0, 1.5], [0.1] * 3)).iloc[0]
+    assert (row["k_kN_per_mm_steps"], row["steps"]) == (pytest.approx(1.5), 2)
+
+
 def test_what_disagrees_is_said_with_its_sign():
     row = shared_stiffness(estimates([1.5], [0.03]), estimates([1.9], [0.04])).iloc[0]
     assert row["tension"] == pytest.approx(8)

@@ -121,6 +121,8 @@ def test_a_beta_from_elsewhere_gives_x_and_none_that_makes_energy_is_ever_found(
     assert row["beta_mm"] == pytest.approx(0.05)
     assert np.isnan(row["beta_mm_se"])
     assert abs(row["x_kN"] - Tyre().x) < 4 * row["x_kN_se"]
+    for beta_mm in (1000.0, 1e300):
+        assert "mm is above half the stroke, " in fitted(test, beta_mm=beta_mm).iloc[0]["status"]
     # A loop run through the wrong way would make energy: the bound holds, and the status says so.
     wrong = test.assign(load_kN=lambda t: 2 * (1.5 * t["displacement_mm"] + 0.3) - t["load_kN"])
     row = fitted(wrong).iloc[0]

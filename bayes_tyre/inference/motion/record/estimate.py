@@ -169,7 +169,7 @@ def _posterior_draws(
     """
     prior = jnp.asarray(window.prior)
     method = "importance" if weighted.trusted else "laplace"
-    use_nuts = window.disturbance is None and not _reasons(rig, window, estimate) and np.isfinite(weighted.pareto_k)
+    use_nuts = window.disturbance is None and not _reasons(rig, window, estimate) and not np.isnan(weighted.pareto_k)
     if sampler is not None and method == "laplace" and use_nuts:
         standard, divergent = sample_motion(rig, window, estimate, sampler)
         logs = np.asarray(log_parameters(rig, standard, prior, window.law))

@@ -18,6 +18,8 @@ from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.motion import rest_displacement
 from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
 
+#: Least standard deviation of the logarithm of the mass: one that a rig file says is exact is a prior all the same.
+_LEAST_MASS_SD = 1e-4
 #: Priors of the parameters that follow the tyre's own (`laws.TYRE_PRIORS`), by name, in order. Logarithms are natural.
 RECORD_PRIORS: dict[str, NormalPrior] = {
     "log_m": NormalPrior(np.nan, np.nan, "the rig file's effective mass and how well it is known"),
@@ -181,7 +183,7 @@ def prior_moments(
     """
     axle, sensors = rig.axle, rig.sensors
     of_rig = {
-        "log_m": (np.log(axle.effective_mass_kg), axle.effective_mass_relative_sd),
+        "log_m": (np.log(axle.effective_mass_kg), max(axle.effective_mass_relative_sd, _LEAST_MASS_SD)),
         "laser_delay_s": (1e-3 * sensors.displacement_delay_ms, 1e-3 * sensors.displacement_delay_sd_ms),
         "load_delay_s": (1e-3 * sensors.load_delay_ms, 1e-3 * sensors.load_delay_sd_ms),
     }

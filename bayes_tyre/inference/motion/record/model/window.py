@@ -10,6 +10,8 @@ from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
 from bayes_tyre.inference.motion.record.model.block_noise import (
     block_sd,
     block_sd_of_differences,
+    common_rounding_variance,
+    converter_step,
     level,
     level_after,
 )
@@ -34,6 +36,8 @@ ROLLING_BLOCK_S = 1e-3
 BEFORE_S, AFTER_S = 0.05, 0.5
 #: The window of a rolling tyre begins earlier, s: about one turn of the wheel determines its runout.
 ROLLING_BEFORE_S = 1.0
+#: Rest before the window, s, from which on the noise of a rolling record is known; with less all its rest counts.
+_LEAST_REST_S = 0.5
 # Block length for the pre-step harmonics, s; standard deviation of the middle line about the laser's mean, mm, which is
 # friction over stiffness.
 _HARMONICS_BLOCK_S, _FRICTION_MM = 2e-3, 0.3
@@ -193,21 +197,33 @@ def make_window(rig: Rig, samples: Recorded, law: MotionLaw = FANCHER) -> Window
     first = max(0, round((samples.ramp_s[0] - before_s) / dt_s))
     blocks = round((before_s + AFTER_S) / (length * dt_s))
     channels = np.stack([samples.acceleration_m_per_s2, samples.laser_mm, samples.load_kN])
-    pre_step = channels[:, : min(samples.pre_step, first)]
+    rest = min(samples.pre_step, first)
+    if rolls and rest * dt_s < _LEAST_REST_S:  # the third differences of noise are the same within the window
+        rest = samples.pre_step
+    # At rest a channel may show one level alone.
+    pre_step, steps = channels[:, :rest], [converter_step(channel) for channel in channels]
     cut = channels[:, first : first + blocks * length]
     full = cut.shape[1] // length
     readings, weight = np.zeros((3, blocks)), np.zeros((3, blocks))
     readings[:, :full] = means_of_blocks(cut, length)
     readings[:, full:] = readings[:, full - 1 : full]
-    sd = block_sd_of_differences if rolls else block_sd
-    weight[:, :full] = 1 / np.array([sd(channel, length) for channel in pre_step])[:, None]
-    levels = [level(channel, dt_s) for channel in pre_step]
+    sds = [
+        block_sd_of_differences(channel, length) if rolls else block_sd(channel, length, q)
+        for channel, q in zip(pre_step, steps, strict=True)
+    ]
+    weight[:, :full] = 1 / np.array(sds)[:, None]
+    if not rolls:  # before its step and after it the load stands still, and readings share their rounding error
+        shared = common_rounding_variance(pre_step[2], steps[2])
+        begin, end = (min(max(0, round((time / dt_s - first) / length)), full) for time in samples.ramp_s)
+        for still in (slice(0, begin), slice(end, full)):
+            weight[2, still] = 1 / np.sqrt(sds[2] ** 2 + len(weight[2, still]) * shared)
+    levels = [level(channel, dt_s, q) for channel, q in zip(pre_step, steps, strict=True)]
     after = channels[2, first + blocks * length :]
     record_levels = {
         "acceleration_offset_m_per_s2": levels[0],
         "laser_at_rest_mm": levels[1],
         "load_before_kN": levels[2],
-        "load_after_kN": level_after(after, readings[2, :full], levels[2], dt_s),
+        "load_after_kN": level_after(after, readings[2, :full], levels[2], dt_s, steps[2]),
         **_ramp(samples, first * dt_s),
     }
     rolling, further = None, []
