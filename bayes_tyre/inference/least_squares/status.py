@@ -175,7 +175,9 @@ def _of_the_residuals(
     d, F, value = (jnp.asarray(array) for array in (batch.displacement_mm, batch.force_kN, estimate.value))
     arrays = d, F, jnp.asarray(used), value
     wrong, cannot_tell = _misfits(arrays, checked & (rms > MISFIT_MOST))
-    determined = checked & ~np.asarray(estimate.beta_open_below) & ~np.asarray(estimate.beta_open_above)
+    # Of a curve that is fixed in part, only a course is said.
+    whole = np.isfinite(np.asarray(estimate.standard_error)[:, [K, C, BETA]]).all(axis=1)
+    determined = checked & whole & ~np.asarray(estimate.beta_open_below) & ~np.asarray(estimate.beta_open_above)
     correlated = determined & ~wrong & (rms > CORRELATION_RMS) & (points >= CORRELATION_POINTS)
     return wrong, [
         (wrong, "the curve is not Equation 2: residuals have a course along the record"),
