@@ -31,8 +31,8 @@ def number_in(text: str | bytes) -> float | None:
 
     Underscores between digits, and digits of other scripts, are Python's alone.
     """
-    text = text.strip()
-    if not text.isascii() or (b"_" if isinstance(text, bytes) else "_") in text:  # pyright: ignore[reportOperatorIssue]
+    plain = text.decode("latin-1") if isinstance(text, bytes) else text
+    if "_" in plain or not plain.strip().isascii():
         return None
     try:
         return float(text)

@@ -1,6 +1,6 @@
 """From a file's raw signals and its factors to a record, by a named method."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.record import DISPLACEMENT_SCALE_SD, FORCE_SCALE_SD, RawSignals
@@ -11,7 +11,7 @@ from bayes_tyre.signals.factors import RecordFactors
 from bayes_tyre.signals.inertia import inertia
 from bayes_tyre.signals.processed import Processed, Recording
 from bayes_tyre.signals.ramp import find_ramp
-from bayes_tyre.signals.runout import LEAST_TURNS, Turning, nominal_bodies, remove_runout
+from bayes_tyre.signals.runout import nominal_bodies, remove_runout
 from bayes_tyre.signals.steps import find_step, pre_step_samples
 from bayes_tyre.signals.thesis import thesis
 
@@ -33,9 +33,7 @@ def prepare(raw: RawSignals, rig: Rig, factors: RecordFactors) -> Recording:
     signals, rms, turning = as_read, 0.0, ()
     if factors.case.speed_km_h > 0:
         bodies = nominal_bodies(rig, factors.case.speed_km_h)
-        pre_step = pre_step_samples(ramp, as_read)
-        _check_turns(pre_step * as_read.dt_s, bodies)
-        signals, runout = remove_runout(as_read, pre_step, bodies)
+        signals, runout = remove_runout(as_read, pre_step_samples(ramp, as_read), bodies)
         ramp, rms = find_ramp(signals.load_kN, signals.dt_s), runout.acceleration_rms_m_per_s2
         turning = runout.bodies
     step = find_step(signals, ramp)
@@ -46,16 +44,6 @@ def prepare(raw: RawSignals, rig: Rig, factors: RecordFactors) -> Recording:
             "--cases, or the sign of the load in [signs] of the rig file"
         )
     return Recording(factors, as_read, signals, step, rms, turning)
-
-
-def _check_turns(rest_s: float, bodies: Sequence[Turning]) -> None:
-    """Refuse a record too short to tell the runout of each turning body from the step."""
-    slowest = min(body.turn_Hz for body in bodies)
-    if rest_s * slowest < LEAST_TURNS:
-        raise BadInput(
-            f"{rest_s:.2g} s before the step are {rest_s * slowest:.2g} turns of what turns at {slowest:.2g} Hz, and "
-            f"runout takes {LEAST_TURNS:g}; begin the recording {LEAST_TURNS / slowest:.2g} s before the step"
-        )
 
 
 def process(raw: RawSignals, rig: Rig, factors: RecordFactors, method: str) -> Processed:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from bayes_tyre.errors import BadInput
 from bayes_tyre.record import means_of_blocks
 from bayes_tyre.rig.axle import Rig, needed
 from bayes_tyre.signals.channels import Signals
@@ -17,7 +18,7 @@ Columns = Float[np.ndarray, "columns samples"]
 WHEEL_HARMONICS, ROLLER_HARMONICS = 5, 3
 # A loaded tyre rolls on less than its unloaded radius, and the speed is not exact: a turn is searched this far about
 # its nominal frequency, on means over 4 ms. Fewer turns than this before the step are indistinguishable from a drift.
-_SEARCH, _MEAN_S, LEAST_TURNS = 0.06, 4e-3, 2.0
+_SEARCH, _MEAN_S, _LEAST_TURNS = 0.06, 4e-3, 2.0
 
 
 class Turning(NamedTuple):
@@ -65,14 +66,22 @@ def remove_runout(signals: Signals, pre_step: int, bodies: tuple[Turning, ...]) 
         Samples before the step.
     bodies:
         As `nominal_bodies` gives them.
+
+    Raises
+    ------
+    BadInput
+        If one of them turns too seldom before the step for its runout to be told from it.
     """
     time_s = signals.time_s - signals.time_s[0]
-    bodies_fitted = tuple(body for body in bodies if body.turn_Hz * time_s[pre_step - 1] >= LEAST_TURNS)
-    if not bodies_fitted:
-        return signals, Runout((), 0.0)
+    rest_s, slowest_Hz = time_s[pre_step - 1], min(body.turn_Hz for body in bodies)
+    if rest_s * slowest_Hz < _LEAST_TURNS:
+        raise BadInput(
+            f"{rest_s:.2g} s before the step are {rest_s * slowest_Hz:.2g} turns of what turns at {slowest_Hz:.2g} Hz, "
+            f"and runout takes {_LEAST_TURNS:g}; begin the recording {_LEAST_TURNS / slowest_Hz:.2g} s before the step"
+        )
     length = max(1, round(_MEAN_S / signals.dt_s))
     means = means_of_blocks(signals.acceleration_m_per_s2[:pre_step], length)
-    refined = _refined(means_of_blocks(time_s[:pre_step], length), means, bodies_fitted)
+    refined = _refined(means_of_blocks(time_s[:pre_step], length), means, bodies)
     columns = columns_of(time_s, refined)
     trend = np.stack([np.ones(pre_step), time_s[:pre_step] - time_s[:pre_step].mean()])
     design = np.concatenate([columns[:, :pre_step], trend])

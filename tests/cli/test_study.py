@@ -188,6 +188,10 @@ def test_motions_are_written_and_said_in_words(tmp_path, monkeypatch):
     wrong = here("study", "motion", "--out", tmp_path / "made", "--rolling", 1, "--kinds", "mass 5 % off")
     assert wrong.exit_code == 2
     assert "--kinds: has no effect without --mismatch" in " ".join(wrong.stderr.split())
+    none = ["--stationary", 0, "--rolling", 0, "--mismatch", 1, "--standing-only", "--kinds", "speed label 2 % off"]
+    wrong = here("study", "motion", "--out", tmp_path / "made", *none)
+    assert wrong.exit_code == 2
+    assert "name mismatches of rolling records alone" in " ".join(wrong.stderr.split())
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers.steps_made import RIG, plain
 
+from bayes_tyre.errors import BadInput
 from bayes_tyre.signals.runout import Turning, columns_of, nominal_bodies, remove_runout
 
 
@@ -41,8 +42,7 @@ def test_powers_of_the_first_harmonic_are_the_sines_of_all():
     assert np.abs(columns_of(time_s, bodies) - np.concatenate([np.sin(angles), np.cos(angles)])).max() < 2e-12
 
 
-def test_too_few_turns_are_left_alone():
-    signals = plain(start_s=0.5)
-    found, runout = remove_runout(signals, 900, nominal_bodies(RIG, 1.0))
-    assert found is signals
-    assert runout.bodies == ()
+def test_too_few_turns_are_refused_with_what_it_takes():
+    """At 1 km/h the wheel turns 0.082 times a second."""
+    with pytest.raises(BadInput, match=r"0.45 s before the step are 0.037 turns .* at 0.082 Hz.* 24 s before the step"):
+        remove_runout(plain(start_s=0.5), 900, nominal_bodies(RIG, 1.0))

@@ -62,8 +62,11 @@ def named_by_number(columns: Mapping[str, int], names: Mapping[int, str]) -> lis
 
 
 def _called(name: str, in_file: str) -> str:
-    if not is_time(name) or is_time(in_file):
-        return in_file if is_time(name) else name
+    """Return what to call a column; X keeps its name in the file where that is one of X."""
+    if not is_time(name):
+        return name
+    if is_time(in_file):
+        return in_file
     return f"{name} ({unit_in(in_file)})" if seconds_per_unit(in_file) != 1 else name
 
 

@@ -70,8 +70,8 @@ def find_dialect(path: Path, layout: Layout | None = None) -> Dialect:
     """
     encoding = _encoding(path)
     with path.open(encoding=encoding, newline="") as lines:
-        above = _lines_above(lines, layout)
-        _check_length(path, lines_below(lines, above))
+        above = _lines_above(path, lines, layout)
+        _checked_line(path, lines_below(lines, above))
         separator = _separator(lines_below(lines, above))
         reader = csv.reader(lines_below(lines, above), delimiter=separator)
         filled = ((i, row, above + reader.line_num) for i, row in enumerate(reader) if "".join(row).strip())
@@ -83,9 +83,12 @@ def find_dialect(path: Path, layout: Layout | None = None) -> Dialect:
     return header._replace(units=units, units_row=below, first_line=line + 1) if units else header
 
 
-def _check_length(path: Path, lines: TextIO) -> None:
-    if len(lines.readline(MOST_HEADER)) == MOST_HEADER:
+def _checked_line(path: Path, lines: TextIO) -> str:
+    """Return the next line, which may be the header, or refuse it as too long."""
+    line = lines.readline(MOST_HEADER)
+    if len(line) == MOST_HEADER:
         raise BadInput(f"{path}: its header has over {MOST_HEADER} characters; give a table with a column a channel")
+    return line
 
 
 def lines_below(lines: TextIO, above: int) -> TextIO:
@@ -120,12 +123,13 @@ def _fits(file: BinaryIO, encoding: str) -> bool:
     return True
 
 
-def _lines_above(lines: TextIO, layout: Layout | None) -> int:
+def _lines_above(path: Path, lines: TextIO, layout: Layout | None) -> int:
     if layout is None:
         return 0
     if layout.skip_rows is not None:
         return layout.skip_rows
-    return layout.header(next(csv.reader([line], delimiter=_separator([line])), []) for line in islice(lines, SEARCHED))
+    first = islice(iter(lambda: _checked_line(path, lines), ""), SEARCHED)
+    return layout.header(next(csv.reader([line], delimiter=_separator([line])), []) for line in first)
 
 
 def _separator(lines: Iterable[str]) -> str:

@@ -22,8 +22,8 @@ from bayes_tyre.record import TEXT_COLUMNS
 
 #: Characters of one cell; our own tables have cells that name several labels.
 MOST_TEXT = 50_000
-#: Columns of names, which may look like numbers: `01` stays `01`. Models are those of `comparison.csv`.
-_NAMES = (*TEXT_COLUMNS, "model")
+#: Columns of names, which may look like numbers: `01` stays `01`; of slow tests, and of models in `comparison.csv`.
+_NAMES = (*TEXT_COLUMNS, "test", "model")
 _MEMORY = "give it more memory or, where it may be damaged, save it again"
 _WORKBOOKS = (".xlsm", ".xlsb", ".xls", ".ods")
 _TEXTS = (".txt", ".tsv", ".dat", ".asc")

@@ -42,7 +42,8 @@ def monitor(posterior: xr.Dataset) -> ConvergenceStatistics:
     """Return the convergence statistics of each element of a posterior, dims chain, draw, ...
 
     R-hat and ESS are those of what was sampled: a common factor on it (`sampling.common_scales`) is independent between
-    draws, and would hide chains that disagree. The error of the mean is that of the factor's draws too.
+    draws, and would hide chains that disagree. The error of the mean is that of the factor's draws too. What was
+    computed with a factor, such as the energy of a cycle, has it in all of them.
     """
     by_quantity: dict[str, list[xr.DataArray]] = {}
     measured, scaled = as_measured(posterior), of_factors(posterior)

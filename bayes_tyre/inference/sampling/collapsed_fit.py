@@ -85,6 +85,7 @@ def _draws_at(
         return judged[1].at_least <= SUMMARY_ERROR_MOST
 
     draws, runs = run_until_sound(chains, settings, good_enough, begun)
+    good_enough(draws)  # a second run, where there was one, has not been judged
     assert judged is not None
     return draws, runs, judged[1]
 

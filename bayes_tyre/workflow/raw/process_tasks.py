@@ -134,7 +134,7 @@ def _note_unused(path: Path | None, cases: Mapping[str, object], files: Sequence
     """Warn of rows of the table of cases that are of no file: a name that is misspelt would be read from the file's."""
     there = {path_text(file) for file in files} | {path_text(Path(file.name)) for file in files}
     if unused := [file for file in cases if file not in there]:
-        text = f"--cases {path}: {len(unused)} rows are of no file that was given: {listed(unused, 3, quoted)}"
+        text = f"--cases {path}: no file was given for {len(unused)} of its rows: {listed(unused, 3, quoted)}"
         warnings.warn(text, stacklevel=3)
 
 

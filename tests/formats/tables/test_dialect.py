@@ -192,3 +192,8 @@ def test_columns_without_a_name_are_left_out_where_they_hold_nothing(tmp_path):
     table = read_table(write(tmp_path / "records.csv", text))
     assert table.iloc[:, -1].to_list() == [7, 8]
     assert table.shape == (2, 4)
+
+
+def test_tests_that_are_called_01_and_1_are_two(tmp_path):
+    path = write(tmp_path / "slow.csv", "test,load_kN,displacement_mm\n01,20,1\n1,20,1\n")
+    assert read_table(path)["test"].to_list() == ["01", "1"]
