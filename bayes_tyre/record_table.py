@@ -276,10 +276,11 @@ def _is_numeric(cells: pd.Series) -> bool:
 
 
 def _blank_or_numbers(cells: pd.Series) -> bool:
-    """Return whether cells of text are numbers, or blank, as a few of a CSV file may be."""
+    """Return whether cells are text only for want of a few numbers: some are blank, all others numbers."""
     if not isinstance(cells.dtype, pd.StringDtype):
         return False
-    return bool((numbers_in(cells).notna() | (cells.fillna("").str.strip() == "")).all())
+    blank = cells.fillna("").str.strip() == ""
+    return bool(blank.any() and (numbers_in(cells).notna() | blank).all())
 
 
 def carry_extras(rows: pd.DataFrame, extras: pd.DataFrame) -> pd.DataFrame:
