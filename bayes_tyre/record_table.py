@@ -13,6 +13,8 @@ from bayes_tyre.record import DIRECTIONS, FACTORS, NUMBER_COLUMNS, ORIGIN_UNKNOW
 
 #: A median force above this looks like newtons, a median travel below this like metres.
 NEWTON_LIKE_KN, METRE_LIKE_MM = 1000.0, 0.05
+#: What is taken off around a label: spaces, typed or pasted. A tab or a break of a line is the label's own.
+_BLANKS = " \N{NO-BREAK SPACE}"
 
 
 def _finite(series: pd.Series) -> pd.Series:
@@ -125,7 +127,7 @@ def _typed(table: pd.DataFrame, name: str) -> pd.DataFrame:
     for column in TEXT_COLUMNS:
         if column in typed:
             texts = _as_text(typed[column])
-            typed[column] = texts if column == "record" else texts.str.strip()
+            typed[column] = texts if column == "record" else texts.str.strip(_BLANKS)
     for column in NUMBER_COLUMNS:
         if column not in typed:
             continue
