@@ -12,20 +12,16 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import xarray as xr
-from scipy import stats
 
 from bayes_tyre.inference.correlated_noise import SMOOTHED
-from bayes_tyre.inference.diagnostics.course_checks import CHANCE, WRONG_LAW, course_checks
+from bayes_tyre.inference.diagnostics.course_checks import CHANCE, MOST_ERRORS, WRONG_LAW, course_checks
+from bayes_tyre.inference.diagnostics.law_check import law_check
 from bayes_tyre.inference.diagnostics.residuals import Residuals, residuals
 from bayes_tyre.inference.diagnostics.sampling_checks import Check
-from bayes_tyre.inference.lack_of_fit import CURVE_PARAMETERS, MISFIT_MOST, WAVE_POINTS, misfit
+from bayes_tyre.inference.lack_of_fit import CURVE_PARAMETERS, MISFIT_MOST, misfit
 from bayes_tyre.inference.noise_along_path import NEAR_BETAS, directions, freedom, near_start, variance_ratio
-from bayes_tyre.inference.record_data import LAWS
 from bayes_tyre.inference.sampling.datatree import model_of
-from bayes_tyre.record import EITHER_LAW
 
-#: Standard errors that CHANCE, one-sided, comes to.
-_ERRORS = float(stats.norm.isf(CHANCE))
 #: Lag-1 autocorrelation of residuals up to which intervals are off by a tenth of their width at most: of k and beta
 #: they are narrow by (1 + rho) / (1 - rho), square root.
 AUTOCORRELATION_MOST = 0.1
@@ -37,12 +33,6 @@ _FIRST = 0.2
 _NEGATIVE = 4.0
 #: Standard deviations of the noise that a record's residuals have in the mean square where the posterior is not of it.
 _FAR = 3.0
-#: Residuals below this part of the change of force are rounding.
-_EXACT = 1e-6
-#: Records whose log beta has a standard error above this do not say which law they follow.
-_SD_LOG_BETA = 0.3
-#: Fewest records whose scatter says how certain their sum is.
-_LEAST_RECORDS = 12
 _AR1 = "fit with --noise auto or ar1, or with unsmoothed signals"
 _UNSMOOTHED = "the noise is no AR(1): use unsmoothed signals, or fewer points of each record"
 _RAW = "the signals look smoothed, and beta then reflects the filter: no noise model helps, use the raw ones"
@@ -68,7 +58,7 @@ def residual_checks(tree: xr.DataTree, table: pd.DataFrame) -> list[Check]:
         _autocorrelation(of_records),
         _record_curves(of_records),
         *course_checks(of_records, posterior),
-        _other_law(of_records),
+        law_check(of_records),
         _uneven_noise(of_records),
         _negative_stiffness(of_records),
         *_displacement_errors(of_records, posterior, given=model_of(tree).displacement_sd is not None),
@@ -91,7 +81,7 @@ def _autocorrelation(of_records: Residuals) -> Check:
     by_chance = -np.einsum("rpc,rpc->r", basis[:, 1:], basis[:, :-1])
     each = np.sum(left[:, 1:] * left[:, :-1], axis=1) / np.sum(left**2, axis=1)
     value = float((each * spare - by_chance).sum() / spare.sum())
-    most = AUTOCORRELATION_MOST + _ERRORS / np.sqrt(spare.sum())
+    most = AUTOCORRELATION_MOST + MOST_ERRORS / np.sqrt(spare.sum())
     finding = f"sigma: residuals have lag-1 autocorrelation {value:.2f}: intervals are too narrow"
     remedy = _RAW if value > SMOOTHED else _AR1 if of_records.rho is None else _UNSMOOTHED
     return Check("residual_autocorrelation", "model", bool(value <= most), value, float(most), "sigma", finding, remedy)
@@ -115,31 +105,6 @@ def _record_curves(of_records: Residuals) -> Check:
     return Check("record_curves", "model", not bool(wrong.any()), value, MISFIT_MOST, where, finding, WRONG_LAW)
 
 
-def _other_law(of_records: Residuals) -> Check:
-    """Return whether the other law along a record fits the records better, each by its own least squares.
-
-    Both have the same parameters, and to first order beta takes up what they differ by: only refits tell them apart.
-    Records that hardly determine beta say nothing of it.
-
-    Source: Vuong (1989), the test of two models neither of which contains the other.
-    """
-    other = next(name for name in LAWS if name != of_records.law)
-    own_fit, other_fit = (of_records.refitted(law) for law in (of_records.law, other))
-    sound = of_records.batch.points >= WAVE_POINTS
-    sound &= np.maximum(own_fit.sd_log_beta, other_fit.sd_log_beta) < _SD_LOG_BETA
-    floor = (_EXACT * of_records.span) ** 2
-    gain = 0.5 * of_records.batch.points * np.log((own_fit.square + floor) / (other_fit.square + floor))
-    enough, gain = np.count_nonzero(sound) >= _LEAST_RECORDS, gain[sound]
-    sd = float(np.sqrt(np.sum((gain - gain.mean()) ** 2))) if enough else 0.0
-    value = float(gain.sum()) / sd if sd > 0 else 0.0
-    finding = f"beta: the records follow {other} rather than {of_records.law}, by {value:.1f} standard errors"
-    note = ""
-    if enough and abs(value) <= _ERRORS:
-        ratio = np.exp(np.median((other_fit.log_beta - own_fit.log_beta)[sound]))
-        note = f"{EITHER_LAW}{of_records.law} from {other}, with which it is {ratio:.2f} times as large"
-    return Check("law", "model", value <= _ERRORS, value, _ERRORS, "beta", finding, f"fit with --law {other}", note)
-
-
 def _uneven_noise(of_records: Residuals) -> Check:
     """Return whether the noise is as large near the start, where beta shows, as on the rest of the way."""
     present, points = of_records.batch.present, of_records.batch.points
@@ -148,8 +113,8 @@ def _uneven_noise(of_records: Residuals) -> Check:
     near = near_start(of_records.u, NEAR_BETAS * of_records.means["beta"], present)
     first = present & (np.arange(present.shape[1]) < _FIRST * points[:, None])
     ratios = [variance_ratio(square, left, part) for part in (near, first)]
-    log_ratio, error, _ = max(ratios, key=lambda each: abs(each.value) - _ERRORS * each.error)
-    most = np.log(UNEVEN_MOST) + _ERRORS * error
+    log_ratio, error, _ = max(ratios, key=lambda each: abs(each.value) - MOST_ERRORS * each.error)
+    most = np.log(UNEVEN_MOST) + MOST_ERRORS * error
     passed = bool(abs(log_ratio) <= most)
     value, limit, times = float(np.exp(abs(log_ratio))), float(np.exp(most)), f"{np.exp(log_ratio):.2g}"
     finding = f"sigma: variance of the noise near the start is {times} times that on the rest of the way"

@@ -1,6 +1,5 @@
 """What the records are off their curves at the posterior means, whitened by the model's own noise."""
 
-from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -9,16 +8,16 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import xarray as xr
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.correlated_noise import Whitening, whiten
 from bayes_tyre.inference.lack_of_fit import curve_tangents
-from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.model.factors import find_factors
-from bayes_tyre.inference.model.noise.heavy_tails import estimated_heavy_tails, heavy_tails
+from bayes_tyre.inference.model.noise.heavy_tails import heavy_tails
 from bayes_tyre.inference.model.prepared_records import record_batch, with_noise
-from bayes_tyre.inference.record_data import EQUATION_2, force_curves
+from bayes_tyre.inference.model.settings import ModelSettings
+from bayes_tyre.inference.record_data import force_curves
 from bayes_tyre.inference.sampling.common_scales import as_measured
 from bayes_tyre.inference.sampling.datatree import model_of
 from bayes_tyre.inference.sampling.record_draws import with_records
@@ -43,13 +42,14 @@ class Residuals(NamedTuple):
     rho, whitening:
         Lag-1 autocorrelation of each record's noise (None: it has none), after what makes it alike from point to point
         (None: it is).
-    law_batch, law_whitening:
-        The records and their noise without what residuals about this law were taken to show of it: laws are compared
-        by these.
+    measured:
+        The records as they were measured.
+    of_record:
+        Shape (records,): the case of each, by number.
     displacement_sd_mm:
         Shape (records,): standard deviation of the error of a displacement; 0 where the model has none.
-    law:
-        What the curves follow, of `bayes_tyre.inference.record_data.LAWS`.
+    model:
+        What the posterior is of.
     noise_near_start:
         How many times as large as elsewhere the model takes the noise near the start.
     noise_nu:
@@ -63,10 +63,10 @@ class Residuals(NamedTuple):
     white_kN: Float[np.ndarray, "records points"]
     rho: Float[np.ndarray, " records"] | None
     whitening: Whitening | None
-    law_batch: Batch
-    law_whitening: Whitening | None
+    measured: Batch
+    of_record: Int[np.ndarray, " records"]
     displacement_sd_mm: Float[np.ndarray, " records"]
-    law: str = EQUATION_2
+    model: ModelSettings
     noise_near_start: float = 1.0
     noise_nu: float | None = None
 
@@ -86,20 +86,6 @@ class Residuals(NamedTuple):
         force = np.where(self.batch.present, self.batch.force_kN, self.batch.force_kN[:, :1])
         return np.ptp(force, axis=1)
 
-    def refitted(self, law: str) -> "LawFit":
-        """Return each record's own least squares with a law."""
-        batch, whitening, nu = self.law_batch, self.law_whitening, self.noise_nu
-        if nu is not None:
-            whitening = estimated_heavy_tails(batch, law, nu)
-        estimates = estimate_records(batch, "iid" if self.rho is None else "ar1", whitening, law=law)
-        curve = np.asarray(force_curves(jnp.asarray(self.u), estimates.centre, law))
-        residual = np.where(batch.present, batch.force_kN - curve, 0.0)
-        square = np.sum(whiten(residual, batch.present, self.rho, whitening) ** 2, axis=1)
-        if nu is not None:
-            square = _as_likely(residual, batch, np.exp(np.asarray(estimates.log_sigma)), nu)
-        variance = np.linalg.inv(np.asarray(estimates.information))[:, 3, 3]
-        return LawFit(square, np.asarray(estimates.log_beta), np.sqrt(variance))
-
     def whitened(
         self, columns: Float[np.ndarray, "records points columns"]
     ) -> Float[np.ndarray, "records points columns"]:
@@ -110,60 +96,30 @@ class Residuals(NamedTuple):
     def tangents(self) -> Float[np.ndarray, "records points 4"]:
         """Return the derivatives of each curve with respect to F_i, J, k and log beta; 0 on padding."""
         k, J, beta = (jnp.asarray(self.means[name]) for name in ("k", "J", "beta"))
-        of_law = jax.vmap(partial(curve_tangents, law=self.law))
+        of_law = jax.vmap(partial(curve_tangents, law=self.model.law))
         tangents = np.asarray(of_law(jnp.asarray(self.u), k, J, beta))
         return np.where(self.batch.present[:, :, None], tangents, 0.0)
 
 
-class LawFit(NamedTuple):
-    """Least squares of each record with one law.
-
-    Attributes
-    ----------
-    square:
-        Shape (records,): sum of squares of the whitened residuals, kN^2; with Student-t noise, what normal noise as
-        likely would have.
-    log_beta, sd_log_beta:
-        Shape (records,): its estimate (beta in mm) and standard error.
-    """
-
-    square: Float[np.ndarray, " records"]
-    log_beta: Float[np.ndarray, " records"]
-    sd_log_beta: Float[np.ndarray, " records"]
-
-
-def _as_likely(
-    residual: Float[np.ndarray, "records points"], batch: Batch, sigma_kN: Float[np.ndarray, " records"], nu: float
-) -> Float[np.ndarray, " records"]:
-    """Return the sum of squares of normal noise as likely as residuals are as Student-t noise, but for a factor."""
-    scale = np.where(batch.present, np.log(sigma_kN)[:, None], 0.0)
-    log_density = -scale - 0.5 * (nu + 1.0) * np.log1p((residual / sigma_kN[:, None]) ** 2 / nu)
-    return np.exp(-2.0 * log_density.sum(axis=1) / batch.points)
-
-
 def residuals(tree: xr.DataTree, table: pd.DataFrame) -> Residuals:
     """Return the residuals (kN) of every record of a table at the posterior mean."""
-    batch = record_batch(table)
+    measured = record_batch(table)
     posterior = as_measured(with_records(tree))
     names = [name for name in (*OF_CURVE, "sigma", "rho", "noise_nu") if name in posterior]
-    mean = posterior[names].sel(record=list(batch.records)).mean(("chain", "draw"))
+    mean = posterior[names].sel(record=list(measured.records)).mean(("chain", "draw"))
     means = {name: mean[name].to_numpy() for name in (*OF_CURVE, "sigma")}
     theta = [means["F_i"], means["J"], np.log(means["k"]), np.log(means["beta"])]
     model, rho = model_of(tree), mean["rho"].to_numpy() if "rho" in mean else None
     nu = float(mean["noise_nu"]) if "noise_nu" in mean else None
     of_record = find_factors(record_factors(table)).of_record
-    noise = stated = with_noise(batch, of_record, replace(model, noise=model.correlation))
-    if model.uneven:
-        noise = with_noise(batch, of_record, model)
-    batch, whitening, sd_mm, factor = noise
+    batch, whitening, sd_mm, factor = with_noise(measured, of_record, model)
     u = batch.displacement_mm - batch.displacement_mm[:, :1]
     curve = force_curves(jnp.asarray(u), jnp.asarray(np.stack(theta, axis=1)), model.law)
     residual = np.where(batch.present, batch.force_kN - np.asarray(curve), 0.0)
     if nu is not None:
         whitening = heavy_tails(residual, batch.present, means["sigma"], nu)
     white = whiten(residual, batch.present, rho, whitening)
-    of_law = stated.batch, stated.whitening
-    return Residuals(batch, means, residual, white, rho, whitening, *of_law, sd_mm, model.law, factor, nu)
+    return Residuals(batch, means, residual, white, rho, whitening, measured, of_record, sd_mm, model, factor, nu)
 
 
 def autocorrelations(of_records: Residuals) -> Float[np.ndarray, " records"]:
