@@ -119,10 +119,7 @@ def write_report(
             on_drawing(folder)
             parts.append(_drawn(folder, result, tree, on_note, attempts))
             warnings += [f"{result.name}: {check.reason}" for check in attempts.failed]
-        inputs = frozenset(result.run["inputs"].values())
-        compared_results.append(
-            ComparedResult(result.name, tree if has_cases(tree) else None, inputs, result.run["origin"])
-        )
+        compared_results.append(ComparedResult(result.name, tree if has_cases(tree) else None, result.run))
         on_progress(1)
     comparisons = [compare_results(compared_results[0], other, results[0].interval) for other in compared_results[1:]]
     written = _written(document(parts, comparisons, head), path, browser)

@@ -14,8 +14,11 @@ from bayes_tyre.report.html.page import Part, document
 
 def side(folder: Path) -> ComparedResult:
     result = read_reported(folder, folder.name)
-    inputs = frozenset(result.run["inputs"].values())
-    return ComparedResult(folder.name, read_tree(folder / "posterior.nc"), inputs, result.run["origin"])
+    return ComparedResult(folder.name, read_tree(folder / "posterior.nc"), result.run)
+
+
+def of_run(result: ComparedResult, **changes: object) -> ComparedResult:
+    return result._replace(run={**result.run, **changes})
 
 
 def test_campaigns_are_compared_configuration_by_configuration(two, away):
@@ -40,7 +43,14 @@ def test_a_single_tyre_is_compared_with_a_dual_pair_of_another_folder(away):
 def test_what_is_not_independent_is_not_compared(two, away):
     one = side(away / "two")
     assert "fits of the same records" in compare_results(one, one._replace(name="again"), 0.95).limitation
-    printed = one._replace(inputs=frozenset("x"), origin="published")
-    found = compare_results(one._replace(origin="reconstructed"), printed, 0.95)
+    printed = of_run(one, inputs={"table.csv": "x"}, origin="published")
+    found = compare_results(of_run(one, origin="reconstructed"), printed, 0.95)
     assert not found.ratios
     assert "rest on the same printed tables" in found.limitation
+
+
+def test_results_that_share_a_column_map_are_compared(two, away):
+    one = of_run(side(away / "two"), inputs={"mine.csv": "a", "map.toml": "m"}, options={"columns": {}})
+    later = side(write_made(away / "later", {"single": 1.65, "dual": 2.0}, seed=9))
+    other = of_run(later, inputs={"theirs.csv": "b", "map.toml": "m"}, options={"columns": {}})
+    assert compare_results(one, other, 0.95).ratios["k"]
