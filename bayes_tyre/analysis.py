@@ -47,6 +47,7 @@ from bayes_tyre.results import log_likelihood, prediction, summary
 from bayes_tyre.results.cases.selection import parse_query
 from bayes_tyre.results.cases.stacked import Weighted
 from bayes_tyre.results.derived import with_derived
+from bayes_tyre.results.fitted_records import fitted_records
 from bayes_tyre.results.posterior import Posterior
 from bayes_tyre.results.prediction import Prediction
 from bayes_tyre.runtime import prepare_jax
@@ -372,7 +373,7 @@ def figure(
     name:
         Of the file, such as ``contrasts`` or ``posteriors_by_direction``.
     records:
-        The table that was fitted; figures of records need it.
+        The table that was fitted, its records in any order; figures of records need it.
     interval:
         Probability of every interval, equal-tailed.
 
@@ -384,12 +385,14 @@ def figure(
     Raises
     ------
     BadInput
-        For a name that there is not, and a figure of records without records.
+        For a name that there is not, a figure of records without records, and records that were not fitted.
     """
-    table = None if records is None else check_record_table(records)
+    tree, table = put_together(posterior), None
+    if records is not None and "record" in tree["posterior"].dims:
+        table = used_points(fitted_records(tree, check_record_table(records)), model_of(tree).region)
     from_tables = posterior.attrs["origin"] in ("published", "reconstructed")
     printed = tables.case_means() if from_tables else None
-    result = Result(put_together(posterior), _verdict(posterior), table, printed, interval)
+    result = Result(tree, _verdict(posterior), table, printed, interval)
     return NotebookFigure(chosen_figure(result, name))
 
 
