@@ -151,6 +151,15 @@ def test_means_are_those_that_a_fit_prints(results, tmp_path):
         assert f"mean over 1 cases of single {row['direction']}" in text
 
 
+@pytest.mark.parametrize(
+    ("missing", "name", "of"),
+    [(("configuration",), "loading_mean", "loading"), (("configuration", "direction"), "mean", "all records")],
+)
+def test_means_of_records_without_a_factor_are_named_by_the_others(missing, name, of, tmp_path):
+    files = export(a_result(tmp_path / "fit", records("single", without=missing)), "tir", tmp_path / "out", "--means")
+    assert f"cases of {of};" in said(files[f"{name}.tir"])
+
+
 def test_a_motion_gives_the_damping(results, tmp_path):
     made = ini(export(results["motion"], "tir", tmp_path / "out")["single_0_20_30.tir"])
     assert float(made["VERTICAL"]["VERTICAL_DAMPING"]) == pytest.approx(1500.0)

@@ -1,9 +1,12 @@
 """Comparison of several results on one page: ratios between independent ones, and none where they are not."""
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.pages import plain
 from helpers.reported_results import write_made
 
 from bayes_tyre.formats.netcdf import read_tree
@@ -31,6 +34,9 @@ def test_campaigns_are_compared_configuration_by_configuration(two, away):
     page = document([Part(two, []), Part(read_reported(later, "next_year"), [])], [found])
     assert "Configuration single (two) is 9" in page
     assert "the test cases of both" in page
+    assert "averaged over the cases of both: median and 95" in page
+    named = re.findall(r' id="([^"]+)"', page)
+    assert len(set(named)) == len(named) > 5
 
 
 def test_a_single_tyre_is_compared_with_a_dual_pair_of_another_folder(away):
@@ -51,6 +57,13 @@ def test_what_is_not_independent_is_not_compared(two, away):
 
 def test_results_that_share_a_column_map_are_compared(two, away):
     one = of_run(side(away / "two"), inputs={"mine.csv": "a", "map.toml": "m"}, options={"columns": {}})
-    later = side(write_made(away / "later", {"single": 1.65, "dual": 2.0}, seed=9))
+    later = side(write_made(away / "with_the_same_map", {"single": 1.65, "dual": 2.0}, seed=9))
     other = of_run(later, inputs={"theirs.csv": "b", "map.toml": "m"}, options={"columns": {}})
     assert compare_results(one, other, 0.95).ratios["k"]
+
+
+def test_intervals_of_results_are_told_apart_where_they_differ(two):
+    other = replace(two, name="other", cases=two.cases.assign(interval=0.8))
+    page = plain(document([Part(two, []), Part(other, [])]))
+    assert "Median and 95 % interval of two, 80 % interval of other." in page
+    assert "Median and 95 % interval. " in plain(document([Part(two, [])]))
