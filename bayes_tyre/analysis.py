@@ -346,19 +346,29 @@ def _verdict(posterior: xr.DataTree) -> str:
     return posterior.attrs.get("verdict") or diagnose(posterior).verdict
 
 
+def _checked(interval: float) -> float:
+    if not 0.0 < interval < 1.0:
+        raise BadInput(f"interval is {interval}: it is a probability; give a number between 0 and 1, such as 0.95")
+    return interval
+
+
 def cases(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
-    """Return k (kN/mm) and beta (mm) of each case: the columns of `cases.csv`."""
-    return summary.cases(put_together(posterior), _verdict(posterior), interval)
+    """Return k (kN/mm) and beta (mm) of each case: the columns of `cases.csv`.
+
+    `interval`, here and below, is the probability between `lower` and `upper`, equal-tailed; where it is none between
+    0 and 1 it is refused as `BadInput`.
+    """
+    return summary.cases(put_together(posterior), _verdict(posterior), _checked(interval))
 
 
 def contrasts(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
     """Return ratios of k and of beta between configurations and directions: the columns of `contrasts.csv`."""
-    return ratios.contrasts(put_together(posterior), _verdict(posterior), interval)
+    return ratios.contrasts(put_together(posterior), _verdict(posterior), _checked(interval))
 
 
 def repeats(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
     """Return the parameters of each record and whether it is discordant: the columns of `repeats.csv`."""
-    return summary.repeats(put_together(posterior), _verdict(posterior), interval)
+    return summary.repeats(put_together(posterior), _verdict(posterior), _checked(interval))
 
 
 def figure(
@@ -385,14 +395,15 @@ def figure(
     Raises
     ------
     BadInput
-        For a name that there is not, a figure of records without records, and records that were not fitted.
+        For a name that there is not, a figure of records without records, records that were not fitted, and an interval
+        that is no probability.
     """
     tree, table = put_together(posterior), None
     if records is not None and "record" in tree["posterior"].dims:
         table = used_points(fitted_records(tree, check_record_table(records)), model_of(tree).region)
     from_tables = posterior.attrs["origin"] in ("published", "reconstructed")
     printed = tables.case_means() if from_tables else None
-    result = Result(tree, _verdict(posterior), table, printed, interval)
+    result = Result(tree, _verdict(posterior), table, printed, _checked(interval))
     return NotebookFigure(chosen_figure(result, name))
 
 
@@ -431,8 +442,9 @@ def predict(
     Raises
     ------
     BadInput
-        For a posterior without records, and a case that it does not hold.
+        For a posterior without records, a case that it does not hold, and an interval that is no probability.
     """
+    interval = _checked(interval)
     verdict, tree = _verdict(posterior), put_together(posterior)
     query = parse_query([case] if isinstance(case, str) else case, prediction.predictable_cases(tree))
     grid = None if displacement_mm is None else np.asarray(displacement_mm, dtype=float).ravel()

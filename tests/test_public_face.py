@@ -174,6 +174,18 @@ def test_cases_are_asked_for_by_one_text_or_several():
     assert set(both.curves["interval"]) == {0.5}
 
 
+@pytest.mark.parametrize("interval", [0.0, 1.0, 95.0, -0.5, np.nan])
+def test_an_interval_that_is_no_probability_is_refused(interval):
+    factors = grid()
+    tree = posterior(scattered(factors, seed=44), factors)
+    for function, arguments in (
+        *((each, ()) for each in (bt.cases, bt.contrasts, bt.repeats)),
+        *((bt.figure, ("contrasts",)), (bt.predict, ("single (0)20-30",))),
+    ):
+        with pytest.raises(BadInput, match="give a number between 0 and 1"):
+            function(tree, *arguments, interval=interval)
+
+
 def test_a_figure_is_drawn_of_the_points_and_records_that_were_fitted(monkeypatch):
     table, shown = check_record_table(small()), []
     tree = drawn(table)
