@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -178,12 +179,12 @@ def test_cases_are_asked_for_by_one_text_or_several():
 def test_an_interval_that_is_no_probability_is_refused(interval):
     factors = grid()
     tree = posterior(scattered(factors, seed=44), factors)
-    for function, arguments in (
-        *((each, ()) for each in (bt.cases, bt.contrasts, bt.repeats)),
-        *((bt.figure, ("contrasts",)), (bt.predict, ("single (0)20-30",))),
+    for call in (
+        *(partial(table, tree) for table in (bt.cases, bt.contrasts, bt.repeats)),
+        *(partial(bt.figure, tree, "contrasts"), partial(bt.predict, tree, "single (0)20-30")),
     ):
         with pytest.raises(BadInput, match="give a number between 0 and 1"):
-            function(tree, *arguments, interval=interval)
+            call(interval=interval)
 
 
 def test_a_figure_is_drawn_of_the_points_and_records_that_were_fitted(monkeypatch):
