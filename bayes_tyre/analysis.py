@@ -47,6 +47,7 @@ from bayes_tyre.results import log_likelihood, prediction, summary
 from bayes_tyre.results.cases.selection import parse_query
 from bayes_tyre.results.cases.stacked import Weighted
 from bayes_tyre.results.derived import with_derived
+from bayes_tyre.results.fitted_records import fitted_records
 from bayes_tyre.results.posterior import Posterior
 from bayes_tyre.results.prediction import Prediction
 from bayes_tyre.runtime import prepare_jax
@@ -345,19 +346,29 @@ def _verdict(posterior: xr.DataTree) -> str:
     return posterior.attrs.get("verdict") or diagnose(posterior).verdict
 
 
+def _checked(interval: float) -> float:
+    if not 0.0 < interval < 1.0:
+        raise BadInput(f"interval is {interval}: it is a probability; give a number between 0 and 1, such as 0.95")
+    return interval
+
+
 def cases(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
-    """Return k (kN/mm) and beta (mm) of each case: the columns of `cases.csv`."""
-    return summary.cases(put_together(posterior), _verdict(posterior), interval)
+    """Return k (kN/mm) and beta (mm) of each case: the columns of `cases.csv`.
+
+    `interval`, here and below, is the probability between `lower` and `upper`, equal-tailed; where it is none between
+    0 and 1 it is refused as `BadInput`.
+    """
+    return summary.cases(put_together(posterior), _verdict(posterior), _checked(interval))
 
 
 def contrasts(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
     """Return ratios of k and of beta between configurations and directions: the columns of `contrasts.csv`."""
-    return ratios.contrasts(put_together(posterior), _verdict(posterior), interval)
+    return ratios.contrasts(put_together(posterior), _verdict(posterior), _checked(interval))
 
 
 def repeats(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
     """Return the parameters of each record and whether it is discordant: the columns of `repeats.csv`."""
-    return summary.repeats(put_together(posterior), _verdict(posterior), interval)
+    return summary.repeats(put_together(posterior), _verdict(posterior), _checked(interval))
 
 
 def figure(
@@ -372,7 +383,7 @@ def figure(
     name:
         Of the file, such as ``contrasts`` or ``posteriors_by_direction``.
     records:
-        The table that was fitted; figures of records need it.
+        The table that was fitted, its records in any order; figures of records need it.
     interval:
         Probability of every interval, equal-tailed.
 
@@ -384,12 +395,15 @@ def figure(
     Raises
     ------
     BadInput
-        For a name that there is not, and a figure of records without records.
+        For a name that there is not, a figure of records without records, records that were not fitted, and an interval
+        that is no probability.
     """
-    table = None if records is None else check_record_table(records)
+    tree, table = put_together(posterior), None
+    if records is not None and "record" in tree["posterior"].dims:
+        table = used_points(fitted_records(tree, check_record_table(records)), model_of(tree).region)
     from_tables = posterior.attrs["origin"] in ("published", "reconstructed")
     printed = tables.case_means() if from_tables else None
-    result = Result(put_together(posterior), _verdict(posterior), table, printed, interval)
+    result = Result(tree, _verdict(posterior), table, printed, _checked(interval))
     return NotebookFigure(chosen_figure(result, name))
 
 
@@ -428,8 +442,9 @@ def predict(
     Raises
     ------
     BadInput
-        For a posterior without records, and a case that it does not hold.
+        For a posterior without records, a case that it does not hold, and an interval that is no probability.
     """
+    interval = _checked(interval)
     verdict, tree = _verdict(posterior), put_together(posterior)
     query = parse_query([case] if isinstance(case, str) else case, prediction.predictable_cases(tree))
     grid = None if displacement_mm is None else np.asarray(displacement_mm, dtype=float).ravel()

@@ -1,5 +1,6 @@
 """Batches of records: records of different lengths padded to arrays of one shape."""
 
+import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -38,6 +39,16 @@ class Batch:
     def points(self) -> np.ndarray:
         """Number of measured points a record, shape (records,)."""
         return self.present.sum(axis=1)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the records' names and readings, whatever the order of the records."""
+        digest = hashlib.sha256()
+        for i in np.argsort(self.records):
+            digest.update(self.records[i].encode())
+            for readings in (self.displacement_mm, self.force_kN):
+                digest.update(np.ascontiguousarray(readings[i][self.present[i]]).tobytes())
+        return digest.hexdigest()
 
     def narrowed(self, width: int) -> "Batch":
         """Return the first `width` points of every record."""

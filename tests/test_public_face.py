@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +13,17 @@ import pytest
 import xarray as xr
 from helpers.command_line import environment, small, written
 from helpers.hand_made_posteriors import grid, posterior, scattered
+from helpers.quick_fits import drawn
+from matplotlib.figure import Figure
 
 import bayes_tyre as bt
 from bayes_tyre import analysis
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.constant_data import put_together
 from bayes_tyre.formats.netcdf import write_tree
+from bayes_tyre.inference.model.prepared_records import used_points
 from bayes_tyre.laws import fancher
+from bayes_tyre.record_table import check_record_table
 
 README = Path(__file__).parents[1] / "README.md"
 
@@ -168,6 +173,30 @@ def test_cases_are_asked_for_by_one_text_or_several():
     both = bt.predict(tree, ["single (0)20-30", "dual (0)20-30"], np.array([0.0, 1.5]), interval=0.5)
     assert both.curves["configuration"].tolist() == ["single"] * 2 + ["dual"] * 2
     assert set(both.curves["interval"]) == {0.5}
+
+
+@pytest.mark.parametrize("interval", [0.0, 1.0, 95.0, -0.5, np.nan])
+def test_an_interval_that_is_no_probability_is_refused(interval):
+    factors = grid()
+    tree = posterior(scattered(factors, seed=44), factors)
+    for call in (
+        *(partial(table, tree) for table in (bt.cases, bt.contrasts, bt.repeats)),
+        *(partial(bt.figure, tree, "contrasts"), partial(bt.predict, tree, "single (0)20-30")),
+    ):
+        with pytest.raises(BadInput, match="give a number between 0 and 1"):
+            call(interval=interval)
+
+
+def test_a_figure_is_drawn_of_the_points_and_records_that_were_fitted(monkeypatch):
+    table, shown = check_record_table(small()), []
+    tree = drawn(table)
+    tree.attrs["region"] = "thesis"
+    monkeypatch.setattr(analysis, "chosen_figure", lambda result, _: shown.append(result.table) or Figure())
+    backwards = pd.concat([rows for _, rows in sorted(table.groupby("record"), reverse=True)])
+    bt.figure(tree, "records_with_bands", backwards)
+    pd.testing.assert_frame_equal(shown[0], used_points(table, "thesis"))
+    with pytest.raises(BadInput, match="not the records that the posterior was fitted to"):
+        bt.figure(tree, "records_with_bands", table[table["record"] != table["record"].iloc[0]])
 
 
 EXAMPLES = """

@@ -4,7 +4,7 @@ import functools
 import inspect
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -222,6 +222,18 @@ def assignments(options: list[str], flag: str) -> dict[str, float]:
             raise typer.BadParameter(f"{option!r} is not NAME=VALUE, such as {flag} k=1.8", param_hint=flag)
         values[name] = number
     return values
+
+
+def given_beside(context: typer.Context, accepted: Collection[str]) -> str:
+    """Return the first option on the command line, or argument in capitals, that is not accepted; empty if all are.
+
+    `accepted` has names of the command's parameters, such as ``target_accept``.
+    """
+    for option in context.command.params:
+        source = context.get_parameter_source(str(option.name))
+        if option.name not in accepted and source is not None and source.name == "COMMANDLINE":
+            return option.opts[0] if option.opts[0].startswith("-") else str(option.name).upper()
+    return ""
 
 
 def checked_limit(text: str | None, among: Sequence[str] | None = None) -> str | None:

@@ -9,7 +9,8 @@ from bayes_tyre.inference.diagnostics.leave_one_out.fits import densities_of_rec
 from bayes_tyre.inference.model.prepared_records import prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.common_scales import as_measured
-from bayes_tyre.inference.sampling.datatree import OPTIONS, RECORDS_DIGEST, attributes_of, model_of
+from bayes_tyre.inference.sampling.datatree import OPTIONS, attributes_of, model_of
+from bayes_tyre.results.fitted_records import fitted_records
 
 GROUP, VARIABLE = "log_likelihood", "record_force"
 
@@ -34,9 +35,7 @@ def with_log_likelihood(tree: xr.DataTree, table: pd.DataFrame) -> xr.DataTree:
     if "record" not in posterior.dims:
         raise BadInput("the posterior is of no records, so none can be left out; fit a record table")
     names, model = [str(name) for name in posterior["record"].to_numpy()], model_of(tree)
-    records = prepare_records(_in_order(table, names), model)
-    if tree.attrs.get(RECORDS_DIGEST, records.digest) != records.digest:
-        raise BadInput("the readings are not those that the posterior was fitted to; give the same table")
+    records = prepare_records(fitted_records(tree, table), model)
     densities = densities_of_records(as_measured(posterior), records, model)
     sizes = posterior.sizes["chain"], posterior.sizes["draw"], len(names)
     group = xr.Dataset(
@@ -46,18 +45,6 @@ def with_log_likelihood(tree: xr.DataTree, table: pd.DataFrame) -> xr.DataTree:
     with_group = tree.copy()
     with_group["posterior"], with_group[GROUP] = xr.DataTree(posterior), xr.DataTree(group)
     return with_group
-
-
-def _in_order(table: pd.DataFrame, names: list[str]) -> pd.DataFrame:
-    """Return a table with its records in the order of a posterior's."""
-    by_name = {str(name): rows for name, rows in table.groupby("record", sort=False)}
-    if set(by_name) != set(names):
-        other = min(set(by_name) ^ set(names))
-        raise BadInput(
-            f"these are not the records that the posterior was fitted to: {other!r} is in one of them only; give the "
-            "same table"
-        )
-    return pd.concat([by_name[name] for name in names], ignore_index=True)
 
 
 def check_same_model(tree: xr.DataTree, model: ModelSettings) -> None:

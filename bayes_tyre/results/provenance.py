@@ -87,6 +87,32 @@ def difference(saved: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     return "" if saved.get("seed") == now["seed"] else f"seed was {saved.get('seed')}, is {now['seed']}"
 
 
+def share_records(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Return whether two runs, as `run.json` holds them, rest on a table or recording in common, by its content.
+
+    Column maps, rigs and tables of cases hold no records. Sheets of a workbook are tables of their own; where a run
+    names no sheet, it may have read any of them.
+    """
+    mine, theirs = _sheets_read(one), _sheets_read(other)
+    return any(
+        None in mine[digest] | theirs[digest] or mine[digest] & theirs[digest] for digest in mine.keys() & theirs.keys()
+    )
+
+
+def _sheets_read(run: Mapping[str, Any]) -> dict[str, set[str | None]]:
+    """Return which sheets were read of each input of records, by its SHA-256; None: the file, or no named sheet."""
+    options, inputs = run["options"], list(run["inputs"].items())
+    if options.get("columns") is not None:
+        inputs = inputs[:-1]  # the column map is the last input
+    named = {str(Path(str(options[name]))) for name in ("rig", "cases") if options.get(name) is not None}
+    sheets: dict[str, set[str | None]] = {}
+    for name, digest in inputs:
+        path, sheet = split_sheet(Path(name))
+        if name not in named and path.suffix.lower() != ".toml":  # rows of a table of cases name rigs too
+            sheets.setdefault(str(digest), set()).add(sheet)
+    return sheets
+
+
 def read_run(path: Path, by: str = "fit", otherwise: str = "run that command again") -> dict[str, Any]:
     """Return what the `run.json` of a command holds.
 

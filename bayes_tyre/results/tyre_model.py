@@ -153,7 +153,8 @@ def means_of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]
         }
         group = tuple(means[name].to_numpy()[i] for name in CASE_FACTORS[:2])
         count = sum((case.configuration, case.direction) == group for case in cases)
-        models.append(TyreModel(f"{label} mean", values, conditions=f"mean over {count} cases of {label}"))
+        about = f"mean over {count} cases of {label or 'all records'}"
+        models.append(TyreModel(f"{label} mean".strip(), values, conditions=about))
     return models
 
 

@@ -156,7 +156,7 @@ def _input(run_json: Path, name: str, digest: str) -> Path:
     if same is None:
         raise BadInput(
             f"{there[0]}: is not the input of {run_json}: SHA-256 was {digest[:12]}..., is {sha256(there[0])[:12]}...; "
-            "bring back the file, or fit this one without --from"
+            "bring back the file, or fit this one anew"
         )
     return same
 

@@ -151,6 +151,15 @@ def test_means_are_those_that_a_fit_prints(results, tmp_path):
         assert f"mean over 1 cases of single {row['direction']}" in text
 
 
+@pytest.mark.parametrize(
+    ("missing", "name", "of"),
+    [(("configuration",), "loading_mean", "loading"), (("configuration", "direction"), "mean", "all records")],
+)
+def test_means_of_records_without_a_factor_are_named_by_the_others(missing, name, of, tmp_path):
+    files = export(a_result(tmp_path / "fit", records("single", without=missing)), "tir", tmp_path / "out", "--means")
+    assert f"cases of {of};" in said(files[f"{name}.tir"])
+
+
 def test_a_motion_gives_the_damping(results, tmp_path):
     made = ini(export(results["motion"], "tir", tmp_path / "out")["single_0_20_30.tir"])
     assert float(made["VERTICAL"]["VERTICAL_DAMPING"]) == pytest.approx(1500.0)
@@ -216,6 +225,22 @@ def test_a_result_that_failed_is_written_says_so_in_every_file_and_ends_with_4(r
         assert done.stderr.count("\n") == 1
         assert "not to be trusted" in done.stderr
         assert all("NOT TO BE TRUSTED: verdict fail" in path.read_text() for path in (tmp_path / to).iterdir())
+
+
+def test_files_of_an_earlier_export_are_removed_and_no_others(results, tmp_path):
+    out = tmp_path / "out"
+    earlier = tuple(out / name for name in export(results["motion"], "modelica", out, "--quantiles", "0.1"))
+    mine = out / "my_tyre.tir", out / "readings.csv", out / "single_0_20_30.toml"
+    mine[1].write_text("d,F\n0,1\n")
+    mine[2].write_text(f"# {earlier[0].read_text()}")
+    for to in ("tydex", "csv-spline", "tir"):
+        export(results["motion"], to, out)
+    copied = out / "dual_0_20_30.tir"
+    mine[0].write_text(copied.read_text().replace("[MODEL]", "[MODEL]\nMINE = 1"))
+    export(results["fit"], "tir", out)
+    new = {"single_0_20_30.tir", "single_0_30_20.tir"}
+    assert {path.name for path in out.iterdir()} == new | {path.name for path in mine}
+    assert len(earlier) == 8
 
 
 def test_hostile_labels_are_text_and_no_two_cases_share_a_file(tmp_path):

@@ -33,6 +33,7 @@ def test_fit_puts_the_reference_below_and_show_and_report_another(monkeypatch, t
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "dual / single" in page
     assert "single / dual" not in page
+    assert "Ratios in the figures are as the fit drew them" in page
     refused = here("report", out, "--kept-figures", "--reference", "triple")
     assert_refused(refused.exit_code, refused.stderr, "--reference 'triple'", "'dual', 'single'")
 

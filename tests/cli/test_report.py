@@ -85,6 +85,15 @@ def test_kept_figures_are_shown_as_they_lie_there(fitted, tmp_path):
     assert headings == ["Not checked", HEADINGS["contrasts"][0], HEADINGS["pair_plot"][0], "Of my own"]
 
 
+@pytest.mark.parametrize("option", [("--reference", "single"), ("--kept-figures",)])
+def test_options_of_a_posterior_are_refused_for_estimates(option, tmp_path):
+    lsq = tmp_path / "lsq"
+    assert here("lsq", written(small(), tmp_path / "records.csv"), "--out", lsq).exit_code == 0
+    done = here("report", lsq, *option)
+    assert_refused(done.exit_code, done.stderr, f"{lsq}: holds no posterior, which {option[0]} is of")
+    assert not (lsq / "report.html").exists()
+
+
 def test_figures_of_records_are_those_of_the_fit_where_its_input_is_gone(fitted, tmp_path, quick):
     folder = shutil.copytree(fitted, tmp_path / "fit")
     (folder / "figures").mkdir()

@@ -48,6 +48,20 @@ def test_average_ratios_are_those_of_the_contrasts(tree, parameter):
     np.testing.assert_allclose(found, averages[["lower", "median", "upper"]], rtol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("missing", "labels"),
+    [
+        (["configuration"], ["loading", "unloading"]),
+        (["direction"], ["single"]),
+        (["configuration", "direction"], [""]),
+    ],
+)
+def test_means_are_labelled_by_the_factors_that_there_are(missing, labels):
+    factors = grid(("single",)).drop(columns=missing)
+    found = with_derived(posterior(scattered(factors, seed=1), factors))[DERIVED]
+    assert found["mean_of"].to_numpy().tolist() == labels
+
+
 def test_a_single_case_has_a_mean_and_no_ratio():
     one = grid().iloc[:3]
     found = with_derived(posterior(scattered(one, seed=1), one))[DERIVED]

@@ -150,11 +150,8 @@ def _check_usage(context: typer.Context, records: list[Path] | None, from_run: P
         if not records:
             raise typer.BadParameter("missing; name a record table, or give --from RUN.JSON", param_hint="RECORDS")
         return
-    for option in context.command.params:
-        source = context.get_parameter_source(str(option.name))
-        if option.name not in BESIDE_FROM and source is not None and source.name == "COMMANDLINE":
-            name = option.opts[0] if option.opts[0].startswith("-") else "RECORDS"
-            raise typer.BadParameter(f"contradicts --from, whose run.json holds it; leave {name} out", param_hint=name)
+    if name := shell.given_beside(context, BESIDE_FROM):
+        raise typer.BadParameter(f"contradicts --from, whose run.json holds it; leave {name} out", param_hint=name)
 
 
 def _checked_table(plan: "Plan") -> "pd.DataFrame":

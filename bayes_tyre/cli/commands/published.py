@@ -10,10 +10,15 @@ import typer
 from bayes_tyre.cli import sampled, shell
 from bayes_tyre.cli.model_options import PriorsOption
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.files import check_folder
 from bayes_tyre.runtime import prepare_jax
+
+#: Options that have an effect without --posterior; --seed is accepted by every command.
+WITHOUT_POSTERIOR = ("out", "posterior", "seed", "quiet", "verbose", "log_file")
 
 
 def published(
+    context: typer.Context,
     out: shell.Out,
     posterior: Annotated[bool, typer.Option("--posterior", help="Also fit Tables 9 and 11 themselves.")] = False,
     chains: shell.Chains = 4,
@@ -31,18 +36,21 @@ def published(
 
     Example: bayes-tyre published --out results/published --posterior
     """
+    if not posterior and (name := shell.given_beside(context, WITHOUT_POSTERIOR)):
+        raise typer.BadParameter("has no effect without --posterior", param_hint=name)
     prepare_jax(chains)
+    from bayes_tyre.workflow.fit import fit_published_tables, read_priors
     from bayes_tyre.workflow.published import agreement_lines, check_published
 
+    prior_settings = read_priors(priors)  # before minutes of work, like the folder
+    if posterior:
+        check_folder(out / "posterior")
     check = check_published(out)
     shell.say(f"wrote {out / 'published_check.csv'}", quiet)
     for line in agreement_lines(check):
         shell.say(f"  {line}", quiet)
     trusted = bool(check["agrees"].all())
     if posterior:
-        from bayes_tyre.workflow.fit import fit_published_tables, read_priors
-
-        prior_settings = read_priors(priors)
         settings = sampled.settings(chains, warmup, draws, seed, target_accept, default=2000)
         with shell.stages(quiet) as stages:
             callbacks = sampled.callbacks(stages, quiet)

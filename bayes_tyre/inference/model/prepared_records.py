@@ -1,6 +1,5 @@
 """From a checked record table to what the model of records takes, made once for all that needs it."""
 
-import hashlib
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -93,17 +92,6 @@ class PreparedRecords(NamedTuple):
     factors: Factors
     whitening: Whitening | None
     likelihood: Likelihood | StudentLikelihood
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of the records' names and of the readings that the model uses, whatever the order of the records."""
-        digest = hashlib.sha256()
-        for i in np.argsort(self.measured.records):
-            present = self.measured.present[i]
-            digest.update(self.measured.records[i].encode())
-            for readings in (self.measured.displacement_mm, self.measured.force_kN):
-                digest.update(np.ascontiguousarray(readings[i][present]).tobytes())
-        return digest.hexdigest()
 
     @property
     def normal_likelihood(self) -> Likelihood:

@@ -35,7 +35,7 @@ OPTIONS = (
     *(*LEVELS, "covariates"),
 )
 _TEXT_OPTIONS = ("region", "initial_load", "repeats", "noise", "law")
-#: Attribute of a posterior's root: which records it was fitted to (`PreparedRecords.digest`).
+#: Attribute of a posterior's root: which records it was fitted to (`Batch.digest` of the points that it used).
 RECORDS_DIGEST = "records_sha256"
 
 

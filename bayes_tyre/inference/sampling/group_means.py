@@ -32,6 +32,6 @@ def named_group_means(tree: xr.DataTree) -> xr.Dataset:
     means = group_means(tree)
     groups = zip(means["configuration"].to_numpy(), means["direction"].to_numpy(), strict=True)
     # A table without a factor has none of its levels.
-    labels = [" ".join(level for level in group if isinstance(level, str)) for group in groups]
+    labels = [" ".join(level for level in group if isinstance(level, str) and level) for group in groups]
     means = means.assign_coords(group=labels)
     return means.rename({name: f"{name}_mean" for name in means.data_vars} | {"group": "mean_of"})

@@ -100,7 +100,7 @@ def fit_prepared(
 
     `chains`, of `joint_chains`, may be those of other records of the same factors and number of points.
     """
-    attributes = {"model": "records", RECORDS_DIGEST: records.digest, **attributes_of(model)}
+    attributes = {"model": "records", RECORDS_DIGEST: records.measured.digest, **attributes_of(model)}
     draws, runs = None, ()
     if collapses(records, model):
         draws, runs, error = sample_collapsed(records, settings, model)

@@ -17,6 +17,7 @@ from bayes_tyre.report.figures.page.labels import interval_name, plain
 from bayes_tyre.report.figures.page.layout import STYLE
 from bayes_tyre.report.wording import AXIS_NAMES, panels, probability_text, text_name
 from bayes_tyre.results.columns import numbers, texts
+from bayes_tyre.results.contrasts import SAME_CASE
 
 #: Height of a line, inches; the room of the shortest list, lines.
 _LINE, _LEAST = 0.17, 8
@@ -48,7 +49,7 @@ def contrasts_by_case(contrasts: pd.DataFrame, setting: Setting, about: str = ""
     for column in ("median", "lower", "upper", "interval", "p_greater_than_1"):
         rows[column] = numbers(contrasts, column)
     rows["of_case"] = rows[list(CASE_FACTORS[2:])].notna().any(axis=1)
-    between_directions = rows["contrast"].str.contains("loading")
+    between_directions = rows["matching"] != SAME_CASE
     rows = rows[rows["parameter"].isin(list(AXIS_NAMES)) & ~(between_directions & rows["of_case"])]
     listed = rows.drop_duplicates(["contrast", "matching", *CASE_FACTORS]).reset_index(drop=True)
     headings = [plain(f"{row['contrast']}, {row['matching']}", 60) for row in listed.to_dict("records")]

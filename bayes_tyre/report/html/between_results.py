@@ -16,6 +16,7 @@ from bayes_tyre.record import CASE_FACTORS, ENERGY
 from bayes_tyre.report.answer.formatting import label
 from bayes_tyre.report.answer.ratios import SAME_CASE, Ratio, ratio_of
 from bayes_tyre.results.contrasts import contrasts
+from bayes_tyre.results.provenance import share_records
 
 #: Why two results may have no ratio.
 SAME_RECORDS = (
@@ -37,12 +38,11 @@ class Comparison(NamedTuple):
 
 
 class ComparedResult(NamedTuple):
-    """One of the results: name, posterior (None where it has none by case), hashes of its inputs, origin."""
+    """One of the results: name, posterior (None where it has none by case), what its `run.json` holds."""
 
     name: str
     tree: xr.DataTree | None
-    inputs: frozenset[Any]
-    origin: str
+    run: Mapping[str, Any]
 
 
 def compare_results(first: ComparedResult, other: ComparedResult, interval: float) -> Comparison:
@@ -51,9 +51,9 @@ def compare_results(first: ComparedResult, other: ComparedResult, interval: floa
     Draws of the two are paired at random, by a fixed seed: their posteriors are independent, whatever their seeds.
     """
     names = {"first": label(first.name), "other": label(other.name)}
-    if first.inputs & other.inputs:
+    if share_records(first.run, other.run):
         return Comparison({}, SAME_RECORDS.format(**names))
-    if {first.origin, other.origin} == {"published", "reconstructed"}:
+    if {first.run["origin"], other.run["origin"]} == {"published", "reconstructed"}:
         return Comparison({}, SAME_TABLES.format(**names))
     if first.tree is None or other.tree is None:
         return Comparison({}, NO_CASES.format(**names))

@@ -78,12 +78,12 @@ def document(parts: Sequence[Part], comparisons: Sequence[Comparison] = (), head
         head,
         title=_title(results),
         parts=[_shown(part) for part in parts],
-        comparisons=_comparisons_shown(comparisons),
+        comparisons=_comparisons_shown(comparisons, results[0].interval),
         means=means,
         unlike=UNLIKE_CASES if any(unlike_cases(result) for result in results) else "",
         tables=[table for table in long_tables if table.rows],
         without=[table.caption for table in long_tables if not table.rows],
-        interval=" or ".join(dict.fromkeys(interval_name(result.interval) for result in results)),
+        interval=_intervals(results),
         figures=_figures(parts),
         made=_made_table(results),
         glossary=glossary(results),
@@ -149,7 +149,14 @@ def _shown(part: Part) -> dict[str, Any]:
     }
 
 
-def _comparisons_shown(comparisons: Sequence[Comparison]) -> dict[str, Any]:
+def _intervals(results: Sequence[Reported]) -> str:
+    """Return which interval the tables give, where results have different ones that of each."""
+    named = [(interval_name(result.interval), label(result.name)) for result in results]
+    different = len({interval for interval, _ in named}) > 1
+    return ", ".join(f"{interval} of {name}" for interval, name in named) if different else named[0][0]
+
+
+def _comparisons_shown(comparisons: Sequence[Comparison], interval: float) -> dict[str, Any]:
     ratios = [
         (text_name(parameter), ratio) for each in comparisons for parameter, of in each.ratios.items() for ratio in of
     ]
@@ -168,10 +175,11 @@ def _comparisons_shown(comparisons: Sequence[Comparison]) -> dict[str, Any]:
         for parameter, ratio in ratios
         if parameter == STIFFNESS
     ]
+    caption = f"Ratios between the results, averaged over the cases of both: median and {interval_name(interval)}"
     return {
         "sentences": sentences,
         "limitations": [each.limitation for each in comparisons if each.limitation],
-        "table": Table("across", "Ratios between the results, averaged over the cases of both", columns, rows),
+        "table": Table("ratios", caption, columns, rows),
     }
 
 

@@ -54,9 +54,13 @@ def parse_goal(text: str, cases: Sequence[Case], with_records: int, parameters: 
     labels = [case.label for case in cases]
     if asked in labels:
         return Goal(text, parameter, np.eye(len(cases))[labels.index(asked)], "one case")
-    first, _, second = (part.strip() for part in asked.partition("/"))
-    pairs, of = _pairs(first, second, cases[:with_records])
-    if not pairs or first == second:
+    parts = asked.split("/")  # a label may have a slash of its own
+    for place in range(1, len(parts)):
+        first, second = ("/".join(side).strip() for side in (parts[:place], parts[place:]))
+        pairs, of = _pairs(first, second, cases[:with_records])
+        if pairs and first != second:
+            break
+    else:
         configurations = sorted({case.configuration for case in cases})
         raise BadInput(
             f"--goal {quoted(text)}: is no case, and no ratio of configurations ({case_list(configurations)}) or of "

@@ -7,10 +7,12 @@ import pandas as pd
 
 from bayes_tyre.errors import BadInput, errors_name
 from bayes_tyre.formats.tables.table_files import read_table
+from bayes_tyre.plain_text import one_line
 from bayes_tyre.record import CASE_FACTORS
 from bayes_tyre.report.limits import limit_sentences
 from bayes_tyre.results.columns import numbers
 from bayes_tyre.results.limits import parse_limit, with_limit
+from bayes_tyre.results.separate_fits import read_separate_fits
 from bayes_tyre.results.summary import cases
 from bayes_tyre.workflow.from_results.predict import read_posterior
 
@@ -38,8 +40,22 @@ def posterior_in(folder: Path) -> Path:
     return below if (below / "run.json").is_file() and not (folder / "run.json").exists() else folder
 
 
+def check_posterior(folder: Path, option: str) -> None:
+    """Refuse an option that is of posteriors, for a folder of results without one.
+
+    Raises
+    ------
+    BadInput
+        If the folder holds such results.
+    """
+    if answer(folder) or read_separate_fits(folder):
+        raise BadInput(f"{folder}: holds no posterior, which {option} is of; leave the option out")
+
+
 def limits_of(folders: Sequence[Path], limit: str) -> Iterator[str]:
     """Yield for every case of posteriors on disk how probable it is that it keeps a limit, a sentence each.
+
+    Of several folders, each sentence begins with its own.
 
     Raises
     ------
@@ -50,8 +66,9 @@ def limits_of(folders: Sequence[Path], limit: str) -> Iterator[str]:
         path, tree, verdict = read_posterior(folder)
         with errors_name(path):
             table = with_limit(cases(tree, verdict), tree, parse_limit(limit))
+        which = f"{one_line(folder, None)}: " if len(folders) > 1 else ""
         trust = "" if verdict == "pass" else " (verdict fail, not to be trusted)"
-        yield from (f"{sentence}{trust}" for sentence in limit_sentences(table))
+        yield from (f"{which}{sentence}{trust}" for sentence in limit_sentences(table))
 
 
 def _audit(table: pd.DataFrame, folder: Path) -> list[str]:

@@ -15,7 +15,7 @@ from bayes_tyre.formats.files import check_folder, prepare_folder, whole_file
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.diagnostics.attempts import Attempt, Attempts
 from bayes_tyre.inference.diagnostics.leave_one_out.fits import leave_one_case_out, leave_one_record_out
-from bayes_tyre.inference.diagnostics.leave_one_out.left_out import LeaveOneOut
+from bayes_tyre.inference.diagnostics.leave_one_out.left_out import EFFECTIVE_LEAST, LeaveOneOut
 from bayes_tyre.inference.motion.hierarchy.leave_one_out import leave_one_motion_out
 from bayes_tyre.inference.sampling.datatree import is_of_motions
 from bayes_tyre.inference.sampling.run import SamplerSettings, kept_acceptance
@@ -117,7 +117,7 @@ def compare_folders(
         )
     _write(tables, out)
     ranked = [tables[name] for name in (COMPARISON, OF_CASES) if name in tables]
-    untrusted = (_untrusted(name, verdicts[name], tables[COMPARISON]) for name in left_out)
+    untrusted = (_untrusted(name, verdicts[name], tables[COMPARISON], refit) for name in left_out)
     return Comparison(
         tuple(ranked),
         tuple(map(sentence, ranked)),
@@ -154,17 +154,20 @@ def _write(tables: Mapping[str, pd.DataFrame], out: Path) -> None:
             write_table(table, whole.enter_context(whole_file(out / name)))
 
 
-def _untrusted(name: str, verdict: str, compared: pd.DataFrame) -> str:
-    """Return why a model is not to be trusted; nothing where it is."""
+def _untrusted(name: str, verdict: str, compared: pd.DataFrame, refit: bool) -> str:
+    """Return why a model is not to be trusted, and what to do that was not done; nothing where it is."""
     row = compared[compared["model"] == name].iloc[0]
     if row["verdict"] == "pass":
         return ""
     if verdict != "pass":
         return f"{name}: the posterior is not to be trusted; its diagnostics.json says why"
+    remedy = "a fit without a record failed; leave the model out" if refit else "compare without --no-refit"
+    if row["effective_points_min"] < EFFECTIVE_LEAST:  # fits without a record have no part in this
+        remedy = f"fewer than {EFFECTIVE_LEAST:g} points are too few for its records; leave the model out"
     return (
         f"{name}: the posterior passed, its elpd is not to be trusted: Pareto k of a record is "
         f"{row['pareto_k_max']:.2f} ({int(row['refitted'])} records fitted again), the least effective number of "
-        f"points {row['effective_points_min']:.0f}; compare without --no-refit"
+        f"points {row['effective_points_min']:.0f}; {remedy}"
     )
 
 

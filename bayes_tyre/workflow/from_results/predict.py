@@ -108,15 +108,22 @@ def target(folder: Path, out: Path | None) -> Path:
 
 
 def answers(curves: pd.DataFrame, most: int = 4) -> list[str]:
-    """Return the force (kN) at the last displacement (mm) of each predicted curve, a line each."""
+    """Return the force (kN) at the far end (mm) of each predicted curve, a line each, and how many more there are."""
     factors = {name: (texts if name in CASE_FACTORS[:2] else numbers)(curves, name) for name in CASE_FACTORS}
-    ends = curves.assign(**factors).groupby(list(CASE_FACTORS), sort=False, dropna=False).tail(1)
-    return [
-        f"{one_line(Case(*(row[name] for name in CASE_FACTORS)).label)} {one_line(row['direction'])}, "
-        f"{row['displacement_mm']:.4g} mm from the start of the step: "
-        f"{row['median']:.4g} kN [{row['lower']:.4g}, {row['upper']:.4g}]"
+    outward = curves.assign(**factors).sort_values("displacement_mm", key=abs, kind="stable")
+    ends = outward.groupby(list(CASE_FACTORS), sort=False, dropna=False).tail(1).sort_index()
+    lines = [
+        f"{_curve(Case(*(row[name] for name in CASE_FACTORS)))}, {row['displacement_mm']:.4g} mm from the start of the "
+        f"step: {row['median']:.4g} kN [{row['lower']:.4g}, {row['upper']:.4g}]"
         for row in ends.head(most).to_dict("records")
     ]
+    return [*lines, f"{len(ends) - most} more curves"] if len(ends) > most else lines
+
+
+def _curve(case: Case) -> str:
+    """Return a case's label and its direction, which the label names by itself where there is no step."""
+    direction = "" if np.isnan(case.step_kN) else case.direction
+    return one_line(" ".join(part for part in (case.label, direction) if part), 100)
 
 
 class Stack(NamedTuple):

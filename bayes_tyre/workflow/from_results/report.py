@@ -33,6 +33,8 @@ from bayes_tyre.workflow.result_names import names
 NAME, SUFFIXES = "report.html", (".html", ".htm")
 #: Note on figures that the fit drew and that cannot be drawn again.
 KEPT = "Figures of records are as the fit drew them: its input was not found, or has changed."
+#: Note on figures of the fit beside tables of another reference.
+TURNED = "Ratios in the figures are as the fit drew them: they may be over another configuration than in the tables."
 
 UNTRUSTED = "the posterior is not to be trusted; its report says why"
 
@@ -100,10 +102,14 @@ def write_report(
     ------
     BadInput
         If a result has no such configuration, a folder holds no finished result, is named twice, or the page cannot be
-        written; if it is to be printed and there is no browser. Nothing is written then.
+        written; if it is to be printed and there is no browser; for options of posteriors where there is none. Nothing
+        is written then.
     """
     browser = find_browser() if pdf else None
     if len(folders) == 1 and (fits := read_separate_fits(folders[0])):
+        for given, option in ((reference is not None, "--reference"), (kept_figures, "--kept-figures")):
+            if given:
+                raise BadInput(f"{folders[0]}: holds no posterior, which {option} is of; leave the option out")
         figures = stored_figures(folders[0] / "figures", set())
         return _written(fits_document(fits, list(figures), head), target(folders[0], out), browser), []
     read = [read_reported(folder, name) for folder, name in zip(folders, names(folders), strict=True)]
@@ -113,16 +119,14 @@ def write_report(
     for folder, result in zip(folders, results, strict=True):
         tree = read_tree(folder / "posterior.nc")
         if kept_figures or not has_cases(tree):  # only posteriors with cases have such figures
-            parts.append(Part(result, list(stored_figures(folder / "figures", set()))))
+            note = "" if reference is None else TURNED
+            parts.append(Part(result, list(stored_figures(folder / "figures", set())), note))
         else:
             attempts = Attempts()
             on_drawing(folder)
             parts.append(_drawn(folder, result, tree, on_note, attempts))
             warnings += [f"{result.name}: {check.reason}" for check in attempts.failed]
-        inputs = frozenset(result.run["inputs"].values())
-        compared_results.append(
-            ComparedResult(result.name, tree if has_cases(tree) else None, inputs, result.run["origin"])
-        )
+        compared_results.append(ComparedResult(result.name, tree if has_cases(tree) else None, result.run))
         on_progress(1)
     comparisons = [compare_results(compared_results[0], other, results[0].interval) for other in compared_results[1:]]
     written = _written(document(parts, comparisons, head), path, browser)

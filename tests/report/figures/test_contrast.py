@@ -32,6 +32,15 @@ def test_cases_of_contrasts_between_directions_are_left_to_the_table():
     assert texts == more
 
 
+def test_cases_of_a_configuration_that_is_called_after_a_direction_are_drawn():
+    table = contrasts()
+    same = table["matching"] == "same case"
+    table.loc[same, "contrast"] = "loading rig A / loading rig B"
+    left, _ = contrasts_by_case(table, MEASURED).get_axes()
+    labels = [tick.get_text() for tick in left.get_yticklabels()]
+    assert labels[:3] == ["loading rig A / loading rig B, same case", "average", "loading (0)10-15"]
+
+
 def test_cases_that_differ_by_speed_alone_are_named_by_it():
     table = contrasts()
     same = table[table["matching"] == "same case"]

@@ -1,9 +1,12 @@
 """Comparison of several results on one page: ratios between independent ones, and none where they are not."""
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers.pages import plain
 from helpers.reported_results import write_made
 
 from bayes_tyre.formats.netcdf import read_tree
@@ -14,8 +17,11 @@ from bayes_tyre.report.html.page import Part, document
 
 def side(folder: Path) -> ComparedResult:
     result = read_reported(folder, folder.name)
-    inputs = frozenset(result.run["inputs"].values())
-    return ComparedResult(folder.name, read_tree(folder / "posterior.nc"), inputs, result.run["origin"])
+    return ComparedResult(folder.name, read_tree(folder / "posterior.nc"), result.run)
+
+
+def of_run(result: ComparedResult, **changes: object) -> ComparedResult:
+    return result._replace(run={**result.run, **changes})
 
 
 def test_campaigns_are_compared_configuration_by_configuration(two, away):
@@ -28,6 +34,9 @@ def test_campaigns_are_compared_configuration_by_configuration(two, away):
     page = document([Part(two, []), Part(read_reported(later, "next_year"), [])], [found])
     assert "Configuration single (two) is 9" in page
     assert "the test cases of both" in page
+    assert "averaged over the cases of both: median and 95" in page
+    named = re.findall(r' id="([^"]+)"', page)
+    assert len(set(named)) == len(named) > 5
 
 
 def test_a_single_tyre_is_compared_with_a_dual_pair_of_another_folder(away):
@@ -40,7 +49,21 @@ def test_a_single_tyre_is_compared_with_a_dual_pair_of_another_folder(away):
 def test_what_is_not_independent_is_not_compared(two, away):
     one = side(away / "two")
     assert "fits of the same records" in compare_results(one, one._replace(name="again"), 0.95).limitation
-    printed = one._replace(inputs=frozenset("x"), origin="published")
-    found = compare_results(one._replace(origin="reconstructed"), printed, 0.95)
+    printed = of_run(one, inputs={"table.csv": "x"}, origin="published")
+    found = compare_results(of_run(one, origin="reconstructed"), printed, 0.95)
     assert not found.ratios
     assert "rest on the same printed tables" in found.limitation
+
+
+def test_results_that_share_a_column_map_are_compared(two, away):
+    one = of_run(side(away / "two"), inputs={"mine.csv": "a", "map.toml": "m"}, options={"columns": {}})
+    later = side(write_made(away / "with_the_same_map", {"single": 1.65, "dual": 2.0}, seed=9))
+    other = of_run(later, inputs={"theirs.csv": "b", "map.toml": "m"}, options={"columns": {}})
+    assert compare_results(one, other, 0.95).ratios["k"]
+
+
+def test_intervals_of_results_are_told_apart_where_they_differ(two):
+    other = replace(two, name="other", cases=two.cases.assign(interval=0.8))
+    page = plain(document([Part(two, []), Part(other, [])]))
+    assert "Median and 95 % interval of two, 80 % interval of other." in page
+    assert "Median and 95 % interval. " in plain(document([Part(two, [])]))

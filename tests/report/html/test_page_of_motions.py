@@ -102,10 +102,7 @@ def test_energy_is_said_to_be_by_friction_only_where_the_law_has_some(both):
 
 
 def side(folder: Path) -> ComparedResult:
-    result = read_reported(folder, folder.name)
-    return ComparedResult(
-        folder.name, read_tree(folder / "posterior.nc"), frozenset(result.run["inputs"].values()), "simulated"
-    )
+    return ComparedResult(folder.name, read_tree(folder / "posterior.nc"), read_reported(folder, folder.name).run)
 
 
 def test_two_results_are_compared_in_every_parameter_and_in_energy_at_one_stroke_only(away, both, one):

@@ -45,6 +45,17 @@ def test_directions_are_matched_from_one_load_where_no_spans_match():
     assert "same initial load" in goal.of
 
 
+@pytest.mark.parametrize("other", ["single", "315/80 R22.5", "a / b"])
+def test_a_label_may_have_a_slash(other):
+    cases = [Case(name, "loading", 0.0, 20.0, 10.0) for name in ("385/65 R22.5", other)]
+    for slash in ("/", " / "):
+        goal = parse_goal(f"k 385/65 R22.5{slash}{other}", cases, 2, ("k",))
+        assert goal.weights.tolist() == [1.0, -1.0]
+        assert parse_goal(f"k {other}{slash}385/65 R22.5", cases, 2, ("k",)).weights.tolist() == [-1.0, 1.0]
+    with pytest.raises(BadInput, match="no ratio"):
+        parse_goal("k 385/65 R22.5", cases, 2, ("k",))
+
+
 def test_a_case_is_meant_by_its_label_new_or_not():
     new = Case("single", "loading", 25.0, 30.0, 10.0)
     assert parsed(f"k {CASES[2].label}").weights.tolist() == np.eye(len(CASES))[2].tolist()

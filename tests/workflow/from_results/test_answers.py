@@ -2,11 +2,15 @@
 
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 from helpers.command_line import here
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.record import CASE_FACTORS
 from bayes_tyre.workflow.from_results.answers import answer
+from bayes_tyre.workflow.from_results.predict import answers
 
 NEXT = (
     "rank,kind,configuration,direction,speed_km_h,initial_load_kN,step_kN,tests,minutes,width_now,width_expected,"
@@ -83,6 +87,28 @@ def test_a_prediction_gives_the_force_at_the_end_of_each_curve_and_keeps_two_spa
     ]
     assert answer(folder) == lines
     assert here("show", folder).stdout.splitlines()[1:-1] == lines
+
+
+def test_a_curve_is_named_by_what_there_is_of_its_case_and_given_at_its_far_end():
+    curve = {"displacement_mm": [0.0, -4.0, -2.0], "median": [1.0, 2.0, 3.0], "lower": 0.5, "upper": 4.0}
+    given = {"configuration": "", "direction": "unloading", "speed_km_h": 0.0, "initial_load_kN": 20.0}
+
+    def said(**factors: object) -> list[str]:
+        return answers(pd.DataFrame({**curve, **given, "step_kN": np.nan, **factors}))
+
+    force = "-4 mm from the start of the step: 2 kN [0.5, 4]"
+    assert said() == [f"unloading (0) load 20 kN, {force}"]
+    assert said(direction="", step_kN=-10.0) == [f"(0)20-10, {force}"]
+    long = "a configuration of forty letters or more"
+    assert said(configuration=long, step_kN=-10.0) == [f"{long} (0)20-10 unloading, {force}"]
+
+
+def test_curves_that_are_not_printed_are_counted():
+    curves = pd.DataFrame({**dict.fromkeys(CASE_FACTORS, 1.0), "speed_km_h": range(6), "displacement_mm": 4.0})
+    lines = answers(curves.assign(median=1.0, lower=0.5, upper=2.0))
+    assert len(lines) == 5
+    assert lines[-1] == "2 more curves"
+    assert len(answers(curves.assign(median=1.0, lower=0.5, upper=2.0), 6)) == 6
 
 
 def test_the_published_numbers_are_counted_by_kind(tmp_path):

@@ -2,6 +2,7 @@
 
 from contextlib import nullcontext, redirect_stdout
 from io import StringIO
+from itertools import product
 from pathlib import Path
 from typing import Annotated
 
@@ -37,8 +38,9 @@ def show(
 
     Example: bayes-tyre show results/published/posterior results/fit --limit "k >= 1.8"
     """
-    if limit is not None and truth is not None:
-        raise typer.BadParameter("is of posteriors; leave --truth out", param_hint="--limit")
+    given = [option for option, text in (("--limit", limit), ("--reference", reference)) if text is not None]
+    if given and truth is not None:
+        raise typer.BadParameter("is of posteriors; leave --truth out", param_hint=given[0])
     limit = checked_limit(limit)
     with redirect_stdout(StringIO()) if quiet else nullcontext():
         if truth is not None:
@@ -47,9 +49,12 @@ def show(
             print_recovery(results, truth)
             return
         from bayes_tyre.report.terminal.results_table import print_overview
-        from bayes_tyre.workflow.from_results.answers import answer, limits_of, posterior_in
+        from bayes_tyre.workflow.from_results.answers import answer, check_posterior, limits_of, posterior_in
 
         results = [posterior_in(folder) for folder in results]
+        for folder, option in product(results, given):
+            check_posterior(folder, option)
+        sentences = [] if limit is None else list(limits_of(results, limit))
         answers = [answer(folder) for folder in results]
         print_overview(
             [folder for folder, lines in zip(results, answers, strict=True) if not lines], reference=reference
@@ -57,6 +62,5 @@ def show(
         for folder, lines in zip(results, answers, strict=True):
             for line in ["", *lines, f"files: {folder}"] if lines else ():
                 typer.echo(one_line(line, None))
-        if limit is not None:
-            for sentence in limits_of(results, limit):
-                typer.echo(sentence)
+        for sentence in sentences:
+            typer.echo(sentence)
