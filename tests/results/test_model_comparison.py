@@ -52,7 +52,11 @@ def test_the_sentence_tells_luck_from_more_than_luck(found):
 
 
 @pytest.mark.parametrize(
-    ("wrong", "verdicts"), [({"pareto_k": 0.9}, PASS), ({"effective": 5.0}, PASS), ({}, {**PASS, "one": "fail"})]
+    ("wrong", "verdicts"),
+    [
+        *(({"pareto_k": 0.9}, PASS), ({"effective": 5.0}, PASS), ({"disagreeing": True}, PASS)),
+        ({}, {**PASS, "one": "fail"}),
+    ],
 )
 def test_what_cannot_be_trusted_fails(wrong, verdicts):
     table = compare({"one": made_up(elpd(1), RECORDS, **wrong), "two": made_up(elpd(2), RECORDS)}, verdicts)

@@ -161,9 +161,11 @@ def _untrusted(name: str, verdict: str, compared: pd.DataFrame) -> str:
         return ""
     if verdict != "pass":
         return f"{name}: the posterior is not to be trusted; its diagnostics.json says why"
+    disagreeing = int(row["refits_disagreeing"])
     return (
         f"{name}: the posterior passed, its elpd is not to be trusted: Pareto k of a record is "
-        f"{row['pareto_k_max']:.2f} ({int(row['refitted'])} records fitted again), the least effective number of "
+        f"{row['pareto_k_max']:.2f} ({int(row['refitted'])} records fitted again"
+        f"{f', chains of {disagreeing} of these fits disagree' if disagreeing else ''}), the least effective number of "
         f"points {row['effective_points_min']:.0f}; compare without --no-refit"
     )
 
