@@ -5,6 +5,7 @@ prior-sensitive) fails nothing.
 """
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -45,6 +46,11 @@ _OF_HYPERPARAMETERS = (
     "the intervals of cases and ratios allow for that; measure more cases or levels if these quantities themselves "
     "matter"
 )
+#: Standard errors that the records may be off a stated prior that decides a quantity: of four groups, chance brings
+#: more in one of a hundred fits.
+_CONFLICT = 3.0
+#: Least contraction that says how far the records alone are off: below, it is Monte Carlo error.
+_LEAST_CONTRACTION = 0.01
 #: Least credible noise of a load cell, kN: a millinewton.
 NOISE_LEAST_KN = 1e-6
 
@@ -65,20 +71,66 @@ def failed_checks(posterior: xr.Dataset, priors: Priors = PRIORS) -> list[str]:
     ]
 
 
-def _unidentified(posterior: xr.Dataset, priors: Priors) -> Iterator[str]:
+class _Undetermined(NamedTuple):
+    """A group's parameter that its records do not determine, such as ``k_group[dual loading]``, and ``k``.
+
+    `share` is the width of its posterior over that of its prior; `stated` says whether the prior determines it by
+    intention, being so much narrower than the default; the records are `off` its median by so many standard errors.
+    """
+
+    element: str
+    parameter: str
+    share: float
+    stated: bool
+    off: float
+
+    @property
+    def conflicting(self) -> bool:
+        """Whether the records contradict a prior that somebody stated."""
+        return self.stated and self.off > _CONFLICT
+
+
+def _undetermined(posterior: xr.Dataset, priors: Priors) -> Iterator[_Undetermined]:
     for parameter in REMEDIES:
         name = f"{parameter}_group"
         if name not in posterior or parameter in _MAY_BE_OPEN:
             continue
         draws = posterior[name].transpose("chain", "draw", "group")
-        shares = np.log(draws.to_numpy()).std(axis=(0, 1)) / priors[name].parameters[1]
-        for label, share in zip(draws["group"].to_numpy(), shares, strict=True):
-            if not 1.0 - share**2 < CONTRACTION_LEAST:
+        log_values, (middle, sd) = np.log(draws.to_numpy()), priors[name].parameters
+        share, of_default = (log_values.std(axis=(0, 1)) / each for each in (sd, PRIORS[name].parameters[1]))
+        # A normal prior and a normal likelihood: the posterior's mean is off by the contraction times what the records
+        # are, and their variance is the prior's times (1 - contraction) / contraction.
+        contraction = np.maximum(1.0 - share**2, _LEAST_CONTRACTION)
+        off = np.abs(log_values.mean(axis=(0, 1)) - middle) / (sd * np.sqrt(contraction))
+        for i, label in enumerate(draws["group"].to_numpy()):
+            if not 1.0 - share[i] ** 2 < CONTRACTION_LEAST:
                 continue
+            stated = bool(1.0 - of_default[i] ** 2 >= CONTRACTION_LEAST)
+            yield _Undetermined(f"{name}[{label}]", parameter, float(share[i]), stated, float(off[i]))
+
+
+def _unidentified(posterior: xr.Dataset, priors: Priors) -> Iterator[str]:
+    for each in _undetermined(posterior, priors):
+        if not each.stated:
             yield (
-                f"{name}[{label}]: not determined by the records: its posterior is {share:.0%} as wide as its prior; "
-                f"{REMEDIES[parameter]}"
+                f"{each.element}: not determined by the records: its posterior is {each.share:.0%} as wide as its "
+                f"prior; {REMEDIES[each.parameter]}"
             )
+        elif each.conflicting:
+            yield (
+                f"{each.element}: decided by the prior that was given, which the records contradict by {each.off:.1f} "
+                "standard errors; check the units of the records, or widen the prior"
+            )
+
+
+def decided_by_given_priors(posterior: xr.Dataset, priors: Priors) -> list[str]:
+    """Return which parameters of groups a prior that somebody stated determines, and the records do not contradict."""
+    return [
+        f"{each.element}: decided by the prior that was given: its posterior is {each.share:.0%} as wide; say so where "
+        "you quote it"
+        for each in _undetermined(posterior, priors)
+        if each.stated and not each.conflicting
+    ]
 
 
 def _unlike_repeats(posterior: xr.Dataset) -> Iterator[str]:

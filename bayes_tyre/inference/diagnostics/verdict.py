@@ -8,7 +8,7 @@ import xarray as xr
 
 from bayes_tyre.inference.diagnostics.attempts import MODEL_CHECKS, checks_in
 from bayes_tyre.inference.diagnostics.convergence import by_chain, by_parameter, statistics_of
-from bayes_tyre.inference.diagnostics.data_checks import failed_checks, find_limitations
+from bayes_tyre.inference.diagnostics.data_checks import decided_by_given_priors, failed_checks, find_limitations
 from bayes_tyre.inference.diagnostics.sampling_checks import (
     Check,
     sampling_checks,
@@ -81,12 +81,12 @@ def diagnose(tree: xr.DataTree) -> Diagnostics:
     tree:
         A posterior as `bayes_tyre.inference.sampling.datatree.to_datatree` gives it.
     """
-    posterior = tree["posterior"].to_dataset()
+    posterior, priors = tree["posterior"].to_dataset(), priors_of(tree)
     statistics, sampler = without_probabilities(statistics_of(tree)), by_chain(tree)
     checks = [
         *sampling_checks(tree, statistics, sampler),
         *checks_in(tree, MODEL_CHECKS),
-        *data_checks(failed_checks(posterior, priors_of(tree))),
+        *data_checks(failed_checks(posterior, priors)),
     ]
     reasons = tuple(check.reason for check in checks if not check.passed)
     value, draws = {check.name: check.value for check in checks}, posterior.sizes["draw"]
@@ -105,6 +105,7 @@ def diagnose(tree: xr.DataTree) -> Diagnostics:
             *(check.note for check in checks if check.kind == "model" and check.note),
             *uncertain_probabilities(posterior),
             *_deep_trees(sampler, draws),
+            *decided_by_given_priors(posterior, priors),
             *find_limitations(tree),
         ),
         by_parameter(statistics),
