@@ -1,4 +1,4 @@
-"""Checks of the data behind a posterior, and its limitations: a sentence each, with what to do.
+"""Checks of the data behind a posterior, and its limitations, each with what to do.
 
 A failed check fails the verdict, however well the sampler did. A limitation (a quantity that is weakly identified or
 prior-sensitive) fails nothing.
@@ -12,6 +12,7 @@ import pandas as pd
 import xarray as xr
 
 from bayes_tyre.inference.diagnostics.power_scaling import CONTRACTION_LEAST, GROUP, SENSITIVE, identified
+from bayes_tyre.inference.diagnostics.sampling_checks import Check
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS
@@ -55,8 +56,13 @@ _LEAST_CONTRACTION = 0.01
 NOISE_LEAST_KN = 1e-6
 
 
-def failed_checks(posterior: xr.Dataset, priors: Priors = PRIORS) -> list[str]:
-    """Return why the records cannot identify the parameters: the parameter, the statistic, and what to do.
+def fault(where: str, finding: str, remedy: str) -> Check:
+    """Return a fault of the records as a failed check: where it is, what is wrong, and what to do."""
+    return Check("records", "data", False, np.nan, np.nan, where, f"{where}: {finding}", remedy)
+
+
+def failed_checks(posterior: xr.Dataset, priors: Priors = PRIORS) -> list[Check]:
+    """Return why the records cannot identify the parameters, a failed check each; none where they can.
 
     Parameters
     ----------
@@ -109,18 +115,14 @@ def _undetermined(posterior: xr.Dataset, priors: Priors) -> Iterator[_Undetermin
             yield _Undetermined(f"{name}[{label}]", parameter, float(share[i]), stated, float(off[i]))
 
 
-def _unidentified(posterior: xr.Dataset, priors: Priors) -> Iterator[str]:
+def _unidentified(posterior: xr.Dataset, priors: Priors) -> Iterator[Check]:
     for each in _undetermined(posterior, priors):
         if not each.stated:
-            yield (
-                f"{each.element}: not determined by the records: its posterior is {each.share:.0%} as wide as its "
-                f"prior; {REMEDIES[each.parameter]}"
-            )
+            finding = f"not determined by the records: its posterior is {each.share:.0%} as wide as its prior"
+            yield fault(each.element, finding, REMEDIES[each.parameter])
         elif each.conflicting:
-            yield (
-                f"{each.element}: decided by the prior that was given, which the records contradict by {each.off:.1f} "
-                "standard errors; check the units of the records, or widen the prior"
-            )
+            finding = f"decided by the prior that was given, {each.off:.1f} standard errors off the records"
+            yield fault(each.element, finding, "check the units of the records, or widen the prior")
 
 
 def decided_by_given_priors(posterior: xr.Dataset, priors: Priors) -> list[str]:
@@ -133,17 +135,16 @@ def decided_by_given_priors(posterior: xr.Dataset, priors: Priors) -> list[str]:
     ]
 
 
-def _unlike_repeats(posterior: xr.Dataset) -> Iterator[str]:
+def _unlike_repeats(posterior: xr.Dataset) -> Iterator[Check]:
     for parameter, most in SD_REPEAT_MOST.items():
         name = f"sd_log_{parameter}_repeat"
         if name in posterior and (sd := float(posterior[name].median())) > most:
-            yield (
-                f"{name}: repeats of a case differ by a factor of {np.exp(sd):.1f}: no value describes the case; "
-                "check that equal factors mean equal tests, and that all records have the same units"
-            )
+            finding = f"repeats of a case differ by a factor of {np.exp(sd):.1f}: no value describes the case"
+            remedy = "check that equal factors mean equal tests, and that all records have the same units"
+            yield fault(name, finding, remedy)
 
 
-def _discordant_majority(posterior: xr.Dataset) -> Iterator[str]:
+def _discordant_majority(posterior: xr.Dataset) -> Iterator[Check]:
     if "outlier_probability" not in posterior:
         return
     discordant = (posterior["outlier_probability"].mean(("chain", "draw")) > 0.5).to_numpy()
@@ -155,22 +156,18 @@ def _discordant_majority(posterior: xr.Dataset) -> Iterator[str]:
     by_case = np.bincount(factors.of_record, weights=discordant, minlength=len(factors.cases))
     for case, count, repeats in zip(factors.cases, by_case, factors.repeats, strict=True):
         if repeats >= JUDGEABLE_REPEATS and 2 * count >= repeats:
-            yield (
-                f"k[{case.label}]: {count:.0f} of its {repeats} repeats are discordant: no majority agrees; "
-                "repeat the test"
-            )
+            finding = f"{count:.0f} of its {repeats} repeats are discordant: no majority agrees"
+            yield fault(f"k[{case.label}]", finding, "repeat the test")
 
 
-def _noiseless(posterior: xr.Dataset) -> Iterator[str]:
+def _noiseless(posterior: xr.Dataset) -> Iterator[Check]:
     if "sigma" not in posterior:
         return
     sigma = posterior["sigma"].median(("chain", "draw"))
     least = sigma.idxmin().item()
     if float(sigma.min()) < NOISE_LEAST_KN:
-        yield (
-            f"sigma[{least}]: {float(sigma.min()):.1g} kN is less than a load cell's noise: computed records cannot be "
-            "sampled; use lsq, or add noise of a load cell's size"
-        )
+        finding = f"{float(sigma.min()):.1g} kN is less than a load cell's noise: computed records cannot be sampled"
+        yield fault(f"sigma[{least}]", finding, "use lsq, or add noise of a load cell's size")
 
 
 def find_limitations(tree: xr.DataTree) -> list[str]:

@@ -64,6 +64,7 @@ class Diagnostics(NamedTuple):
 
 
 _SHOWN = ("verdict", "reasons", "limitations")
+_RECORDS_SOUND = Check("records", "data", True, np.nan, np.nan, "", "", "")
 
 
 def diagnose(tree: xr.DataTree) -> Diagnostics:
@@ -86,7 +87,7 @@ def diagnose(tree: xr.DataTree) -> Diagnostics:
     checks = [
         *sampling_checks(tree, statistics, sampler),
         *checks_in(tree, MODEL_CHECKS),
-        *data_checks(failed_checks(posterior, priors)),
+        *(failed_checks(posterior, priors) or [_RECORDS_SOUND]),
     ]
     reasons = tuple(check.reason for check in checks if not check.passed)
     value, draws = {check.name: check.value for check in checks}, posterior.sizes["draw"]
@@ -106,6 +107,7 @@ def diagnose(tree: xr.DataTree) -> Diagnostics:
             *uncertain_probabilities(posterior),
             *_deep_trees(sampler, draws),
             *decided_by_given_priors(posterior, priors),
+            *_not_checked(checks),
             *find_limitations(tree),
         ),
         by_parameter(statistics),
@@ -114,15 +116,11 @@ def diagnose(tree: xr.DataTree) -> Diagnostics:
     )
 
 
-def data_checks(sentences: Sequence[str]) -> list[Check]:
-    """Return what `reasons` say of the records as checks, one each without a number; one that passed for none."""
-    if not sentences:
-        return [Check("records", "data", True, np.nan, np.nan, "", "", "")]
-    parts = [sentence.partition("; ") for sentence in sentences]
-    return [
-        Check("records", "data", False, np.nan, np.nan, finding.partition(": ")[0], finding, remedy)
-        for finding, _, remedy in parts
-    ]
+def _not_checked(checks: Sequence[Check]) -> Iterator[str]:
+    """Yield which checks could not be made, a sentence for each reason."""
+    for why in dict.fromkeys(check.not_checked for check in checks if check.not_checked):
+        names = ", ".join(check.name for check in checks if check.not_checked == why)
+        yield f"{names}: not checked: {why}"
 
 
 def _deep_trees(sampler: list[dict[str, Any]], draws: int) -> Iterator[str]:

@@ -9,6 +9,7 @@ import xarray as xr
 from helpers.hand_made_posteriors import grid, posterior, scattered
 
 from bayes_tyre.inference.diagnostics.data_checks import decided_by_given_priors, failed_checks
+from bayes_tyre.inference.diagnostics.sampling_checks import Check
 from bayes_tyre.inference.diagnostics.verdict import diagnose
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.priors import Priors
@@ -32,9 +33,9 @@ def odd(records: list[int]) -> np.ndarray:
     return np.broadcast_to(probability, (*SHAPE, len(FACTORS))).copy()
 
 
-def only(doubts: list[str]) -> str:
+def only(doubts: list[Check]) -> str:
     assert len(doubts) == 1, doubts
-    return doubts[0]
+    return doubts[0].reason
 
 
 def test_ordinary_records_raise_none():
@@ -82,7 +83,7 @@ def test_a_narrow_prior_that_the_records_contradict_fails(off, fails):
     assert len(decided_by_given_priors(pulled, stated(2.0, sd))) == (0 if fails else 2)
     if fails:
         # 1000 draws: contraction 0.2 +- 0.036, so that 5 is known to a tenth or so.
-        assert re.search(r"the records contradict by [45]\.\d standard errors; check the units", found[0])
+        assert re.search(r"given, [45]\.\d standard errors off the records; check the units", found[0].reason)
 
 
 def test_records_that_leave_beta_and_J_open_fail_nothing():
@@ -122,4 +123,14 @@ def test_a_doubt_fails_the_verdict():
     tree = posterior(scattered(FACTORS, seed=1) | {"sd_log_k_repeat": spread(0.7, 0.1)}, FACTORS)
     found = diagnose(tree)
     assert found.verdict == "fail"
-    assert found.reasons == tuple(failed_checks(tree["posterior"].to_dataset()))
+    assert found.reasons == tuple(check.reason for check in failed_checks(tree["posterior"].to_dataset()))
+
+
+def test_a_label_may_hold_what_separates_finding_and_remedy():
+    """A check is found, named and mended by its fields, not by taking its sentence apart."""
+    label = "type 4; 9.00: R20"
+    named = FACTORS.assign(configuration=label)
+    tree = posterior(scattered(named, seed=1) | {"outlier_probability": odd([3, 5])}, named)
+    (row,) = [row for row in diagnose(tree).checks if not row["passed"] and row["kind"] == "data"]
+    assert row["where"] == f"k[{label} (0)30-20]"
+    assert row["remedy"] == "repeat the test"
