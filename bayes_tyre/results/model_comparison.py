@@ -6,6 +6,7 @@ from copy import copy
 import arviz as az
 import numpy as np
 import pandas as pd
+import xarray as xr
 from arviz_stats import ELPDData
 
 from bayes_tyre.inference.diagnostics.leave_one_out.left_out import LeaveOneOut
@@ -33,7 +34,7 @@ def compare(predicted: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str], u
         What was left out: `RECORD` or `CASE`.
     """
     table = az.compare(_about_best(predicted), method="stacking", round_to="none")
-    rows = []
+    best, rows = str(table.index[0]), []
     for name, row in table.iterrows():
         each = predicted[str(name)]
         rows.append(
@@ -41,9 +42,9 @@ def compare(predicted: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str], u
                 "model": name,
                 "rank": int(row["rank"]) + 1,
                 "elpd": float(each.elpd.elpd),
-                "se": float(each.elpd.se),
+                "se": _standard_error(each.elpd.elpd_i),
                 "elpd_difference": float(row["elpd_diff"]),
-                "difference_se": float(row["dse"]),
+                "difference_se": _standard_error(each.elpd.elpd_i - predicted[best].elpd.elpd_i),
                 "p_loo": float(row["p"]),
                 "weight": float(row["weight"]),
                 f"{unit}s": len(each.pareto_k),
@@ -55,6 +56,11 @@ def compare(predicted: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str], u
             }
         )
     return pd.DataFrame(rows)
+
+
+def _standard_error(of_units: xr.DataArray) -> float:
+    """Return the standard error of a sum over records or cases; ArviZ's of a difference has another divisor."""
+    return float(np.sqrt(of_units.size * of_units.var(ddof=1)))
 
 
 def _about_best(predicted: Mapping[str, LeaveOneOut]) -> dict[str, ELPDData]:

@@ -22,7 +22,7 @@ from bayes_tyre.inference.diagnostics.leave_one_out.left_out import LeaveOneOut
 from bayes_tyre.inference.model.prepared_records import prepare_records
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
 from bayes_tyre.record_table import check_record_table
-from bayes_tyre.results.log_likelihood import GROUP, VARIABLE
+from bayes_tyre.results.log_likelihood import GROUP, VARIABLE, with_log_likelihood
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:Estimated shape parameter:UserWarning")]
 
@@ -70,6 +70,13 @@ def test_what_is_not_the_posterior_s_own_is_refused(posterior):
             bt.with_log_likelihood(posterior, TABLE, model)
     with pytest.raises(BadInput, match="other priors; leave priors out"):
         bt.with_log_likelihood(posterior, TABLE, MODEL, {"discordant_widening": 20.0})
+
+
+def test_a_single_record_is_refused():
+    one = xr.DataTree.from_dict({"posterior": xr.Dataset({"k": (("chain", "draw", "record"), np.ones((1, 9, 1)))})})
+    one["posterior"] = one["posterior"].to_dataset().assign_coords(record=["a"])
+    with pytest.raises(BadInput, match="one record cannot be predicted from others"):
+        with_log_likelihood(one, TABLE)
 
 
 def test_the_records_above_the_largest_k_are_fitted_without(posterior, smoothed, monkeypatch):

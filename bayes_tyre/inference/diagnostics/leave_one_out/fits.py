@@ -1,6 +1,6 @@
 """How well a fit predicts a record, or a case, that it has not seen: leave-one-out, all of its points at a time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas as pd
@@ -65,8 +65,7 @@ def leave_one_record_out(
     """
     records = prepare_records(table, model)
     names = records.batch.records
-    if len(names) < 2:
-        raise BadInput("one record cannot be predicted from others; models are compared on two or more")
+    check_several(names)
     densities = densities_of_records(as_measured(thinned(tree)), records, model)
 
     def refit_without(record: int) -> Float[np.ndarray, "chains draws"]:
@@ -75,6 +74,12 @@ def leave_one_record_out(
     refitting = None if refit is None else refit_without
     by_chain, effective = _by_chain(densities, tree)
     return left_out(by_chain, names, effective, refitting, on_refit, attempt)
+
+
+def check_several(records: Sequence[str]) -> None:
+    """Raise BadInput for a single record: there is nothing to predict it from."""
+    if len(records) < 2:
+        raise BadInput("one record cannot be predicted from others; models are compared on two or more")
 
 
 def leave_one_case_out(
