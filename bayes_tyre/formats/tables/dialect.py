@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple, TextIO
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.tables.header import SEARCHED, Layout, check_twice, units_in
+from bayes_tyre.formats.tables.header import SEARCHED, Layout, blank_lines, check_twice, units_in
 
 #: Characters of a header, and columns.
 MOST_HEADER, MOST_COLUMNS = 500_000, 5000
@@ -164,6 +164,22 @@ def _check_names(path: Path, names: list[str]) -> None:
     if len(names) > MOST_COLUMNS:
         raise BadInput(f"{path}: has {len(names)} columns, over {MOST_COLUMNS}; keep those of the records")
     check_twice([name.strip() for name in names], path)  # pandas would rename the second
+
+
+def blank_lines_in(path: Path, dialect: Dialect, rows: int) -> list[int]:
+    """Return where blank lines stand among so many rows of a table, as `header.blank_lines` does.
+
+    All lines are only read again where there are more than rows.
+    """
+    with path.open("rb") as file:
+        count = sum(piece.count(b"\n") for piece in iter(lambda: file.read(1 << 20), b""))
+    if count + 1 <= dialect.first_line + rows:
+        return []
+    with path.open(encoding=dialect.encoding, newline="") as lines:
+        reader = csv.reader(lines_below(lines, dialect.above), delimiter=dialect.separator)
+        # As pandas has it: a line of separators is a row, though its cells are blank.
+        at = (dialect.above + reader.line_num for row in reader if len(row) > 1 or "".join(row).strip())
+        return blank_lines([line for line in at if line >= dialect.first_line], dialect.first_line)
 
 
 def first_long_row(path: Path, dialect: Dialect) -> str:

@@ -5,6 +5,8 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.x_column import unit_in
 from bayes_tyre.plain_text import NAME, REASON, listed, number_in, one_line, quoted
@@ -21,9 +23,9 @@ _KNOWN = {unit for units in UNITS.values() for unit in units}
 UNIT_ENDING = re.compile(rf"(?:[\s_]in)?[\s_]({'|'.join([*map(re.escape, sorted(_KNOWN)), 'km_h'])})$")
 #: Lines among which the header is looked for.
 SEARCHED = 200
-#: What a table from disk says of itself in its `attrs`: the line of its first row, the units by column that stand in a
-#: row below the header, and sentences on what was left out.
-FIRST_LINE, UNITS_ROW, NOTES = "first_line", "units", "notes"
+#: What a table from disk says of itself in its `attrs`: the line of its first row, and where blank lines stand below
+#: (`plain_text.line_of`); the units by column that stand in a row below the header, and sentences on what was left out.
+FIRST_LINE, BLANK_LINES, UNITS_ROW, NOTES = "first_line", "blank_lines", "units", "notes"
 
 
 class Layout(NamedTuple):
@@ -85,6 +87,12 @@ def check_twice(names: Sequence[str], path: Path, mapped: Collection[str] = ()) 
     if twice is not None:
         what = " beside the one that the column map calls so" if twice in mapped else " twice"
         raise BadInput(f"{path}: column {one_line(twice, NAME)!r} stands{what}; keep one")
+
+
+def blank_lines(lines: Sequence[int], first: int) -> list[int]:
+    """Return, for each line without a row from `first` to the last of the rows' lines, how many rows stand above it."""
+    gaps = np.diff([first - 1, *lines]) - 1
+    return np.repeat(np.arange(len(lines)), gaps).tolist()
 
 
 def units_in(cells: Sequence[object]) -> tuple[str, ...]:
