@@ -79,7 +79,7 @@ def find_dialect(path: Path, layout: Layout | None = None) -> Dialect:
         _check_names(path, names)
         header = Dialect(encoding, separator, tuple(names), above, line + 1)
         below, cells, line = next(filled, (0, [], 0)) if layout is not None else (0, [], 0)
-    units = units_in(cells)
+    units = units_in(cells, layout is not None and layout.any_units)
     return header._replace(units=units, units_row=below, first_line=line + 1) if units else header
 
 

@@ -39,11 +39,14 @@ class Layout(NamedTuple):
         Our name by theirs, of the columns to rename; every one must be there.
     skip_rows:
         Lines above the header; None: it is looked for.
+    any_units:
+        Whether any two texts without a number are a row of units, as below the names of a recording.
     """
 
     is_column: Callable[[str], bool]
     names: Mapping[str, str] = {}
     skip_rows: int | None = None
+    any_units: bool = False
 
     def header(self, lines: Iterable[Sequence[str]]) -> int:
         """Return which line is the header, counted from 0: that with most known names, else with most text cells."""
@@ -95,13 +98,15 @@ def blank_lines(lines: Sequence[int], first: int) -> list[int]:
     return np.repeat(np.arange(len(lines)), gaps).tolist()
 
 
-def units_in(cells: Sequence[object]) -> tuple[str, ...]:
+def units_in(cells: Sequence[object], any_units: bool = False) -> tuple[str, ...]:
     """Return the units in the row below the header, one a column; nothing if it is no row of units.
 
-    It is one if it holds two known units at least, with or without brackets, and no number.
+    It is one if it holds two known units at least, or with `any_units` two texts, with or without brackets, and no
+    number.
     """
     texts = tuple("" if cell is None else str(cell).strip().strip("[]()").strip() for cell in cells)
-    return texts if sum(text in _KNOWN for text in texts) > 1 and not any(map(_is_number, texts)) else ()
+    count = sum(bool(text) if any_units else text in _KNOWN for text in texts)
+    return texts if count > 1 and not any(map(_is_number, texts)) else ()
 
 
 def unit_of_name(name: str) -> str:
