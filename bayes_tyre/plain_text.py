@@ -5,8 +5,10 @@ import shlex
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable, Iterable, Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 #: Most characters of a label in a table, of a name in a message, and of a library's error; most names in a list.
 LABEL, NAME, REASON, LISTED = 30, 60, 200, 6
@@ -88,3 +90,12 @@ def _without_breaks(text: object) -> str:
     """Return a text whose lines are joined by a space; spaces inside a line are part of a label and stay."""
     parts = (part.strip(" ") for part in _BREAKS.split(str(text)))
     return " ".join(part for part in parts if part)
+
+
+def line_of(attrs: Mapping[Any, Any], row: int) -> int:
+    """Return the line, counted from 1, of a row, counted from 0, of a table whose `attrs` say where its rows are.
+
+    `first_line` is that of the first row, by default 2; `blank_lines` has, for each line without a row below it, how
+    many rows stand above.
+    """
+    return attrs.get("first_line", 2) + row + bisect_right(attrs.get("blank_lines", ()), row)

@@ -1,14 +1,15 @@
 """The record table: checks of a table from outside, and the factors and further columns of each record."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pandera.pandas as pa
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.plain_text import REASON, one_line
+from bayes_tyre.plain_text import REASON, line_of, one_line
 from bayes_tyre.record import DIRECTIONS, FACTORS, NUMBER_COLUMNS, ORIGIN_UNKNOWN, ORIGINS, REQUIRED, TEXT_COLUMNS
 
 #: A median force above this looks like newtons, a median travel below this like metres.
@@ -63,7 +64,7 @@ def check_record_table(table: pd.DataFrame, name: str = "record table") -> pd.Da
     try:
         _schema().validate(typed, lazy=True, inplace=True)
     except pa.errors.SchemaErrors as error:
-        raise BadInput(_first_failure(error.failure_cases, name, first_line(typed))) from None
+        raise BadInput(_first_failure(error.failure_cases, name, typed.attrs)) from None
     _check_factors(typed, name)
     _check_time(typed, name)
     return typed
@@ -159,22 +160,17 @@ def _as_text(column: pd.Series) -> pd.Series:
     return column.astype(object).where(column.notna(), "").astype(str)
 
 
-def first_line(table: pd.DataFrame) -> int:
-    """Return the line of the first row in the table's file, counted from 1."""
-    return table.attrs.get("first_line", 2)
-
-
 def _where(name: str, table: pd.DataFrame, row: int, column: str) -> str:
     record = str(table["record"].iloc[row])[:60]
-    return f"{name}: row {row + 1} (line {row + first_line(table)}), record {record!r}, column {column}"
+    return f"{name}: row {row + 1} (line {line_of(table.attrs, row)}), record {record!r}, column {column}"
 
 
-def _first_failure(failures: pd.DataFrame, name: str, first: int) -> str:
+def _first_failure(failures: pd.DataFrame, name: str, attrs: Mapping[Any, Any]) -> str:
     failure = failures.sort_values("index", kind="stable").iloc[0]
     more = "" if len(failures) == 1 else f" (and {len(failures) - 1} more)"
     row = int(failure["index"])
     return (
-        f"{name}: row {row + 1} (line {row + first}), column {failure['column']}: "
+        f"{name}: row {row + 1} (line {line_of(attrs, row)}), column {failure['column']}: "
         f"{str(failure['failure_case'])[:60]!r} {failure['check']}{more}; mend the cell or remove the row"
     )
 

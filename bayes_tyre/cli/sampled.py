@@ -139,6 +139,7 @@ def _kind_summary(kind: str, checks: list[dict[str, Any]]) -> str:
     failed = [str(check["name"]) for check in of_kind if not check["passed"]]
     if not of_kind:
         return f"{kind}: not checked"
-    return (
-        f"{kind}: {len(failed)} of {len(of_kind)} checks failed ({listed(failed, 3)})" if failed else f"{kind}: passed"
-    )
+    if failed:
+        return f"{kind}: {len(failed)} of {len(of_kind)} checks failed ({listed(failed, 3)})"
+    unmade = sum("not_checked" in check for check in of_kind)
+    return f"{kind}: passed" + (f", {unmade} of {len(of_kind)} not checked" if unmade else "")

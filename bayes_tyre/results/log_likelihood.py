@@ -5,7 +5,7 @@ import pandas as pd
 import xarray as xr
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.diagnostics.leave_one_out.fits import densities_of_records, thinned
+from bayes_tyre.inference.diagnostics.leave_one_out.fits import check_several, densities_of_records, thinned
 from bayes_tyre.inference.model.prepared_records import prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.sampling.common_scales import as_measured
@@ -29,12 +29,13 @@ def with_log_likelihood(tree: xr.DataTree, table: pd.DataFrame) -> xr.DataTree:
     Raises
     ------
     BadInput
-        For records that are not those of the posterior.
+        For records that are not those of the posterior, and for a single one, which no other can predict.
     """
     posterior = thinned(tree)
     if "record" not in posterior.dims:
         raise BadInput("the posterior is of no records, so none can be left out; fit a record table")
     names, model = [str(name) for name in posterior["record"].to_numpy()], model_of(tree)
+    check_several(names)
     records = prepare_records(fitted_records(tree, table), model)
     densities = densities_of_records(as_measured(posterior), records, model)
     sizes = posterior.sizes["chain"], posterior.sizes["draw"], len(names)

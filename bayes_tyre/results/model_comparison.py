@@ -6,10 +6,10 @@ from copy import copy
 import arviz as az
 import numpy as np
 import pandas as pd
+import xarray as xr
 from arviz_stats import ELPDData
 
-from bayes_tyre.inference.diagnostics.leave_one_out.left_out import EFFECTIVE_LEAST, LeaveOneOut
-from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
+from bayes_tyre.inference.diagnostics.leave_one_out.left_out import LeaveOneOut
 
 #: Differences below this many standard errors, or below so much log density, tell no model from another (Sivula,
 #: Magnusson and Vehtari 2025, "Uncertainty in Bayesian leave-one-out cross-validation based model comparison").
@@ -23,8 +23,8 @@ def compare(predicted: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str], u
 
     Columns: `model, rank, elpd, se, elpd_difference, difference_se` (to the best; log density, dimensionless),
     `p_loo` (effective number of parameters), `weight` (stacking), `records` or `cases`, `pareto_k_max, refitted` (for
-    how many of them the model was fitted again), `effective_points_min`, `verdict` (``fail`` where the posterior's is,
-    or where the estimate itself cannot be trusted).
+    how many of them the model was fitted again), `effective_points_min`, `refits_disagreeing` (in how many of
+    these chains disagree), `verdict` (``fail`` where the posterior's is, or where the estimate cannot be trusted).
 
     Parameters
     ----------
@@ -34,29 +34,33 @@ def compare(predicted: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str], u
         What was left out: `RECORD` or `CASE`.
     """
     table = az.compare(_about_best(predicted), method="stacking", round_to="none")
-    rows = []
+    best, rows = str(table.index[0]), []
     for name, row in table.iterrows():
         each = predicted[str(name)]
-        left = np.where(each.refitted, 0.0, each.pareto_k)
-        trusted = left.max() <= PARETO_K_MOST and each.effective_points.min() >= EFFECTIVE_LEAST
         rows.append(
             {
                 "model": name,
                 "rank": int(row["rank"]) + 1,
                 "elpd": float(each.elpd.elpd),
-                "se": float(each.elpd.se),
+                "se": _standard_error(each.elpd.elpd_i),
                 "elpd_difference": float(row["elpd_diff"]),
-                "difference_se": float(row["dse"]),
+                "difference_se": _standard_error(each.elpd.elpd_i - predicted[best].elpd.elpd_i),
                 "p_loo": float(row["p"]),
                 "weight": float(row["weight"]),
                 f"{unit}s": len(each.pareto_k),
                 "pareto_k_max": float(each.pareto_k.max()),
                 "refitted": int(each.refitted.sum()),
                 "effective_points_min": float(each.effective_points.min()),
-                "verdict": verdicts[str(name)] if trusted else "fail",
+                "refits_disagreeing": int(each.disagreeing.sum()),
+                "verdict": verdicts[str(name)] if each.trusted else "fail",
             }
         )
     return pd.DataFrame(rows)
+
+
+def _standard_error(of_units: xr.DataArray) -> float:
+    """Return the standard error of a sum over records or cases; ArviZ's of a difference has another divisor."""
+    return float(np.sqrt(of_units.size * of_units.var(ddof=1)))
 
 
 def _about_best(predicted: Mapping[str, LeaveOneOut]) -> dict[str, ELPDData]:

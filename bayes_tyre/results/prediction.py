@@ -20,7 +20,7 @@ from bayes_tyre.inference.record_data import EQUATION_2, LAWS
 from bayes_tyre.inference.sampling.datatree import law_of, tree_cases
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import CASE_FACTORS, Case
-from bayes_tyre.results.cases.draws import CaseDraws, draw_noise, joined, travel_mm
+from bayes_tyre.results.cases.draws import draw_noise, joined, travel_mm
 from bayes_tyre.results.cases.selection import CaseQuery, case_list, choose, sign_of, without_opposite
 from bayes_tyre.results.cases.stacked import DrawnCase, Weighted, drawn_cases, shares_of
 
@@ -108,13 +108,13 @@ def predict_stack(
     if any(other != cases for other in others):
         raise BadInput("models of other records have other cases; stack models of the same records")
     choice, shares = choose(query, cases), shares_of(models)
-    posterior, laws = with_records(models[0].tree), {law_of(tree) for tree, _ in shares}
+    posterior, laws = with_records(models[0].tree), {law_of(share.tree) for share in shares}
     warnings = [f"no opposite direction of {case_list([cases[i].label for i in choice.alone])}"] if choice.alone else []
     warnings += about_untested(choice.untested, cases)
     if len(laws) > 1:
         warnings.append("the models have different laws: there are no parameters of one of them")
     curves, parameters, unused = [], [], []
-    for each in zip(*(drawn_cases(*share, choice, of, seed) for share in shares), strict=True):
+    for each in zip(*(drawn_cases(share, choice, of, seed) for share in shares), strict=True):
         case, kind = each[0].case, each[0].kind
         u = _displacements(case, displacement_mm, posterior)
         if not len(u):
@@ -123,7 +123,7 @@ def predict_stack(
         curve = pd.DataFrame({"displacement_mm": u, **_bands(u, each, interval)})
         curves.append(curve.assign(**case._asdict(), of=f"{kind}{of}"))
         if len(laws) == 1:
-            parameters.append(_parameters(case, joined([one.draws for one in each]), interval, kind))
+            parameters.append(_parameters(each, interval))
     if unused:
         warnings.append(f"no displacement has the sign of {case_list(unused)}")
     if not curves:
@@ -221,15 +221,17 @@ def _forces(u: np.ndarray, model: DrawnCase) -> Float[np.ndarray, "draws points"
     return force + sigma * draw_noise(model.rng, force.shape, nu)
 
 
-def _parameters(case: Case, draws: CaseDraws, interval: float, kind: str) -> dict[str, object]:
+def _parameters(models: Sequence[DrawnCase], interval: float) -> dict[str, object]:
     """Return what a vehicle model needs of one case, in plain numbers and text; nothing that is not known."""
+    case, draws = models[0].case, joined([model.draws for model in models])
+    in_full = {name: np.concatenate([model.in_full[name] for model in models]) for name in models[0].in_full}
     factors = {factor: value for factor, value in case._asdict().items() if value not in (None, "")}
     values = {
-        **{"k_kN_per_mm": draws.k, "beta_mm": draws.beta, "J_kN": draws.J},
+        **{"k_kN_per_mm": in_full.get("k", draws.k), "beta_mm": in_full.get("beta", draws.beta), "J_kN": draws.J},
         **{"C_kN": draws.C, "F_i_kN": draws.F_i, "d_i_mm": draws.d_i},
     }
     statistics = {name: _statistics(value, interval) for name, value in values.items() if np.isfinite(value).all()}
-    return {"label": case.label, **factors, **({"tested": False} if kind else {}), **statistics}
+    return {"label": case.label, **factors, **({"tested": False} if models[0].kind else {}), **statistics}
 
 
 def _statistics(values: np.ndarray, interval: float) -> dict[str, float]:

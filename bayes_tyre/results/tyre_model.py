@@ -10,11 +10,11 @@ from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.load_deflection.table import law_loop
-from bayes_tyre.inference.sampling.datatree import case_parameters, is_of_motions, law_of, priors_of, tree_cases
+from bayes_tyre.inference.sampling.datatree import is_of_motions, law_of, priors_of, tree_cases
 from bayes_tyre.inference.sampling.group_means import named_group_means
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import CASE_FACTORS, RECORD_UNITS, Case, parameter_column
-from bayes_tyre.results.cases.draws import CaseValues, tested, travel_mm
+from bayes_tyre.results.cases.draws import CaseValues, parameters_of_case, tested, travel_mm
 from bayes_tyre.results.cases.selection import sign_of
 from bayes_tyre.results.cases.untested import untested, untested_rng
 from bayes_tyre.results.figure_data import hysteresis_loops
@@ -94,10 +94,10 @@ def of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:
     posterior = _posterior_of_cases(tree)
     of_motions, models, together = is_of_motions(posterior), [], with_records(tree)
     for i, case in enumerate(tree_cases(posterior)):
+        draws = parameters_of_case(posterior, i)
         if "record" in posterior.dims and not of_motions:
-            models.append(_of_step(tested(together, i), together, law_of(tree), level))
+            models.append(_of_step(tested(together, i), together, law_of(tree), level, draws))
             continue
-        draws = {name: posterior[f"{name}_case"].isel(case=i).to_numpy().ravel() for name in case_parameters(posterior)}
         follows = of_motions and tree.attrs.get("law", hysteresis_loops.LAW) == hysteresis_loops.LAW
         curves = _cycle(draws, _amplitude_mm(tree), level) if follows else None
         models.append(TyreModel(case.label, _values(draws, level), curves, conditions=case.conditions))
@@ -129,15 +129,24 @@ def _posterior_of_cases(tree: xr.DataTree) -> xr.Dataset:
     return posterior
 
 
-def _of_step(case: CaseValues, posterior: xr.Dataset, law: str, level: float) -> TyreModel:
-    """Return a case of records, with the curve of its step as far as its records go."""
+def _of_step(
+    case: CaseValues,
+    posterior: xr.Dataset,
+    law: str,
+    level: float,
+    in_full: Mapping[str, Float[np.ndarray, " all"]] | None = None,
+) -> TyreModel:
+    """Return a case of records, with the curve of its step as far as its records go.
+
+    `in_full` has parameters of which there are more draws than of its records.
+    """
     step, sign = case.mean(), sign_of(case.case) or 1
     draws = {"k": step.k, "beta": step.beta, "J": step.J, "C": step.C, "F_i": step.F_i}
     u = travel_mm(posterior, case.case) * np.linspace(0.0, 1.0, _POINTS) ** 2  # dense where the force changes fast
     force = force_kN(sign * u, *(draws[name][:, None] for name in ("F_i", "J", "k", "beta")), law=law)
     path = _curve(sign * u + 0.0, force, level)
     curves = Curves(path, Curve(*(column[::sign] for column in path)), OF_STEP, ONE_WAY)
-    return TyreModel(case.case.label, _values(draws, level), curves, conditions=case.case.conditions)
+    return TyreModel(case.case.label, _values({**draws, **(in_full or {})}, level), curves, "", case.case.conditions)
 
 
 def means_of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:

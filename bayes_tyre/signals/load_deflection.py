@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.plain_text import NAME, one_line
+from bayes_tyre.plain_text import NAME, line_of, one_line
 from bayes_tyre.record import DIRECTIONS, ORIGINS
-from bayes_tyre.record_table import check_agreement, check_columns, first_line, numbers_in
+from bayes_tyre.record_table import check_agreement, check_columns, numbers_in
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.load_deflection import Deflection, deflection_of
 from bayes_tyre.signals.reversals import cut_at_reversals, direction_of, is_closed
@@ -251,4 +251,4 @@ def _check_branch(table: pd.DataFrame, rows: np.ndarray, sign: float, span: floa
 def _where(name: str, table: pd.DataFrame, row: int, column: str) -> str:
     test = one_line(table["test"].iloc[row], NAME)
     row = int(table.index[row])
-    return f"{name}: row {row + 1} (line {row + first_line(table)}), test {test!r}, column {column}"
+    return f"{name}: row {row + 1} (line {line_of(table.attrs, row)}), test {test!r}, column {column}"

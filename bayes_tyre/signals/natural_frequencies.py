@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.plain_text import quoted
+from bayes_tyre.plain_text import line_of, quoted
 from bayes_tyre.record import ORIGINS
-from bayes_tyre.record_table import check_columns, first_line, numbers_in
+from bayes_tyre.record_table import check_columns, numbers_in
 
 REQUIRED = ("mode", "frequency_Hz")
 CONDITIONS = ("pressure_bar", "speed_km_h", "wave")
@@ -65,5 +65,5 @@ def _refuse(table: pd.DataFrame, fine: pd.Series, column: str, what: str, name: 
     """Refuse a table with the first row where a column is not `fine`."""
     if not fine.all():
         row = int(np.flatnonzero(~fine.to_numpy())[0])
-        where, cell = f"row {row + 1} (line {row + first_line(table)})", quoted(str(table[column].iloc[row]))
+        where, cell = f"row {row + 1} (line {line_of(table.attrs, row)})", quoted(str(table[column].iloc[row]))
         raise BadInput(f"{name}: {where}, column {column}: {cell} {what}; mend the cell or remove the row")

@@ -1,7 +1,7 @@
 """Coverage of the intervals of `fit` by kind of data, of all data sets and of those whose verdict is `pass`."""
 
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pandas as pd
@@ -30,6 +30,8 @@ QUANTITIES = {
 }
 _KEYS = ["kind", "settings"]
 _BETWEEN = "; "
+#: Tells the random numbers of the sampler from those of the data.
+_OF_SAMPLER = 1
 
 
 class CoverageFit:
@@ -61,7 +63,8 @@ class CoverageFit:
         table, truth = simulate(kind, seed, number)
         model = ModelSettings(**kind.options)
         records = prepare_records(table, model)
-        tree = fit_prepared(records, self.sampler, model, self._compiled(kind, records, model))
+        sampler = replace(self.sampler, seed=seed_of_set(seed, number))
+        tree = fit_prepared(records, sampler, model, self._compiled(kind, records, model))
         tree, diagnostics = judge(tree, lambda tree, _: tree, Attempts(), table)
         held_out = truth["speed_km_h"] == kind.held_out_km_h
         posterior = with_ratios(tree["posterior"].to_dataset(), truth)
@@ -81,6 +84,11 @@ class CoverageFit:
         if key not in self._chains:
             self._chains[key] = joint_chains(records, self.sampler, model)
         return self._chains[key]
+
+
+def seed_of_set(seed: int, number: int) -> int:
+    """Return the seed of the sampler for a data set of a study: errors of the draws are then not alike in all sets."""
+    return int(np.random.default_rng([seed, number, _OF_SAMPLER]).integers(2**31))
 
 
 def with_ratios(posterior: xr.Dataset, truth: pd.DataFrame) -> xr.Dataset:

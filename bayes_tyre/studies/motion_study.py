@@ -12,7 +12,7 @@ from scipy import stats
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw, motion_law
 from bayes_tyre.inference.motion.record.estimate import RECORD_PARAMETERS, MotionEstimate
-from bayes_tyre.inference.motion.record.law_average import estimate_by
+from bayes_tyre.inference.motion.record.law_average import NOT_CONVERGED, converged_estimate
 from bayes_tyre.inference.motion.record.model.window import Recorded
 from bayes_tyre.record import RECORD_UNITS, parameter_column
 from bayes_tyre.rig.axle import load_rig
@@ -44,7 +44,8 @@ class MotionStudy(NamedTuple):
     ----------
     table:
         A row a mismatch, kind and parameter: root mean square error and bias (%), coverage, number of records
-        with a status other than ``ok`` (`doubted`).
+        with a status other than ``ok`` (`doubted`); of those without an estimate, as `motion` has none (`declined`);
+        and of those among them whose fit did not converge (`not_converged`).
     records:
         A row a record and parameter.
     """
@@ -147,7 +148,7 @@ def _rows(record: StudyRecord, seed: int, law: MotionLaw) -> list[dict[str, obje
     began = time.process_time()
     try:
         recording = prepare(raw, rig, RecordFactors(plan.record, plan.case, plan.repeat))
-        estimate = estimate_by(rig, Recorded(*recording.for_motion()), law)
+        estimate = converged_estimate(rig, Recorded(*recording.for_motion()), law)
     except BadInput as error:
         return [
             {**factors, "seed": record_seed, **row, "status": str(error), "origin": ORIGIN}
@@ -197,6 +198,7 @@ def summarise(records: pd.DataFrame) -> pd.DataFrame:
             "parameter": name,
             "records": len(group),
             "declined": len(group) - len(estimated),
+            "not_converged": int(group["status"].str.startswith(NOT_CONVERGED).sum()),
         }
         rows.append({**factors, **_statistics(estimated), "origin": ORIGIN})
     return pd.DataFrame(rows)
@@ -243,7 +245,8 @@ def sentences(table: pd.DataFrame) -> list[str]:
         ]
         first = rows.iloc[0]
         heading = f"{kind}, mismatch {mismatch}, {first['records']} records, {first['doubted']} doubted"
-        estimated = f"{first['records'] - first['declined']} with an estimate"
+        lost = f", {first['not_converged']} did not converge" if first["not_converged"] else ""
+        estimated = f"{first['records'] - first['declined']} with an estimate{lost}"
         cost = f"{first['cpu_seconds_median']:.2g} s of processor time a record"
         lines.append(f"{heading}: rms error {', '.join(errors)}; {estimated}, {cost}")
     return lines

@@ -1,6 +1,7 @@
 """`fit --record-draws`: a smaller posterior.nc, the same tables, and every command that reads it still works."""
 
 import json
+import tomllib
 
 import pandas as pd
 import pytest
@@ -38,6 +39,13 @@ def test_tables_are_of_all_draws_and_the_file_holds_few_of_records(fits):
     assert options[1] == {**options[0], "record_draws": 40}
 
 
+def test_too_few_draws_for_an_interval_are_refused(tmp_path):
+    done = here("fit", written(small(), tmp_path / "records.csv"), "--out", tmp_path / "out", "--record-draws", 2)
+    assert done.exit_code == 2
+    assert "'--record-draws': Input should be greater than or equal to 40" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
 def test_every_command_that_reads_it_takes_it(fits, tmp_path):
     few = fits / "few"
     assert here("export", few, "--to", "csv-spline", "--out", tmp_path / "export").exit_code == 4
@@ -54,5 +62,7 @@ def test_a_prediction_is_that_of_all_draws_but_for_their_number(fits, tmp_path):
         done = here("predict", fits / name, "--case", "speed_km_h=0", "--out", tmp_path / name)
         assert done.exit_code == 4, done.stderr
     whole, few = (pd.read_csv(tmp_path / name / "prediction.csv") for name in ("all", "few"))
+    of_all, of_few = (tomllib.loads((tmp_path / name / "prediction.toml").read_text()) for name in ("all", "few"))
+    assert of_few["case"][0]["k_kN_per_mm"] == of_all["case"][0]["k_kN_per_mm"]
     # A median of 40 draws: its error is 1.25 sd / sqrt(40) = 0.2 sd, and F_i has a sd of 0.02 kN, k of 3 %.
     assert (few["median"] / whole["median"] - 1).abs().max() < 0.05

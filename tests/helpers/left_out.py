@@ -7,7 +7,9 @@ from arviz_stats import ELPDDataLOO
 from bayes_tyre.inference.diagnostics.leave_one_out.left_out import LeaveOneOut
 
 
-def made_up(elpd: np.ndarray, records: list[str], pareto_k: float = 0.1, effective: float = 200.0) -> LeaveOneOut:
+def made_up(
+    elpd: np.ndarray, records: list[str], pareto_k: float = 0.1, effective: float = 200.0, disagreeing: bool = False
+) -> LeaveOneOut:
     """Return a result with these log predictive densities of the records."""
     values = xr.DataArray(elpd, dims="record", coords={"record": records})
     k = np.full(len(records), pareto_k)
@@ -23,4 +25,5 @@ def made_up(elpd: np.ndarray, records: list[str], pareto_k: float = 0.1, effecti
         elpd_i=values,
         pareto_k=xr.DataArray(k, dims="record", coords={"record": records}),
     )
-    return LeaveOneOut(data, k, np.zeros(len(records), bool), np.full(len(records), effective))
+    none = np.zeros(len(records), bool)
+    return LeaveOneOut(data, k, none, np.full(len(records), effective), none | disagreeing)

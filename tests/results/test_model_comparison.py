@@ -32,11 +32,22 @@ def test_the_best_comes_first_and_differences_are_sums_over_records(found):
         assert row.elpd == pytest.approx(sums[str(row.model)])
         assert row.elpd_difference == pytest.approx(sums[str(row.model)] - best)
     differences = found["three"].elpd.elpd_i - found[table["model"].iloc[0]].elpd.elpd_i
-    expected = np.sqrt(len(RECORDS) * float(differences.var()))
+    expected = np.sqrt(len(RECORDS) * float(differences.var(ddof=1)))
     assert table["difference_se"].iloc[-1] == pytest.approx(expected, rel=1e-6, abs=1e-9)
+    of_best = found[table["model"].iloc[0]].elpd.elpd_i
+    assert table["se"].iloc[0] == pytest.approx(np.sqrt(len(RECORDS) * float(of_best.var(ddof=1))))
     assert table["weight"].sum() == pytest.approx(1.0, abs=1e-6)
     assert set(table["verdict"]) == {"pass"}
     assert set(table["records"]) == {len(RECORDS)}
+
+
+def test_a_difference_from_nothing_has_the_standard_error_of_what_it_is_from():
+    """Two records, where the two divisors differ by a factor of 1.4."""
+    two = ["a", "b"]
+    found = {"one": made_up(np.array([3.0, 5.0]), two), "none": made_up(np.zeros(2), two)}
+    table = compare(found, {"one": "pass", "none": "pass"})
+    assert table["difference_se"].iloc[1] == pytest.approx(2.0)
+    assert table["se"].iloc[0] == pytest.approx(2.0)
 
 
 def test_the_sentence_tells_luck_from_more_than_luck(found):
@@ -52,7 +63,11 @@ def test_the_sentence_tells_luck_from_more_than_luck(found):
 
 
 @pytest.mark.parametrize(
-    ("wrong", "verdicts"), [({"pareto_k": 0.9}, PASS), ({"effective": 5.0}, PASS), ({}, {**PASS, "one": "fail"})]
+    ("wrong", "verdicts"),
+    [
+        *(({"pareto_k": 0.9}, PASS), ({"effective": 5.0}, PASS), ({"disagreeing": True}, PASS)),
+        ({}, {**PASS, "one": "fail"}),
+    ],
 )
 def test_what_cannot_be_trusted_fails(wrong, verdicts):
     table = compare({"one": made_up(elpd(1), RECORDS, **wrong), "two": made_up(elpd(2), RECORDS)}, verdicts)

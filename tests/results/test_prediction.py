@@ -11,10 +11,11 @@ from scipy.stats import binom
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.sampling.common_scales import with_scale
+from bayes_tyre.inference.sampling.record_draws import thin_records
 from bayes_tyre.record import Case
 from bayes_tyre.results import prediction
 from bayes_tyre.results.cases.selection import parse_query
-from bayes_tyre.results.cases.stacked import Weighted
+from bayes_tyre.results.cases.stacked import Weighted, shares_of
 from bayes_tyre.results.prediction import Prediction, force_kN, predictable_cases
 
 FIGURES = ["mean", "sd", "lower", "upper"]
@@ -68,6 +69,23 @@ def test_the_curve_of_a_case_is_equation_2_loading_up_and_unloading_down():
         )
         said = made[["direction", "parameter", "unit", "of", "origin", "verdict"]].drop_duplicates()
         assert said.to_numpy().tolist() == [[direction, "force", "kN", "case", "simulated", "pass"]]
+
+
+def test_parameters_of_a_tested_case_are_of_all_draws_where_its_records_were_thinned():
+    whole = campaign()
+    thinned = thin_records(whole, 40)
+    (of_all,), (of_few,) = (predict(tree, "single (25)20-30").parameters for tree in (whole, thinned))
+    assert {name: of_few[name] for name in ("k_kN_per_mm", "beta_mm")} == {
+        name: of_all[name] for name in ("k_kN_per_mm", "beta_mm")
+    }
+    assert of_few["J_kN"] != of_all["J_kN"]  # which has no case level
+    one, two = (Weighted(thinned, weight) for weight in (0.25, 0.75))
+    query = parse_query(["single (25)20-30"], predictable_cases(whole))
+    shares = shares_of([one, two])
+    # 1000 draws of the cases; of the records ten from each of four chains.
+    assert [(share.of_records, share.of_cases) for share in shares] == [(13, 333), (40, 1000)]
+    made = prediction.predict_stack([one, two], query, verdict="pass")
+    assert made.parameters[0]["k_kN_per_mm"] == pytest.approx(of_all["k_kN_per_mm"], rel=0.02)
 
 
 def test_the_curve_follows_the_law_that_was_fitted():

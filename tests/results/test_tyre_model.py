@@ -9,6 +9,7 @@ from helpers.slow_tests import Tyre, on_flat_ground
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.load_deflection.table import fit_tests
+from bayes_tyre.inference.sampling.record_draws import thin_records
 from bayes_tyre.results import summary
 from bayes_tyre.results.tyre_model import ONE_WAY, Curves, TyreModel, of_load_deflection, of_posterior
 from bayes_tyre.signals.load_deflection import check_load_deflection, with_deflection
@@ -41,6 +42,14 @@ def test_parameters_are_those_of_cases_csv_in_si_units(records):
             row = table.loc[(direction, speed, name), ["median", "lower", "upper"]].to_numpy(float)
             np.testing.assert_allclose(model.parameters[name][:3], factor * row, rtol=1e-9)
     assert [model.parameters[name].unit for name in ("k", "beta", "J")] == ["N/m", "m", "N"]
+
+
+def test_k_and_beta_are_of_all_draws_where_records_were_thinned(records):
+    for whole, few in zip(of_posterior(records), of_posterior(thin_records(records, 40)), strict=True):
+        assert [few.parameters[name] for name in PER_SI] == [whole.parameters[name] for name in PER_SI]
+        assert few.parameters["J"] != whole.parameters["J"]
+        # A median of 40 draws: its error is 1.25 sd / sqrt(40) = 0.2 sd, and of the force sd is up to 3 %.
+        np.testing.assert_allclose(curves_of(few).path.force, curves_of(whole).path.force, rtol=0.03)
 
 
 def test_the_curve_of_a_step_is_equation_2_from_its_start_as_far_as_its_records_go(records):

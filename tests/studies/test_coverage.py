@@ -88,6 +88,26 @@ def test_what_is_predicted_of_a_speed_held_out_stands_beside_the_truth_of_its_ca
     assert (rows["upper_95"] / rows["lower_95"]).between(1.2, 100.0).all()
 
 
+def test_every_data_set_is_sampled_with_a_seed_of_its_own(monkeypatch):
+    """The rest of the fit is left out: what it is asked for is what counts."""
+    seeds = []
+
+    class AskedError(Exception):
+        pass
+
+    def fit(records, sampler, model, chains):
+        seeds.append(sampler.seed)
+        raise AskedError
+
+    monkeypatch.setattr(study, "fit_prepared", fit)
+    monkeypatch.setattr(CoverageFit, "_compiled", lambda *_: None)
+    for seed, number in ((0, 0), (0, 1), (1, 0), (0, 0)):
+        with pytest.raises(AskedError):
+            CoverageFit().estimate(next(iter(KINDS)), seed, number)
+    assert len(set(seeds)) == 3
+    assert seeds[0] == seeds[3]
+
+
 def test_coverage_and_its_standard_error_are_those_of_numpy(estimates):
     table = coverage(estimates)
     assert len(table) == 2 * 6 * 2

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from helpers.motion_studies import motion_rows
 
+from bayes_tyre.inference.motion.record.law_average import NOT_CONVERGED
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.draw import draw_truth
 from bayes_tyre.studies.motion_machine import Machine, load_of
@@ -78,6 +79,17 @@ def test_a_record_without_an_estimate_is_declined():
     found = summarise(rows)
     assert (found["records"] == 2).all()
     assert (found["declined"] == 1).all()
+
+
+def test_a_fit_that_did_not_converge_is_no_estimate_and_is_counted_apart():
+    rows = motion_rows(study_records(3, 0, seed=0))
+    lost = rows["record"] == rows["record"][0]
+    rows.loc[lost, "estimate"], rows.loc[lost, "status"] = np.nan, f"{NOT_CONVERGED}; look"
+    table = summarise(rows)
+    assert (table["declined"] == 1).all()
+    assert (table["not_converged"] == 1).all()
+    assert (table["doubted"] == 0).all()
+    assert "2 with an estimate, 1 did not converge, " in sentences(table)[0]
 
 
 def test_a_study_without_any_estimate_says_so():

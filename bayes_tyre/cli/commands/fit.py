@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 #: Options that may be combined with --from; all others are read from the run.json.
 BESIDE_FROM = ("out", "from_run", "resume", "xlsx", "device", "quiet", "verbose", "log_file")
 
+#: Fewest draws of a record that may be kept: of fewer, the ends of a 95 % interval are the outermost draws.
+LEAST_KEPT = 40
+
 
 def fit(
     context: typer.Context,
@@ -50,9 +53,10 @@ def fit(
     record_draws: Annotated[
         int | None,
         typer.Option(
-            min=1,
+            min=LEAST_KEPT,
             help="Draws of each record to keep in posterior.nc, over all chains; what records share is kept in full, "
-            "and tables are of all draws. Default: all; 200 of more than 2,000 records.",
+            "and tables are of all draws. At least 40: curves have intervals. Default: all; 200 of more than 2,000 "
+            "records.",
             show_default=False,
         ),
     ] = None,

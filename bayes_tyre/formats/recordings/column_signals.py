@@ -113,7 +113,7 @@ def read_columns(path: Path, columns: Mapping[str, int] | None = None) -> RawSig
     """
     if path.suffix.lower() == ".csv" and _is_lvm_or_plain(path):
         return numbered(read_lvm(path), columns, path)
-    table = read_table(path, Layout(is_time))
+    table = read_table(path, Layout(is_time, any_units=True))
     in_row = table.attrs.get(UNITS_ROW, {})
     own = dict(enumerate(map(str, table.columns)))
     if columns is not None and (most := max(columns.values())) > len(own):

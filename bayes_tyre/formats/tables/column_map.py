@@ -10,8 +10,8 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.structured_text import read_toml
-from bayes_tyre.formats.tables.header import FIRST_LINE, NOTES, UNITS, UNITS_ROW, Layout, unit_of_name
-from bayes_tyre.plain_text import listed, quoted, reason
+from bayes_tyre.formats.tables.header import NOTES, UNITS, UNITS_ROW, Layout, unit_of_name
+from bayes_tyre.plain_text import line_of, listed, quoted, reason
 from bayes_tyre.record import DIRECTIONS, NUMBER_COLUMNS, ORIGINS, TEXT_COLUMNS
 
 #: Units of the columns that have one.
@@ -146,7 +146,7 @@ class ColumnMap(_Strict):
         wrong = np.flatnonzero(~ours.isin(DIRECTIONS))
         if len(wrong):
             row = int(wrong[0])
-            line = row + table.attrs.get(FIRST_LINE, 2)
+            line = line_of(table.attrs, row)
             raise BadInput(
                 f"{path}: row {row + 1} (line {line}), column direction: {quoted(theirs.iloc[row])} is neither loading "
                 "nor unloading; say in [values.direction] of the map which it is"

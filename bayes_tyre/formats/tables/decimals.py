@@ -10,7 +10,7 @@ from typing import NamedTuple
 import pandas as pd
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.tables.header import FIRST_LINE
+from bayes_tyre.plain_text import line_of
 from bayes_tyre.record import NUMBER_COLUMNS, TEXT_COLUMNS
 
 #: Columns of numbers by name, those of slow tests and natural frequencies too.
@@ -153,5 +153,5 @@ def _is_text(cells: pd.Series) -> bool:
 
 def _where(table: pd.DataFrame, cell: _Cell) -> str:
     record = f", record {str(table['record'].iloc[cell.row])[:60]!r}" if "record" in table else ""
-    line = cell.row + table.attrs.get(FIRST_LINE, 2)
+    line = line_of(table.attrs, cell.row)
     return f"row {cell.row + 1} (line {line}){record}, column {cell.column} holds {cell.text[:40].strip()!r}"

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple, TextIO
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.formats.tables.header import SEARCHED, Layout, check_twice, units_in
+from bayes_tyre.formats.tables.header import SEARCHED, Layout, blank_lines, check_twice, units_in
 
 #: Characters of a header, and columns.
 MOST_HEADER, MOST_COLUMNS = 500_000, 5000
@@ -79,7 +79,7 @@ def find_dialect(path: Path, layout: Layout | None = None) -> Dialect:
         _check_names(path, names)
         header = Dialect(encoding, separator, tuple(names), above, line + 1)
         below, cells, line = next(filled, (0, [], 0)) if layout is not None else (0, [], 0)
-    units = units_in(cells)
+    units = units_in(cells, layout is not None and layout.any_units)
     return header._replace(units=units, units_row=below, first_line=line + 1) if units else header
 
 
@@ -164,6 +164,22 @@ def _check_names(path: Path, names: list[str]) -> None:
     if len(names) > MOST_COLUMNS:
         raise BadInput(f"{path}: has {len(names)} columns, over {MOST_COLUMNS}; keep those of the records")
     check_twice([name.strip() for name in names], path)  # pandas would rename the second
+
+
+def blank_lines_in(path: Path, dialect: Dialect, rows: int) -> list[int]:
+    """Return where blank lines stand among so many rows of a table, as `header.blank_lines` does.
+
+    All lines are only read again where there are more than rows.
+    """
+    with path.open("rb") as file:
+        count = sum(piece.count(b"\n") for piece in iter(lambda: file.read(1 << 20), b""))
+    if count + 1 <= dialect.first_line + rows:
+        return []
+    with path.open(encoding=dialect.encoding, newline="") as lines:
+        reader = csv.reader(lines_below(lines, dialect.above), delimiter=dialect.separator)
+        # As pandas has it: a line of separators is a row, though its cells are blank.
+        at = (dialect.above + reader.line_num for row in reader if len(row) > 1 or "".join(row).strip())
+        return blank_lines([line for line in at if line >= dialect.first_line], dialect.first_line)
 
 
 def first_long_row(path: Path, dialect: Dialect) -> str:

@@ -5,6 +5,8 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.x_column import unit_in
 from bayes_tyre.plain_text import NAME, REASON, listed, number_in, one_line, quoted
@@ -21,9 +23,9 @@ _KNOWN = {unit for units in UNITS.values() for unit in units}
 UNIT_ENDING = re.compile(rf"(?:[\s_]in)?[\s_]({'|'.join([*map(re.escape, sorted(_KNOWN)), 'km_h'])})$")
 #: Lines among which the header is looked for.
 SEARCHED = 200
-#: What a table from disk says of itself in its `attrs`: the line of its first row, the units by column that stand in a
-#: row below the header, and sentences on what was left out.
-FIRST_LINE, UNITS_ROW, NOTES = "first_line", "units", "notes"
+#: What a table from disk says of itself in its `attrs`: the line of its first row, and where blank lines stand below
+#: (`plain_text.line_of`); the units by column that stand in a row below the header, and sentences on what was left out.
+FIRST_LINE, BLANK_LINES, UNITS_ROW, NOTES = "first_line", "blank_lines", "units", "notes"
 
 
 class Layout(NamedTuple):
@@ -37,11 +39,14 @@ class Layout(NamedTuple):
         Our name by theirs, of the columns to rename; every one must be there.
     skip_rows:
         Lines above the header; None: it is looked for.
+    any_units:
+        Whether any two texts without a number are a row of units, as below the names of a recording.
     """
 
     is_column: Callable[[str], bool]
     names: Mapping[str, str] = {}
     skip_rows: int | None = None
+    any_units: bool = False
 
     def header(self, lines: Iterable[Sequence[str]]) -> int:
         """Return which line is the header, counted from 0: that with most known names, else with most text cells."""
@@ -87,13 +92,21 @@ def check_twice(names: Sequence[str], path: Path, mapped: Collection[str] = ()) 
         raise BadInput(f"{path}: column {one_line(twice, NAME)!r} stands{what}; keep one")
 
 
-def units_in(cells: Sequence[object]) -> tuple[str, ...]:
+def blank_lines(lines: Sequence[int], first: int) -> list[int]:
+    """Return, for each line without a row from `first` to the last of the rows' lines, how many rows stand above it."""
+    gaps = np.diff([first - 1, *lines]) - 1
+    return np.repeat(np.arange(len(lines)), gaps).tolist()
+
+
+def units_in(cells: Sequence[object], any_units: bool = False) -> tuple[str, ...]:
     """Return the units in the row below the header, one a column; nothing if it is no row of units.
 
-    It is one if it holds two known units at least, with or without brackets, and no number.
+    It is one if it holds two known units at least, or with `any_units` two texts, with or without brackets, and no
+    number.
     """
     texts = tuple("" if cell is None else str(cell).strip().strip("[]()").strip() for cell in cells)
-    return texts if sum(text in _KNOWN for text in texts) > 1 and not any(map(_is_number, texts)) else ()
+    count = sum(bool(text) if any_units else text in _KNOWN for text in texts)
+    return texts if count > 1 and not any(map(_is_number, texts)) else ()
 
 
 def unit_of_name(name: str) -> str:

@@ -11,9 +11,19 @@ import pandas as pd
 from bayes_tyre.errors import NO_MEMORY, BadInput, out_of_memory
 from bayes_tyre.formats.files import whole_file
 from bayes_tyre.formats.tables.decimals import numbers_of_texts, read_by_decimals
-from bayes_tyre.formats.tables.dialect import Dialect, find_dialect, first_long_row, lines_below
+from bayes_tyre.formats.tables.dialect import Dialect, blank_lines_in, find_dialect, first_long_row, lines_below
 from bayes_tyre.formats.tables.formulas import as_meant, harmless, map_texts, texts_of
-from bayes_tyre.formats.tables.header import FIRST_LINE, NOTES, SEARCHED, UNITS_ROW, Layout, check_twice, units_in
+from bayes_tyre.formats.tables.header import (
+    BLANK_LINES,
+    FIRST_LINE,
+    NOTES,
+    SEARCHED,
+    UNITS_ROW,
+    Layout,
+    blank_lines,
+    check_twice,
+    units_in,
+)
 from bayes_tyre.formats.tables.workbook import read_rows, split_sheet
 from bayes_tyre.formats.tydex.table import read_tydex_table
 from bayes_tyre.formats.unpacked import MOST_BYTES, check_parquet
@@ -61,7 +71,7 @@ def _parse(path: Path, dialect: Dialect, decimal: str, ours: Sequence[str]) -> p
                 raise
         else:
             table.columns = [our or str(name) for our, name in zip(ours, table.columns, strict=True)]
-            table.attrs[FIRST_LINE] = dialect.first_line
+            table.attrs |= {FIRST_LINE: dialect.first_line, BLANK_LINES: blank_lines_in(path, dialect, len(table))}
             return table
     commas = " (a decimal comma makes two of one: put semicolons between the cells)" if dialect.separator == "," else ""
     raise BadInput(f"{path}: {wrong}; mend the row{commas}")
@@ -107,7 +117,8 @@ def _read_xlsx(path: Path, layout: Layout | None) -> pd.DataFrame:
     used = [i for i in range(width) if ours[i] or cells[i].notna().any()]
     table = cells[used].set_axis([ours[i] or f"column {i + 1}" for i in used], axis=1).infer_objects()
     table.attrs |= {NOTES: sheet.notes, UNITS_ROW: dict(zip(ours, units, strict=False))}
-    table.attrs[FIRST_LINE] = rows[0][0] if rows else 2
+    first = rows[0][0] if rows else 2
+    table.attrs |= {FIRST_LINE: first, BLANK_LINES: blank_lines([number for number, _ in rows], first)}
     return numbers_of_texts(map_texts(table, _text), path)
 
 

@@ -1,16 +1,18 @@
-"""Checks of the data behind a posterior, and its limitations: a sentence each, with what to do.
+"""Checks of the data behind a posterior, and its limitations, each with what to do.
 
 A failed check fails the verdict, however well the sampler did. A limitation (a quantity that is weakly identified or
 prior-sensitive) fails nothing.
 """
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from bayes_tyre.inference.diagnostics.power_scaling import CONTRACTION_LEAST, GROUP, SENSITIVE, identified
+from bayes_tyre.inference.diagnostics.sampling_checks import Check
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS
@@ -45,12 +47,22 @@ _OF_HYPERPARAMETERS = (
     "the intervals of cases and ratios allow for that; measure more cases or levels if these quantities themselves "
     "matter"
 )
+#: Standard errors that the records may be off a stated prior that decides a quantity: of four groups, chance brings
+#: more in one of a hundred fits.
+_CONFLICT = 3.0
+#: Least contraction that says how far the records alone are off: below, it is Monte Carlo error.
+_LEAST_CONTRACTION = 0.01
 #: Least credible noise of a load cell, kN: a millinewton.
 NOISE_LEAST_KN = 1e-6
 
 
-def failed_checks(posterior: xr.Dataset, priors: Priors = PRIORS) -> list[str]:
-    """Return why the records cannot identify the parameters: the parameter, the statistic, and what to do.
+def fault(where: str, finding: str, remedy: str) -> Check:
+    """Return a fault of the records as a failed check: where it is, what is wrong, and what to do."""
+    return Check("records", "data", False, np.nan, np.nan, where, f"{where}: {finding}", remedy)
+
+
+def failed_checks(posterior: xr.Dataset, priors: Priors = PRIORS) -> list[Check]:
+    """Return why the records cannot identify the parameters, a failed check each; none where they can.
 
     Parameters
     ----------
@@ -65,33 +77,74 @@ def failed_checks(posterior: xr.Dataset, priors: Priors = PRIORS) -> list[str]:
     ]
 
 
-def _unidentified(posterior: xr.Dataset, priors: Priors) -> Iterator[str]:
+class _Undetermined(NamedTuple):
+    """A group's parameter that its records do not determine, such as ``k_group[dual loading]``, and ``k``.
+
+    `share` is the width of its posterior over that of its prior; `stated` says whether the prior determines it by
+    intention, being so much narrower than the default; the records are `off` its median by so many standard errors.
+    """
+
+    element: str
+    parameter: str
+    share: float
+    stated: bool
+    off: float
+
+    @property
+    def conflicting(self) -> bool:
+        """Whether the records contradict a prior that somebody stated."""
+        return self.stated and self.off > _CONFLICT
+
+
+def _undetermined(posterior: xr.Dataset, priors: Priors) -> Iterator[_Undetermined]:
     for parameter in REMEDIES:
         name = f"{parameter}_group"
         if name not in posterior or parameter in _MAY_BE_OPEN:
             continue
         draws = posterior[name].transpose("chain", "draw", "group")
-        shares = np.log(draws.to_numpy()).std(axis=(0, 1)) / priors[name].parameters[1]
-        for label, share in zip(draws["group"].to_numpy(), shares, strict=True):
-            if not 1.0 - share**2 < CONTRACTION_LEAST:
+        log_values, (middle, sd) = np.log(draws.to_numpy()), priors[name].parameters
+        share, of_default = (log_values.std(axis=(0, 1)) / each for each in (sd, PRIORS[name].parameters[1]))
+        # A normal prior and a normal likelihood: the posterior's mean is off by the contraction times what the records
+        # are, and their variance is the prior's times (1 - contraction) / contraction.
+        contraction = np.maximum(1.0 - share**2, _LEAST_CONTRACTION)
+        off = np.abs(log_values.mean(axis=(0, 1)) - middle) / (sd * np.sqrt(contraction))
+        for i, label in enumerate(draws["group"].to_numpy()):
+            if not 1.0 - share[i] ** 2 < CONTRACTION_LEAST:
                 continue
-            yield (
-                f"{name}[{label}]: not determined by the records: its posterior is {share:.0%} as wide as its prior; "
-                f"{REMEDIES[parameter]}"
-            )
+            stated = bool(1.0 - of_default[i] ** 2 >= CONTRACTION_LEAST)
+            yield _Undetermined(f"{name}[{label}]", parameter, float(share[i]), stated, float(off[i]))
 
 
-def _unlike_repeats(posterior: xr.Dataset) -> Iterator[str]:
+def _unidentified(posterior: xr.Dataset, priors: Priors) -> Iterator[Check]:
+    for each in _undetermined(posterior, priors):
+        if not each.stated:
+            finding = f"not determined by the records: its posterior is {each.share:.0%} as wide as its prior"
+            yield fault(each.element, finding, REMEDIES[each.parameter])
+        elif each.conflicting:
+            finding = f"decided by the prior that was given, {each.off:.1f} standard errors off the records"
+            yield fault(each.element, finding, "check the units of the records, or widen the prior")
+
+
+def decided_by_given_priors(posterior: xr.Dataset, priors: Priors) -> list[str]:
+    """Return which parameters of groups a prior that somebody stated determines, and the records do not contradict."""
+    return [
+        f"{each.element}: decided by the prior that was given: its posterior is {each.share:.0%} as wide; say so where "
+        "you quote it"
+        for each in _undetermined(posterior, priors)
+        if each.stated and not each.conflicting
+    ]
+
+
+def _unlike_repeats(posterior: xr.Dataset) -> Iterator[Check]:
     for parameter, most in SD_REPEAT_MOST.items():
         name = f"sd_log_{parameter}_repeat"
         if name in posterior and (sd := float(posterior[name].median())) > most:
-            yield (
-                f"{name}: repeats of a case differ by a factor of {np.exp(sd):.1f}: no value describes the case; "
-                "check that equal factors mean equal tests, and that all records have the same units"
-            )
+            finding = f"repeats of a case differ by a factor of {np.exp(sd):.1f}: no value describes the case"
+            remedy = "check that equal factors mean equal tests, and that all records have the same units"
+            yield fault(name, finding, remedy)
 
 
-def _discordant_majority(posterior: xr.Dataset) -> Iterator[str]:
+def _discordant_majority(posterior: xr.Dataset) -> Iterator[Check]:
     if "outlier_probability" not in posterior:
         return
     discordant = (posterior["outlier_probability"].mean(("chain", "draw")) > 0.5).to_numpy()
@@ -103,22 +156,18 @@ def _discordant_majority(posterior: xr.Dataset) -> Iterator[str]:
     by_case = np.bincount(factors.of_record, weights=discordant, minlength=len(factors.cases))
     for case, count, repeats in zip(factors.cases, by_case, factors.repeats, strict=True):
         if repeats >= JUDGEABLE_REPEATS and 2 * count >= repeats:
-            yield (
-                f"k[{case.label}]: {count:.0f} of its {repeats} repeats are discordant: no majority agrees; "
-                "repeat the test"
-            )
+            finding = f"{count:.0f} of its {repeats} repeats are discordant: no majority agrees"
+            yield fault(f"k[{case.label}]", finding, "repeat the test")
 
 
-def _noiseless(posterior: xr.Dataset) -> Iterator[str]:
+def _noiseless(posterior: xr.Dataset) -> Iterator[Check]:
     if "sigma" not in posterior:
         return
     sigma = posterior["sigma"].median(("chain", "draw"))
     least = sigma.idxmin().item()
     if float(sigma.min()) < NOISE_LEAST_KN:
-        yield (
-            f"sigma[{least}]: {float(sigma.min()):.1g} kN is less than a load cell's noise: computed records cannot be "
-            "sampled; use lsq, or add noise of a load cell's size"
-        )
+        finding = f"{float(sigma.min()):.1g} kN is less than a load cell's noise: computed records cannot be sampled"
+        yield fault(f"sigma[{least}]", finding, "use lsq, or add noise of a load cell's size")
 
 
 def find_limitations(tree: xr.DataTree) -> list[str]:

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 from scipy import stats
 
 from bayes_tyre.inference.diagnostics.course_checks import CHANCE, case_of_records
-from bayes_tyre.inference.diagnostics.sampling_checks import Check
+from bayes_tyre.inference.diagnostics.sampling_checks import Check, unmade
 from bayes_tyre.inference.model.hyperparameters import APART_REPEATS, JUDGEABLE_REPEATS
 from bayes_tyre.inference.sampling.datatree import case_parameters, draws_in_a_row, record_offset
 from bayes_tyre.plain_text import listed
@@ -54,9 +54,14 @@ class _Agreement(NamedTuple):
 
 
 def _cases_and_repeats(posterior: xr.Dataset, parameter: str, case: Int[np.ndarray, " records"]) -> Check:
+    name = f"cases_and_repeats_{parameter}"
+    apart, outside = _apart(posterior, parameter, case), _outside(posterior, parameter, case)
     agreements = [agreement for agreement in _by_speed(posterior, parameter, case) if agreement is not None]
-    worst = min(agreements, key=lambda agreement: agreement.p_value, default=_Agreement(1.0, 0))
-    value = min(worst.p_value * max(len(agreements), 1), 1.0)
+    if not agreements:
+        why = f"fewer than {_LEAST_FREEDOM} repeats beyond one of each case, at any speed"
+        return unmade(name, CHANCE, why)._replace(note="; ".join(filter(None, (apart, outside))))
+    worst = min(agreements, key=lambda agreement: agreement.p_value)
+    value = min(worst.p_value * len(agreements), 1.0)
     label = str(posterior["case"].to_numpy()[worst.case])
     own = posterior[f"{parameter}_case"][:, :, worst.case]
     repeats = posterior[parameter].median(("chain", "draw")).to_numpy()[case == worst.case]
@@ -65,9 +70,8 @@ def _cases_and_repeats(posterior: xr.Dataset, parameter: str, case: Int[np.ndarr
         "cases that are unlike the others are drawn to these"
     )
     remedy = "take its repeats (repeats.csv) in place of the case (cases.csv), or fit such cases by themselves"
-    passed, name = value >= CHANCE, f"cases_and_repeats_{parameter}"
-    notes = [_apart(posterior, parameter, case), _outside(posterior, parameter, case) if passed else ""]
-    where, note = "" if passed else label, "; ".join(filter(None, notes))
+    passed = value >= CHANCE
+    where, note = "" if passed else label, "; ".join(filter(None, (apart, outside if passed else "")))
     return Check(name, "model", passed, value, CHANCE, where, finding, remedy, note)
 
 

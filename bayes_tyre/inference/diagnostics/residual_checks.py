@@ -17,7 +17,7 @@ from bayes_tyre.inference.correlated_noise import SMOOTHED
 from bayes_tyre.inference.diagnostics.course_checks import CHANCE, MOST_ERRORS, WRONG_LAW, course_checks
 from bayes_tyre.inference.diagnostics.law_check import law_check
 from bayes_tyre.inference.diagnostics.residuals import Residuals, residuals
-from bayes_tyre.inference.diagnostics.sampling_checks import Check
+from bayes_tyre.inference.diagnostics.sampling_checks import Check, unmade
 from bayes_tyre.inference.lack_of_fit import CURVE_PARAMETERS, MISFIT_MOST, misfit
 from bayes_tyre.inference.noise_along_path import NEAR_BETAS, directions, freedom, near_start, variance_ratio
 from bayes_tyre.inference.sampling.datatree import model_of
@@ -114,6 +114,8 @@ def _uneven_noise(of_records: Residuals) -> Check:
     first = present & (np.arange(present.shape[1]) < _FIRST * points[:, None])
     ratios = [variance_ratio(square, left, part) for part in (near, first)]
     log_ratio, error, _ = max(ratios, key=lambda each: abs(each.value) - MOST_ERRORS * each.error)
+    if not np.isfinite(error):
+        return unmade("noise_along_path", UNEVEN_MOST, "too few points near the start of the records, or no noise")
     most = np.log(UNEVEN_MOST) + MOST_ERRORS * error
     passed = bool(abs(log_ratio) <= most)
     value, limit, times = float(np.exp(abs(log_ratio))), float(np.exp(most)), f"{np.exp(log_ratio):.2g}"

@@ -47,6 +47,8 @@ class Check(NamedTuple):
         What is wrong, and what to do: the sentence in `reasons` where it has failed.
     note:
         What a reader should know though it passed.
+    not_checked:
+        Why it could not be made, such as too few points; empty where it was. It then passes, without a value.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Check(NamedTuple):
     finding: str
     remedy: str
     note: str = ""
+    not_checked: str = ""
 
     @property
     def reason(self) -> str:
@@ -66,9 +69,15 @@ class Check(NamedTuple):
 
     @property
     def row(self) -> dict[str, Any]:
-        """What `diagnostics.json` holds under `checks`: without finding; remedy where it failed, note if any."""
+        """What `diagnostics.json` holds under `checks`: no finding; remedy where it failed, the last two if any."""
         row = self._asdict() | {"remedy": "" if self.passed else self.remedy}
-        return {name: value for name, value in row.items() if name != "finding" and (name != "note" or value)}
+        left_out = {"finding", *(name for name in ("note", "not_checked") if not row[name])}
+        return {name: value for name, value in row.items() if name not in left_out}
+
+
+def unmade(name: str, limit: float, why: str) -> Check:
+    """Return a check of the model that could not be made."""
+    return Check(name, "model", True, np.nan, limit, "", "", "", not_checked=why)
 
 
 def without_probabilities(statistics: ConvergenceStatistics) -> ConvergenceStatistics:

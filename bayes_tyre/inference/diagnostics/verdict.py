@@ -8,7 +8,7 @@ import xarray as xr
 
 from bayes_tyre.inference.diagnostics.attempts import MODEL_CHECKS, checks_in
 from bayes_tyre.inference.diagnostics.convergence import by_chain, by_parameter, statistics_of
-from bayes_tyre.inference.diagnostics.data_checks import failed_checks, find_limitations
+from bayes_tyre.inference.diagnostics.data_checks import decided_by_given_priors, failed_checks, find_limitations
 from bayes_tyre.inference.diagnostics.sampling_checks import (
     Check,
     sampling_checks,
@@ -64,6 +64,7 @@ class Diagnostics(NamedTuple):
 
 
 _SHOWN = ("verdict", "reasons", "limitations")
+_RECORDS_SOUND = Check("records", "data", True, np.nan, np.nan, "", "", "")
 
 
 def diagnose(tree: xr.DataTree) -> Diagnostics:
@@ -81,12 +82,12 @@ def diagnose(tree: xr.DataTree) -> Diagnostics:
     tree:
         A posterior as `bayes_tyre.inference.sampling.datatree.to_datatree` gives it.
     """
-    posterior = tree["posterior"].to_dataset()
+    posterior, priors = tree["posterior"].to_dataset(), priors_of(tree)
     statistics, sampler = without_probabilities(statistics_of(tree)), by_chain(tree)
     checks = [
         *sampling_checks(tree, statistics, sampler),
         *checks_in(tree, MODEL_CHECKS),
-        *data_checks(failed_checks(posterior, priors_of(tree))),
+        *(failed_checks(posterior, priors) or [_RECORDS_SOUND]),
     ]
     reasons = tuple(check.reason for check in checks if not check.passed)
     value, draws = {check.name: check.value for check in checks}, posterior.sizes["draw"]
@@ -105,6 +106,8 @@ def diagnose(tree: xr.DataTree) -> Diagnostics:
             *(check.note for check in checks if check.kind == "model" and check.note),
             *uncertain_probabilities(posterior),
             *_deep_trees(sampler, draws),
+            *decided_by_given_priors(posterior, priors),
+            *_not_checked(checks),
             *find_limitations(tree),
         ),
         by_parameter(statistics),
@@ -113,15 +116,11 @@ def diagnose(tree: xr.DataTree) -> Diagnostics:
     )
 
 
-def data_checks(sentences: Sequence[str]) -> list[Check]:
-    """Return what `reasons` say of the records as checks, one each without a number; one that passed for none."""
-    if not sentences:
-        return [Check("records", "data", True, np.nan, np.nan, "", "", "")]
-    parts = [sentence.partition("; ") for sentence in sentences]
-    return [
-        Check("records", "data", False, np.nan, np.nan, finding.partition(": ")[0], finding, remedy)
-        for finding, _, remedy in parts
-    ]
+def _not_checked(checks: Sequence[Check]) -> Iterator[str]:
+    """Yield which checks could not be made, a sentence for each reason."""
+    for why in dict.fromkeys(check.not_checked for check in checks if check.not_checked):
+        names = ", ".join(check.name for check in checks if check.not_checked == why)
+        yield f"{names}: not checked: {why}"
 
 
 def _deep_trees(sampler: list[dict[str, Any]], draws: int) -> Iterator[str]:

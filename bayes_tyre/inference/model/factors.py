@@ -79,6 +79,9 @@ class Factors:
         Shape (records,): the case of each record.
     levels:
         What records share across cases.
+    most_repeats:
+        Records of the case that has most, which decides whether repeats can be discordant, and cases stand apart. Of
+        some of the records (`only`) it is that of all of them: they have the same model.
     """
 
     cases: tuple[Case, ...]
@@ -91,9 +94,13 @@ class Factors:
     configuration_load: Factor
     of_record: Int[np.ndarray, " records"]
     levels: RecordLevels = NO_LEVELS
+    most_repeats: int = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "most_repeats", self.most_repeats or int(self.repeats.max(initial=0)))
 
     def only(self, records: Bool[np.ndarray, " records"] | Int[np.ndarray, " chosen"]) -> "Factors":
-        """Return the factors of some of the records, by a mask or by their numbers; all cases and levels stay."""
+        """Return the factors of some of the records, by a mask or by their numbers; cases, levels and model stay."""
         return replace(self, of_record=self.of_record[records], levels=self.levels.only(records))
 
     @property

@@ -69,7 +69,7 @@ def _case_sites(factors: Factors, parameters: Sequence[str], repeats: str) -> tu
         sites += [f"sd_log_{parameter}_repeat_over_speeds"] * factors.speed.varies
         sites += [f"sd_log_{parameter}_case"] * factors.has_remainder(parameter)
         sites += level_sites(parameter, factors)
-    return (*sites, *(of_repeats if factors.repeats.max() >= JUDGEABLE_REPEATS else ()))
+    return (*sites, *(of_repeats if factors.most_repeats >= JUDGEABLE_REPEATS else ()))
 
 
 def level_sites(parameter: str, factors: Factors) -> list[str]:
@@ -81,7 +81,7 @@ def level_sites(parameter: str, factors: Factors) -> list[str]:
 def apart_weight(factors: Factors, parameters: Sequence[str], priors: Priors) -> float:
     """Return the probability that a case stands apart; 0 where the data cannot tell that one does."""
     spare = max(factors.spare_cases(parameter) for parameter in parameters)
-    judgeable = spare >= APART_SPARE_CASES and factors.repeats.max() >= APART_REPEATS
+    judgeable = spare >= APART_SPARE_CASES and factors.most_repeats >= APART_REPEATS
     return priors.apart_weight if judgeable else 0.0
 
 

@@ -18,7 +18,7 @@ REPEATS = ("mixture", "student", "normal")
 
 def judgeable(kind: str, factors: Factors) -> str:
     """Return the kind of scatter that the data can tell: two repeats that differ cannot say which is discordant."""
-    return kind if factors.repeats.max() >= JUDGEABLE_REPEATS else "normal"
+    return kind if factors.most_repeats >= JUDGEABLE_REPEATS else "normal"
 
 
 class NormalAbout(dist.Distribution):

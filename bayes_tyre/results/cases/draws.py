@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.record_levels import LEVELS
-from bayes_tyre.inference.sampling.datatree import draws_in_a_row, tree_cases
+from bayes_tyre.inference.sampling.datatree import case_parameters, draws_in_a_row, tree_cases
 from bayes_tyre.record import CASE_FACTORS, Case
 
 
@@ -46,10 +46,14 @@ class CaseDraws(NamedTuple):
 
 def thinned(draws: CaseDraws, count: int) -> CaseDraws:
     """Return so many of the draws, evenly spaced."""
-    chosen = np.linspace(0, len(draws.k) - 1, count).round().astype(int)
-    nu = None if draws.noise_nu is None else draws.noise_nu[chosen]
-    *values, _ = draws
-    return CaseDraws(*(each[chosen] for each in values), noise_nu=nu)
+    *values, nu = draws
+    nu = None if nu is None else evenly_spaced(nu, count)
+    return CaseDraws(*(evenly_spaced(each, count) for each in values), noise_nu=nu)
+
+
+def evenly_spaced(draws: Float[np.ndarray, " draws"], count: int) -> Float[np.ndarray, " count"]:
+    """Return so many of some draws."""
+    return draws[np.linspace(0, len(draws) - 1, count).round().astype(int)]
 
 
 def joined(parts: Sequence[CaseDraws]) -> CaseDraws:
@@ -87,14 +91,18 @@ class CaseValues(NamedTuple):
         return CaseDraws(F_i, J, self.k, self.beta, d_i, np.zeros_like(self.k))
 
 
+def parameters_of_case(posterior: xr.Dataset, case: int) -> dict[str, Float[np.ndarray, " draws"]]:
+    """Return the draws of each parameter of a case that has records: of its k (kN/mm), its beta (mm), ..."""
+    return {name: draws_in_a_row(posterior[f"{name}_case"].isel(case=case)) for name in case_parameters(posterior)}
+
+
 def tested(posterior: xr.Dataset, case: int) -> CaseValues:
     """Return a case that has records."""
-    k, beta = (draws_in_a_row(posterior[f"{name}_case"].isel(case=case)) for name in ("k", "beta"))
-    factors = tree_cases(posterior)[case]
+    of_case, factors = parameters_of_case(posterior, case), tree_cases(posterior)[case]
     records = records_like(posterior, factors)
     if not records:
         raise BadInput(f"case {case + 1} has no record; run fit again")
-    return CaseValues(factors, k, beta, start_of(posterior, records))
+    return CaseValues(factors, of_case["k"], of_case["beta"], start_of(posterior, records))
 
 
 def of_repeat(

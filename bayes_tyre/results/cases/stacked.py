@@ -1,17 +1,26 @@
 """Draws of cases by one model, or by several that predict together: of each as many as its weight is."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
+from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.sampling.datatree import law_of, priors_of
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import Case
-from bayes_tyre.results.cases.draws import CaseDraws, CaseValues, of_repeat, tested, thinned
+from bayes_tyre.results.cases.draws import (
+    CaseDraws,
+    CaseValues,
+    evenly_spaced,
+    of_repeat,
+    parameters_of_case,
+    tested,
+    thinned,
+)
 from bayes_tyre.results.cases.selection import Choice
 from bayes_tyre.results.cases.untested import untested, untested_rng
 
@@ -26,18 +35,34 @@ class Weighted(NamedTuple):
     weight: float
 
 
+class Share(NamedTuple):
+    """A model's posterior, and how many of its draws are as many as its weight is: of its records, and of its cases.
+
+    They are fewer of records that were thinned (`bayes_tyre.inference.sampling.record_draws`).
+    """
+
+    tree: xr.DataTree
+    of_records: int
+    of_cases: int
+
+
 class DrawnCase(NamedTuple):
-    """What a model draws of a case: the word before what is predicted, and what noise is drawn with, beside it."""
+    """What a model draws of a case: the word before what is predicted, and what noise is drawn with, beside it.
+
+    `in_full` are draws of k (kN/mm) and beta (mm) of a case that was tested: more of them than `draws` where its
+    records were thinned. It is empty where they are no parameters of the case itself.
+    """
 
     case: Case
     kind: str
     draws: CaseDraws
+    in_full: Mapping[str, Float[np.ndarray, " all"]]
     law: str
     rng: np.random.Generator
 
 
-def shares_of(models: Sequence[Weighted]) -> list[tuple[xr.DataTree, int]]:
-    """Return the posterior of each model that has any weight, and how many of its draws are as many as its weight is.
+def shares_of(models: Sequence[Weighted]) -> list[Share]:
+    """Return the share of each model that has any weight.
 
     Raises
     ------
@@ -48,25 +73,38 @@ def shares_of(models: Sequence[Weighted]) -> list[tuple[xr.DataTree, int]]:
     if not total > 0:
         raise BadInput("the weights of all models are 0; run compare again")
     weighted = [(tree, weight / total) for tree, weight in models if weight > 0]
-    sizes = [with_records(tree).sizes for tree, _ in weighted]
-    most = min(size["chain"] * size["draw"] / share for size, (_, share) in zip(sizes, weighted, strict=True))
-    return [(tree, count) for tree, share in weighted if (count := round(share * most))]
+    weights = [weight for _, weight in weighted]
+    of_records = _counts([with_records(tree) for tree, _ in weighted], weights)
+    of_cases = _counts([tree["posterior"].to_dataset() for tree, _ in weighted], weights)
+    shares = [Share(tree, *counts) for (tree, _), *counts in zip(weighted, of_records, of_cases, strict=True)]
+    return [share for share in shares if share.of_records]
 
 
-def drawn_cases(tree: xr.DataTree, count: int, choice: Choice, of: str, seed: int) -> Iterator[DrawnCase]:
-    """Yield the cases chosen, of each so many draws, evenly spaced, and random numbers of its own."""
-    posterior, priors, law = with_records(tree), priors_of(tree), law_of(tree)
-    for values, rng, kind in _chosen(posterior, choice, priors, seed):
-        draws = values.mean() if of == "case" else of_repeat(posterior, values, rng, priors.discordant_widening)
-        yield DrawnCase(values.case, kind, thinned(draws, count), law, rng)
+def _counts(posteriors: Sequence[xr.Dataset], weights: Sequence[float]) -> list[int]:
+    """Return how many draws of each posterior are as many as its weight is, and most together."""
+    sizes = [posterior.sizes["chain"] * posterior.sizes["draw"] for posterior in posteriors]
+    most = min(size / weight for size, weight in zip(sizes, weights, strict=True))
+    return [round(weight * most) for weight in weights]
+
+
+def drawn_cases(share: Share, choice: Choice, of: str, seed: int) -> Iterator[DrawnCase]:
+    """Yield the cases chosen, of each as many draws as the share has, evenly spaced, and random numbers of its own."""
+    tree, law, widening = share.tree, law_of(share.tree), priors_of(share.tree).discordant_widening
+    posterior, whole = with_records(tree), tree["posterior"].to_dataset()
+    for number, values, rng in _chosen(posterior, choice, priors_of(tree), seed):
+        draws = values.mean() if of == "case" else of_repeat(posterior, values, rng, widening)
+        in_full = parameters_of_case(whole, number) if number is not None and of == "case" else {}
+        in_full = {name: evenly_spaced(each, share.of_cases) for name, each in in_full.items()}
+        kind = UNTESTED if number is None else ""
+        yield DrawnCase(values.case, kind, thinned(draws, share.of_records), in_full, law, rng)
 
 
 def _chosen(
     posterior: xr.Dataset, choice: Choice, priors: Priors, seed: int
-) -> Iterator[tuple[CaseValues, np.random.Generator, str]]:
-    """Yield the cases chosen, each with random numbers of its own, and the word before what is predicted of it."""
+) -> Iterator[tuple[int | None, CaseValues, np.random.Generator]]:
+    """Yield the cases chosen, each with its number, None where it was not tested, and random numbers of its own."""
     for i in choice.cases:
-        yield tested(posterior, i), np.random.default_rng((seed, i)), ""
+        yield i, tested(posterior, i), np.random.default_rng((seed, i))
     for case in choice.untested:
         rng = untested_rng(posterior, seed)
-        yield untested(posterior, priors, case, rng), rng, UNTESTED
+        yield None, untested(posterior, priors, case, rng), rng

@@ -97,10 +97,9 @@ def _levels(tree: xr.DataTree, table: pd.DataFrame, factor_table: pd.DataFrame) 
 def _drawn_records(factors: Factors, likes: list[int]) -> Int[np.ndarray, " drawn"]:
     """Return the numbers of all records in the cases of these ones, and in those that keep the model the same.
 
-    The case with most repeats decides whether repeats can be discordant; a second record, whether noise differs. The
-    prior of all records of an archive would take gigabytes.
+    A second record decides whether noise differs. The prior of all records of an archive would take gigabytes.
     """
-    cases = [*factors.of_record[likes], np.argmax(factors.repeats), factors.of_record[0], factors.of_record[-1]]
+    cases = [*factors.of_record[likes], factors.of_record[0], factors.of_record[-1]]
     return np.flatnonzero(np.isin(factors.of_record, cases))
 
 

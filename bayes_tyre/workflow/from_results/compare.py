@@ -161,12 +161,15 @@ def _untrusted(name: str, verdict: str, compared: pd.DataFrame, refit: bool) -> 
         return ""
     if verdict != "pass":
         return f"{name}: the posterior is not to be trusted; its diagnostics.json says why"
-    remedy = "a fit without a record failed; leave the model out" if refit else "compare without --no-refit"
+    disagreeing = int(row["refits_disagreeing"])
+    failed = "leave the model out" if disagreeing else "a fit without a record failed; leave the model out"
+    remedy = failed if refit else "compare without --no-refit"
     if row["effective_points_min"] < EFFECTIVE_LEAST:  # fits without a record have no part in this
         remedy = f"fewer than {EFFECTIVE_LEAST:g} points are too few for its records; leave the model out"
     return (
         f"{name}: the posterior passed, its elpd is not to be trusted: Pareto k of a record is "
-        f"{row['pareto_k_max']:.2f} ({int(row['refitted'])} records fitted again), the least effective number of "
+        f"{row['pareto_k_max']:.2f} ({int(row['refitted'])} records fitted again"
+        f"{f', chains of {disagreeing} of these fits disagree' if disagreeing else ''}), the least effective number of "
         f"points {row['effective_points_min']:.0f}; {remedy}"
     )
 

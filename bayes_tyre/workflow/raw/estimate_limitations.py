@@ -2,7 +2,8 @@
 
 import pandas as pd
 
-from bayes_tyre.inference.diagnostics.verdict import Diagnostics, data_checks
+from bayes_tyre.inference.diagnostics.data_checks import fault
+from bayes_tyre.inference.diagnostics.verdict import Diagnostics
 from bayes_tyre.inference.motion.laws import FANCHER
 from bayes_tyre.inference.motion.record.likelihood import WIDENED
 from bayes_tyre.plain_text import listed
@@ -32,17 +33,20 @@ def with_estimates(diagnostics: Diagnostics, table: pd.DataFrame, rejected: int)
     bad = table[table["status"] != OK]
     if bad.empty:
         return diagnostics._replace(limitations=tuple(limitations))
-    limitation = (
-        f"{listed(bad['record'].tolist(), _NAMED)}: the estimate failed its check and counts with standard deviations "
-        f"{WIDENED:g} times as wide; see status in {ESTIMATES}"
+    where = listed(bad["record"].tolist(), _NAMED)
+    finding = (
+        f"the estimate failed its check and counts with standard deviations {WIDENED:g} times as wide; see status in "
+        f"{ESTIMATES}"
     )
     if 2 * len(bad) < len(table):
-        return diagnostics._replace(limitations=(*limitations, limitation))
-    share = f"these are {len(bad)} of {len(table)} records"
-    reason = f"{limitation}: {share}; record them again, check the rig file, or try another --law, such as auto"
-    checks = [*diagnostics.checks, *(check.row for check in data_checks([reason]))]
+        return diagnostics._replace(limitations=(*limitations, f"{where}: {finding}"))
+    finding += f": these are {len(bad)} of {len(table)} records"
+    check = fault(where, finding, "record them again, check the rig file, or try another --law, such as auto")
     return diagnostics._replace(
-        verdict="fail", reasons=(*diagnostics.reasons, reason), limitations=tuple(limitations), checks=checks
+        verdict="fail",
+        reasons=(*diagnostics.reasons, check.reason),
+        limitations=tuple(limitations),
+        checks=[*diagnostics.checks, check.row],
     )
 
 

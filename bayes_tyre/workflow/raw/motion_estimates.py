@@ -11,14 +11,13 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Array, Float
 
-from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.recordings.raw import read_raw
 from bayes_tyre.inference.motion.hierarchy.model import Motions, Readings
 from bayes_tyre.inference.motion.laws import EXTENSIONS, FANCHER, KELVIN_VOIGT, MotionLaw, motion_law
 from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import load_step_kN
 from bayes_tyre.inference.motion.record.estimate import MotionEstimate
 from bayes_tyre.inference.motion.record.evidence import log_constant
-from bayes_tyre.inference.motion.record.law_average import estimate_by
+from bayes_tyre.inference.motion.record.law_average import converged_estimate
 from bayes_tyre.inference.motion.record.likelihood import hierarchy_moments, likelihood_of
 from bayes_tyre.inference.motion.record.map_fit import CORRELATION_MOST, MISFIT_MOST, MapEstimate
 from bayes_tyre.inference.motion.record.model.forward_model import predicted, residuals
@@ -112,11 +111,7 @@ def _done(task: Task) -> Done:
     factors, rig = usable(task)
     raw = read_raw(task.file, columns_of(rig))
     law = motion_law(task.method.removeprefix(BY_LAW))
-    estimate = estimate_by(rig, Recorded(*prepare(raw, rig, factors).for_motion()), law)
-    # With a wrong law the solver need not converge, and laws are compared on the same records: the estimate is kept,
-    # and its status says so. Fancher's law and what extends it are taken for right.
-    if law.reported == FANCHER.reported and not bool(estimate.map_estimate.converged):
-        raise BadInput("the fit of its motion did not converge; look at its channels with process --figures")
+    estimate = converged_estimate(rig, Recorded(*prepare(raw, rig, factors).for_motion()), law)
     unknowns = estimate.window.in_units(rig, jnp.asarray(estimate.map_estimate.standard))
     origin = origin_of_raw(raw, task)
     row = {**factors.row(), **_columns(rig, estimate, unknowns), "origin": origin}

@@ -52,6 +52,17 @@ def test_csv_with_x_by_name_or_first(tmp_path, content):
     )
 
 
+@pytest.mark.parametrize("columns", [None, {"time": 1, "force": 3}])
+def test_a_row_of_units_below_the_names_of_a_csv_may_hold_volts(columns, tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("Zeit,Weg,Kraft\ns,V,V\n0,1,2\n10,2,4\n20,3,6\n")
+    force = read_raw(path, columns).segments[0][-1]
+    assert (force.name, force.unit, force.values.tolist()) == ("Kraft" if columns is None else "force", "V", [2, 4, 6])
+    path.write_text("Zeit,Weg,Kraft\n0,one,2\n10,2,4\n20,3,6\n")  # one text among numbers is a wrong cell
+    with pytest.raises(BadInput, match=r"row 1, column .*: 'one' is no number"):
+        read_raw(path, columns and {"time": 1, "way": 2})
+
+
 def test_csv_with_preamble_and_a_row_of_units(tmp_path):
     path = tmp_path / "step.csv"
     raw = read_raw(put(path, "Stand 3\n\nTime;acc;load\nms;g;kN\n0;1;-2,5\n100;1,125;-2,25\n200;1,25;-2\n"))

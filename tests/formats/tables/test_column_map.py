@@ -1,5 +1,6 @@
 """Tables of a lab, byte for byte, through a column map: names, units, values and constants come out as ours."""
 
+import csv
 import tempfile
 from pathlib import Path
 
@@ -64,6 +65,25 @@ def test_a_preamble_a_row_of_units_and_decimal_commas_in_every_encoding(encoding
     assert table.to_dict("list") == TABLE
     assert table.attrs["notes"] == CONVERTED
     assert table.attrs["first_line"] == 3 + preamble.count("\n")
+
+
+ONE_WRONG = "record,displacement_mm,force_kN,direction\n\na,0,1,up\na,1,2,up\n\n  \na,2,3,{}\n"
+
+
+def test_a_line_is_counted_with_the_blank_ones_above_it(tmp_path):
+    """The wrong cell stands in line 7, whatever reads it: a number, a direction, the table of records."""
+    wrong = write(tmp_path / "a.csv", ONE_WRONG.format("across"))
+    with pytest.raises(BadInput, match=r"row 3 \(line 7\), column direction: 'across' is neither"):
+        read(wrong, mapped(tmp_path, '[values.direction]\nup = "loading"'))
+    with pytest.raises(BadInput, match=r"row 3 \(line 7\), record 'a', column force_kN"):
+        check_record_table(read_table(write(tmp_path / "b.csv", ONE_WRONG.replace("3", "three"))))
+    book = openpyxl.Workbook()
+    for row in csv.reader(ONE_WRONG.replace("3", "three").splitlines()):
+        book.worksheets[0].append([float(cell) if cell.isdigit() else cell.strip() or None for cell in row])
+    book.save(tmp_path / "b.xlsx")
+    with pytest.raises(BadInput, match=r"row 3 \(line 7\), record 'a', column force_kN"):
+        check_record_table(read_table(tmp_path / "b.xlsx"))
+    assert read_table(write(tmp_path / "c.csv", "a,b\n1,2\n3,4\n")).attrs["blank_lines"] == []
 
 
 def test_the_same_table_from_a_sheet_that_is_named(tmp_path):

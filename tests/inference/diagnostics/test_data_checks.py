@@ -1,13 +1,18 @@
 """Doubts about the records: each is raised by what it is about, and by nothing else."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
 from helpers.hand_made_posteriors import grid, posterior, scattered
 
-from bayes_tyre.inference.diagnostics.data_checks import failed_checks
+from bayes_tyre.inference.diagnostics.data_checks import decided_by_given_priors, failed_checks
+from bayes_tyre.inference.diagnostics.sampling_checks import Check
 from bayes_tyre.inference.diagnostics.verdict import diagnose
+from bayes_tyre.inference.model.default_priors import PRIORS
+from bayes_tyre.inference.model.priors import Priors
 
 FACTORS = grid(("single",))
 SHAPE = (4, 250)
@@ -28,9 +33,9 @@ def odd(records: list[int]) -> np.ndarray:
     return np.broadcast_to(probability, (*SHAPE, len(FACTORS))).copy()
 
 
-def only(doubts: list[str]) -> str:
+def only(doubts: list[Check]) -> str:
     assert len(doubts) == 1, doubts
-    return doubts[0]
+    return doubts[0].reason
 
 
 def test_ordinary_records_raise_none():
@@ -44,6 +49,41 @@ def test_stiffness_of_a_group_as_wide_as_its_prior_is_named():
     said = only(failed_checks(dataset({"k_group": both})))
     assert said.startswith("k_group[single unloading]: not determined by the records")
     assert "; " in said
+
+
+def stated(median: float, sd_log: float) -> Priors:
+    return PRIORS.changed({"k_group": {"median": median, "sd_log": sd_log}})
+
+
+def test_a_prior_that_is_narrow_by_intention_is_said_and_fails_nothing():
+    as_wide = dataset({"k_group": spread(2.0, 0.05, 2)})
+    narrow = stated(2.0, 0.05)
+    assert failed_checks(as_wide, narrow) == []
+    said = decided_by_given_priors(as_wide, narrow)
+    assert [sentence.partition(": ")[0] for sentence in said] == [
+        "k_group[single loading]",
+        "k_group[single unloading]",
+    ]
+    assert "decided by the prior that was given" in said[0]
+    assert decided_by_given_priors(as_wide, PRIORS) == []  # the records decide, against the default prior
+    # A prior as good as the default is none that decides by intention.
+    open_still = dataset({"k_group": spread(1.0, 0.9, 2)})
+    assert len(failed_checks(open_still, stated(1.0, 0.95))) == 2
+    assert decided_by_given_priors(open_still, stated(1.0, 0.95)) == []
+
+
+@pytest.mark.parametrize(("off", "fails"), [(2.0, False), (5.0, True)])
+def test_a_narrow_prior_that_the_records_contradict_fails(off, fails):
+    """Records whose own log k is so many standard errors off, with a variance 4 times the prior's: contraction 0.2."""
+    sd, contraction = 0.05, 0.2
+    shift = off * np.sqrt(5.0) * sd * contraction
+    pulled = dataset({"k_group": spread(2.0 * np.exp(shift), sd * np.sqrt(1 - contraction), 2)})
+    found = failed_checks(pulled, stated(2.0, sd))
+    assert len(found) == (2 if fails else 0)
+    assert len(decided_by_given_priors(pulled, stated(2.0, sd))) == (0 if fails else 2)
+    if fails:
+        # 1000 draws: contraction 0.2 +- 0.036, so that 5 is known to a tenth or so.
+        assert re.search(r"given, [45]\.\d standard errors off the records; check the units", found[0].reason)
 
 
 def test_records_that_leave_beta_and_J_open_fail_nothing():
@@ -83,4 +123,14 @@ def test_a_doubt_fails_the_verdict():
     tree = posterior(scattered(FACTORS, seed=1) | {"sd_log_k_repeat": spread(0.7, 0.1)}, FACTORS)
     found = diagnose(tree)
     assert found.verdict == "fail"
-    assert found.reasons == tuple(failed_checks(tree["posterior"].to_dataset()))
+    assert found.reasons == tuple(check.reason for check in failed_checks(tree["posterior"].to_dataset()))
+
+
+def test_a_label_may_hold_what_separates_finding_and_remedy():
+    """A check is found, named and mended by its fields, not by taking its sentence apart."""
+    label = "type 4; 9.00: R20"
+    named = FACTORS.assign(configuration=label)
+    tree = posterior(scattered(named, seed=1) | {"outlier_probability": odd([3, 5])}, named)
+    (row,) = [row for row in diagnose(tree).checks if not row["passed"] and row["kind"] == "data"]
+    assert row["where"] == f"k[{label} (0)30-20]"
+    assert row["remedy"] == "repeat the test"

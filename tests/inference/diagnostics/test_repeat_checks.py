@@ -36,7 +36,7 @@ def test_cases_that_agree_with_their_repeats_pass():
     for seed in range(20):
         found = checks(made(np.random.default_rng(seed)))
         assert list(found) == ["cases_and_repeats_k", "cases_and_repeats_beta"]
-        assert all(check.passed for check in found.values())
+        assert all(check.passed and not check.not_checked for check in found.values())
 
 
 def test_a_case_that_excludes_its_repeats_is_named_with_both_values():
@@ -94,4 +94,8 @@ def test_too_few_repeats_say_nothing(repeats):
     rng = np.random.default_rng(2)
     draws = {"k": np.exp(rng.normal(size=(2, 10, len(factors)))), "k_case": np.exp(rng.normal(size=(2, 10, 4)))}
     draws |= {"beta": draws["k"], "beta_case": draws["k_case"]}
-    assert all(check.passed for check in checks(posterior(draws, factors)).values())
+    for check in checks(posterior(draws, factors)).values():
+        assert check.passed
+        assert np.isnan(check.value)
+        assert check.not_checked == "fewer than 6 repeats beyond one of each case, at any speed"
+        assert check.row["not_checked"] == check.not_checked

@@ -122,6 +122,15 @@ def test_p_values_of_a_shared_course_are_not_too_small(of_sound_records):
     assert np.mean(np.array(values) < 0.05) < 12 / 80
 
 
+def test_noise_of_too_few_points_near_the_start_is_not_compared():
+    table = records(1)
+    two = table[table["record"].isin(table["record"].unique()[:2])]
+    found = checked(check_record_table(two[two.groupby("record").cumcount() % 10 == 0]))["noise_along_path"]
+    assert found.passed
+    assert np.isnan(found.value)
+    assert found.not_checked.startswith("too few points near the start")
+
+
 @pytest.mark.parametrize(
     ("fault", "name", "remedy"),
     [

@@ -1,12 +1,16 @@
 """Words become cases and groupings; a word with one level has no term."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import INTERACTIONS, find_factors
+from bayes_tyre.inference.model.hyperparameters import PARAMETERS, apart_weight, prior_sites
+from bayes_tyre.inference.model.repeat_distribution import judgeable
 from bayes_tyre.published import tables
 from bayes_tyre.record import CASE_FACTORS
 
@@ -32,6 +36,21 @@ def test_records_with_the_same_words_are_repeats_of_one_case():
     factors = find_factors(factor_table(record=["a", "b", "c"], configuration=["x", "y", "x"], step_kN=[5.0, 5.0, 5.0]))
     assert factors.of_record.tolist() == [0, 1, 0]
     assert factors.repeats.tolist() == [2, 1]
+
+
+@pytest.mark.parametrize("repeats", [2, 3])
+def test_some_of_the_records_have_the_model_of_all(repeats):
+    """Of the case that alone has so many repeats one is left out: whether repeats are discordant stays a question."""
+    speeds = [0.0] * repeats + [15.0, 25.0, 35.0, 45.0, 55.0, 65.0, 75.0, 85.0]
+    loads = [10.0] * repeats + [10.0, 20.0] * 4
+    factors = find_factors(factor_table(record=range(len(speeds)), speed_km_h=speeds, initial_load_kN=loads))
+    factors = replace(factors, speed=replace(factors.speed, basis=factors.speed.basis[:, :0]))  # cases to spare
+    rest = factors.only(np.arange(len(speeds)) > 0)
+    assert rest.repeats.max() == repeats - 1
+    assert prior_sites(rest) == prior_sites(factors)
+    assert ("discordant_weight" in prior_sites(factors)) == (repeats == 3)
+    assert apart_weight(rest, PARAMETERS, PRIORS) == apart_weight(factors, PARAMETERS, PRIORS) > 0
+    assert judgeable("mixture", rest) == judgeable("mixture", factors)
 
 
 def test_a_table_without_words_is_one_case_and_has_no_terms():

@@ -90,9 +90,7 @@ def case_population(posterior: xr.Dataset, factors: Factors) -> CasePopulation:
     return CasePopulation(mean, remainder, sd_repeat, jnp.asarray(np.stack(offsets, axis=2)))
 
 
-def densities_of_cases(
-    posterior: xr.Dataset, records: PreparedRecords, model: ModelSettings, of_fit: Factors | None = None
-) -> RecordDensity:
+def densities_of_cases(posterior: xr.Dataset, records: PreparedRecords, model: ModelSettings) -> RecordDensity:
     """Return the density of the records of each case under a posterior's hyperparameters; shape (draws, cases).
 
     Parameters
@@ -102,14 +100,12 @@ def densities_of_cases(
         (`bayes_tyre.inference.model.collapsed.repeats.can_collapse`).
     records, model:
         The records, and the model's settings.
-    of_fit:
-        Factors of the records that the posterior was fitted to, where these are others.
     """
     factors, priors = records.factors, model.priors
     estimates = estimate_records(records.batch, model.correlation, records.whitening, law=model.law)
     mixed = "discordant_weight" in posterior
     members = members_of(factors, discordant=mixed)
-    weight_apart = apart_weight(of_fit or factors, PARAMETERS, priors)
+    weight_apart = apart_weight(factors, PARAMETERS, priors)
     cases, count = len(factors.cases), len(factors.of_record)
     random = np.random.default_rng(0)
     of_choice, of_cases, of_records = (

@@ -1,6 +1,6 @@
 """How well a fit predicts a record, or a case, that it has not seen: leave-one-out, all of its points at a time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pandas as pd
@@ -65,16 +65,21 @@ def leave_one_record_out(
     """
     records = prepare_records(table, model)
     names = records.batch.records
-    if len(names) < 2:
-        raise BadInput("one record cannot be predicted from others; models are compared on two or more")
+    check_several(names)
     densities = densities_of_records(as_measured(thinned(tree)), records, model)
 
-    def refit_without(record: int) -> float:
+    def refit_without(record: int) -> Float[np.ndarray, "chains draws"]:
         return _refit_without(record, records, refit or SamplerSettings(), model)
 
     refitting = None if refit is None else refit_without
     by_chain, effective = _by_chain(densities, tree)
     return left_out(by_chain, names, effective, refitting, on_refit, attempt)
+
+
+def check_several(records: Sequence[str]) -> None:
+    """Raise BadInput for a single record: there is nothing to predict it from."""
+    if len(records) < 2:
+        raise BadInput("one record cannot be predicted from others; models are compared on two or more")
 
 
 def leave_one_case_out(
@@ -97,11 +102,11 @@ def leave_one_case_out(
         return None
     densities = densities_of_cases(as_measured(thinned(tree)), records, model)
 
-    def refit_without(case: int) -> float:
+    def refit_without(case: int) -> Float[np.ndarray, "chains draws"]:
         others = records.factors.of_record != case
-        posterior, rest = _refitted(records, others, refit or SamplerSettings(), model)
-        of_case = densities_of_cases(posterior, records.only(~others, model), model, rest.factors)
-        return _log_mean(np.asarray(of_case.log_density)[:, case])
+        posterior = _refitted(records, others, refit or SamplerSettings(), model)
+        of_case = densities_of_cases(posterior, records.only(~others, model), model)
+        return np.asarray(of_case.log_density)[:, case].reshape(posterior.sizes["chain"], -1)
 
     refitting = None if refit is None else refit_without
     by_chain, effective = _by_chain(densities, tree)
@@ -156,22 +161,19 @@ def densities_of_records(posterior: xr.Dataset, records: PreparedRecords, model:
     return record_density(records.likelihood, records.data, estimates, draws, z, model.priors.discordant_widening)
 
 
-def _refit_without(record: int, records: PreparedRecords, settings: SamplerSettings, model: ModelSettings) -> float:
-    """Return the log predictive density of a record from a fit without it; its case stays, if only by its factors."""
+def _refit_without(
+    record: int, records: PreparedRecords, settings: SamplerSettings, model: ModelSettings
+) -> Float[np.ndarray, "chains draws"]:
+    """Return the log density of a record at draws of a fit without it; its case stays, if only by its factors."""
     others = np.arange(len(records.batch.records)) != record
-    posterior, _ = _refitted(records, others, settings, model)
+    posterior = _refitted(records, others, settings, model)
     densities = densities_of_records(posterior, records.only(~others, model), model)
-    return _log_mean(np.asarray(densities.log_density)[:, 0])
+    return np.asarray(densities.log_density)[:, 0].reshape(posterior.sizes["chain"], -1)
 
 
 def _refitted(
     records: PreparedRecords, others: Bool[np.ndarray, " records"], settings: SamplerSettings, model: ModelSettings
-) -> tuple[xr.Dataset, PreparedRecords]:
-    """Return draws of a fit to some of the records, and these."""
-    rest = records.only(others, model)
-    posterior = thinned(fit_prepared(rest, settings, model))
-    return with_noise_of_records(posterior, model.priors, settings.seed), rest
-
-
-def _log_mean(log_density: Float[np.ndarray, " draws"]) -> float:
-    return float(np.logaddexp.reduce(log_density) - np.log(len(log_density)))
+) -> xr.Dataset:
+    """Return draws of a fit of the same model to some of the records."""
+    posterior = thinned(fit_prepared(records.only(others, model), settings, model))
+    return with_noise_of_records(posterior, model.priors, settings.seed)

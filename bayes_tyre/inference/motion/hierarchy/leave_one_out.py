@@ -101,15 +101,14 @@ def leave_one_motion_out(
     density = densities(posterior, motions, factors, repeats, priors.discordant_widening)
     by_chain = density.reshape(posterior.sizes["chain"], -1, density.shape[1])
 
-    def exactly(record: int) -> float:
+    def exactly(record: int) -> Float[np.ndarray, "chains draws"]:
         others = np.arange(len(motions.factor_table)) != record
         # Its case stays in the model, even without records.
         without = factors.only(others)
-        fitted = fit_motions(_chosen(motions, others), refit, repeats, without, priors)
+        fitted = thinned(fit_motions(_chosen(motions, others), refit, repeats, without, priors))
         alone = factors.only(~others)
-        refitted = densities(thinned(fitted), _chosen(motions, ~others), alone, repeats, priors.discordant_widening)
-        density = refitted[:, 0]
-        return float(np.logaddexp.reduce(density) - np.log(len(density)))
+        refitted = densities(fitted, _chosen(motions, ~others), alone, repeats, priors.discordant_widening)
+        return refitted[:, 0].reshape(fitted.sizes["chain"], -1)
 
     names = tuple(motions.factor_table["record"])
     return left_out(by_chain, names, motions.readings.effective_draws, exactly if refit else None, on_refit, attempt)

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw, motion_law
 from bayes_tyre.inference.motion.record.estimate import MotionEstimate, estimate_motion
 from bayes_tyre.inference.motion.record.model.window import Recorded
@@ -19,6 +20,8 @@ from bayes_tyre.rig.axle import Rig
 
 #: Weight above which a law's status is that of the average.
 NAMED_WEIGHT = 0.05
+#: Why a record has no estimate.
+NOT_CONVERGED = "the fit of its motion did not converge"
 
 
 def estimate_by(
@@ -40,6 +43,23 @@ def estimate_by(
     if not law.averaged:
         return estimate(rig, recorded, law, sampler)
     return average([estimate(rig, recorded, motion_law(name), None) for name in law.averaged], law.averaged)
+
+
+def converged_estimate(rig: Rig, recorded: Recorded, law: MotionLaw = FANCHER) -> MotionEstimate:
+    """Return the estimate of one record, for a result of motions.
+
+    With a wrong law the solver need not converge, and laws are compared on the same records: the estimate is kept, and
+    its status says so. Fancher's law and what extends it are taken for right.
+
+    Raises
+    ------
+    BadInput
+        Where a fit of these did not converge.
+    """
+    found = estimate_by(rig, recorded, law)
+    if law.reported == FANCHER.reported and not bool(found.map_estimate.converged):
+        raise BadInput(f"{NOT_CONVERGED}; look at its channels with process --figures")
+    return found
 
 
 def average(estimates: Sequence[MotionEstimate], names: Sequence[str]) -> MotionEstimate:

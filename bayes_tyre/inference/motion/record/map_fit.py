@@ -32,8 +32,8 @@ TOLERANCE, ROUGH_TOLERANCE = 1e-6, 1e-3
 #: Rounding may keep the solver from stopping. It has converged where the squared Gauss-Newton step, in posterior
 #: standard deviations, is below this.
 AT_PEAK = 1e-4
-#: A mean square of the residuals above 1 by more than the first, or a lag-1 autocorrelation above the second, indicates
-#: a misfit. For 1100 white residuals a channel the standard deviations are 0.04 and 0.03.
+#: A mean square of the residuals above 1 by more than the first, or a lag-1 autocorrelation above the second and what
+#: rounding makes of it, indicates a misfit. Of 1100 white residuals a channel standard deviations are 0.04 and 0.03.
 MISFIT_MOST, CORRELATION_MOST = 0.3, 0.2
 #: Starting values of beta (mm) and of the settled friction x - k beta (kN), all combinations.
 START_BETAS_MM, START_SETTLED_KN = (0.05, 0.2), (0.1, 0.3)
@@ -58,6 +58,8 @@ class MapEstimate(NamedTuple):
         Frequency and power of the largest peak in the spectrum of what is left of the acceleration (`second_mode`).
     converged:
         False where the solver ran out of steps before convergence, or met numbers that are not finite.
+    rounding:
+        Part of each channel's variance that is rounding which readings share (`Window.rounding`).
     """
 
     standard: Float[Array, "*records parameters"]
@@ -68,11 +70,14 @@ class MapEstimate(NamedTuple):
     ringing_Hz: Float[Array, "*records"]
     ringing_power: Float[Array, "*records"]
     converged: Bool[Array, "*records"]
+    rounding: Float[ArrayLike, "*records 3"] = 0.0
 
     @property
     def misfits(self) -> Bool[Array, "*records 3"]:
-        """Whether the residuals of each channel indicate a misfit."""
-        return (jnp.asarray(self.chi_squared) > 1 + MISFIT_MOST) | (jnp.asarray(self.correlation) > CORRELATION_MOST)
+        """Whether the residuals of each channel indicate a misfit: more, or more alike, than noise and rounding."""
+        squares = jnp.asarray(self.chi_squared)
+        alike = squares * (jnp.asarray(self.correlation) - CORRELATION_MOST) > jnp.asarray(self.rounding)
+        return (squares > 1 + MISFIT_MOST) | alike
 
 
 def starting_points(rig: Rig, window: Window) -> Float[np.ndarray, "starts parameters"]:
@@ -206,6 +211,7 @@ def _map_estimate(window: Window, last: _Solved, at_peak: ScalarLike = AT_PEAK) 
         ringing_Hz=ringing_Hz,
         ringing_power=ringing_power,
         converged=(last.done | near) & finite,
+        rounding=jnp.asarray(window.rounding),
     )
 
 

@@ -1,9 +1,13 @@
 """Tyre, mass and damping from the motion of simulated records; whether the check of Laplace's normal sees."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers.map_estimates import map_estimate
+from helpers.mismatched_motions import simulated_on
 from helpers.recorded_motions import RIG, recorded
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,13 +17,14 @@ from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
 from bayes_tyre.inference.motion.laws import FANCHER
 from bayes_tyre.inference.motion.record.estimate import estimate_motion
 from bayes_tyre.inference.motion.record.importance_sampling import weighted_draws
-from bayes_tyre.inference.motion.record.map_fit import starting_points, value_and_jacobian
+from bayes_tyre.inference.motion.record.map_fit import CORRELATION_MOST, starting_points, value_and_jacobian
 from bayes_tyre.inference.motion.record.model.forward_model import residuals
 from bayes_tyre.inference.motion.record.model.load_step import SHAPE_TERMS, load_share
 from bayes_tyre.inference.motion.record.model.parameters import in_units, parameter_names, prior_moments
 from bayes_tyre.inference.motion.record.model.window import Recorded, block_weights, make_window
 from bayes_tyre.simulate.drive import SHAPES
 from bayes_tyre.simulate.plan import quick_plan
+from bayes_tyre.studies.motion_machine import Machine
 
 NAMES = parameter_names(FANCHER)
 
@@ -175,3 +180,24 @@ def test_a_short_recording_leaves_blocks_without_weight():
     assert 0 < len(full) < whole.readings.shape[1]
     assert np.array_equal(full, np.arange(len(full)))
     np.testing.assert_array_equal(short.readings[:, full], whole.readings[:, full])
+
+
+def test_what_a_converter_rounds_alike_is_no_misfit():
+    found = map_estimate(np.zeros(1), np.eye(1))._replace(
+        chi_squared=jnp.array([1.0, 0.8, 1.4]), correlation=jnp.array([0.1, 0.7, 0.1])
+    )
+    assert found.misfits.tolist() == [False, True, True]
+    assert found._replace(rounding=jnp.array([0.0, 0.97, 0.97])).misfits.tolist() == [False, False, True]
+
+
+@pytest.mark.slow
+def test_a_laser_whose_noise_is_below_its_converter_s_step_is_not_doubted():
+    """At rest it shows one level; on the way its rounding is alike from block to block."""
+    truth, rig, record = simulated_on(Machine(), 0, lambda truth, _: replace(truth, noise_displacement_mm=1e-4))
+    assert len(np.unique(record.laser_mm[: record.pre_step].round(6))) == 1
+    found = estimate_motion(rig, record, sampler=None)
+    assert found.map_estimate.correlation[1] > CORRELATION_MOST
+    assert found.status == ""
+    off = found.log_mean[:3] - np.log([truth.k_kN_per_mm, truth.x_kN, truth.beta_mm])
+    # Three normal numbers: one beyond 4 standard deviations in 2e-4 of seeds.
+    assert np.all(np.abs(off) < 4 * np.sqrt(np.diag(found.log_covariance)[:3]))

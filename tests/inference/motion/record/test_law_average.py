@@ -8,9 +8,11 @@ import pytest
 from helpers.map_estimates import map_estimate
 from helpers.mismatched_motions import simulated
 
+from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.motion.laws import FANCHER, MOTION_LAWS, MotionLaw
+from bayes_tyre.inference.motion.record import law_average
 from bayes_tyre.inference.motion.record.estimate import MotionEstimate, estimate_motion
-from bayes_tyre.inference.motion.record.law_average import average, estimate_by
+from bayes_tyre.inference.motion.record.law_average import average, converged_estimate, estimate_by
 from bayes_tyre.inference.motion.record.model.window import Window
 
 AUTO = MOTION_LAWS["auto"]
@@ -94,6 +96,18 @@ def test_one_law_is_fitted_once_and_the_average_once_by_each_without_nuts():
     found = estimate_by(rig, record, AUTO, estimate=fitted)
     assert asked == [(name, None) for name in NAMES]
     assert found.law_weights["fancher"] == pytest.approx(0.5)
+
+
+def test_a_fit_that_did_not_converge_is_no_estimate_unless_laws_are_compared(monkeypatch):
+    _, rig, record = simulated("none", 0)
+    monkeypatch.setattr(law_average, "estimate_by", lambda *_: estimate(0.0, 1.0, converged=False))
+    for law in (FANCHER, AUTO):
+        with pytest.raises(BadInput, match="the fit of its motion did not converge; look at its channels"):
+            converged_estimate(rig, record, law)
+    rival = next(law for law in MOTION_LAWS.values() if law.reported != FANCHER.reported)
+    assert converged_estimate(rig, record, rival).log_mean.tolist() == [1.0, 1.0]
+    monkeypatch.setattr(law_average, "estimate_by", lambda *_: estimate(0.0, 1.0))
+    assert converged_estimate(rig, record).log_mean.tolist() == [1.0, 1.0]
 
 
 # Two laws, each compiled: over 10 s; all five would take minutes.

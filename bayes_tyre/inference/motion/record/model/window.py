@@ -150,6 +150,9 @@ class Window(NamedTuple):
         A rolling tyre's road, and the forces that law and load's shape leave out of a record, if any.
     law:
         Force law that is fitted.
+    rounding:
+        Part of the variance of each channel's readings at rest that they share, for a converter rounds them alike,
+        shape (3,).
     """
 
     block_s: Float[Array, "*records"]
@@ -160,6 +163,7 @@ class Window(NamedTuple):
     rolling: Rolling | None = None
     disturbance: DisturbanceResponse | None = None
     law: MotionLaw = FANCHER
+    rounding: Float[ArrayLike, "*records 3"] = 0.0
 
     def in_units(self, rig: Rig, standard: Float[Array, " parameters"]) -> MotionParameters:
         """Return the unknowns of a record from standardised ones."""
@@ -212,11 +216,12 @@ def make_window(rig: Rig, samples: Recorded, law: MotionLaw = FANCHER) -> Window
         for channel, q in zip(pre_step, steps, strict=True)
     ]
     weight[:, :full] = 1 / np.array(sds)[:, None]
+    shared = np.zeros(3)
     if not rolls:  # before its step and after it the load stands still, and readings share their rounding error
-        shared = common_rounding_variance(pre_step[2], steps[2])
+        shared = np.array([common_rounding_variance(*each) for each in zip(pre_step, steps, strict=True)])
         begin, end = (min(max(0, round((time / dt_s - first) / length)), full) for time in samples.ramp_s)
         for still in (slice(0, begin), slice(end, full)):
-            weight[2, still] = 1 / np.sqrt(sds[2] ** 2 + len(weight[2, still]) * shared)
+            weight[2, still] = 1 / np.sqrt(sds[2] ** 2 + len(weight[2, still]) * shared[2])
     levels = [level(channel, dt_s, q) for channel, q in zip(pre_step, steps, strict=True)]
     after = channels[2, first + blocks * length :]
     record_levels = {
@@ -235,7 +240,8 @@ def make_window(rig: Rig, samples: Recorded, law: MotionLaw = FANCHER) -> Window
         further.append(mode_priors(mode.frequency_Hz, mode.frequency_relative_sd))
     prior = np.concatenate([prior_moments(rig, record_levels, law), *further], axis=1)
     nodes = block_weights(length, substeps_for(length * dt_s, ROLLING_BLOCK_S))
-    return Window(*map(jnp.asarray, (length * dt_s, readings, weight, nodes, prior)), rolling=rolling, law=law)
+    arrays = map(jnp.asarray, (length * dt_s, readings, weight, nodes, prior))
+    return Window(*arrays, rolling=rolling, law=law, rounding=jnp.asarray(shared / np.square(sds)))
 
 
 def _rolling(
