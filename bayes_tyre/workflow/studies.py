@@ -53,7 +53,7 @@ def study_run(command: str, out: Path, seed: int, inputs: Sequence[Path] = (), /
     `inputs` are the files that it simulates data like; `options` those of the command but its seed.
     """
     prepare_folder(out)
-    run = begin_run(f"bayes-tyre {command}", {**options, "seed": seed}, seed, list(inputs), "simulated")
+    run = begin_run(command.split(), {**options, "seed": seed}, seed, inputs, "simulated")
     (out / RUN_JSON).unlink(missing_ok=True)
     yield
     write_run(run, out, device=jax.default_backend())

@@ -1,7 +1,6 @@
 """Raw files in; the posterior of tyre, mass and damping from the motion itself out, a folder as `fit` writes it."""
 
 import math
-import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -218,9 +217,8 @@ def fit_estimates(
     """
     plan = plan.with_scales_of([middle.rig for middle in estimated.middles])
     callbacks, origin = callbacks or Callbacks(), estimated.origin
-    call = shlex.join(["bayes-tyre", *command])
     inputs = [*estimated.files, *estimated.rig_files, *_files_of_options(plan)]
-    run = begin_run(call, plan.options, plan.sampler.seed, inputs, origin)
+    run = begin_run(command, plan.options, plan.sampler.seed, inputs, origin)
     checkpoints = open_checkpoints(out, run, callbacks, resume, overwrite=True)  # the estimates are cached
     if isinstance(checkpoints, Diagnostics):
         return checkpoints
