@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from bayes_tyre.cli.messages import fault, print_table
+from bayes_tyre.cli.model_options import FancherLaw
 from bayes_tyre.cli.raw import Workers
 from bayes_tyre.cli.shell import NOT_TRUSTED, Out, Quiet, Seed, first_paragraph, guarded, progress, say, warn
 from bayes_tyre.runtime import prepare_jax
@@ -185,7 +186,7 @@ def motion(
         ),
     ] = False,
     law: Annotated[
-        Literal["fancher", "relaxing", "speed_friction", "stiffening", "two_yields", "auto"],
+        FancherLaw,
         typer.Option(help="Force law of the fit, Fancher's or one that extends it; auto averages over all of them."),
     ] = "fancher",
     kinds: Annotated[
