@@ -15,17 +15,9 @@ from bayes_tyre.record import AXLE_PARAMETERS, CASE_FACTORS, ENERGY, FACTORS, LA
 from bayes_tyre.record_table import carry_extras
 from bayes_tyre.results.equal_tailed import median_lower_upper
 
-STATISTICS = (
-    *("mean", "sd", "median", "lower", "upper", "interval"),
-    *("mcse_mean", "ess_bulk", "ess_tail", "r_hat"),
-)
+STATISTICS = ("mean", "sd", "median", "lower", "upper", "interval", "mcse_mean", "ess_bulk", "ess_tail", "r_hat")
 #: Parameters of a record that `repeats.csv` shows, those of them that a posterior has.
-REPEAT_PARAMETERS = (
-    *LAW_PARAMETERS,
-    *("J", "C", "sigma"),
-    *AXLE_PARAMETERS,
-    ENERGY,
-)
+REPEAT_PARAMETERS = (*LAW_PARAMETERS, "J", "C", "sigma", *AXLE_PARAMETERS, ENERGY)
 #: Elements whose statistics are computed at once.
 _BATCH = 256
 

@@ -209,10 +209,7 @@ def fit_table(
     table = used_points(table, plan.model.region)
     callbacks.on_stage("diagnostics", None)
     tree, diagnostics = judge(
-        tree,
-        lambda tree, attempt: identify_records(tree, records, plan.model, attempt),
-        Attempts(),
-        table,
+        tree, lambda tree, attempt: identify_records(tree, records, plan.model, attempt), Attempts(), table
     )
     # Only records made from the printed tables have printed values to be held against.
     printed = tables.case_means() if origin_of(table) == "reconstructed" else None
@@ -244,9 +241,7 @@ def fit_published_tables(
     tree = fit_published(printed, settings, priors)
     callbacks.on_stage("diagnostics", None)
     tree, diagnostics = judge(
-        tree,
-        lambda tree, attempt: identify_published(tree, printed, priors, attempt),
-        Attempts(),
+        tree, lambda tree, attempt: identify_published(tree, printed, priors, attempt), Attempts()
     )
     result = Result(tree, diagnostics.verdict, printed=printed, interval=interval)
     return write_fit(result, diagnostics, run, out, callbacks=callbacks)

@@ -167,11 +167,7 @@ def write_motion_study(
 
 
 def write_law_ranking(
-    out: Path,
-    true_laws: Sequence[str],
-    records: int,
-    seed: int,
-    on_progress: Callable[[int], None],
+    out: Path, true_laws: Sequence[str], records: int, seed: int, on_progress: Callable[[int], None]
 ) -> Ranked:
     """Write `law_ranking.csv` and `law_ranking_records.csv` into `out`."""
     with study_run("study laws", out, seed, laws=list(true_laws), records=records):

@@ -76,8 +76,7 @@ def calibration(
         ),
     ] = None,
     repeats: Annotated[
-        int | None,
-        typer.Option(min=1, max=8, help="Repeats of each case. Default: 3.", show_default=False),
+        int | None, typer.Option(min=1, max=8, help="Repeats of each case. Default: 3.", show_default=False)
     ] = None,
     weak: Annotated[
         bool, typer.Option("--weak", help="Weak records: 10 points instead of 40, and noise of about 0.3 kN.")

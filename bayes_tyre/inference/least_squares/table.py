@@ -28,9 +28,7 @@ THESIS_SHARE, THESIS_LINE_FROM, THESIS_BETA_MM = 0.7, 0.2, 0.1
 
 
 def fit_records(
-    table: pd.DataFrame,
-    settings: FitSettings | None = None,
-    on_progress: Callable[[int], None] = lambda _: None,
+    table: pd.DataFrame, settings: FitSettings | None = None, on_progress: Callable[[int], None] = lambda _: None
 ) -> pd.DataFrame:
     """Return the least-squares estimate of every record, a row each, in the order of the table.
 

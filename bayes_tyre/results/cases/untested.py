@@ -120,12 +120,7 @@ def log_draws(posterior: xr.Dataset, names: Sequence[str]) -> Float[np.ndarray, 
 
 
 def _effects(
-    posterior: xr.Dataset,
-    priors: Priors,
-    parameter: str,
-    factor: str,
-    asked: Sequence[str],
-    rng: np.random.Generator,
+    posterior: xr.Dataset, priors: Priors, parameter: str, factor: str, asked: Sequence[str], rng: np.random.Generator
 ) -> Mapping[str, Float[np.ndarray, "#draws"]]:
     """Return draws of the effects of a factor's levels: of those tested, and of those asked for."""
     site = f"log_{parameter}_{factor}"

@@ -49,10 +49,7 @@ def friction_loops(tree: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
 
 
 def settled_friction(
-    k: Float[ArrayLike, " draws"],
-    x: Float[ArrayLike, " draws"],
-    beta: Float[ArrayLike, " draws"],
-    amplitude_mm: float,
+    k: Float[ArrayLike, " draws"], x: Float[ArrayLike, " draws"], beta: Float[ArrayLike, " draws"], amplitude_mm: float
 ) -> Float[np.ndarray, "draws points"]:
     """Return the force less k d + C through a loop that repeats itself, kN: growing displacement, then falling."""
     k, x, beta = (jnp.asarray(value)[:, None] for value in (k, x, beta))
