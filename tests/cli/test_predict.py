@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from helpers.command_line import assert_refused, here, installed, tree_of
+from helpers.command_line import assert_refused, files_of, here, installed, tree_of
 from helpers.hand_made_posteriors import fixed, grid, posterior, scattered
 
 from bayes_tyre.formats.netcdf import write_tree
@@ -127,10 +127,10 @@ def test_a_repeat_is_the_same_with_the_same_seed_and_wider_than_the_case(fitted,
 )
 def test_out_is_a_folder_or_a_csv(out, csv, toml, fitted, tmp_path):
     (tmp_path / "there.csv").mkdir()
-    before = {name for name in tree_of(tmp_path) if not name.endswith("/")}
+    before = files_of(tmp_path)
     done = here("predict", fitted, *CASE, "--out", tmp_path / out)
     assert done.exit_code == 0
-    assert {name for name in tree_of(tmp_path) if not name.endswith("/")} - before == {csv, toml}
+    assert files_of(tmp_path) - before == {csv, toml}
     assert f"wrote {tmp_path / csv}" in done.stdout
 
 

@@ -127,6 +127,11 @@ def tree_of(folder: Path) -> dict[str, bytes]:
     }
 
 
+def files_of(folder: Path) -> set[str]:
+    """Return the files below a folder, by their paths in it."""
+    return {name for name in tree_of(folder) if not name.endswith("/")}
+
+
 def assert_refused(code: int, stderr: str, *said: str) -> None:
     """Assert exit code 3 and one line on stderr that names all of `said` and ends with what to do."""
     assert code == 3, stderr
