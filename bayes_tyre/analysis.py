@@ -95,9 +95,7 @@ def reconstruct_campaign() -> Reconstruction:
 
 
 def fit_least_squares(
-    records: pd.DataFrame,
-    settings: FitSettings | None = None,
-    on_progress: Callable[[int], None] = lambda _: None,
+    records: pd.DataFrame, settings: FitSettings | None = None, on_progress: Callable[[int], None] = lambda _: None
 ) -> pd.DataFrame:
     """Return Equation 2 fitted to each record by itself, a row a record.
 
@@ -329,9 +327,7 @@ def _with_bars(settings: SamplerSettings, stages: Stages) -> SamplerSettings:
 
 
 def _judged(
-    tree: xr.DataTree,
-    identify: Callable[[xr.DataTree, Attempt], xr.DataTree],
-    table: pd.DataFrame | None = None,
+    tree: xr.DataTree, identify: Callable[[xr.DataTree, Attempt], xr.DataTree], table: pd.DataFrame | None = None
 ) -> Posterior:
     """Return the posterior carrying its verdict, the figures behind it, and what of it came from the records."""
     attempts = Attempts()

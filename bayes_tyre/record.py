@@ -77,6 +77,11 @@ class Case(NamedTuple):
         return " ".join(names) or "all records"
 
     @property
+    def group(self) -> str:
+        """The name of its group: configuration and direction, as far as they are given."""
+        return f"{self.configuration or ''} {self.direction or ''}".strip()
+
+    @property
     def conditions(self) -> str:
         """The case in words, as far as its factors are given: ``dual, unloading, 25 km/h, load 30 kN, step -10 kN``."""
         units = {"speed_km_h": "{:g} km/h", "initial_load_kN": "load {:g} kN", "step_kN": "step {:g} kN"}

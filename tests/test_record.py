@@ -15,6 +15,8 @@ def test_a_label_says_what_is_known_of_a_case():
     assert Case("", "loading", nan, nan, nan).label == "loading"
     assert Case("", "", nan, nan, nan).label == "all records"
     assert Case("x", "", nan, 30.0, nan).label == "x load 30 kN"
+    assert Case("single", "unloading", 0.0, 30.0, -10.0).group == "single unloading"
+    assert Case("", "loading", nan, nan, nan).group == "loading"
 
 
 def test_conditions_are_the_case_in_words():

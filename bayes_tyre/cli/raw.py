@@ -8,8 +8,7 @@ import typer
 from bayes_tyre.cli import suffixes
 
 RawFiles = Annotated[
-    list[Path],
-    typer.Argument(metavar="RAW...", help=f"Raw files ({suffixes.RAW}), or folders of them."),
+    list[Path], typer.Argument(metavar="RAW...", help=f"Raw files ({suffixes.RAW}), or folders of them.")
 ]
 RigName = Annotated[
     str | None,

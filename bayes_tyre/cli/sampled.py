@@ -94,13 +94,7 @@ class Answer:
     """
 
     def __init__(
-        self,
-        out: Path,
-        origin: str,
-        options: Mapping[str, object],
-        quiet: bool,
-        stages: "Stages",
-        limited: bool,
+        self, out: Path, origin: str, options: Mapping[str, object], quiet: bool, stages: "Stages", limited: bool
     ) -> None:
         self.out, self.quiet, self.stages, self.limited = out, quiet, stages, limited
         self.run = {"origin": origin, "options": dict(options)}

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from bayes_tyre.laws.base import ScalarLike, StatefulLaw
-from bayes_tyre.laws.fancher import approach
+from bayes_tyre.laws.fancher import Fancher, approach
 
 
 class Extended(NamedTuple):
@@ -104,11 +104,9 @@ class ExtendedFancher(StatefulLaw):
         ValueError
             If x < k beta, or a field is outside of the range that its description gives.
         """
-        k, x, beta, share = (np.asarray(value) for value in (self.k, self.x, self.beta, self.relaxing_share))
+        Fancher(self.k, self.C, self.x, self.beta).check()
+        share, change, spread = map(np.asarray, (self.relaxing_share, self.friction_change, self.yield_spread))
         times = np.asarray(self.relaxation_s), np.asarray(self.friction_speed_mm_per_s)
-        change, spread = np.asarray(self.friction_change), np.asarray(self.yield_spread)
-        if not (np.all(beta > 0) and np.all(x >= k * beta)):
-            raise ValueError(f"needs beta > 0 and x >= k beta, or the law makes energy; got k {k}, x {x}, beta {beta}")
         if not (np.all(share >= 0) and all(np.all(time > 0) for time in times)):
             raise ValueError(
                 "needs relaxing_share >= 0, relaxation_s > 0 and friction_speed_mm_per_s > 0; got "

@@ -13,6 +13,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.sampling.datatree import case_parameters, draws_in_a_row, tree_cases
 from bayes_tyre.plain_text import listed, quoted
 from bayes_tyre.record import CASE_FACTORS, Case
+from bayes_tyre.results.equal_tailed import median_lower_upper
 
 COLUMNS = (
     *("contrast", "matching", *CASE_FACTORS, "parameter"),
@@ -140,13 +141,12 @@ def contrasts(tree: xr.DataTree, verdict: str, interval: float = 0.95) -> pd.Dat
     """
     posterior = tree["posterior"].to_dataset()
     cases = tree_cases(posterior)
-    tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
     rows = []
     for contrast in _contrasts(tree, cases):
         for parameter in case_parameters(posterior):
             draws = draws_in_a_row(posterior[f"{parameter}_case"])
             ratio = contrast.ratio(draws)
-            lower, median, upper = np.quantile(ratio, tails)
+            median, lower, upper = median_lower_upper(ratio, interval)
             rows.append(
                 {
                     **{"contrast": contrast.contrast, "matching": contrast.matching, **_given(contrast.factors)},

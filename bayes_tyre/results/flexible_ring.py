@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 
 from bayes_tyre.inference.flexible_ring import PARAMETERS, MeasuredModes, RingFit
+from bayes_tyre.results.equal_tailed import median_lower_upper
 from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
 
 #: What `modes.csv` calls a parameter: from frequencies alone; and of a belt whose mass and radius are given, with its
@@ -36,7 +37,7 @@ def ring_parameters(
             scale = mass_kg_per_m / 1000.0 * radius_mm**power * KN_PER_KG_MM_PER_S2
             label, unit = _OF_BELT[name][0], _OF_BELT[name][1] + ("/bar" if unit.endswith("/bar") else "")
         label += "/p" if unit.endswith("/bar") else ""
-        median, lower, upper = scale * _quantiles(draws, interval)
+        median, lower, upper = scale * median_lower_upper(draws, interval)
         row = {"parameter": label, "unit": unit, "median": median, "lower": lower, "upper": upper}
         sums = "" if fit.status[name] == "ok" or name not in _OF_BELT else _sums(modes, fit)
         rows.append({**row, "interval": interval, "status": fit.status[name] + sums})
@@ -45,7 +46,7 @@ def ring_parameters(
 
 def ring_frequencies(modes: MeasuredModes, fit: RingFit, interval: float = 0.95) -> pd.DataFrame:
     """Return of each measured frequency `fitted_Hz`, `lower`, `upper` and `interval` of the fit, and `residual_Hz`."""
-    fitted, lower, upper = _quantiles(fit.frequencies, interval)
+    fitted, lower, upper = median_lower_upper(fit.frequencies, interval)
     bounds = {"fitted_Hz": fitted, "lower": lower, "upper": upper, "interval": interval}
     return pd.DataFrame({**bounds, "residual_Hz": modes.frequency_Hz - fitted})
 
@@ -71,8 +72,3 @@ def _sums(modes: MeasuredModes, fit: RingFit) -> str:
         text = " + ".join(name if times == 1 else f"{times:g} {name}" for name, times in terms.items() if times)
         sums.append(f"{text} (mode {mode:g})")
     return f"; the modes give only {', '.join(sums)}, over rho A"
-
-
-def _quantiles(draws: np.ndarray, interval: float) -> np.ndarray:
-    """Return median, lower and upper bound."""
-    return np.quantile(draws, [0.5, (1 - interval) / 2, (1 + interval) / 2], axis=0)

@@ -23,6 +23,7 @@ from bayes_tyre.record import CASE_FACTORS, Case
 from bayes_tyre.results.cases.draws import draw_noise, joined, travel_mm
 from bayes_tyre.results.cases.selection import CaseQuery, case_list, choose, sign_of, without_opposite
 from bayes_tyre.results.cases.stacked import DrawnCase, Weighted, drawn_cases, shares_of
+from bayes_tyre.results.equal_tailed import median_lower_upper
 
 #: The mean curve of a case, or a repeat of it that was not measured.
 KINDS = ("case", "repeat")
@@ -202,11 +203,10 @@ def force_kN(
 
 def _bands(u: np.ndarray, models: Sequence[DrawnCase], interval: float) -> dict[str, np.ndarray]:
     """Return median, lower and upper of the force (kN) at each displacement, a bounded number of them at once."""
-    tails = [0.5, (1.0 - interval) / 2.0, (1.0 + interval) / 2.0]
     count, blocks = sum(len(model.draws.k) for model in models), []
     for part in np.array_split(u, -(-len(u) * count // CELLS)):
         force = np.concatenate([_forces(part, model) for model in models])
-        blocks.append(np.quantile(force, tails, axis=0))
+        blocks.append(median_lower_upper(force, interval))
     return dict(zip(("median", "lower", "upper"), np.concatenate(blocks, axis=1), strict=True))
 
 
@@ -235,6 +235,6 @@ def _parameters(models: Sequence[DrawnCase], interval: float) -> dict[str, objec
 
 
 def _statistics(values: np.ndarray, interval: float) -> dict[str, float]:
-    lower, upper = np.quantile(values, [(1.0 - interval) / 2.0, (1.0 + interval) / 2.0])
+    _, lower, upper = median_lower_upper(values, interval)
     statistics = {"mean": values.mean(), "sd": values.std(ddof=1), "lower": lower, "upper": upper}
     return {name: float(value) for name, value in statistics.items()}

@@ -43,9 +43,12 @@ class Run:
         return identity(self.inputs, self.options, self.seed, versions())
 
 
-def begin_run(command: str, options: Mapping[str, object], seed: int, inputs: list[Path], origin: str) -> Run:
-    """Return the run that begins now, its inputs hashed as they are now."""
-    return Run(command, options, seed, {str(path): sha256(path) for path in inputs}, origin, time.monotonic())
+def begin_run(
+    words: Sequence[str], options: Mapping[str, object], seed: int, inputs: Sequence[Path], origin: str
+) -> Run:
+    """Return the run of ``bayes-tyre`` and these words that begins now, its inputs hashed as they are now."""
+    command, hashes = shlex.join(["bayes-tyre", *words]), {str(path): sha256(path) for path in inputs}
+    return Run(command, options, seed, hashes, origin, time.monotonic())
 
 
 def sha256(path: Path) -> str:

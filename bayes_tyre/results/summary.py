@@ -13,18 +13,11 @@ from bayes_tyre.inference.sampling.group_means import named_group_means
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record import AXLE_PARAMETERS, CASE_FACTORS, ENERGY, FACTORS, LAW_PARAMETERS, RECORD_UNITS
 from bayes_tyre.record_table import carry_extras
+from bayes_tyre.results.equal_tailed import median_lower_upper
 
-STATISTICS = (
-    *("mean", "sd", "median", "lower", "upper", "interval"),
-    *("mcse_mean", "ess_bulk", "ess_tail", "r_hat"),
-)
+STATISTICS = ("mean", "sd", "median", "lower", "upper", "interval", "mcse_mean", "ess_bulk", "ess_tail", "r_hat")
 #: Parameters of a record that `repeats.csv` shows, those of them that a posterior has.
-REPEAT_PARAMETERS = (
-    *LAW_PARAMETERS,
-    *("J", "C", "sigma"),
-    *AXLE_PARAMETERS,
-    ENERGY,
-)
+REPEAT_PARAMETERS = (*LAW_PARAMETERS, "J", "C", "sigma", *AXLE_PARAMETERS, ENERGY)
 #: Elements whose statistics are computed at once.
 _BATCH = 256
 
@@ -45,11 +38,10 @@ def describe(
     """
     sample = draws.transpose("chain", "draw", ...)
     flat = sample.to_numpy().reshape(-1, int(np.prod(sample.shape[2:])))
-    tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
     # In batches: quantiles copy the draws, which of thousands of records are gigabytes.
     batches = np.array_split(flat, max(1, -(-flat.shape[1] // _BATCH)), axis=1)
-    mean, sd, lower, median, upper = np.concatenate(
-        [[one.mean(axis=0), one.std(axis=0, ddof=1), *np.quantile(one, tails, axis=0)] for one in batches], axis=1
+    mean, sd, median, lower, upper = np.concatenate(
+        [[one.mean(axis=0), one.std(axis=0, ddof=1), *median_lower_upper(one, interval)] for one in batches], axis=1
     )
     statistics = statistics or monitor(sample.to_dataset(name="quantity"))
     r_hat = xr.full_like(statistics.ess_bulk, np.nan) if statistics.r_hat is None else statistics.r_hat

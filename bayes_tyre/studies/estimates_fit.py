@@ -18,12 +18,7 @@ from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import PARAMETERS, motion_sites, published_sites
 from bayes_tyre.inference.model.models import published_model
 from bayes_tyre.inference.model.prior_predictive import draw_prior
-from bayes_tyre.inference.motion.hierarchy.model import (
-    Motions,
-    motion_arguments,
-    motions_in_coordinates,
-    motions_model,
-)
+from bayes_tyre.inference.motion.hierarchy.model import Motions, motion_arguments, motions_in_coordinates, motions_model
 from bayes_tyre.inference.motion.laws import FANCHER
 from bayes_tyre.inference.sampling.datatree import QUANTITIES
 from bayes_tyre.inference.sampling.nuts import CAREFUL_ACCEPTANCE, Chains

@@ -1,6 +1,5 @@
 """A record table, or the published tables, in; a posterior's folder out."""
 
-import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -8,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from bayes_tyre.embedded import data_path
-from bayes_tyre.errors import BadInput
+from bayes_tyre.errors import BadInput, errors_name
 from bayes_tyre.formats.files import check_folder, prepare_folder
 from bayes_tyre.formats.structured_text import read_toml
 from bayes_tyre.formats.tables.column_map import read_column_map
@@ -195,30 +194,22 @@ def fit_table(
     limit = None if plan.limit is None else parse_limit(plan.limit, OF_RECORDS)
     if plan.reference is not None:
         check_reference(plan.reference, texts(table, "configuration"))
-    try:
+    with errors_name(names(plan.records)):
         plan = replace(plan, model=with_scales_of(table, plan.model))
-    except BadInput as error:
-        raise BadInput(f"{names(plan.records)}: {error}") from None
     callbacks = callbacks or Callbacks()
-    call = shlex.join(["bayes-tyre", *command])
-    run = begin_run(call, plan.options, plan.sampler.seed, plan.inputs, origin_of(table))
+    run = begin_run(command, plan.options, plan.sampler.seed, plan.inputs, origin_of(table))
     checkpoints = open_checkpoints(out, run, callbacks, resume)
     if isinstance(checkpoints, Diagnostics):
         return checkpoints
     settings = callbacks.settings(plan.sampler, checkpoints)
-    try:
+    with errors_name(names(plan.records)):
         records = prepare_records(table, plan.model)
         tree = fit_hierarchical(table, settings, plan.model, records)
-    except BadInput as error:
-        raise BadInput(f"{names(plan.records)}: {error}") from None
     prepare_folder(out)
     table = used_points(table, plan.model.region)
     callbacks.on_stage("diagnostics", None)
     tree, diagnostics = judge(
-        tree,
-        lambda tree, attempt: identify_records(tree, records, plan.model, attempt),
-        Attempts(),
-        table,
+        tree, lambda tree, attempt: identify_records(tree, records, plan.model, attempt), Attempts(), table
     )
     # Only records made from the printed tables have printed values to be held against.
     printed = tables.case_means() if origin_of(table) == "reconstructed" else None
@@ -245,14 +236,12 @@ def fit_published_tables(
     inputs = ("published/table_09_stiffness.csv", "published/table_11_characteristic_deflection.csv")
     options = {**sampler_options(settings), "interval": interval, "priors": priors.given()}
     paths = [data_path(name) for name in inputs]
-    run = begin_run(shlex.join(["bayes-tyre", *command]), options, settings.seed, paths, "published")
+    run = begin_run(command, options, settings.seed, paths, "published")
     printed = tables.case_means()
     tree = fit_published(printed, settings, priors)
     callbacks.on_stage("diagnostics", None)
     tree, diagnostics = judge(
-        tree,
-        lambda tree, attempt: identify_published(tree, printed, priors, attempt),
-        Attempts(),
+        tree, lambda tree, attempt: identify_published(tree, printed, priors, attempt), Attempts()
     )
     result = Result(tree, diagnostics.verdict, printed=printed, interval=interval)
     return write_fit(result, diagnostics, run, out, callbacks=callbacks)

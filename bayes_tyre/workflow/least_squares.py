@@ -1,6 +1,6 @@
 """Least-squares fits of a record table: `least_squares.csv`."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -28,12 +28,17 @@ def fit_least_squares(
     return fits
 
 
-def write_fits(fits: pd.DataFrame, out: Path, *, xlsx: bool) -> None:
-    """Write `least_squares.csv` into a folder that is there, and as a workbook if asked for; remove an older run's."""
+def write_fits(fits: pd.DataFrame, out: Path, beside: Mapping[str, pd.DataFrame] | None = None, *, xlsx: bool) -> None:
+    """Write `least_squares.csv` and tables beside it into a folder that is there, and as a workbook if asked for.
+
+    What an older run left there is removed.
+    """
+    tables = {FITS: fits, **(beside or {})}
     for name in (LOOPS, BACKBONE, FIGURE, WORKBOOK, *REPORTS):
         (out / name).unlink(missing_ok=True)
-    write_table(fits, out / FITS)
+    for name, table in tables.items():
+        write_table(table, out / name)
     if xlsx:
         from bayes_tyre.formats.tables.workbook_writer import write_workbook  # imports what most runs do not need
 
-        write_workbook({"least_squares": fits}, out / WORKBOOK)
+        write_workbook({Path(name).stem: table for name, table in tables.items()}, out / WORKBOOK)

@@ -82,12 +82,7 @@ def table_tasks(
 
 
 def fit_files(
-    tasks: Sequence[TableTask],
-    machines: Machines,
-    out: Path,
-    on_progress: Callable[[int], None],
-    *,
-    xlsx: bool = False,
+    tasks: Sequence[TableTask], machines: Machines, out: Path, on_progress: Callable[[int], None], *, xlsx: bool = False
 ) -> Given:
     """Write `least_squares.csv` into `out`, and as a workbook if asked for; return it, and what is said of the files.
 

@@ -6,7 +6,6 @@ from pathlib import Path
 import pandas as pd
 
 from bayes_tyre.formats.files import prepare_folder
-from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.least_squares.loops import backbone, cycle_table, law_curves
 from bayes_tyre.inference.least_squares.table import FitSettings, fit_records
 from bayes_tyre.record_table import check_record_table, origin_of
@@ -14,9 +13,8 @@ from bayes_tyre.report.figures.loops import driven_loops
 from bayes_tyre.report.figures.page.colours import Setting
 from bayes_tyre.report.figures.page.layout import save
 from bayes_tyre.signals.reversals import cut_loops
-from bayes_tyre.workflow.least_squares import BACKBONE, FIGURE, FITS, LOOPS, WORKBOOK
+from bayes_tyre.workflow.least_squares import BACKBONE, FIGURE, LOOPS, write_fits
 from bayes_tyre.workflow.record_tables import RECORDS, read_given
-from bayes_tyre.workflow.result_names import REPORTS
 
 
 def read_loops(
@@ -55,18 +53,10 @@ def fit_loops(
         As `read_loops` returns them.
     """
     prepare_folder(out)
-    for name in (WORKBOOK, *REPORTS):  # an older run's
-        (out / name).unlink(missing_ok=True)
     fits = fit_records(branches, settings, on_progress).astype({"branch": int, "cycle": int})
     backbones = backbone(branches)
     cycles = cycle_table(branches, fits, backbones)
-    write_table(fits, out / FITS)
-    write_table(cycles, out / LOOPS)
-    write_table(backbones, out / BACKBONE)
+    write_fits(fits, out, {LOOPS: cycles, BACKBONE: backbones}, xlsx=xlsx)
     configurations = branches["configuration"].unique() if "configuration" in branches else [""]
     setting = Setting(origin_of(branches), configurations=tuple(configurations))
     save(driven_loops(branches, law_curves(branches, fits), backbones, setting), out / FIGURE)
-    if xlsx:
-        from bayes_tyre.formats.tables.workbook_writer import write_workbook  # imports what most runs do not need
-
-        write_workbook({"least_squares": fits, "loops": cycles, "backbone": backbones}, out / WORKBOOK)

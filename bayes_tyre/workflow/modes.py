@@ -1,6 +1,5 @@
 """A table of natural frequencies in; a flexible ring's parameters, the frequencies beside their fit, a figure out."""
 
-import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,7 +73,7 @@ def fit_modes(
         options, inputs = {**options, "configuration": motion.configuration}, [path, posterior]
     modes = _measured(table, belt, path)
     priors = {name: prior.given() for name, prior in modes.priors.items()}
-    run = begin_run(shlex.join(["bayes-tyre", *command]), {**options, "priors": priors}, seed, inputs, origin_of(table))
+    run = begin_run(command, {**options, "priors": priors}, seed, inputs, origin_of(table))
     prepare_folder(out)
     (out / RUN_JSON).unlink(missing_ok=True)  # of an older run: it marks a folder as finished
     fit = fit_ring(modes, seed)

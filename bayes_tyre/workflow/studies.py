@@ -53,7 +53,7 @@ def study_run(command: str, out: Path, seed: int, inputs: Sequence[Path] = (), /
     `inputs` are the files that it simulates data like; `options` those of the command but its seed.
     """
     prepare_folder(out)
-    run = begin_run(f"bayes-tyre {command}", {**options, "seed": seed}, seed, list(inputs), "simulated")
+    run = begin_run(command.split(), {**options, "seed": seed}, seed, inputs, "simulated")
     (out / RUN_JSON).unlink(missing_ok=True)
     yield
     write_run(run, out, device=jax.default_backend())
@@ -167,11 +167,7 @@ def write_motion_study(
 
 
 def write_law_ranking(
-    out: Path,
-    true_laws: Sequence[str],
-    records: int,
-    seed: int,
-    on_progress: Callable[[int], None],
+    out: Path, true_laws: Sequence[str], records: int, seed: int, on_progress: Callable[[int], None]
 ) -> Ranked:
     """Write `law_ranking.csv` and `law_ranking_records.csv` into `out`."""
     with study_run("study laws", out, seed, laws=list(true_laws), records=records):

@@ -73,11 +73,7 @@ def k_by_method(fits: pd.DataFrame, cases: pd.DataFrame, multiple: float | int) 
     for factor_table, case in fits.groupby(list(CASE_FACTORS), sort=False):
         out = _out(case, multiple)
         k, odd = case["k_kN_per_mm"].to_numpy(), ", ".join(out.index[out])
-        estimates = {
-            PLAIN: student(k),
-            RULE: student(k[~out.to_numpy()]),
-            POSTERIOR: posterior[tuple(factor_table)],
-        }
+        estimates = {PLAIN: student(k), RULE: student(k[~out.to_numpy()]), POSTERIOR: posterior[tuple(factor_table)]}
         for method, found in estimates.items():
             row: dict[Hashable, object] = dict(zip(CASE_FACTORS, factor_table, strict=True))
             row |= {"method": method, "k_kN_per_mm": found["median"], "lower": found["lower"]}

@@ -22,6 +22,7 @@ from helpers.command_line import (
     ON_TABLES,
     assert_refused,
     environment,
+    files_of,
     finish,
     here,
     installed,
@@ -171,7 +172,7 @@ def test_a_disk_that_fills_is_told_in_one_line_and_nothing_half_written_is_left(
             finished = fill_the_disk_after(files, filling)
             done = here(*WRITERS[command](given, out), "--quiet")
         assert_refused(done.exit_code, done.stderr, str(out), os.strerror(errno.ENOSPC), "check the path and the disk")
-        left = {Path(name).name for name in tree_of(out) if not name.endswith("/")} if out.exists() else set()
+        left = {Path(name).name for name in files_of(out)} if out.exists() else set()
         assert left <= set(finished)
         assert not [name for name in left if name.startswith(".")]
         assert "run.json" not in left
@@ -193,7 +194,7 @@ def test_other_installed_commands_end_in_one_line_where_the_disk_takes_no_more(c
     before = tree_of(given)
     done = finish(start_as(arguments, tmp_path, most_bytes=100))
     assert_refused(done.returncode, done.stderr, str(tmp_path / "out"), os.strerror(errno.EFBIG))
-    assert [name for name in tree_of(tmp_path) if not name.endswith("/")] == []
+    assert files_of(tmp_path) == set()
     assert tree_of(given) == before
 
 

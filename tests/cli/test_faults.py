@@ -5,17 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from helpers.command_line import (
-    ON_TABLES,
-    assert_refused,
-    here,
-    installed,
-    small,
-    text_of,
-    tree_of,
-    with_cell,
-    written,
-)
+from helpers.command_line import ON_TABLES, assert_refused, here, installed, small, text_of, tree_of, with_cell, written
 
 # Compilation and module fixtures: over 10 s for the file from cold.
 pytestmark = pytest.mark.slow

@@ -21,6 +21,7 @@ from helpers.command_line import (
     OUTLIERS_PNG,
     TABLES,
     assert_refused,
+    files_of,
     here,
     installed,
     small,
@@ -71,7 +72,7 @@ def test_fit_ends_with_0_and_says_pass_everywhere_when_it_may_be_trusted(sampled
     path = written(sampled, tmp_path / "records.csv")
     done = here("fit", path, "--out", tmp_path / "out", "--interval", "0.8")
     assert (done.exit_code, done.stderr) == (0, "")
-    assert {name for name in tree_of(tmp_path / "out") if not name.endswith("/")} == FIT_FILES
+    assert files_of(tmp_path / "out") == FIT_FILES
     for name in TABLES:
         table = pd.read_csv(tmp_path / "out" / name)
         assert set(table["verdict"]) == {"pass"}
@@ -86,7 +87,7 @@ def test_fit_ends_with_0_and_says_pass_everywhere_when_it_may_be_trusted(sampled
 
 def test_a_fit_in_python_writes_what_the_command_does_and_is_repeated_by_it(sampled, tmp_path):
     posterior = bt.fit(sampled, draws=50, seed=3, out=tmp_path / "python")
-    assert {name for name in tree_of(tmp_path / "python") if not name.endswith("/")} == FIT_FILES | {"records.csv"}
+    assert files_of(tmp_path / "python") == FIT_FILES | {"records.csv"}
     assert posterior.attrs["verdict"] == bt.diagnose(posterior).verdict == "pass"
     again = here("fit", "--from", tmp_path / "python" / "run.json", "--out", tmp_path / "command")
     assert (again.exit_code, again.stderr) == (0, "")
@@ -102,7 +103,7 @@ def test_a_table_without_words_is_fitted_and_shown(tmp_path, monkeypatch):
     done = here("fit", path, "--out", tmp_path / "out")
     assert (done.exit_code, done.stderr) == (0, "")
     # No two cases match: there is nothing to contrast.
-    assert {name for name in tree_of(tmp_path / "out") if not name.endswith("/")} == FIT_FILES - {CONTRASTS_PNG}
+    assert files_of(tmp_path / "out") == FIT_FILES - {CONTRASTS_PNG}
     assert pd.read_csv(tmp_path / "out" / "contrasts.csv").empty
     assert len(pd.read_csv(tmp_path / "out" / "cases.csv")) == 2
     shown = here("show", tmp_path / "out")
@@ -147,7 +148,7 @@ def test_a_figure_or_table_that_fails_becomes_a_failed_check_and_the_rest_is_wri
         assert f"bayes-tyre: {name} failed: ZeroDivisionError: nothing to draw; " in done.stderr
     expected = {name for name in FIT_FILES if "/" not in name and name != "repeats.csv"}
     expected |= {"figures/forest_of_cases.png", OUTLIERS_PNG}
-    assert {name for name in tree_of(out) if not name.endswith("/")} == expected
+    assert files_of(out) == expected
     # What was written before something failed says so too.
     assert set(pd.read_csv(out / "summary.csv")["verdict"]) == {"fail"}
     diagnostics = json.loads((out / "diagnostics.json").read_text())
@@ -274,7 +275,7 @@ def test_too_few_draws_end_with_4_and_every_file_says_so(fitted):
     folder, done = fitted
     assert done.returncode == 4, done.stderr
     assert "verdict fail" in done.stdout
-    assert {name for name in tree_of(folder / "one") if not name.endswith("/")} == FIT_FILES
+    assert files_of(folder / "one") == FIT_FILES
     for name in TABLES:
         table = pd.read_csv(folder / "one" / name)
         assert table.columns[-1] == "verdict"

@@ -11,6 +11,7 @@ from helpers.command_line import (
     OUTLIERS_PNG,
     TABLES,
     environment,
+    files_of,
     finish,
     here,
     small,
@@ -122,7 +123,7 @@ def test_fit_carries_labels_as_text_into_every_table_and_the_posterior(fitted):
     out = fitted / "deep/down/out"
     labels = {LABELS[name] for name in FITTED}
     # No case has repeats enough to judge one by.
-    assert {name for name in tree_of(out) if not name.endswith("/")} == FIT_FILES - {OUTLIERS_PNG}
+    assert files_of(out) == FIT_FILES - {OUTLIERS_PNG}
     for name in TABLES:
         assert_no_formula(out / name)
     repeats, cases = read_table(out / "repeats.csv"), read_table(out / "cases.csv")

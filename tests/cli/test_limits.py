@@ -6,7 +6,7 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 from helpers.command_line import assert_refused, here, small, written
-from helpers.quick_fits import put_draws_for_the_sampler
+from helpers.quick_fits import put_a_fit_without_checks_and_figures
 from helpers.quick_motions import put_draws_for_the_motions
 
 from bayes_tyre.inference.diagnostics.judge import undiagnosed
@@ -20,9 +20,7 @@ from bayes_tyre.workflow.raw.simulate import write_simulated
 
 @pytest.fixture
 def quick(monkeypatch):
-    put_draws_for_the_sampler(monkeypatch)
-    monkeypatch.setattr(workflow, "judge", lambda tree, *_: (tree, undiagnosed(tree)))
-    monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
+    put_a_fit_without_checks_and_figures(monkeypatch)
 
 
 def test_fit_writes_says_and_reports_it_and_show_asks_another(quick, tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from helpers.command_line import assert_refused, here, tree_of, written
+from helpers.command_line import assert_refused, files_of, here, tree_of, written
 from helpers.slow_tests import Tyre, campaign, on_flat_ground
 from helpers.slow_tests import path as slow_path
 
@@ -34,7 +34,7 @@ def folder(tmp_path_factory):
 
 
 def test_it_writes_a_row_a_test_a_row_a_case_a_figure_and_says_so(folder):
-    names = {name for name in tree_of(folder / "out") if not name.endswith("/")}
+    names = files_of(folder / "out")
     shared, figure = "shared_stiffness.csv", "figures/load_deflection_loops.png"
     assert names == {"load_deflection.csv", "load_deflection_cases.csv", shared, figure}
     said = (folder / "said").read_text().splitlines()

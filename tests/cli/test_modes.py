@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from helpers.command_line import assert_refused, here, tree_of, written
+from helpers.command_line import assert_refused, files_of, here, tree_of, written
 from helpers.hand_made_posteriors import grid, posterior
 
 from bayes_tyre.formats.netcdf import write_tree
@@ -30,7 +30,7 @@ def test_it_writes_the_belt_s_stiffnesses_in_kN_and_mm_and_says_so(tmp_path):
     belt = ("--radius", RADIUS_MM, "--mass-per-length", KG_PER_M)
     done = here("modes", path, "--out", tmp_path / "out", *belt)
     assert (done.exit_code, done.stderr) == (0, "")
-    names = {name for name in tree_of(tmp_path / "out") if not name.endswith("/")}
+    names = files_of(tmp_path / "out")
     assert names == {"modes.csv", "frequencies.csv", "run.json", "figures/frequencies_by_mode.png"}
     fitted = pd.read_csv(tmp_path / "out" / "modes.csv").set_index("parameter")
     assert list(fitted.columns) == ["unit", "median", "lower", "upper", "interval", "status", "origin", "verdict"]

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from helpers.command_line import assert_refused, here, installed, tree_of
+from helpers.command_line import assert_refused, files_of, here, installed, tree_of
 from helpers.hand_made_posteriors import fixed, grid, posterior, scattered
 
 from bayes_tyre.formats.netcdf import write_tree
@@ -22,6 +22,7 @@ pytestmark = pytest.mark.slow
 
 HOSTILE = ("=cmd()", "../../x", "<script>alert(1)</script>", 'a "b" \\ ]]', "two\nlines", "sängle ü 轮胎", "[[case]]")
 PARAMETERS = ("k_kN_per_mm", "beta_mm", "J_kN", "C_kN", "F_i_kN", "d_i_mm")
+CASE, OTHER_CASE = ("--case", "single (0)20-30"), ("--case", "single (25)30-20")
 
 
 def a_fit(folder: Path, configurations: tuple[str, ...] = ("single", "dual"), verdict: str = "pass") -> Path:
@@ -67,19 +68,15 @@ def test_the_installed_command_writes_curves_and_parameters_into_the_fits_folder
 
 
 def test_a_vehicle_model_can_read_the_parameters_and_gets_the_curve_from_them(fitted):
-    done = here("predict", fitted, "--case", "single (25)30-20", "--displacement", "0,0.01,1,3", "--interval", "0.9")
+    done = here("predict", fitted, *OTHER_CASE, "--displacement", "0,0.01,1,3", "--interval", "0.9")
     assert done.exit_code == 0
     made = tomllib.loads((fitted / "prediction.toml").read_text(encoding="utf-8"))
     assert (made["of"], made["interval"], made["origin"], made["verdict"]) == ("case", 0.9, "simulated", "pass")
     assert made["equation"].startswith("F = F_i + (J + k u) (1 - exp(-|u| / beta))")
     assert made["version"].startswith("bayes-tyre ")
     (case,) = made["case"]
-    assert [case[word] for word in ("label", "configuration", "direction")] == [
-        "single (25)30-20",
-        "single",
-        "unloading",
-    ]
-    assert [case[word] for word in ("speed_km_h", "initial_load_kN", "step_kN")] == [25.0, 30.0, -10.0]
+    words = ("label", "configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN")
+    assert [case[word] for word in words] == ["single (25)30-20", "single", "unloading", 25.0, 30.0, -10.0]
     assert all(case[name]["lower"] < case[name]["mean"] < case[name]["upper"] for name in PARAMETERS)
     k, beta, J, C, F_i, d_i = (case[name]["mean"] for name in PARAMETERS)
     assert k * d_i + C - F_i == pytest.approx(J, abs=0.1 * case["C_kN"]["sd"])
@@ -106,17 +103,16 @@ def test_hostile_labels_are_text_in_both_files_and_no_path(label, tmp_path):
 
 
 def test_a_repeat_is_the_same_with_the_same_seed_and_wider_than_the_case(fitted, tmp_path):
-    widths = {}
-    for name, options in {"one": ["7"], "two": ["7"], "other": ["8"]}.items():
-        asked = ["--of", "repeat", "--seed", *options, "--out", tmp_path / name, "--quiet"]
-        done = here("predict", fitted, "--case", "single (0)20-30", "--displacement", "0:3:9", *asked)
+    widths, of = {}, (*CASE, "--displacement", "0:3:9")
+    for name, seed in {"one": 7, "two": 7, "other": 8}.items():
+        done = here("predict", fitted, *of, "--of", "repeat", "--seed", seed, "--out", tmp_path / name, "--quiet")
         assert (done.exit_code, done.stdout, done.stderr) == (0, "", "")
         widths[name] = pd.read_csv(tmp_path / name / "prediction.csv").eval("upper - lower")
     for name in ("prediction.csv", "prediction.toml"):
         one, two, other = ((tmp_path / folder / name).read_bytes() for folder in widths)
         assert one == two != other
     assert tomllib.loads(one.decode())["of"] == "repeat"
-    assert here("predict", fitted, "--case", "single (0)20-30", "--displacement", "0:3:9").exit_code == 0
+    assert here("predict", fitted, *of).exit_code == 0
     assert (pd.read_csv(fitted / "prediction.csv").eval("upper - lower") < widths["one"]).all()
 
 
@@ -131,16 +127,16 @@ def test_a_repeat_is_the_same_with_the_same_seed_and_wider_than_the_case(fitted,
 )
 def test_out_is_a_folder_or_a_csv(out, csv, toml, fitted, tmp_path):
     (tmp_path / "there.csv").mkdir()
-    before = {name for name in tree_of(tmp_path) if not name.endswith("/")}
-    done = here("predict", fitted, "--case", "single (0)20-30", "--out", tmp_path / out)
+    before = files_of(tmp_path)
+    done = here("predict", fitted, *CASE, "--out", tmp_path / out)
     assert done.exit_code == 0
-    assert {name for name in tree_of(tmp_path) if not name.endswith("/")} - before == {csv, toml}
+    assert files_of(tmp_path) - before == {csv, toml}
     assert f"wrote {tmp_path / csv}" in done.stdout
 
 
 def test_a_posterior_that_failed_is_written_says_so_and_ends_with_4(tmp_path):
     folder = a_fit(tmp_path / "fit", verdict="fail")
-    done = here("predict", folder, "--case", "single (0)20-30")
+    done = here("predict", folder, *CASE)
     assert done.exit_code == 4
     assert done.stderr.count("\n") == 1
     assert "not to be trusted" in done.stderr
@@ -158,7 +154,7 @@ def compared(folder: Path, verdict: str = "pass", **weights: float) -> Path:
 
 def test_fits_that_were_compared_predict_together(tmp_path):
     fits = [a_fit(tmp_path / "one"), a_fit(tmp_path / "two", verdict="fail")]
-    of = ["--case", "single (25)30-20", "--displacement", "0,1,3"]
+    of = [*OTHER_CASE, "--displacement", "0,1,3"]
     done = here("predict", *fits, "--weights", compared(tmp_path / "all", one=0.6, two=0.4), *of)
     assert done.exit_code == 4
     said = " ".join(done.stderr.split())
@@ -175,7 +171,7 @@ def test_fits_that_were_compared_predict_together(tmp_path):
 def test_a_comparison_that_is_not_to_be_trusted_makes_no_prediction_that_is(tmp_path):
     fits = [a_fit(tmp_path / "01"), a_fit(tmp_path / "02")]  # names, not numbers
     table = compared(tmp_path / "all", verdict="fail", **{"01": 0.6, "02": 0.4})
-    done = here("predict", *fits, "--weights", table / "comparison.csv", "--case", "single (25)30-20")
+    done = here("predict", *fits, "--weights", table / "comparison.csv", *OTHER_CASE)
     assert done.exit_code == 4
     assert f"{table / 'comparison.csv'} gives the reason" in " ".join(done.stderr.split())
     assert set(pd.read_csv(table / "prediction.csv")["verdict"]) == {"fail"}
@@ -193,9 +189,9 @@ def test_a_comparison_that_is_not_to_be_trusted_makes_no_prediction_that_is(tmp_
 def test_weights_that_are_not_of_these_fits_are_refused(weights, said, tmp_path):
     fits = [a_fit(tmp_path / "one"), a_fit(tmp_path / "two")]
     table = compared(tmp_path / "all", **weights)
-    done = here("predict", *fits, "--weights", table, "--case", "single (25)30-20")
+    done = here("predict", *fits, "--weights", table, *OTHER_CASE)
     assert_refused(done.exit_code, done.stderr, str(table / "comparison.csv"), said)
-    done = here("predict", *fits, "--case", "single (25)30-20")
+    done = here("predict", *fits, *OTHER_CASE)
     assert done.exit_code == 2
     assert "of several fits each has a weight" in " ".join(done.stderr.split())
 
@@ -206,12 +202,12 @@ def test_fits_with_and_without_an_unknown_factor_are_not_stacked(tmp_path):
         scaled = with_scale(tree.load(), "force_scale", 0.02, seed=1)
     write_tree(scaled, fits[1] / "posterior.nc")
     table = compared(tmp_path / "all", one=0.5, two=0.5)
-    done = here("predict", *fits, "--weights", table, "--case", "single (25)30-20")
+    done = here("predict", *fits, "--weights", table, *OTHER_CASE)
     assert_refused(done.exit_code, done.stderr, "one and two have an unknown force_scale", "--force-scale-sd")
 
 
 def test_a_disk_that_fills_leaves_both_older_files_as_they_were(fitted, monkeypatch):
-    assert here("predict", fitted, "--case", "single (0)20-30").exit_code == 0
+    assert here("predict", fitted, *CASE).exit_code == 0
     before = tree_of(fitted)
 
     def full(*_: object) -> None:
@@ -261,7 +257,7 @@ def spoil(folder: Path, what: str) -> None:
 def test_a_folder_without_a_result_of_records_is_refused(what, said, fitted):
     spoil(fitted, what)
     before = tree_of(fitted)
-    done = here("predict", fitted, "--case", "single (0)20-30")
+    done = here("predict", fitted, *CASE)
     assert_refused(done.exit_code, done.stderr, str(fitted), *said)
     assert tree_of(fitted) == before
 
@@ -269,6 +265,7 @@ def test_a_folder_without_a_result_of_records_is_refused(what, said, fitted):
 WRONG = {
     "missing: holds no run.json": ("missing", "single (0)20-30"),
     "file: holds no run.json": ("file", "single (0)20-30"),
+    "no case matches x; there are 8": ("fit", "x"),
     "no case matches single (0)1-2; there are 8: single (0)20-30": ("fit", "single (0)1-2"),
     "no case matches configuration=triple, speed_km_h=7.0; there are 8": ("fit", "configuration=triple,speed_km_h=7"),
     "file/x: is a file": ("fit", "single (0)20-30", "--out", "file/x"),
@@ -293,15 +290,7 @@ def test_what_is_no_folder_and_no_case_is_refused_in_one_line(said, beside_a_fil
     assert tree_of(beside_a_file) == before
 
 
-def test_a_case_that_is_not_there_ends_with_3_and_none_at_all_with_2(beside_a_file):
-    before = tree_of(beside_a_file)
-    done = here("predict", "fit", "--case", "x")
-    assert_refused(done.exit_code, done.stderr, "no case matches x; there are 8")
-    done = here("predict", "fit")
-    assert done.exit_code == 2
-    assert "there are 8: single (0)20-30" in done.stderr
-    assert "Traceback" not in done.stderr
-    assert tree_of(beside_a_file) == before
+WRONG_GRIDS = ("", "x", "0:3", "0:3:1", "3:0:9", "0:3:1e9", "0:3:200000", "0:nan:4", "0,inf", "1,,2", "0,1e9")
 
 
 @pytest.mark.parametrize(
@@ -312,25 +301,10 @@ def test_a_case_that_is_not_there_ends_with_3_and_none_at_all_with_2(beside_a_fi
         (["--case", " "], "there are 8: single (0)20-30"),
         (["--case", "speed=0"], "'speed' is no factor"),
         (["--case", "direction=up"], "loading or unloading"),
-        (["--case", "single (0)20-30", "--case", "speed_km_h=0"], "side by side"),
-        (["--case", "single (0)20-30", "--of", "records"], "--of"),
-        (["--case", "single (0)20-30", "--interval", "1"], "--interval"),
-        *(
-            (["--case", "single (0)20-30", "--displacement", grid_text], "--displacement")
-            for grid_text in (
-                "",
-                "x",
-                "0:3",
-                "0:3:1",
-                "3:0:9",
-                "0:3:1e9",
-                "0:3:200000",
-                "0:nan:4",
-                "0,inf",
-                "1,,2",
-                "0,1e9",
-            )
-        ),
+        ([*CASE, "--case", "speed_km_h=0"], "side by side"),
+        ([*CASE, "--of", "records"], "--of"),
+        ([*CASE, "--interval", "1"], "--interval"),
+        *(([*CASE, "--displacement", grid_text], "--displacement") for grid_text in WRONG_GRIDS),
     ],
 )
 def test_an_option_that_cannot_be_is_a_usage_error(options, said, fitted):
@@ -338,12 +312,13 @@ def test_an_option_that_cannot_be_is_a_usage_error(options, said, fitted):
     done = here("predict", fitted, *options)
     assert done.exit_code == 2
     assert said in done.stderr
+    assert "Traceback" not in done.stderr
     assert tree_of(fitted) == before
 
 
 @pytest.mark.parametrize("text", ["-3:3:7", "-3,-2,-1,0,1,2,3"])
 def test_signed_displacements_serve_each_direction_with_those_of_its_sign(text, fitted):
-    asked = ["--case", "single (0)20-30", "--case", "single (0)30-20", "--displacement", text]
+    asked = [*CASE, "--case", "single (0)30-20", "--displacement", text]
     assert here("predict", fitted, *asked).exit_code == 0
     by_direction = pd.read_csv(fitted / "prediction.csv").groupby("direction")["displacement_mm"]
     assert {d: u.tolist() for d, u in by_direction} == {"loading": [0, 1, 2, 3], "unloading": [-3, -2, -1, 0]}
@@ -356,10 +331,8 @@ def test_a_speed_that_was_not_tested_is_predicted_and_said_to_be_so(fitted, tmp_
     assert "not tested: single (10)20-30, single (40)20-30; predicted from the effects of what was" in done.stdout
     assert "speed 40 km/h is beyond what was tested, 0 to 25 km/h" in done.stdout
     curves = pd.read_csv(tmp_path / "prediction.csv")
-    assert curves[["speed_km_h", "of"]].drop_duplicates().to_numpy().tolist() == [
-        [10.0, "untested case"],
-        [40.0, "untested case"],
-    ]
+    rows = curves[["speed_km_h", "of"]].drop_duplicates().to_numpy().tolist()
+    assert rows == [[10.0, "untested case"], [40.0, "untested case"]]
     cases = tomllib.loads((tmp_path / "prediction.toml").read_text(encoding="utf-8"))["case"]
     assert [case["tested"] for case in cases] == [False, False]
     assert all("k_kN_per_mm" in case and "C_kN" not in case for case in cases)

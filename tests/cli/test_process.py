@@ -2,13 +2,11 @@
 
 import re
 import shutil
-import subprocess
-import sys
 
 import numpy as np
 import pandas as pd
 import pytest
-from helpers.command_line import assert_refused, environment, here, tree_of
+from helpers.command_line import assert_refused, here, printed_and_imported, tree_of
 from helpers.process_recordings import FACTORS, GOOD, RIGS
 
 from bayes_tyre.formats.recordings.raw import read_raw
@@ -60,17 +58,11 @@ def test_configurations_on_one_rig_file_have_a_mass_each(recordings, tmp_path):
 
 
 def test_text_files_wait_for_no_library_that_they_do_not_need(recordings, tmp_path):
-    script = f"""
-import sys
-from bayes_tyre.cli import app
-try:
-    app(["process", {str(recordings / GOOD[0])!r}, "--out", "records.csv"], prog_name="bayes-tyre")
-finally:
-    print([name for name in ("jax", "equinox", "scipy.io", "h5py", "openpyxl", "nptdms") if name in sys.modules])
-"""
-    command = [sys.executable, "-c", script]
-    done = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True)
-    assert done.stdout.endswith("1 records, 0 rejected\n[]\n")
+    heavy = ("jax", "equinox", "scipy.io", "h5py", "openpyxl", "nptdms")
+    command = ["process", str(recordings / GOOD[0]), "--out", "records.csv"]
+    (said,), imported = printed_and_imported([command], heavy, tmp_path)
+    assert said.endswith("1 records, 0 rejected\n")
+    assert imported == []
 
 
 @pytest.mark.slow

@@ -1,13 +1,10 @@
 """What the quick commands print and write: help, lsq, campaign, published."""
 
-import json
-import subprocess
-import sys
 from importlib.metadata import version
 
 import pandas as pd
 import pytest
-from helpers.command_line import COMMANDS, assert_refused, environment, finish, here, installed, start, tree_of
+from helpers.command_line import COMMANDS, assert_refused, finish, here, installed, printed_and_imported, start, tree_of
 
 from bayes_tyre.embedded import data_path
 
@@ -17,23 +14,7 @@ pytestmark = pytest.mark.slow
 
 def test_help_names_units_and_an_example_and_waits_for_no_library(tmp_path):
     asked = [["--help"], *([command, "--help"] for command in COMMANDS)]
-    script = f"""
-import contextlib, io, json, sys
-from bayes_tyre.cli import app
-said = []
-for arguments in {asked!r}:
-    with contextlib.redirect_stdout(io.StringIO()) as out:
-        try:
-            app(arguments, prog_name="bayes-tyre")
-        except SystemExit as end:
-            assert not end.code
-    said.append(out.getvalue())
-print(json.dumps([said, [name for name in ("jax", "numpyro", "pandas", "matplotlib") if name in sys.modules]]))
-"""
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True
-    )
-    said, imported = json.loads(done.stdout)
+    said, imported = printed_and_imported(asked, ("jax", "numpyro", "pandas", "matplotlib"), tmp_path)
     assert imported == []
     for command in COMMANDS:
         assert f"\n  {command} " in said[0]

@@ -5,18 +5,14 @@ import json
 import pandas as pd
 import pytest
 from helpers.command_line import assert_refused, here, written
-from helpers.quick_fits import put_draws_for_the_sampler
+from helpers.quick_fits import put_a_fit_without_checks_and_figures
 from helpers.simulated_records import Plan, simulate
 
-from bayes_tyre.inference.diagnostics.judge import undiagnosed
-from bayes_tyre.report.figures import catalogue
 from bayes_tyre.workflow import fit as workflow
 
 
 def test_fit_puts_the_reference_below_and_show_and_report_another(monkeypatch, tmp_path):
-    put_draws_for_the_sampler(monkeypatch)
-    monkeypatch.setattr(workflow, "judge", lambda tree, *_: (tree, undiagnosed(tree)))
-    monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
+    put_a_fit_without_checks_and_figures(monkeypatch)
     table, _ = simulate(Plan(configurations=("dual", "single"), speeds=(0.0,), loads=(20.0,), points=30), 3)
     path, out = written(table, tmp_path / "records.csv"), tmp_path / "fit"
     done = here("fit", path, "--out", out, "--reference", "dual")

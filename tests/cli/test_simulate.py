@@ -1,13 +1,11 @@
 """`simulate`: files named and laid out as the source's, truth beside them, the same each time, and what is refused."""
 
-import subprocess
-import sys
 from collections import namedtuple
 
 import numpy as np
 import pandas as pd
 import pytest
-from helpers.command_line import assert_refused, environment, here, tree_of
+from helpers.command_line import assert_refused, here, printed_and_imported, tree_of
 from helpers.readme_rigs import readme_texts
 
 from bayes_tyre.formats.recordings.raw import read_raw
@@ -154,16 +152,7 @@ def test_what_is_no_option_is_a_usage_error(options, tmp_path):
 
 
 def test_help_names_units_and_an_example_and_waits_for_no_library(tmp_path):
-    script = """
-import sys
-from bayes_tyre.cli import app
-try:
-    app(["simulate", "--help"], prog_name="bayes-tyre")
-finally:
-    print([name for name in ("jax", "pandas", "scipy", "equinox") if name in sys.modules])
-"""
-    command = [sys.executable, "-c", script]
-    done = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True)
-    assert done.stdout.endswith("[]\n")
-    assert "Example: bayes-tyre simulate --out" in done.stdout
-    assert "kN/mm" in done.stdout
+    (said,), imported = printed_and_imported([["simulate", "--help"]], ("jax", "pandas", "scipy", "equinox"), tmp_path)
+    assert imported == []
+    assert "Example: bayes-tyre simulate --out" in said
+    assert "kN/mm" in said

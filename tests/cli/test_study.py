@@ -1,14 +1,12 @@
 """`study`: what it writes and says, and what it returns where a parameter is not calibrated."""
 
 import json
-import subprocess
-import sys
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from helpers.command_line import environment, here, tree_of
+from helpers.command_line import here, printed_and_imported, tree_of
 from helpers.coverage_studies import estimated
 from helpers.law_rankings import ranked
 from helpers.motion_studies import motion_rows
@@ -304,19 +302,10 @@ def test_an_unknown_kind_of_data_is_a_usage_error_that_lists_them(tmp_path):
 
 
 def test_help_names_units_and_an_example_and_waits_for_no_library(tmp_path):
-    script = """
-import sys
-from bayes_tyre.cli import app
-for words in ([], ["calibration"], ["outliers"], ["motion"], ["laws"], ["coverage"]):
-    try:
-        app(["study", *words, "--help"], prog_name="bayes-tyre")
-    except SystemExit:
-        pass
-print([name for name in ("jax", "pandas", "scipy", "numpyro") if name in sys.modules])
-"""
-    command = [sys.executable, "-c", script]
-    done = subprocess.run(command, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=True)
-    assert done.stdout.endswith("[]\n")
-    for name in ("calibration", "outliers", "motion", "laws", "coverage"):
-        assert f"Example: bayes-tyre study {name} --out" in done.stdout
-    assert "kN/mm" in done.stdout
+    studies = ("calibration", "outliers", "motion", "laws", "coverage")
+    commands = [["study", "--help"], *(["study", name, "--help"] for name in studies)]
+    said, imported = printed_and_imported(commands, ("jax", "pandas", "scipy", "numpyro"), tmp_path)
+    assert imported == []
+    for name, text in zip(studies, said[1:], strict=True):
+        assert f"Example: bayes-tyre study {name} --out" in text
+    assert "kN/mm" in "".join(said)

@@ -4,20 +4,15 @@ import openpyxl
 import pandas as pd
 import pytest
 from helpers.command_line import TABLES, here, small, written
-from helpers.quick_fits import put_draws_for_the_sampler
+from helpers.quick_fits import put_a_fit_without_checks_and_figures
 
 from bayes_tyre.formats.tables import workbook_writer
-from bayes_tyre.inference.diagnostics.judge import undiagnosed
-from bayes_tyre.report.figures import catalogue
-from bayes_tyre.workflow import fit as workflow
 
 
 @pytest.fixture
 def fit(monkeypatch, tmp_path):
     """Return what fits quickly, made-up draws, into the folder `fit`."""
-    put_draws_for_the_sampler(monkeypatch)
-    monkeypatch.setattr(workflow, "judge", lambda tree, *_: (tree, undiagnosed(tree)))
-    monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
+    put_a_fit_without_checks_and_figures(monkeypatch)
     path = written(small(), tmp_path / "records.csv")
     return lambda *options: here("fit", path, "--out", tmp_path / "fit", *options)
 

@@ -1,8 +1,10 @@
 """The command line as tests call it: the installed command in a process of its own, or the app in this one."""
 
+import json
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from unittest import mock
 
@@ -96,10 +98,38 @@ def here(*arguments: object) -> Result:
         return CliRunner().invoke(app, given, catch_exceptions=False)
 
 
+def printed_and_imported(
+    commands: Sequence[Sequence[str]], libraries: Sequence[str], cwd: Path
+) -> tuple[list[str], list[str]]:
+    """Return what each command prints, all run in one fresh process, and which of the libraries that then has."""
+    script = """
+import contextlib, io, json, sys
+from bayes_tyre.cli import app
+said = []
+for words in json.loads(sys.argv[1]):
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        try:
+            app(words, prog_name="bayes-tyre")
+        except SystemExit as end:
+            assert not end.code
+    said.append(out.getvalue())
+print(json.dumps([said, [name for name in json.loads(sys.argv[2]) if name in sys.modules]]))
+"""
+    command = [sys.executable, "-c", script, json.dumps(commands), json.dumps(libraries)]
+    done = subprocess.run(command, cwd=cwd, env=environment(), capture_output=True, text=True, check=True)
+    said, imported = json.loads(done.stdout)
+    return said, imported
+
+
 def tree_of(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()} | {
         f"{path.relative_to(folder)}/": b"" for path in folder.rglob("*") if path.is_dir()
     }
+
+
+def files_of(folder: Path) -> set[str]:
+    """Return the files below a folder, by their paths in it."""
+    return {name for name in tree_of(folder) if not name.endswith("/")}
 
 
 def assert_refused(code: int, stderr: str, *said: str) -> None:

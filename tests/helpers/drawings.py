@@ -12,21 +12,11 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from bayes_tyre.report.figures import (
-    contrast as contrast_figures,
-)
-from bayes_tyre.report.figures import (
-    densities as density_figures,
-)
-from bayes_tyre.report.figures import (
-    forest as case_figures,
-)
-from bayes_tyre.report.figures import (
-    record as record_figures,
-)
-from bayes_tyre.report.figures import (
-    sampler as sampler_figures,
-)
+from bayes_tyre.report.figures import contrast as contrast_figures
+from bayes_tyre.report.figures import densities as density_figures
+from bayes_tyre.report.figures import forest as case_figures
+from bayes_tyre.report.figures import record as record_figures
+from bayes_tyre.report.figures import sampler as sampler_figures
 from bayes_tyre.report.figures.page.colours import Setting
 from bayes_tyre.report.figures.page.layout import STYLE
 from bayes_tyre.results.figure_data.hyperparameters import Hyperparameter

@@ -79,13 +79,7 @@ SAME = {
     "separator without a value": file_header(Separator="") + DATA,
     "comma without a value": file_header(",", Separator="") + segment(TWO, ROWS, ["3", "3"], ","),
     "decimal comma": file_header(Decimal_Separator=",")
-    + segment(
-        TWO,
-        ROWS.replace(".", ","),
-        ["3", "3"],
-        x0=["0,0000000000000000E+0"] * 2,
-        delta=["0,100000"] * 2,
-    ),
+    + segment(TWO, ROWS.replace(".", ","), ["3", "3"], x0=["0,0000000000000000E+0"] * 2, delta=["0,100000"] * 2),
     "decimal comma unsaid": (
         file_header() + segment(TWO, ROWS.replace(".", ","), ["3", "3"], delta=["0,1"] * 2)
     ).replace("Decimal_Separator\t.\n", ""),
@@ -140,10 +134,7 @@ OTHERS = {
     ),
     "two rates, two writes": file_header()
     + segment(
-        TWO,
-        "0.0\t1.0\t5.0\n0.1\t1.1\t\n0.2\t1.2\t6.0\n0.3\t1.3\t\n0.4\t1.4\t7.0\n",
-        ["2", "1"],
-        delta=["0.1", "1.0"],
+        TWO, "0.0\t1.0\t5.0\n0.1\t1.1\t\n0.2\t1.2\t6.0\n0.3\t1.3\t\n0.4\t1.4\t7.0\n", ["2", "1"], delta=["0.1", "1.0"]
     ),
     "rounded X": file_header()
     + segment(TWO, "0.00\t1.0\t5.0\n0.04\t1.1\t6.0\n0.08\t1.2\t7.0\n", ["3", "3"], delta=["3.906250E-2"] * 2),

@@ -13,16 +13,7 @@ from bayes_tyre.laws.base import ScalarLike, StatefulLaw
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import load_rig
-from bayes_tyre.rig.motion import (
-    Body,
-    Drive,
-    Motion,
-    Start,
-    move,
-    node_times,
-    rest_displacement,
-    substeps_for,
-)
+from bayes_tyre.rig.motion import Body, Drive, Motion, Start, move, node_times, rest_displacement, substeps_for
 from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
 
 RIG = load_rig("single")

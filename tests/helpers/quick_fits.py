@@ -9,6 +9,7 @@ import xarray as xr
 from helpers.command_line import here, small, written
 from helpers.hand_made_posteriors import posterior, scattered
 
+from bayes_tyre.inference.diagnostics.judge import undiagnosed
 from bayes_tyre.record_table import record_factors
 from bayes_tyre.report.figures import catalogue
 from bayes_tyre.workflow import fit as workflow
@@ -24,6 +25,12 @@ def drawn(table: pd.DataFrame, *_: object) -> xr.DataTree:
 
 def put_draws_for_the_sampler(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workflow, "fit_hierarchical", drawn)
+
+
+def put_a_fit_without_checks_and_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    put_draws_for_the_sampler(monkeypatch)
+    monkeypatch.setattr(workflow, "judge", lambda tree, *_: (tree, undiagnosed(tree)))
+    monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
 
 
 def write_result(folder: Path, figures: bool = False) -> Path:

@@ -31,7 +31,7 @@ def write_motions(folder: Path, configurations: tuple[str, ...] = ("single", "du
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
         options = {"amplitude_mm": 2.0}
-        run = begin_run("bayes-tyre motion raw --out made", options, 3, [given], "simulated")
+        run = begin_run(["motion", "raw", "--out", "made"], options, 3, [given], "simulated")
         judged = diagnose(tree)
         write_fit(catalogue.Result(tree, judged.verdict), judged, run, folder)
     return folder

@@ -56,7 +56,7 @@ def write_made(
     given.write_text(f"{stiffness} {seed}")
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
-        run = begin_run("bayes-tyre fit given.txt --out made", {"chains": 4}, seed, [given], origin)
+        run = begin_run(["fit", "given.txt", "--out", "made"], {"chains": 4}, seed, [given], origin)
         write_fit(catalogue.Result(tree, judged.verdict), judged, run, folder)
     return folder
 

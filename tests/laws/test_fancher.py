@@ -9,13 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bayes_tyre.laws.fancher import (
-    Fancher,
-    equation_2,
-    equation_2_offset,
-    small_step_limit,
-    small_step_limit_offset,
-)
+from bayes_tyre.laws.fancher import Fancher, equation_2, equation_2_offset, small_step_limit, small_step_limit_offset
 
 K, C, X, BETA = 1.8, 10.0, 0.3, 0.05
 LAW = Fancher(k=K, C=C, x=X, beta=BETA)

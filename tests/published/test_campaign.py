@@ -7,7 +7,8 @@ from scipy import optimize, stats
 
 from bayes_tyre.embedded import data_path
 from bayes_tyre.formats.tables.table_files import read_table
-from bayes_tyre.inference.least_squares.table import REGIONS, FitSettings, fit_records
+from bayes_tyre.inference.least_squares.settings import REGIONS, FitSettings
+from bayes_tyre.inference.least_squares.table import fit_records
 from bayes_tyre.published import tables
 from bayes_tyre.published.campaign import (
     FIRST_PART,

@@ -134,8 +134,7 @@ def test_a_span_is_the_same_two_loads_swapped_and_an_initial_load_the_same_start
 
 def test_loads_that_add_up_only_in_decimals_match():
     factor_table = pd.DataFrame(
-        [("a", "loading", 0.0, 10.1, 3.3), ("a", "unloading", 0.0, 13.4, -3.3)],
-        columns=FACTORS,
+        [("a", "loading", 0.0, 10.1, 3.3), ("a", "unloading", 0.0, 13.4, -3.3)], columns=FACTORS
     )
     assert 10.1 + 3.3 != 13.4
     assert "same span" in set(contrasts(of_cases(numbered(factor_table)), "pass")["matching"])

@@ -40,12 +40,7 @@ def single_case(**changed: np.ndarray) -> xr.DataTree:
     of_record = {"k": 1.9, "beta": 0.07, "J": 0.4, "C": 3.2, "F_i": 15.0, "sigma": 0.03}
     draws = {name: fixed(np.full(3, value), draws=2000) for name, value in of_record.items()}
     draws |= {"k_case": fixed([1.8], draws=2000), "beta_case": fixed([0.05], draws=2000)}
-    scalars = {
-        "sd_log_k_repeat": 0.05,
-        "sd_log_beta_repeat": 0.1,
-        "sigma_typical": 0.02,
-        "sd_log_sigma": 1e-9,
-    }
+    scalars = {"sd_log_k_repeat": 0.05, "sd_log_beta_repeat": 0.1, "sigma_typical": 0.02, "sd_log_sigma": 1e-9}
     draws |= {name: fixed(value, draws=2000) for name, value in scalars.items()}
     return posterior(draws | changed, factor_table)
 
@@ -137,15 +132,8 @@ def test_an_unknown_scale_of_displacement_widens_the_curve_and_moves_its_start_w
 
 
 def test_a_repeat_that_was_not_measured_is_on_another_tyre_on_another_day():
-    u, draws = [3.0], 2000
-    plain, other = (
-        predict(single_case(**levels), "single (0)20-30", u=u, of="repeat").curves
-        for levels in (
-            {},
-            {"sd_log_k_specimen": fixed(0.1, draws=draws), "sd_log_k_day": fixed(0.05, draws=draws)},
-        )
-    )
-    widths = [float((curve["upper"] - curve["lower"]).iloc[0]) for curve in (plain, other)]
+    levels = {"sd_log_k_specimen": fixed(0.1, draws=2000), "sd_log_k_day": fixed(0.05, draws=2000)}
+    widths = [width_of_repeat(tree, "single (0)20-30", 3.0, 0.95) for tree in (single_case(), single_case(**levels))]
     # k u is 5.4 kN; of its logarithm 5 % of repeats, and 10 and 5 % more. A quantile of 4000 draws is off by 3 %.
     assert widths[1] / widths[0] == pytest.approx(np.sqrt(0.05**2 + 0.1**2 + 0.05**2) / 0.05, rel=0.15)
 
@@ -230,8 +218,9 @@ def test_a_repeat_holds_new_records_at_the_stated_rate():
     assert case["upper"] - case["lower"] == pytest.approx(0.0, abs=1e-12)
 
 
-def width_of_repeat(tree: xr.DataTree, label: str, u: float) -> float:
-    row = predict(tree, label, u=[u], of="repeat", interval=0.6827).curves.iloc[0]
+def width_of_repeat(tree: xr.DataTree, label: str, u: float, interval: float = 0.6827) -> float:
+    """Return half the interval of a repeat (kN)."""
+    row = predict(tree, label, u=[u], of="repeat", interval=interval).curves.iloc[0]
     return float(row["upper"] - row["lower"]) / 2
 
 
@@ -258,20 +247,20 @@ def test_a_repeat_may_be_discordant_as_often_as_the_posterior_says():
     assert ratio == pytest.approx(6.0, rel=0.1)
 
 
+#: Repeats that are their case but for the noise.
+ALIKE = {name: fixed(1e-9, draws=2000) for name in ("sd_log_k_repeat", "sd_log_beta_repeat")}
+
+
 def test_the_noise_of_a_repeat_is_that_of_a_new_record():
-    silent = {name: fixed(1e-9, draws=2000) for name in ("sd_log_k_repeat", "sd_log_beta_repeat")}
-    assert width_of_repeat(single_case(**silent), "single (0)20-30", 0.0) == pytest.approx(0.02, rel=0.1)
-    spread = single_case(**silent, sd_log_sigma=fixed(2.0, draws=2000))
-    tails = predict(spread, "single (0)20-30", u=[0.0], of="repeat", interval=0.99).curves.iloc[0]
-    assert tails["upper"] - tails["lower"] > 5 * 2 * 2.58 * 0.02
+    assert width_of_repeat(single_case(**ALIKE), "single (0)20-30", 0.0) == pytest.approx(0.02, rel=0.1)
+    spread = single_case(**ALIKE, sd_log_sigma=fixed(2.0, draws=2000))
+    assert width_of_repeat(spread, "single (0)20-30", 0.0, 0.99) > 5 * 2.58 * 0.02
 
 
 def test_the_noise_of_a_repeat_has_the_tails_of_the_posterior():
-    silent = {name: fixed(1e-9, draws=2000) for name in ("sd_log_k_repeat", "sd_log_beta_repeat")}
-    heavy = single_case(**silent, noise_nu=fixed(2.0, draws=2000))
-    row = predict(heavy, "single (0)20-30", u=[0.0], of="repeat", interval=0.9).curves.iloc[0]
+    heavy = single_case(**ALIKE, noise_nu=fixed(2.0, draws=2000))
     # The 95 % quantile of a t(2) is 2.92, of a normal 1.64; 8,000 draws leave 3 % of it uncertain.
-    assert (row["upper"] - row["lower"]) / 2 == pytest.approx(2.92 * 0.02, rel=0.12)
+    assert width_of_repeat(heavy, "single (0)20-30", 0.0, 0.9) == pytest.approx(2.92 * 0.02, rel=0.12)
 
 
 def test_a_posterior_without_the_scatter_of_repeats_tells_of_no_repeat():

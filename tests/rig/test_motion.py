@@ -32,15 +32,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.rig import geometry
-from bayes_tyre.rig.motion import (
-    Body,
-    Drive,
-    Start,
-    move,
-    node_times,
-    rest_displacement,
-    substeps_for,
-)
+from bayes_tyre.rig.motion import Body, Drive, Start, move, node_times, rest_displacement, substeps_for
 
 
 @pytest.mark.parametrize("amplitude", [0.0, 0.3])

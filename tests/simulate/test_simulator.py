@@ -138,10 +138,7 @@ def test_another_law_moves_the_same_axle():
     assert np.ptp(spring[-400:]) > 2 * np.ptp(usual[-400:])
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [({"x_kN": 0.05}, "makes energy"), ({"load_after_kN": -6.0}, "lifts off")],
-)
+@pytest.mark.parametrize(("change", "said"), [({"x_kN": 0.05}, "makes energy"), ({"load_after_kN": -6.0}, "lifts off")])
 def test_what_cannot_be_a_tyre_on_its_rollers_is_refused(change, said):
     with pytest.raises(BadInput, match=said) as caught:
         simulate_record(replace(truth_of("DynamicS(0)30-20(1).lvm"), **change), RIG)

@@ -125,9 +125,7 @@ def test_coverage_and_its_standard_error_are_those_of_numpy(estimates):
         assert row["settings"] == "default"
 
 
-@given(
-    counts=st.lists(st.lists(st.booleans(), min_size=1, max_size=5), min_size=2, max_size=6),
-)
+@given(counts=st.lists(st.lists(st.booleans(), min_size=1, max_size=5), min_size=2, max_size=6))
 def test_sets_of_different_size_have_the_ratio_estimator_s_standard_error(counts):
     rows = [(number, float(not inside)) for number, each in enumerate(counts) for inside in each]
     table = pd.DataFrame(rows, columns=["set", "truth"]).assign(lower_95=-0.5, upper_95=0.5)

@@ -3,17 +3,13 @@
 import json
 
 from helpers.command_line import assert_refused, here, small, written
-from helpers.quick_fits import put_draws_for_the_sampler
+from helpers.quick_fits import put_a_fit_without_checks_and_figures
 
-from bayes_tyre.inference.diagnostics.judge import undiagnosed
-from bayes_tyre.report.figures import catalogue
 from bayes_tyre.workflow import fit as workflow
 
 
 def test_how_accurate_the_rig_is_counts_and_is_recorded(monkeypatch, tmp_path):
-    put_draws_for_the_sampler(monkeypatch)
-    monkeypatch.setattr(workflow, "judge", lambda tree, *_: (tree, undiagnosed(tree)))
-    monkeypatch.setattr(catalogue, "drawings", lambda *_: iter(()))
+    put_a_fit_without_checks_and_figures(monkeypatch)
     records = written(small().assign(force_scale_sd=0.02, displacement_scale_sd=0.03), tmp_path / "records.csv")
     for options, force, displacement in (((), 0.02, 0.03), (("--force-scale-sd", "0"), None, 0.03)):
         here("fit", records, "--out", tmp_path / "out", *options)

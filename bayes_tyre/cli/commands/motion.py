@@ -1,14 +1,19 @@
 """`motion`: tyre, mass and damping from raw signals by the motion itself, all records together."""
 
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from bayes_tyre.cli import sampled, shell
-from bayes_tyre.cli.model_options import DisplacementScaleOption, ForceScaleOption, PriorsOption, RepeatsOption
+from bayes_tyre.cli.model_options import (
+    DisplacementScaleOption,
+    ForceScaleOption,
+    MotionLaw,
+    PriorsOption,
+    RepeatsOption,
+)
 from bayes_tyre.cli.raw import CasesTable, Cluster, RawFiles, RigName, Workers, check_machines
 from bayes_tyre.runtime import prepare_jax
 
@@ -17,29 +22,14 @@ if TYPE_CHECKING:
     from bayes_tyre.workflow.raw.motion import MotionPlan
 
 
-class Law(StrEnum):
-    """Force laws of a tyre that a motion can be fitted with."""
-
-    fancher = "fancher"
-    kelvin_voigt = "kelvin_voigt"
-    bouc_wen = "bouc_wen"
-    maxwell_slip = "maxwell_slip"
-    rigid_ring = "rigid_ring"
-    relaxing = "relaxing"
-    speed_friction = "speed_friction"
-    stiffening = "stiffening"
-    two_yields = "two_yields"
-    auto = "auto"
-
-
 def motion(
     raw: RawFiles,
     out: shell.Out,
     rig: RigName = None,
     cases: CasesTable = None,
     law: Annotated[
-        Law, typer.Option(help="Force law of the tyre; auto averages over Fancher's and its extensions.")
-    ] = Law.fancher,
+        MotionLaw, typer.Option(help="Force law of the tyre; auto averages over Fancher's and its extensions.")
+    ] = "fancher",
     amplitude: Annotated[
         float,
         typer.Option(
@@ -103,8 +93,8 @@ def motion(
     for warning in passed_over:
         shell.warn(warning)
     sampler = sampled.settings(chains, warmup, draws, seed, target_accept)
-    limit = shell.checked_limit(limit, (*motion_law(law.value).reported_parameters, ENERGY))
-    how = law.value, amplitude, repeats, interval, read_priors(priors), limit, displacement_scale_sd, force_scale_sd
+    limit = shell.checked_limit(limit, (*motion_law(law).reported_parameters, ENERGY))
+    how = law, amplitude, repeats, interval, read_priors(priors), limit, displacement_scale_sd, force_scale_sd
     plan = MotionPlan(sampler, rig, cases, figures, *how)
     _run(files, plan, Machines(workers, cluster, resume), out, xlsx, quiet)
 

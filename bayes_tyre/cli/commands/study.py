@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from bayes_tyre.cli.messages import fault, print_table
+from bayes_tyre.cli.model_options import FancherLaw
 from bayes_tyre.cli.raw import Workers
 from bayes_tyre.cli.shell import NOT_TRUSTED, Out, Quiet, Seed, first_paragraph, guarded, progress, say, warn
 from bayes_tyre.runtime import prepare_jax
@@ -75,8 +76,7 @@ def calibration(
         ),
     ] = None,
     repeats: Annotated[
-        int | None,
-        typer.Option(min=1, max=8, help="Repeats of each case. Default: 3.", show_default=False),
+        int | None, typer.Option(min=1, max=8, help="Repeats of each case. Default: 3.", show_default=False)
     ] = None,
     weak: Annotated[
         bool, typer.Option("--weak", help="Weak records: 10 points instead of 40, and noise of about 0.3 kN.")
@@ -185,7 +185,7 @@ def motion(
         ),
     ] = False,
     law: Annotated[
-        Literal["fancher", "relaxing", "speed_friction", "stiffening", "two_yields", "auto"],
+        FancherLaw,
         typer.Option(help="Force law of the fit, Fancher's or one that extends it; auto averages over all of them."),
     ] = "fancher",
     kinds: Annotated[

@@ -14,12 +14,10 @@ from jaxtyping import Bool, Float
 from bayes_tyre.batch import NARROWEST, Batch, batches
 from bayes_tyre.inference.least_squares import estimate as ls
 from bayes_tyre.inference.least_squares.parameters import PARAMETERS
-from bayes_tyre.inference.least_squares.settings import REGIONS, FitSettings
-from bayes_tyre.inference.least_squares.status import LARGEST, status, unfittable
+from bayes_tyre.inference.least_squares.settings import FitSettings
+from bayes_tyre.inference.least_squares.status import status, unfittable
 from bayes_tyre.record import FACTORS
 from bayes_tyre.record_table import carry_extras, origin_of, record_extras, record_factors
-
-__all__ = ["COLUMNS", "LARGEST", "REGIONS", "THESIS_SHARE", "FitSettings", "fit_records"]
 
 COLUMNS = {"k": "k_kN_per_mm", "C": "C_kN", "beta": "beta_mm", "d_i": "d_i_mm", "F_i": "F_i_kN"}
 NUMBERS = [name for column in COLUMNS.values() for name in (column, f"{column}_se")]
@@ -28,9 +26,7 @@ THESIS_SHARE, THESIS_LINE_FROM, THESIS_BETA_MM = 0.7, 0.2, 0.1
 
 
 def fit_records(
-    table: pd.DataFrame,
-    settings: FitSettings | None = None,
-    on_progress: Callable[[int], None] = lambda _: None,
+    table: pd.DataFrame, settings: FitSettings | None = None, on_progress: Callable[[int], None] = lambda _: None
 ) -> pd.DataFrame:
     """Return the least-squares estimate of every record, a row each, in the order of the table.
 

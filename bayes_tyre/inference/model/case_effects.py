@@ -32,10 +32,7 @@ OFFSET = "record_offset"
 
 
 def sample_linear_predictor(
-    factors: Factors,
-    hyperparameters: Hyperparameters,
-    parameters: Sequence[str] = PARAMETERS,
-    priors: Priors = PRIORS,
+    factors: Factors, hyperparameters: Hyperparameters, parameters: Sequence[str] = PARAMETERS, priors: Priors = PRIORS
 ) -> Float[Array, "parameters cases"]:
     """Sample the linear predictor of the logarithm of k (kN/mm) and of beta (mm) of each case.
 
@@ -60,10 +57,7 @@ def sample_linear_predictor(
 
 
 def sample_sd_by_speed(
-    factors: Factors,
-    hyperparameters: Hyperparameters,
-    parameters: Sequence[str] = PARAMETERS,
-    of: str = "repeat",
+    factors: Factors, hyperparameters: Hyperparameters, parameters: Sequence[str] = PARAMETERS, of: str = "repeat"
 ) -> dict[str, Array]:
     """Sample the standard deviation of repeats at each speed, partially pooled; nothing where speed does not vary.
 
@@ -82,10 +76,7 @@ def sample_sd_by_speed(
 
 
 def sample_offset(
-    factors: Factors,
-    hyperparameters: Hyperparameters,
-    parameters: Sequence[str] = PARAMETERS,
-    priors: Priors = PRIORS,
+    factors: Factors, hyperparameters: Hyperparameters, parameters: Sequence[str] = PARAMETERS, priors: Priors = PRIORS
 ) -> Float[Array, "records parameters"]:
     """Sample what specimen, day and covariates add to the logarithms of each record's values."""
     levels, effects = factors.levels, dict[str, Array]()
@@ -103,10 +94,7 @@ def sample_offset(
 
 
 def sd_about_cases(
-    factors: Factors,
-    hyperparameters: Hyperparameters,
-    parameters: Sequence[str] = PARAMETERS,
-    of: str = "repeat",
+    factors: Factors, hyperparameters: Hyperparameters, parameters: Sequence[str] = PARAMETERS, of: str = "repeat"
 ) -> Float[Array, "parameters cases"]:
     """Return the standard deviation of repeats, or of ``published`` means, about each case, relative."""
     if factors.speed.varies:
@@ -184,10 +172,7 @@ class CaseDistribution(NamedTuple):
 
 
 def sample_case_distribution(
-    factors: Factors,
-    hyperparameters: Hyperparameters,
-    parameters: Sequence[str] = PARAMETERS,
-    priors: Priors = PRIORS,
+    factors: Factors, hyperparameters: Hyperparameters, parameters: Sequence[str] = PARAMETERS, priors: Priors = PRIORS
 ) -> CaseDistribution:
     """Sample what the cases are distributed by."""
     with_sd = {**hyperparameters, **sample_sd_by_speed(factors, hyperparameters, parameters)}

@@ -232,7 +232,7 @@ def find_factors(factor_table: pd.DataFrame, initial_force_kN: Float[np.ndarray,
     configurations, none = [case.configuration for case in cases], replace(step, basis=step.basis[:, :0])
     factors = Factors(
         cases=cases,
-        group=_factor([f"{case.configuration} {case.direction}".strip() for case in cases]),
+        group=_factor([case.group for case in cases]),
         speed=speed,
         load=load,
         step=step,

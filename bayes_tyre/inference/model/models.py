@@ -12,11 +12,7 @@ import numpyro
 from jaxtyping import Array, ArrayLike, Float
 from numpyro import distributions as dist  # not `import numpyro.distributions`: ArviZ leaves a lazy numpyro behind
 
-from bayes_tyre.inference.model.case_effects import (
-    sample_linear_predictor,
-    sample_sd_by_speed,
-    sd_about_cases,
-)
+from bayes_tyre.inference.model.case_effects import sample_linear_predictor, sample_sd_by_speed, sd_about_cases
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
 from bayes_tyre.inference.model.hyperparameters import (

@@ -18,12 +18,9 @@ from bayes_tyre.inference.correlated_noise import (
     smoothed_noise,
     whitening_of,
 )
-from bayes_tyre.inference.least_squares.table import LARGEST, THESIS_SHARE
-from bayes_tyre.inference.model.coordinates.laplace import (
-    LaplaceApproximation,
-    estimate_records,
-    laplace_approximation,
-)
+from bayes_tyre.inference.least_squares.status import LARGEST
+from bayes_tyre.inference.least_squares.table import THESIS_SHARE
+from bayes_tyre.inference.model.coordinates.laplace import LaplaceApproximation, estimate_records, laplace_approximation
 from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.model.likelihood.compressed import compress
 from bayes_tyre.inference.model.likelihood.direct import DirectLikelihood, Likelihood

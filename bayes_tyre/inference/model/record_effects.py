@@ -11,12 +11,7 @@ from numpyro import distributions as dist  # not `import numpyro.distributions`:
 from bayes_tyre.inference.model.case_effects import CaseDistribution, sample_case_distribution, with_remainder
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.hyperparameters import (
-    PARAMETERS,
-    Hyperparameters,
-    deterministic,
-    deterministic_each,
-)
+from bayes_tyre.inference.model.hyperparameters import PARAMETERS, Hyperparameters, deterministic, deterministic_each
 from bayes_tyre.inference.model.marginal_mixture import (
     ChoicePosterior,
     RepeatsOfCases,
@@ -26,12 +21,7 @@ from bayes_tyre.inference.model.marginal_mixture import (
     outlier_probability,
 )
 from bayes_tyre.inference.model.priors import Priors
-from bayes_tyre.inference.model.repeat_distribution import (
-    MixtureAbout,
-    NormalAbout,
-    judgeable,
-    repeats_about_cases,
-)
+from bayes_tyre.inference.model.repeat_distribution import MixtureAbout, NormalAbout, judgeable, repeats_about_cases
 
 
 def sample_records(

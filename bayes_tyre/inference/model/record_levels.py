@@ -100,10 +100,7 @@ NO_LEVELS = RecordLevels()
 
 
 def find_levels(
-    table: pd.DataFrame,
-    configurations: Sequence[str],
-    groupings: Mapping[str, str | None],
-    covariates: Sequence[str],
+    table: pd.DataFrame, configurations: Sequence[str], groupings: Mapping[str, str | None], covariates: Sequence[str]
 ) -> RecordLevels:
     """Return the levels of the records of a checked table.
 

@@ -62,10 +62,7 @@ class StudentAbout(NormalAbout):
     """Units with heavy tails: all parameters of a unit scatter more widely together, as one draw does."""
 
     def __init__(
-        self,
-        centre: Float[Array, "units parameters"],
-        sd: Float[Array, "units parameters"],
-        nu: Float[Array, ""],
+        self, centre: Float[Array, "units parameters"], sd: Float[Array, "units parameters"], nu: Float[Array, ""]
     ) -> None:
         self.nu = nu
         super().__init__(centre, sd)

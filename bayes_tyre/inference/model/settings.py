@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.inference.least_squares.table import REGIONS
+from bayes_tyre.inference.least_squares.settings import REGIONS
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.repeat_distribution import REPEATS

@@ -23,11 +23,7 @@ from bayes_tyre.inference.sampling.run import (
     make_chains,
     run_until_sound,
 )
-from bayes_tyre.inference.sampling.summary_error import (
-    PILOT_ERROR_MOST,
-    SUMMARY_ERROR_MOST,
-    SummaryError,
-)
+from bayes_tyre.inference.sampling.summary_error import PILOT_ERROR_MOST, SUMMARY_ERROR_MOST, SummaryError
 
 #: Attempts before records are sampled as well, each with summaries made about the draws of the one before: of these
 #: there are more than a pilot has.

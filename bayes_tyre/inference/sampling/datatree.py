@@ -17,15 +17,7 @@ from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.model.record_levels import COVARIATE, LEVELS
 from bayes_tyre.inference.model.settings import ModelSettings
 from bayes_tyre.inference.record_data import EQUATION_2
-from bayes_tyre.record import (
-    AXLE_PARAMETERS,
-    CASE_FACTORS,
-    ENERGY,
-    FACTORS,
-    LAW_PARAMETERS,
-    RECORD_UNITS,
-    Case,
-)
+from bayes_tyre.record import AXLE_PARAMETERS, CASE_FACTORS, ENERGY, FACTORS, LAW_PARAMETERS, RECORD_UNITS, Case
 
 #: Parameters that every case has.
 CASE_PARAMETERS = ("k", "beta")

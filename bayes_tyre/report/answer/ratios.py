@@ -11,6 +11,7 @@ from bayes_tyre.report.answer.load import Reported
 from bayes_tyre.results.contrasts import DIRECTIONS
 
 SAME_CASE, SAME_SPAN, SAME_LOAD = "same case", "same span", "same initial load"
+_BUT_CONFIGURATION = [factor for factor in CASE_FACTORS if factor != "configuration"]
 
 
 @dataclass(frozen=True)
@@ -70,9 +71,8 @@ UNLIKE_CASES = "The configurations were not tested in the same cases: compare th
 
 def unlike_cases(result: Reported) -> bool:
     """Return whether the means over cases of the configurations are over different cases."""
-    factor_names = [factor for factor in CASE_FACTORS if factor != "configuration"]
     tested = [
-        {*cases[factor_names].astype(str).itertuples(index=False, name=None)}
+        {*cases[_BUT_CONFIGURATION].astype(str).itertuples(index=False, name=None)}
         for _, cases in result.cases.groupby("configuration")
     ]
     return any(cases != tested[0] for cases in tested)
@@ -80,7 +80,6 @@ def unlike_cases(result: Reported) -> bool:
 
 def matched_cases(result: Reported, one: str, other: str) -> int:
     """Return how many cases two configurations have in common."""
-    factor_names = [factor for factor in CASE_FACTORS if factor != "configuration"]
-    cases = result.cases.drop_duplicates(["configuration", *factor_names])
-    mine, theirs = (cases.loc[cases["configuration"] == name, factor_names].astype(str) for name in (one, other))
+    cases = result.cases.drop_duplicates(["configuration", *_BUT_CONFIGURATION])
+    mine, theirs = (cases.loc[cases["configuration"] == name, _BUT_CONFIGURATION].astype(str) for name in (one, other))
     return len(mine.merge(theirs))

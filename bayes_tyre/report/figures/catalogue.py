@@ -20,11 +20,7 @@ from bayes_tyre.report.figures.densities import posteriors_by_direction, prior_a
 from bayes_tyre.report.figures.forest import forest_of_cases, outlier_probabilities
 from bayes_tyre.report.figures.motion import loops_by_direction, motion_figure
 from bayes_tyre.report.figures.page.colours import Setting
-from bayes_tyre.report.figures.record import (
-    prior_predictive_curves,
-    records_with_bands,
-    residuals_against_displacement,
-)
+from bayes_tyre.report.figures.record import prior_predictive_curves, records_with_bands, residuals_against_displacement
 from bayes_tyre.report.figures.sampler import pair_plot, rank_plot
 from bayes_tyre.results import summary
 from bayes_tyre.results.contrasts import contrasts, with_reference
@@ -263,9 +259,7 @@ ALWAYS: Mapping[str, Callable[[Result], Drawing]] = {
     "rank_plot": _ranks,
     "pair_plot": _pairs,
 }
-OF_MOTIONS: Mapping[str, Callable[[Result], Drawing]] = {
-    "energy_per_cycle": _energy,
-}
+OF_MOTIONS: Mapping[str, Callable[[Result], Drawing]] = {"energy_per_cycle": _energy}
 OF_RECORDS: Mapping[str, Callable[[Result, pd.DataFrame], Drawing]] = {
     "prior_predictive_curves": _priors,
     "records_with_bands": _bands,

@@ -19,10 +19,7 @@ HEADINGS = {
         "The higher the curve, the more probable the values below it. Where two curves hardly overlap, the values "
         "differ.",
     ),
-    "forest_of_cases": (
-        "Parameters of each test case",
-        "A marker is the median, its line the interval.",
-    ),
+    "forest_of_cases": ("Parameters of each test case", "A marker is the median, its line the interval."),
     "contrasts": (
         "Ratios between configurations, and between loading and unloading",
         "Where a line crosses the dashed 1, the data do not show a difference.",

@@ -103,7 +103,7 @@ def log_values_of_untested(
 def _groups(posterior: xr.Dataset, parameter: str, new: Sequence[Case]) -> list[Float[np.ndarray, " draws"]]:
     """Return draws of the logarithm of the mean of each case's group."""
     name, labels = f"{parameter}_group", _labels(posterior, "group")
-    wanted = [f"{case.configuration or ''} {case.direction or ''}".strip() for case in new]
+    wanted = [case.group for case in new]
     if name not in posterior or not set(wanted) <= set(labels):
         raise BadInput(f"lacks {name} of a case without records, so it is no posterior of fit or motion; run fit again")
     of_group = dict(zip(labels, log_draws(posterior, [name])[..., 0].T, strict=True))
@@ -120,12 +120,7 @@ def log_draws(posterior: xr.Dataset, names: Sequence[str]) -> Float[np.ndarray, 
 
 
 def _effects(
-    posterior: xr.Dataset,
-    priors: Priors,
-    parameter: str,
-    factor: str,
-    asked: Sequence[str],
-    rng: np.random.Generator,
+    posterior: xr.Dataset, priors: Priors, parameter: str, factor: str, asked: Sequence[str], rng: np.random.Generator
 ) -> Mapping[str, Float[np.ndarray, "#draws"]]:
     """Return draws of the effects of a factor's levels: of those tested, and of those asked for."""
     site = f"log_{parameter}_{factor}"

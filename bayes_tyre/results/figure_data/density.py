@@ -6,6 +6,8 @@ import numpy as np
 from arviz_stats.visualization import kde
 from jaxtyping import Float
 
+from bayes_tyre.results.equal_tailed import median_lower_upper
+
 
 class Density(NamedTuple):
     """A density and an interval of draws.
@@ -27,8 +29,8 @@ class Density(NamedTuple):
 
 def density(values: Float[np.ndarray, " draws"], interval: float = 0.95, decades: bool = False) -> Density:
     """Return the density of draws, per decade where `decades` (all draws positive), by ArviZ's kernel estimate."""
-    quantiles = np.quantile(values, [(1 - interval) / 2, 0.5, (1 + interval) / 2])
+    median, lower, upper = median_lower_upper(values, interval)
     if np.ptp(values) == 0:
-        return Density(np.empty(0), np.empty(0), *quantiles)
+        return Density(np.empty(0), np.empty(0), lower, median, upper)
     at, height, _ = kde(np.log10(values) if decades else values)
-    return Density(10**at if decades else at, height, *quantiles)
+    return Density(10**at if decades else at, height, lower, median, upper)

@@ -63,8 +63,7 @@ def hyperparameters(tree: xr.DataTree) -> list[Hyperparameter]:
 
 
 def _groups(posterior: xr.Dataset, name: str) -> list[Hyperparameter]:
-    cases = tree_cases(posterior)
-    whose = {f"{case.configuration or ''} {case.direction or ''}".strip(): case.configuration or "" for case in cases}
+    whose = {case.group: case.configuration or "" for case in tree_cases(posterior)}
     of_group = posterior[name]
     labels = [str(label) for label in of_group["group"].to_numpy()] if "group" in of_group.coords else [""]
     return [

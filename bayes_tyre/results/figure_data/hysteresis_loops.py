@@ -8,6 +8,7 @@ from jaxtyping import ArrayLike, Float
 
 from bayes_tyre.inference.sampling.group_means import group_means
 from bayes_tyre.laws.fancher import small_step_limit
+from bayes_tyre.results.equal_tailed import median_lower_upper
 
 #: The law that these loops are of, as a result names it.
 LAW = "fancher"
@@ -35,24 +36,20 @@ def friction_loops(tree: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
         `displacement_mm` from the middle, `median_kN`, `lower_kN`, `upper_kN`.
     """
     means, amplitude = group_means(tree), float(tree.attrs["amplitude_mm"])
-    tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
     blocks = []
     for group in range(means.sizes["group"]):
         mean = means.isel(group=group)
         k, x, beta = (mean[name].to_numpy().ravel() for name in ("k", "x", "beta"))
         some = slice(None, None, max(1, len(k) // _DRAWS))
         friction = settled_friction(k[some], x[some], beta[some], amplitude)
-        lower, median, upper = np.quantile(friction, tails, axis=0)
+        median, lower, upper = median_lower_upper(friction, interval)
         factors = {factor: str(mean[factor].item()) for factor in ("configuration", "direction")}
         blocks.append(loop_table(amplitude, median).assign(**factors, lower_kN=lower, upper_kN=upper))
     return pd.concat(blocks, ignore_index=True)
 
 
 def settled_friction(
-    k: Float[ArrayLike, " draws"],
-    x: Float[ArrayLike, " draws"],
-    beta: Float[ArrayLike, " draws"],
-    amplitude_mm: float,
+    k: Float[ArrayLike, " draws"], x: Float[ArrayLike, " draws"], beta: Float[ArrayLike, " draws"], amplitude_mm: float
 ) -> Float[np.ndarray, "draws points"]:
     """Return the force less k d + C through a loop that repeats itself, kN: growing displacement, then falling."""
     k, x, beta = (jnp.asarray(value)[:, None] for value in (k, x, beta))

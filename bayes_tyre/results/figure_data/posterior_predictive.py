@@ -11,6 +11,7 @@ from bayes_tyre.inference.sampling.datatree import law_of
 from bayes_tyre.inference.sampling.record_draws import with_records
 from bayes_tyre.record_table import record_factors
 from bayes_tyre.results.cases.draws import draw_noise
+from bayes_tyre.results.equal_tailed import median_lower_upper
 from bayes_tyre.results.prediction import force_kN
 from bayes_tyre.results.summary import outlier_probability
 
@@ -80,7 +81,6 @@ def predictive_bands(
     batch = record_batch(table[table["record"].isin(records)])
     posterior = as_measured(with_records(tree)).sel(record=list(batch.records))
     nu = posterior["noise_nu"].to_numpy().reshape(-1, 1) if "noise_nu" in posterior else None
-    tails = [(1.0 - interval) / 2.0, 0.5, (1.0 + interval) / 2.0]
     bands = []
     for i, record in enumerate(batch.records):
         draws = {name: posterior[name].sel(record=record).to_numpy().reshape(-1, 1) for name in (*OF_CURVE, "sigma")}
@@ -91,7 +91,7 @@ def predictive_bands(
         curves = force_kN(d - d[0], **of_curve, law=law_of(tree))[:, present]
         of_noise = None if nu is None else nu[chosen]
         new = curves + draws["sigma"][chosen] * draw_noise(rng, curves.shape, of_noise)
-        lower, median, upper = np.quantile(new, tails, axis=0)
+        median, lower, upper = median_lower_upper(new, interval)
         band = {"displacement_mm": d[present], "median_kN": median, "lower_kN": lower, "upper_kN": upper}
         bands.append(pd.DataFrame({"record": record, **band}))
     return pd.concat(bands, ignore_index=True)

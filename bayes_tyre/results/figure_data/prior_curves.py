@@ -16,6 +16,7 @@ from bayes_tyre.inference.record_data import record_data
 from bayes_tyre.inference.sampling.datatree import model_of
 from bayes_tyre.record_table import record_factors
 from bayes_tyre.results.cases.untested import has_slope
+from bayes_tyre.results.equal_tailed import median_lower_upper
 
 #: The most panels; records of the data, and of the prior, in each; points of a prior record.
 PANELS, REAL, DRAWN, POINTS = 6, 5, 40, 80
@@ -131,7 +132,7 @@ def _panel(
     mine = points[points["record"] == names[like]]
     grid = _grid(mine["displacement_mm"].to_numpy())
     forces = drawn.forces(like, grid, seed)
-    lower, upper = np.quantile(forces, [(1.0 - interval) / 2.0, (1.0 + interval) / 2.0], axis=0)
+    _, lower, upper = median_lower_upper(forces, interval)
     curves = pd.DataFrame(
         {
             "record": np.arange(DRAWN).repeat(POINTS),

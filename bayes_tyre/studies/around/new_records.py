@@ -58,11 +58,7 @@ def posterior_truths(tree: xr.DataTree, records: PreparedRecords, model: ModelSe
 
 
 def draw_new_records(
-    records: PreparedRecords,
-    model: ModelSettings,
-    truths: Truths,
-    rng: np.random.Generator,
-    planted: Planted = NOTHING,
+    records: PreparedRecords, model: ModelSettings, truths: Truths, rng: np.random.Generator, planted: Planted = NOTHING
 ) -> tuple[Truths, Float[np.ndarray, "sets records points"]]:
     """Return the parameters of new records of the same tests, shape (sets, records), and their forces (kN).
 

@@ -72,10 +72,7 @@ def count_records(plan: Plan, replicates: int) -> int:
 
 
 def study_audit(
-    plan: Plan = PLANS["quick"],
-    replicates: int = 3,
-    seed: int = 0,
-    on_progress: Callable[[int], None] = lambda _: None,
+    plan: Plan = PLANS["quick"], replicates: int = 3, seed: int = 0, on_progress: Callable[[int], None] = lambda _: None
 ) -> Audit:
     """Return the errors and coverage of each method over the points of a plan.
 

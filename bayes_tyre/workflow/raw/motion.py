@@ -1,7 +1,6 @@
 """Raw files in; the posterior of tyre, mass and damping from the motion itself out, a folder as `fit` writes it."""
 
 import math
-import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -35,12 +34,7 @@ from bayes_tyre.workflow.execution.resume import Callbacks, open_checkpoints
 from bayes_tyre.workflow.execution.task_cache import TaskCache
 from bayes_tyre.workflow.fit import sampler_options
 from bayes_tyre.workflow.raw.estimate_limitations import ESTIMATES, with_estimates
-from bayes_tyre.workflow.raw.motion_estimates import (
-    BY_LAW,
-    estimate_file,
-    read_estimates,
-    shown_motions,
-)
+from bayes_tyre.workflow.raw.motion_estimates import BY_LAW, estimate_file, read_estimates, shown_motions
 from bayes_tyre.workflow.raw.process_tasks import Settings, Task, plan_tasks
 from bayes_tyre.workflow.raw.raw_records import REJECTED, none_usable, rejected
 from bayes_tyre.workflow.result_folder import write_fit
@@ -218,9 +212,8 @@ def fit_estimates(
     """
     plan = plan.with_scales_of([middle.rig for middle in estimated.middles])
     callbacks, origin = callbacks or Callbacks(), estimated.origin
-    call = shlex.join(["bayes-tyre", *command])
     inputs = [*estimated.files, *estimated.rig_files, *_files_of_options(plan)]
-    run = begin_run(call, plan.options, plan.sampler.seed, inputs, origin)
+    run = begin_run(command, plan.options, plan.sampler.seed, inputs, origin)
     checkpoints = open_checkpoints(out, run, callbacks, resume, overwrite=True)  # the estimates are cached
     if isinstance(checkpoints, Diagnostics):
         return checkpoints
@@ -231,9 +224,7 @@ def fit_estimates(
         if sd := getattr(plan, name):
             tree = with_scale(tree, name.removesuffix("_sd"), sd, plan.sampler.seed + number)
     tree = attempts(
-        "energy of a cycle",
-        lambda: with_losses(tree, motions.factor_table, estimated.middles, plan.amplitude_mm),
-        tree,
+        "energy of a cycle", lambda: with_losses(tree, motions.factor_table, estimated.middles, plan.amplitude_mm), tree
     )
     callbacks.on_stage("diagnostics", None)
     tree, diagnostics = judge(

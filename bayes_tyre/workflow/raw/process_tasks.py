@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import pandas as pd
-
 from bayes_tyre.errors import BadInput, errors_name
 from bayes_tyre.formats.recordings.raw import TRUTH
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.plain_text import listed, path_text, quoted
+from bayes_tyre.results.columns import texts
 from bayes_tyre.rig.axle import EMBEDDED_RIGS, Rig, load_rig
 from bayes_tyre.signals.factors import CASES_NEED, RecordFactors, factors_from_name, factors_from_row
 
@@ -123,8 +122,7 @@ def _read_cases(path: Path) -> dict[str, dict[str, object]]:
     files = table["file"].astype(str).str.strip()
     if files.duplicated().any():
         raise BadInput(f"--cases {path}, column file: {files[files.duplicated()].iloc[0]!r} occurs twice; keep one row")
-    given = table["rig"] if "rig" in table.columns else pd.Series("", index=table.index)
-    rigs = given.astype(object).where(given.notna(), "").astype(str).str.strip()
+    rigs = texts(table, "rig")
     table["rig"] = [str(path.parent / rig) if rig and rig not in EMBEDDED_RIGS else rig for rig in rigs]
     rows = [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
     return dict(zip(files, rows, strict=True))

@@ -52,10 +52,7 @@ def test_what_fails_fails_the_verdict_and_leaves_the_rest(tree):
     judged, found = judge(tree, fails, Attempts(), pd.DataFrame({"no": ["records"]}))
     assert GROUP in judged.children
     assert found.verdict == "fail"
-    assert [reason.split(" failed: ")[0] for reason in found.reasons] == [
-        "prior sensitivity",
-        "model checks",
-    ]
+    assert [reason.split(" failed: ")[0] for reason in found.reasons] == ["prior sensitivity", "model checks"]
     assert "ValueError: All tail values are the same; " in found.reasons[0]
     assert "KeyError: " in found.reasons[1]
     failed = [check for check in found.checks if not check["passed"]]

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from helpers.odd_records import BETA, D_I, F_I, FIXED, LONG, RECORDS, K, fitted
+from helpers.odd_records import BETA, D_I, F_I, RECORDS, K, fitted
 from helpers.simulated_records import Plan, simulate
 
 from bayes_tyre.errors import BadInput
@@ -13,21 +13,6 @@ from bayes_tyre.record_table import check_record_table
 
 # Compilation and module fixtures: over 10 s for the file from cold.
 pytestmark = pytest.mark.slow
-
-
-@pytest.fixture(scope="module")
-def fits() -> pd.DataFrame:
-    return fitted(LONG | RECORDS)
-
-
-@pytest.fixture(scope="module")
-def thesis() -> pd.DataFrame:
-    return fitted(RECORDS, FitSettings(region="thesis"))
-
-
-@pytest.fixture(scope="module")
-def fixed() -> pd.DataFrame:
-    return fitted(RECORDS, FIXED)
 
 
 def test_fixed_parameters_keep_their_value_and_have_no_standard_error(fixed):

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
-from helpers.odd_records import BETA, D_I, F_I, FIXED, LONG, RECORDS, J, K, fitted, record, table_of
+from helpers.odd_records import BETA, D_I, F_I, RECORDS, J, K, fitted, record, table_of
 
 from bayes_tyre.batch import batches
 from bayes_tyre.inference.least_squares.estimate import Estimate
@@ -22,26 +22,9 @@ NO_TRAVEL = "no travel: the displacement is constant"
 FALLS = "force falls as displacement grows: check the signs"
 UPPER_BOUND = "beta not determined: only an upper bound, it lies below the spacing of the first points"
 LOWER_BOUND = "beta not determined: only a lower bound, beyond the travel it trades against k"
-NO_BOUND = "beta not determined: this record bounds it neither below nor above"
 TURNS_BACK = "displacement turns back: Equation 2 holds for one direction, cut the record there"
 NOT_CONVERGED = "did not converge: give a --start nearer to the data, or fix a parameter"
-TOO_SMALL = "changes below 1e-100: too small to be squared, check the cells"
 TOO_LARGE = "numbers above 1e+100: too large to be squared, check the cells"
-
-
-@pytest.fixture(scope="module")
-def fits() -> pd.DataFrame:
-    return fitted(LONG | RECORDS)
-
-
-@pytest.fixture(scope="module")
-def thesis() -> pd.DataFrame:
-    return fitted(RECORDS, FitSettings(region="thesis"))
-
-
-@pytest.fixture(scope="module")
-def fixed() -> pd.DataFrame:
-    return fitted(RECORDS, FIXED)
 
 
 @pytest.mark.parametrize(

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
-from helpers.odd_records import BETA, FIXED, LONG, RECORDS, K, by_record, fitted, record, table_of
+from helpers.odd_records import BETA, LONG, RECORDS, K, by_record, fitted, record, table_of
 
-from bayes_tyre.inference.least_squares.table import FitSettings, fit_records
+from bayes_tyre.inference.least_squares.table import fit_records
 from bayes_tyre.record import FACTORS, ORIGIN_UNKNOWN
 
 # Compilation and module fixtures: over 10 s for the file from cold.
@@ -37,21 +37,6 @@ COLUMNS = [
     "origin",
 ]
 NUMBERS = COLUMNS[7:18]
-
-
-@pytest.fixture(scope="module")
-def fits() -> pd.DataFrame:
-    return fitted(LONG | RECORDS)
-
-
-@pytest.fixture(scope="module")
-def thesis() -> pd.DataFrame:
-    return fitted(RECORDS, FitSettings(region="thesis"))
-
-
-@pytest.fixture(scope="module")
-def fixed() -> pd.DataFrame:
-    return fitted(RECORDS, FIXED)
 
 
 def test_every_record_has_one_row_in_the_order_of_the_table(fits):

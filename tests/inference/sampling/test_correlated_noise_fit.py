@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from helpers.short_fits import SHORT
+from helpers.short_fits import SHORT, covered
 from helpers.simulated_records import Plan, simulate
 from scipy.stats import binom
 
@@ -34,15 +34,6 @@ def noisy(kind, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
     rng = np.random.default_rng(seed)
     table["force_kN"] += NOISE_KN * np.concatenate([kind(rng) for _ in range(len(truth))])
     return check_record_table(table), truth
-
-
-def covered(tree, truth: pd.DataFrame) -> int:
-    """Return in how many records the 95 % intervals of k and beta hold the truth, both counted."""
-    posterior, hits = tree["posterior"].to_dataset(), 0
-    for name in ("k", "beta"):
-        lower, upper = posterior[name].quantile([0.025, 0.975], ("chain", "draw")).to_numpy()
-        hits += int(((lower <= truth[name].to_numpy()) & (truth[name].to_numpy() <= upper)).sum())
-    return hits
 
 
 def _rho_and_sigma_come_back(posterior) -> None:

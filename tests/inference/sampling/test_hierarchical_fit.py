@@ -11,12 +11,7 @@ from scipy.stats import binom
 from bayes_tyre.inference.diagnostics.verdict import diagnose
 from bayes_tyre.inference.model.prepared_records import prepare_records
 from bayes_tyre.inference.model.settings import ModelSettings
-from bayes_tyre.inference.sampling.hierarchical_fit import (
-    fit_hierarchical,
-    fit_prepared,
-    fit_published,
-    joint_chains,
-)
+from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical, fit_prepared, fit_published, joint_chains
 from bayes_tyre.inference.sampling.nuts import Chains
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.published import campaign, tables

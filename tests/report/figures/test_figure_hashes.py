@@ -74,10 +74,7 @@ PLANTED: Mapping[str, tuple[str, Callable[[], Figure]]] = {
         "beta_returned",
         lambda: changed("beta_returned", lambda figure: figure.get_axes()[0].set_yscale("linear")),
     ),
-    "a curve is missing": (
-        "posteriors_by_direction",
-        lambda: changed("posteriors_by_direction", without_a_curve),
-    ),
+    "a curve is missing": ("posteriors_by_direction", lambda: changed("posteriors_by_direction", without_a_curve)),
     "the notes are missing": ("loops_by_direction", lambda: changed("loops_by_direction", without_notes)),
 }
 

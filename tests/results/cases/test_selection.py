@@ -140,10 +140,7 @@ def test_steps_of_binary_fractions_are_still_opposite():
 @pytest.mark.parametrize(
     ("texts", "wanted"),
     [
-        (
-            ["configuration=single,speed_km_h=35"],
-            ["single (35)20-30", "single (35)20-15", "single (35)20-10"],
-        ),
+        (["configuration=single,speed_km_h=35"], ["single (35)20-30", "single (35)20-15", "single (35)20-10"]),
         (["speed_km_h=35,step_kN=10"], ["dual (35)20-30", "dual (35)20-10", "single (35)20-30", "single (35)20-10"]),
         (["direction=unloading,step_kN=-8"], ["dual (0)20-12", "single (0)20-12"]),
         (["configuration=dual,initial_load_kN=25,step_kN=-7"], ["dual (0)25-32", "dual (0)25-18"]),

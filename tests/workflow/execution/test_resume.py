@@ -13,7 +13,7 @@ from bayes_tyre.inference.sampling.chunks import Chunk
 from bayes_tyre.results.provenance import Run, begin_run, difference, write_run
 from bayes_tyre.workflow.execution.resume import CHECKPOINTS, Callbacks, open_checkpoints
 
-RUN = begin_run("bayes-tyre motion raw", {"draws": 100}, 0, [], "simulated")
+RUN = begin_run(["motion", "raw"], {"draws": 100}, 0, [], "simulated")
 OTHER = replace(RUN, options={"draws": 200})
 
 

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 def calibrate(
     raw: Annotated[Path, typer.Argument(metavar="RAW", help=f"Raw file ({suffixes.RAW}) with volts and units.")],
     rig: Annotated[
-        str | None,
-        typer.Option(help="Rig whose [channels] say which channel is which: single, dual, or a TOML file."),
+        str | None, typer.Option(help="Rig whose [channels] say which channel is which: single, dual, or a TOML file.")
     ] = None,
     mend_signs: Annotated[
         bool,

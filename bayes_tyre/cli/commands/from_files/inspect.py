@@ -15,10 +15,7 @@ if TYPE_CHECKING:
 
 
 def inspect(
-    raw: Annotated[
-        list[Path],
-        typer.Argument(metavar="RAW", help=f"Raw files ({suffixes.RAW}), or folders of them."),
-    ],
+    raw: Annotated[list[Path], typer.Argument(metavar="RAW", help=f"Raw files ({suffixes.RAW}), or folders of them.")],
     out: Annotated[
         Path | None, typer.Option(help="File to write (.csv or .parquet); default: to the terminal.")
     ] = None,

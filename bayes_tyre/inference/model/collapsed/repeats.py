@@ -18,12 +18,7 @@ from jaxtyping import Array, Float, Int
 from bayes_tyre.inference.model.case_effects import CaseDistribution, sample_case_distribution, with_remainder
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import Factors
-from bayes_tyre.inference.model.hyperparameters import (
-    PARAMETERS,
-    Hyperparameters,
-    deterministic,
-    deterministic_each,
-)
+from bayes_tyre.inference.model.hyperparameters import PARAMETERS, Hyperparameters, deterministic, deterministic_each
 from bayes_tyre.inference.model.marginal_mixture import (
     MOST_REPEATS,
     Members,

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from bayes_tyre.inference.correlated_noise import Whitening, innovations, whiten_records
 from bayes_tyre.inference.model.likelihood.offsets import OffsetsLikelihood
-from bayes_tyre.inference.record_data import EQUATION_2, RecordData, force_curve, stiffness_column
+from bayes_tyre.inference.record_data import EQUATION_2, RecordData, force_curves, stiffness_column
 
 Records = Float[Array, " records"]
 
@@ -84,7 +84,7 @@ class DirectLikelihood(Likelihood):
     def __call__(self, theta: Float[Array, "records 4"], sigma: Records, rho: Records | None = None) -> Records:
         """Return the log density of each record at theta = (F_i, J, log k, log beta), shape (records,)."""
         present = self.data.present
-        curves = jax.vmap(lambda u, values: force_curve(u, values, self.law))(self.data.u, theta)
+        curves = force_curves(self.data.u, theta, self.law)
         residual = jnp.where(present, self.data.F - curves, 0.0)
         points = jnp.sum(present, axis=1)
         log_volume = jnp.zeros_like(sigma)

@@ -153,11 +153,7 @@ def steady_cycle(
 
 
 def losses_from_reported(
-    rig: Rig,
-    law: MotionLaw,
-    values: Float[Array, " p"],
-    displacement_mm: ScalarLike,
-    amplitude_mm: ScalarLike,
+    rig: Rig, law: MotionLaw, values: Float[Array, " p"], displacement_mm: ScalarLike, amplitude_mm: ScalarLike
 ) -> Losses:
     """Return the losses of a cycle from a law's `reported_parameters`, with C = 0; other arguments as in `losses`.
 

@@ -72,11 +72,7 @@ def _of_cycle(law: Any, stroke_mm: Array, omega: Array) -> Array:
 
 
 def stiffnesses_from_reported(
-    rig: Rig,
-    law: MotionLaw,
-    values: Float[Array, " p"],
-    displacement_mm: ScalarLike,
-    amplitude_mm: ScalarLike,
+    rig: Rig, law: MotionLaw, values: Float[Array, " p"], displacement_mm: ScalarLike, amplitude_mm: ScalarLike
 ) -> Stiffnesses:
     """Return the stiffness of cycles from a law's `reported_parameters`; other arguments as in `stiffnesses`."""
     return stiffnesses(rig, law.from_reported(values), values[-2], displacement_mm, amplitude_mm)

@@ -115,11 +115,7 @@ def leave_one_motion_out(
 
 
 def densities(
-    posterior: xr.Dataset,
-    motions: Motions,
-    factors: Factors,
-    repeats: str,
-    widening: float = DISCORDANT_WIDENING,
+    posterior: xr.Dataset, motions: Motions, factors: Factors, repeats: str, widening: float = DISCORDANT_WIDENING
 ) -> Float[np.ndarray, "draws records"]:
     """Return the log density of each record's readings at each draw, with its own parameters integrated out.
 

@@ -72,9 +72,7 @@ class Motions:
 
 
 def log_likelihood(
-    logarithms: Float[Array, "*draws records p"],
-    rows: Float[Array, "records p p"],
-    target: Float[Array, "records p"],
+    logarithms: Float[Array, "*draws records p"], rows: Float[Array, "records p p"], target: Float[Array, "records p"]
 ) -> Float[Array, "*draws records"]:
     """Return the log likelihood of each record's logarithms, but for a constant."""
     return -0.5 * jnp.sum((jnp.einsum("rij,...rj->...ri", rows, logarithms) - target) ** 2, axis=-1)

@@ -44,10 +44,7 @@ def test_a_figure_that_was_written_is_shown_small_and_says_what_its_data_are(tmp
     monkeypatch.setattr(catalogue, "OF_RECORDS", {})
     write_result(tmp_path / "fit", figures=True)
     kept = StoredFigure(tmp_path / "fit", "contrasts")
-    with (
-        Image.open(tmp_path / "fit/figures/contrasts.png") as whole,
-        Image.open(BytesIO(kept._repr_png_())) as shown,
-    ):
+    with Image.open(tmp_path / "fit/figures/contrasts.png") as whole, Image.open(BytesIO(kept._repr_png_())) as shown:
         assert shown.size[0] == 800 < whole.size[0]
         assert shown.size[1] / 800 == pytest.approx(whole.size[1] / whole.size[0], abs=0.002)
     assert repr(kept) == "Figure contrasts.\ndata: simulated, not measured"

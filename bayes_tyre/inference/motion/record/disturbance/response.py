@@ -43,11 +43,7 @@ class Columns(NamedTuple):
 
 @functools.partial(jax.jit, static_argnums=0)
 def disturbance_response(
-    rig: Rig,
-    window: Window,
-    standard: Float[Array, " parameters"],
-    among: Columns,
-    further: Disturbance | None = None,
+    rig: Rig, window: Window, standard: Float[Array, " parameters"], among: Columns, further: Disturbance | None = None
 ) -> DisturbanceResponse:
     """Return the readings' response to a disturbance of the most probable size; that to size 0 is not a number.
 

@@ -14,10 +14,7 @@ _EDGE = 1e-9
 
 
 def load_share(
-    time_s: Float[Array, " times"],
-    start_s: ScalarLike,
-    rise_s: ScalarLike,
-    shape: Float[Array, " terms"],
+    time_s: Float[Array, " times"], start_s: ScalarLike, rise_s: ScalarLike, shape: Float[Array, " terms"]
 ) -> Float[Array, " times"]:
     """Return the share of its step that the load has completed, 0 before it and 1 after it.
 

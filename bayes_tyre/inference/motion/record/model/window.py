@@ -265,11 +265,7 @@ def _rolling(
         jnp.asarray(fit.laser_mm[0] + np.sum(np.real(fit.amplitude_mm))),
         jnp.asarray(fit.turn_Hz),
     )
-    return (
-        rolling,
-        levels,
-        ground_priors(velocity, np.log(fit.turn_Hz), fit.turn_sd, len(fit.order)),
-    )
+    return rolling, levels, ground_priors(velocity, np.log(fit.turn_Hz), fit.turn_sd, len(fit.order))
 
 
 def block_weights(length: int, substeps: int) -> Float[np.ndarray, " nodes"]:
