@@ -227,22 +227,6 @@ def test_a_result_that_failed_is_written_says_so_in_every_file_and_ends_with_4(r
         assert all("NOT TO BE TRUSTED: verdict fail" in path.read_text() for path in (tmp_path / to).iterdir())
 
 
-def test_files_of_an_earlier_export_are_removed_and_no_others(results, tmp_path):
-    out = tmp_path / "out"
-    earlier = tuple(out / name for name in export(results["motion"], "modelica", out, "--quantiles", "0.1"))
-    mine = out / "my_tyre.tir", out / "readings.csv", out / "single_0_20_30.toml"
-    mine[1].write_text("d,F\n0,1\n")
-    mine[2].write_text(f"# {earlier[0].read_text()}")
-    for to in ("tydex", "csv-spline", "tir"):
-        export(results["motion"], to, out)
-    copied = out / "dual_0_20_30.tir"
-    mine[0].write_text(copied.read_text().replace("[MODEL]", "[MODEL]\nMINE = 1"))
-    export(results["fit"], "tir", out)
-    new = {"single_0_20_30.tir", "single_0_30_20.tir"}
-    assert {path.name for path in out.iterdir()} == new | {path.name for path in mine}
-    assert len(earlier) == 8
-
-
 def test_hostile_labels_are_text_and_no_two_cases_share_a_file(tmp_path):
     folder = a_result(tmp_path / "fit", records(*HOSTILE))
     for to in ("tir", "tydex", "modelica", "csv-spline"):

@@ -3,6 +3,7 @@
 import re
 import warnings
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,7 +32,6 @@ from bayes_tyre.results.tyre_model import (
     of_untested,
 )
 from bayes_tyre.signals.load_deflection import CASE_OF_TEST
-from bayes_tyre.workflow.from_results.earlier_export import export_marks, remove_earlier
 from bayes_tyre.workflow.from_results.predict import read_posterior
 from bayes_tyre.workflow.load_deflection import CASES, TESTS
 
@@ -118,8 +118,6 @@ def write_export(
 ) -> tuple[Exported, list[Path]]:
     """Write the files of every case into `out`; return what was exported at the median, and the paths.
 
-    Files of earlier exports in `out` that are not written anew are removed.
-
     `to` is a name of `TARGETS`; `cases` and `means` are as `read_models` has them. Each quantile gives every case
     further files, whose names end with it. `radius_mm` is the tyre's unloaded radius, mm, where it is known.
 
@@ -134,12 +132,9 @@ def write_export(
         ending = "" if level == 0.5 else "_q" + re.sub(r"\W", "_", f"{level:g}")
         for name, model in zip(_names([model.label for model in exported.models]), exported.models, strict=True):
             with errors_name(folder):
-                about = [*export_marks(name + ending), *_about(model, exported, level)]
-                texts |= TARGETS[to](model, name + ending, about, radius_mm)
+                texts |= TARGETS[to](model, name + ending, _about(model, exported, level), radius_mm)
     prepare_folder(out)
-    paths = [write_text(text, out / name) for name, text in texts.items()]
-    remove_earlier(out, paths)
-    return by_level[0.5], paths
+    return by_level[0.5], [write_text(text, out / name) for name, text in texts.items()]
 
 
 def _names(labels: Sequence[str]) -> list[str]:
@@ -160,7 +155,7 @@ def _about(model: TyreModel, exported: Exported, level: float) -> list[str]:
     of_draws = "median of the posterior" if level == 0.5 else f"quantile {level:g} of the posterior, each by itself"
     values = of_draws if exported.verdict else "least-squares estimates"
     verdict = f"; verdict: {exported.verdict}" if exported.verdict else ""
-    lines = [f"case: {model.label}"]
+    lines = [f"bayes-tyre {version('bayes-tyre')}: fitted, not a measurement", f"case: {model.label}"]
     lines += [f"tested: {model.conditions}; loads are the cylinder's"] if model.conditions else []
     lines += [f"data: {exported.origin}; values: {values}{verdict}", *([model.status] if model.status else [])]
     if exported.verdict == "fail":
