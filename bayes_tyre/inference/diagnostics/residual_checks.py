@@ -20,7 +20,6 @@ from bayes_tyre.inference.diagnostics.residuals import Residuals, residuals
 from bayes_tyre.inference.diagnostics.sampling_checks import Check, unmade
 from bayes_tyre.inference.lack_of_fit import CURVE_PARAMETERS, MISFIT_MOST, misfit
 from bayes_tyre.inference.noise_along_path import NEAR_BETAS, directions, freedom, near_start, variance_ratio
-from bayes_tyre.inference.sampling.datatree import model_of
 
 #: Lag-1 autocorrelation of residuals up to which intervals are off by a tenth of their width at most: of k and beta
 #: they are narrow by (1 + rho) / (1 - rho), square root.
@@ -61,7 +60,8 @@ def residual_checks(tree: xr.DataTree, table: pd.DataFrame) -> list[Check]:
         law_check(of_records),
         _uneven_noise(of_records),
         _negative_stiffness(of_records),
-        *_displacement_errors(of_records, posterior, given=model_of(tree).displacement_sd is not None),
+        *_displacement_errors(of_records, posterior, given=of_records.model.displacement_sd is not None),
+        *_mass_error(of_records),
     ]
 
 
@@ -170,3 +170,10 @@ def _displacement_errors(of_records: Residuals, posterior: xr.Dataset, given: bo
         notes.append(f"displacement: its errors have a standard deviation of {sd_mm:.2g} mm, as the records show")
     note = "; ".join(notes)
     yield Check("displacement_errors", "model", True, value, 1.0, "", "", "", note)
+
+
+def _mass_error(of_records: Residuals) -> Iterator[Check]:
+    """Yield that the error of a mass is left out, where `noise_window` says all of the noise; otherwise nothing."""
+    if of_records.model.noise_window > 1 and of_records.measured.force_error_kN is not None:
+        why = "noise_window says all of the noise, so that the error of the mass (mass_sd_kg) is in no interval of k"
+        yield unmade("mass_error", 0.0, why)

@@ -172,15 +172,10 @@ def with_noise(batch: Batch, of_record: Int[np.ndarray, " records"], model: Mode
     Raises
     ------
     BadInput
-        For errors of the records that heavy-tailed or smoothed noise is not modelled with.
+        For errors of the records that heavy-tailed noise is not modelled with.
     """
     law = model.law
     if model.noise_window > 1:
-        if batch.force_error_kN is not None and batch.force_error_kN.any():
-            raise BadInput(
-                f"columns {FORCE_PER_KG} and {MASS_SD}: noise_window {model.noise_window} says all of the noise, and "
-                "would leave the error of the mass out; remove the columns, or give noise auto"
-            )
         smoothed = smoothed_noise(batch.displacement_mm.shape[1], model.noise_window)
         return RecordNoise(batch, smoothed, np.zeros(len(batch.records)))
     batch, errors = _errors_of_displacement(batch, of_record, model)

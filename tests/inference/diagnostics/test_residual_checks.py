@@ -205,6 +205,19 @@ def test_a_law_is_not_called_wrong_for_what_errors_of_displacement_do():
     assert abs(checked(table, **options)["law"].value) < MOST_ERRORS
 
 
+def test_a_window_that_says_all_of_the_noise_leaves_the_error_of_a_mass_out_and_says_so():
+    table = records(8)
+    made = sure_of(table)
+    made.attrs["noise_window"] = 5
+    named = {check.name for check in residual_checks(made, table)}
+    assert "mass_error" not in named
+    table = table.assign(force_per_kg_kN=0.01, mass_sd_kg=4.0)
+    assert "mass_error" not in checked(table)
+    check = next(check for check in residual_checks(made, table) if check.name == "mass_error")
+    assert check.passed
+    assert "mass_sd_kg" in check.not_checked
+
+
 def test_simulated_records_are_those_of_the_posterior():
     """Of 1,920 points a standard deviation is known to 1.6 %: one off by 6.5 % comes up with probability 6e-5."""
     table = records(5, displacement_sd=0.004, rho=0.5)

@@ -67,13 +67,6 @@ def test_a_mass_that_is_no_number_is_refused():
         prepare_records(table.assign(mass_sd_kg="heavy"), ModelSettings())
 
 
-def test_the_error_of_a_mass_is_not_left_out_where_the_noise_was_smoothed():
-    table, _ = with_masses_off(3)
-    with pytest.raises(BadInput, match=r"columns force_per_kg_kN and mass_sd_kg: noise_window 5 says all of the noise"):
-        prepare_records(table, ModelSettings(noise_window=5))
-    prepare_records(table.drop(columns="mass_sd_kg"), ModelSettings(noise_window=5))
-
-
 def test_some_of_the_records_have_the_noise_that_all_of_them_show():
     table, _ = with_masses_off(3)
     records = prepare_records(table, ModelSettings())
@@ -84,5 +77,5 @@ def test_some_of_the_records_have_the_noise_that_all_of_them_show():
     for own, of_all in zip(jax.tree.leaves(part), jax.tree.leaves(whole), strict=True):
         np.testing.assert_array_equal(own, of_all[some])
     independent = ModelSettings(noise_window=5)
-    smoothed = prepare_records(table.drop(columns="mass_sd_kg"), independent)
+    smoothed = prepare_records(table, independent)
     assert smoothed.only(some, independent).whitening is smoothed.whitening
