@@ -19,8 +19,11 @@ from bayes_tyre.inference.model.noise.rest import at_rest
 UNIFORM_SD = 12.0**-0.5
 #: How far a displacement may be off a multiple of the converter's step, in steps: tables round.
 _OFF_STEP = 0.1
-#: Least part of the differences that are one step, and of those that are several, where no reading is repeated.
+#: Least part of the differences that are one step, of those that are several, and of those that no plan has, where no
+#: reading is repeated.
 _MIXED = 0.1
+#: Fewest readings that repeat an earlier one: a row or two may be in a table twice.
+_LEAST_REPEATED = 3
 #: Largest part of the changes that go against the motion: where more do, noise changes the reading, not the motion.
 _MOST_BACK = 0.02
 #: From rest, two steps are passed at once sqrt(2) times as late as one: (first - start) / (second - first) at most.
@@ -37,8 +40,8 @@ def converter_step_mm(batch: Batch) -> Float[np.ndarray, " records"]:
         # Spacings of a plan may be multiples of one too: those of a converter repeat readings, or mix its steps. The
         # squares 0, 1, 4, 9, ... do too, but no rounding is in them.
         rounded = np.abs(np.diff(displacement[present], n=3)) > least / 2.0
-        mixed = bool(np.any(rounded)) and _MIXED < np.mean(multiples == 1) < 1.0 - _MIXED
-        repeated = len(apart) + 1 < np.sum(present)
+        mixed = np.mean(rounded) > _MIXED and _MIXED < np.mean(multiples == 1) < 1.0 - _MIXED
+        repeated = np.sum(present) - len(apart) - 1 >= _LEAST_REPEATED
         if (mixed or repeated) and np.abs(apart / least - multiples).max() < _OFF_STEP:
             steps[record] = least
     return steps
