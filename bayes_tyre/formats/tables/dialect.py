@@ -178,7 +178,8 @@ def blank_lines_in(path: Path, dialect: Dialect, rows: int) -> list[int]:
     with path.open(encoding=dialect.encoding, newline="") as lines:
         reader = csv.reader(lines_below(lines, dialect.above), delimiter=dialect.separator)
         # As pandas has it: a line of separators is a row, though its cells are blank.
-        at = (dialect.above + reader.line_num for row in reader if len(row) > 1 or "".join(row).strip())
+        rows_read = enumerate(reader, dialect.above + 1)  # a cell of several lines is in one row of a spreadsheet
+        at = (line for line, row in rows_read if len(row) > 1 or "".join(row).strip())
         return blank_lines([line for line in at if line >= dialect.first_line], dialect.first_line)
 
 
