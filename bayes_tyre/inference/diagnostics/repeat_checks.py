@@ -58,7 +58,7 @@ def _cases_and_repeats(posterior: xr.Dataset, parameter: str, case: Int[np.ndarr
     apart, outside = _apart(posterior, parameter, case), _outside(posterior, parameter, case)
     agreements = [agreement for agreement in _by_speed(posterior, parameter, case) if agreement is not None]
     if not agreements:
-        why = f"fewer than {_LEAST_FREEDOM} repeats beyond one of each case, at any speed"
+        why = f"fewer than {_LEAST_FREEDOM} repeats beyond one of each case"
         return unmade(name, CHANCE, why)._replace(note="; ".join(filter(None, (apart, outside))))
     worst = min(agreements, key=lambda agreement: agreement.p_value)
     value = min(worst.p_value * len(agreements), 1.0)

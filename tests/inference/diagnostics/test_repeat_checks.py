@@ -97,5 +97,5 @@ def test_too_few_repeats_say_nothing(repeats):
     for check in checks(posterior(draws, factors)).values():
         assert check.passed
         assert np.isnan(check.value)
-        assert check.not_checked == "fewer than 6 repeats beyond one of each case, at any speed"
+        assert check.not_checked == "fewer than 6 repeats beyond one of each case"
         assert check.row["not_checked"] == check.not_checked
