@@ -14,7 +14,7 @@ from bayes_tyre.record import DIRECTIONS, FACTORS, NUMBER_COLUMNS, ORIGIN_UNKNOW
 
 #: A median force above this looks like newtons, a median travel below this like metres.
 NEWTON_LIKE_KN, METRE_LIKE_MM = 1000.0, 0.05
-#: What is taken off around a label: spaces, typed or pasted. A tab or a break of a line is the label's own.
+#: What is taken off before a label: spaces, typed or pasted. A tab is the label's own.
 _BLANKS = " \N{NO-BREAK SPACE}"
 
 
@@ -128,7 +128,7 @@ def _typed(table: pd.DataFrame, name: str) -> pd.DataFrame:
     for column in TEXT_COLUMNS:
         if column in typed:
             texts = _as_text(typed[column])
-            typed[column] = texts if column == "record" else texts.str.strip(_BLANKS)
+            typed[column] = texts if column == "record" else texts.str.lstrip(_BLANKS).str.rstrip()
     for column in NUMBER_COLUMNS:
         if column not in typed:
             continue

@@ -201,8 +201,10 @@ def test_a_speed_below_0_is_refused():
 
 
 def test_labels_are_without_the_spaces_around_them_but_for_a_record_s():
-    spaced = WORDED.assign(configuration=["single", " single", "single ", "dual", "dual"])
+    spaced = WORDED.assign(configuration=["single", " single", "single ", "dual\n", "dual\t"])
     pd.testing.assert_frame_equal(check_record_table(spaced), check_record_table(WORDED))
+    tab = check_record_table(WORDED.assign(configuration="\t@SUM(1)"))  # a formula made harmless
+    assert set(tab["configuration"]) == {"\t@SUM(1)"}
 
 
 def test_further_columns_may_lack_readings_or_hold_what_cannot_be_compared():

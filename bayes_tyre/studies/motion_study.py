@@ -245,7 +245,8 @@ def sentences(table: pd.DataFrame) -> list[str]:
         ]
         first = rows.iloc[0]
         heading = f"{kind}, mismatch {mismatch}, {first['records']} records, {first['doubted']} doubted"
-        lost = f", {first['not_converged']} did not converge" if first["not_converged"] else ""
+        not_converged = first.get("not_converged", 0)  # of an older study it is not known
+        lost = f", {not_converged} did not converge" if not_converged else ""
         estimated = f"{first['records'] - first['declined']} with an estimate{lost}"
         cost = f"{first['cpu_seconds_median']:.2g} s of processor time a record"
         lines.append(f"{heading}: rms error {', '.join(errors)}; {estimated}, {cost}")

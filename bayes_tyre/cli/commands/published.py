@@ -37,13 +37,14 @@ def published(
     Example: bayes-tyre published --out results/published --posterior
     """
     if not posterior and (name := shell.given_beside(context, WITHOUT_POSTERIOR)):
-        raise typer.BadParameter("has no effect without --posterior", param_hint=name)
+        shell.warn(f"{name} has no effect without --posterior")
     prepare_jax(chains)
-    from bayes_tyre.workflow.fit import fit_published_tables, read_priors
     from bayes_tyre.workflow.published import agreement_lines, check_published
 
-    prior_settings = read_priors(priors)  # before minutes of work, like the folder
     if posterior:
+        from bayes_tyre.workflow.fit import fit_published_tables, read_priors
+
+        prior_settings = read_priors(priors)  # before minutes of work, like the folder
         check_folder(out / "posterior")
     check = check_published(out)
     shell.say(f"wrote {out / 'published_check.csv'}", quiet)

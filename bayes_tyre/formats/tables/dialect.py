@@ -6,6 +6,7 @@ space is none where there are others: ``Zeit, s;Weg, mm``.
 
 import codecs
 import csv
+import os
 from collections import Counter
 from collections.abc import Iterable
 from itertools import chain, islice
@@ -173,7 +174,9 @@ def blank_lines_in(path: Path, dialect: Dialect, rows: int) -> list[int]:
     """
     with path.open("rb") as file:
         count = sum(piece.count(b"\n") for piece in iter(lambda: file.read(1 << 20), b""))
-    if count + 1 <= dialect.first_line + rows:
+        file.seek(-1, os.SEEK_END)
+        count += file.read(1) != b"\n"
+    if count < dialect.first_line + rows:
         return []
     with path.open(encoding=dialect.encoding, newline="") as lines:
         reader = csv.reader(lines_below(lines, dialect.above), delimiter=dialect.separator)

@@ -21,6 +21,8 @@ UNITS: dict[str, dict[str, float]] = {
 _KNOWN = {unit for units in UNITS.values() for unit in units}
 #: A known unit that ends a name without brackets: ``Weg in mm``, ``force_kN``.
 UNIT_ENDING = re.compile(rf"(?:[\s_]in)?[\s_]({'|'.join([*map(re.escape, sorted(_KNOWN)), 'km_h'])})$")
+#: How any unit begins, beside which `--` or `#NV` stand for a missing number.
+_LIKE_UNIT = re.compile(r"[^\W\d_]|[%‰°]")
 #: Lines among which the header is looked for.
 SEARCHED = 200
 #: What a table from disk says of itself in its `attrs`: the line of its first row, and where blank lines stand below
@@ -101,11 +103,11 @@ def blank_lines(lines: Sequence[int], first: int) -> list[int]:
 def units_in(cells: Sequence[object], any_units: bool = False) -> tuple[str, ...]:
     """Return the units in the row below the header, one a column; nothing if it is no row of units.
 
-    It is one if it holds two known units at least, or with `any_units` two texts, with or without brackets, and no
-    number.
+    It is one if it holds two known units at least, or with `any_units` two texts that begin as units do, in brackets or
+    not, and no number.
     """
     texts = tuple("" if cell is None else str(cell).strip().strip("[]()").strip() for cell in cells)
-    count = sum(bool(text) if any_units else text in _KNOWN for text in texts)
+    count = sum(bool(_LIKE_UNIT.match(text)) if any_units else text in _KNOWN for text in texts)
     return texts if count > 1 and not any(map(_is_number, texts)) else ()
 
 

@@ -17,6 +17,7 @@ from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import find_factors
 from bayes_tyre.inference.model.hyperparameters import JUDGEABLE_REPEATS
 from bayes_tyre.inference.model.priors import Priors
+from bayes_tyre.inference.sampling.common_scales import as_measured
 from bayes_tyre.record import CASE_FACTORS
 
 #: Standard deviation of log k, log beta, ... among repeats above which records are not repeats of one test: twice the
@@ -97,6 +98,7 @@ class _Undetermined(NamedTuple):
 
 
 def _undetermined(posterior: xr.Dataset, priors: Priors) -> Iterator[_Undetermined]:
+    posterior = as_measured(posterior)  # priors know of no factor on displacement or force
     for parameter in REMEDIES:
         name = f"{parameter}_group"
         if name not in posterior or parameter in _MAY_BE_OPEN:

@@ -117,7 +117,8 @@ def answers(curves: pd.DataFrame, most: int = 4) -> list[str]:
         f"step: {row['median']:.4g} kN [{row['lower']:.4g}, {row['upper']:.4g}]"
         for row in ends.head(most).to_dict("records")
     ]
-    return [*lines, f"{len(ends) - most} more curves"] if len(ends) > most else lines
+    more = len(ends) - most
+    return [*lines, f"{more} more curve{'s' * (more > 1)}"] if more > 0 else lines
 
 
 def _curve(case: Case) -> str:

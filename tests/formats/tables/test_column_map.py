@@ -84,6 +84,8 @@ def test_a_line_is_counted_with_the_blank_ones_above_it(tmp_path):
     with pytest.raises(BadInput, match=r"row 3 \(line 7\), record 'a', column force_kN"):
         check_record_table(read_table(tmp_path / "b.xlsx"))
     assert read_table(write(tmp_path / "c.csv", "a,b\n1,2\n3,4\n")).attrs["blank_lines"] == []
+    assert read_table(write(tmp_path / "d.csv", "a,b\n1,2\n3,4")).attrs["blank_lines"] == []
+    assert read_table(write(tmp_path / "e.csv", "a,b\n1,2\n\n3,4")).attrs["blank_lines"] == [1]
 
 
 def test_the_same_table_from_a_sheet_that_is_named(tmp_path):

@@ -8,6 +8,7 @@ import pytest
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables.dialect import find_dialect
+from bayes_tyre.formats.tables.header import units_in
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.record_table import check_record_table
 from bayes_tyre.signals.load_deflection import check_load_deflection
@@ -197,3 +198,11 @@ def test_columns_without_a_name_are_left_out_where_they_hold_nothing(tmp_path):
 def test_tests_that_are_called_01_and_1_are_two(tmp_path):
     path = write(tmp_path / "slow.csv", "test,load_kN,displacement_mm\n01,20,1\n1,20,1\n")
     assert read_table(path)["test"].to_list() == ["01", "1"]
+
+
+def test_texts_are_units_where_they_begin_as_units_do():
+    assert units_in(["[s]", "V", ""], any_units=True) == ("s", "V", "")
+    assert units_in(["%", "°C"], any_units=True) == ("%", "°C")
+    for missing in (["--", "--"], ["#NV", "#NV"], ["", "V"], ["s", "V", "1,5"]):
+        assert units_in(missing, any_units=True) == ()
+    assert units_in(["s", "parts"]) == ()

@@ -72,6 +72,20 @@ def test_a_prior_that_is_narrow_by_intention_is_said_and_fails_nothing():
     assert decided_by_given_priors(open_still, stated(1.0, 0.95)) == []
 
 
+def test_a_prior_knows_of_no_factor_on_force_or_displacement():
+    """Records good to 0.02, the factor to 0.2: what is printed is wider than the prior of 0.1, what was sampled not."""
+    measured = dataset({"k_group": spread(2.0, 0.02, 2)})
+    factor = np.exp(np.random.default_rng(1).normal(0.0, 0.2, SHAPE))
+    scale = xr.DataArray(factor, dims=("chain", "draw"))
+    scaled = measured.assign(k_group=(measured["k_group"] / scale).transpose("chain", "draw", "group"))
+    scaled = scaled.assign(displacement_scale=scale)
+    prior = stated(2.0, 0.1)
+    for draws in (measured, scaled):
+        assert failed_checks(draws, prior) == []
+        assert decided_by_given_priors(draws, prior) == []
+    assert decided_by_given_priors(scaled.drop_vars("displacement_scale"), prior)
+
+
 @pytest.mark.parametrize(("off", "fails"), [(2.0, False), (5.0, True)])
 def test_a_narrow_prior_that_the_records_contradict_fails(off, fails):
     """Records whose own log k is so many standard errors off, with a variance 4 times the prior's: contraction 0.2."""

@@ -101,8 +101,9 @@ def left_out(
         without = attempt(f"fit without {units[unit]}", partial(refit_without, unit), None)
         if without is not None:
             refitted[unit] = True
-            disagreeing[unit] = statistics(without[:, :, None]).r_hat[0] > R_HAT_MOST
             values[unit] = np.logaddexp.reduce(without, axis=None) - np.log(without.size)
+            r_hat = statistics(without[:, :, None]).r_hat[0]
+            disagreeing[unit] = r_hat > R_HAT_MOST or not np.isfinite(values[unit])
     elpd.elpd_i, elpd.elpd = values, float(values.sum())
     elpd.se = float(np.sqrt(len(values) * values.var(ddof=1)))  # as ArviZ has it
     elpd.p = lppd - elpd.elpd

@@ -19,8 +19,8 @@ from bayes_tyre.inference.model.noise.rest import at_rest
 UNIFORM_SD = 12.0**-0.5
 #: How far a displacement may be off a multiple of the converter's step, in steps: tables round.
 _OFF_STEP = 0.1
-#: Least part of the differences that are one step, of those that are several, and of those that no plan has, where no
-#: reading is repeated.
+#: Least part of the differences that are one step, of those that are several, and of third differences above half a
+#: step, which no smooth plan has, where no reading is repeated.
 _MIXED = 0.1
 #: Fewest readings that repeat an earlier one: a row or two may be in a table twice.
 _LEAST_REPEATED = 3

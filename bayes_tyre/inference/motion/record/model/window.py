@@ -151,8 +151,8 @@ class Window(NamedTuple):
     law:
         Force law that is fitted.
     rounding:
-        Part of the variance of each channel's readings at rest that they share, for a converter rounds them alike,
-        shape (3,).
+        Part of the variance of each channel's readings at rest that they share, for a converter rounds them alike, and
+        that no weight allows for, shape (3,).
     """
 
     block_s: Float[Array, "*records"]
@@ -240,6 +240,7 @@ def make_window(rig: Rig, samples: Recorded, law: MotionLaw = FANCHER) -> Window
         further.append(mode_priors(mode.frequency_Hz, mode.frequency_relative_sd))
     prior = np.concatenate([prior_moments(rig, record_levels, law), *further], axis=1)
     nodes = block_weights(length, substeps_for(length * dt_s, ROLLING_BLOCK_S))
+    shared[2] = 0.0  # its still blocks weigh less for it already
     arrays = map(jnp.asarray, (length * dt_s, readings, weight, nodes, prior))
     return Window(*arrays, rolling=rolling, law=law, rounding=jnp.asarray(shared / np.square(sds)))
 
