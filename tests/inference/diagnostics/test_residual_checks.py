@@ -215,7 +215,7 @@ def test_a_window_that_says_all_of_the_noise_leaves_the_error_of_a_mass_out_and_
     assert "mass_error" not in checked(table)
     check = next(check for check in residual_checks(made, table) if check.name == "mass_error")
     assert check.passed
-    assert "mass_sd_kg" in check.not_checked
+    assert "mass_sd_kg" in check.note
 
 
 def test_simulated_records_are_those_of_the_posterior():
