@@ -144,10 +144,8 @@ def simulated(of_records: Residuals, seed: int) -> Batch:
 
     Noise that is larger near the start, and the error of a mass, are left out.
     """
-    rng, measured, means = np.random.default_rng(seed), of_records.measured, of_records.means
-    shape, present = measured.present.shape, measured.present
-    theta = [means["F_i"], means["J"], np.log(means["k"]), np.log(means["beta"])]
-    curve = force_curves(jnp.asarray(of_records.u), jnp.asarray(np.stack(theta, axis=1)), of_records.model.law)
+    rng, measured, present = np.random.default_rng(seed), of_records.measured, of_records.measured.present
+    shape, curve = present.shape, of_records.batch.force_kN - of_records.residual_kN
     noise = rng.standard_normal(shape)
     if of_records.rho is not None:
         for each, rho in zip(noise, of_records.rho, strict=True):
@@ -159,6 +157,6 @@ def simulated(of_records: Residuals, seed: int) -> Batch:
     # Where a path lies between two steps of the converter is not known: it is drawn, once a record.
     phase, step = rng.uniform(size=step_mm.shape), np.where(step_mm > 0, step_mm, 1.0)
     displacement = np.where(step_mm > 0, step * np.round(displacement / step + phase), displacement)
-    force = np.asarray(curve) + means["sigma"][:, None] * noise
+    force = curve + of_records.sigma_kN[:, None] * noise
     displacement, force = (np.where(present, values, values[:, :1]) for values in (displacement, force))
     return replace(measured, displacement_mm=displacement, force_kN=force)
