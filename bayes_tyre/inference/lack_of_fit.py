@@ -57,6 +57,11 @@ class Misfit(NamedTuple):
         """Which records are far off their curve, with too few points to tell noise from another curve."""
         return np.isnan(self.p_value) & (self.rms > GROSS)
 
+    @property
+    def unjudged(self) -> Bool[np.ndarray, " records"]:
+        """Which records are off their curve by more than `wrong_curve` lets pass, with too few points to say why."""
+        return np.isnan(self.p_value) & (self.rms > MISFIT_MOST)
+
 
 def misfit(
     residual_kN: Float[np.ndarray, "records points"],

@@ -18,7 +18,7 @@ from bayes_tyre.inference.diagnostics.course_checks import CHANCE, MOST_ERRORS, 
 from bayes_tyre.inference.diagnostics.law_check import law_check
 from bayes_tyre.inference.diagnostics.residuals import Residuals, residuals
 from bayes_tyre.inference.diagnostics.sampling_checks import Check, unmade
-from bayes_tyre.inference.lack_of_fit import CURVE_PARAMETERS, MISFIT_MOST, misfit
+from bayes_tyre.inference.lack_of_fit import CURVE_PARAMETERS, MISFIT_MOST, WAVE_POINTS, misfit
 from bayes_tyre.inference.noise_along_path import NEAR_BETAS, directions, freedom, near_start, variance_ratio
 
 #: Lag-1 autocorrelation of residuals up to which intervals are off by a tenth of their width at most: of k and beta
@@ -32,6 +32,7 @@ _FIRST = 0.2
 _NEGATIVE = 4.0
 #: Standard deviations of the noise that a record's residuals have in the mean square where the posterior is not of it.
 _FAR = 3.0
+_TOO_FEW = f"fewer than {WAVE_POINTS} points do not tell noise from another curve"
 _AR1 = "fit with --noise auto or ar1, or with unsmoothed signals"
 _UNSMOOTHED = "the noise is no AR(1): use unsmoothed signals, or fewer points of each record"
 _RAW = "the signals look smoothed, and beta then reflects the filter: no noise model helps, use the raw ones"
@@ -88,13 +89,21 @@ def _autocorrelation(of_records: Residuals) -> Check:
 
 
 def _record_curves(of_records: Residuals) -> Check:
-    """Return whether each record by itself follows its curve: the rule of `lsq`, for as many records as there are."""
+    """Return whether each record by itself follows its curve: the rule of `lsq`, for as many records as there are.
+
+    Records of too few points to say are named as not checked, though others were.
+    """
     batch, records = of_records.batch, len(of_records.batch.records)
     tangents = jnp.asarray(of_records.whitened(of_records.tangents()))
     misfits = misfit(of_records.white_kN, tangents, batch.present, batch.force_kN)
     # What a record's own parameters take up is no misfit of the law; but a posterior must be near them.
     far = np.sqrt(np.sum(of_records.white_kN**2, axis=1) / batch.points) > _FAR * of_records.sigma_kN
     wrong = misfits.wrong_curve(CHANCE / records) | far
+    unjudged = misfits.unjudged & ~wrong
+    first = batch.records[int(np.argmax(unjudged))]
+    too_few = f"{unjudged.sum()} of {records} records, first {first}: {_TOO_FEW}"
+    if unjudged.all():
+        return unmade("record_curves", MISFIT_MOST, too_few)
     worst = int(np.argmax(np.where(wrong, misfits.share, -1.0)))
     where = batch.records[worst] if wrong.any() else ""
     value = float(misfits.share[wrong].max()) if wrong.any() else 0.0
@@ -102,7 +111,8 @@ def _record_curves(of_records: Residuals) -> Check:
         f"{where}: off its curve by {value:.1%} of the change of force, more than noise explains"
         f"{f' ({wrong.sum() - 1} more records)' if wrong.sum() > 1 else ''}"
     )
-    return Check("record_curves", "model", not bool(wrong.any()), value, MISFIT_MOST, where, finding, WRONG_LAW)
+    check = Check("record_curves", "model", not bool(wrong.any()), value, MISFIT_MOST, where, finding, WRONG_LAW)
+    return check._replace(not_checked=too_few) if unjudged.any() else check
 
 
 def _uneven_noise(of_records: Residuals) -> Check:

@@ -48,7 +48,8 @@ class Check(NamedTuple):
     note:
         What a reader should know though it passed.
     not_checked:
-        Why it could not be made, such as too few points; empty where it was. It then passes, without a value.
+        Why it could not be made, such as too few points; empty where it was. It then passes, without a value. One that
+        was made of some records says here of which others it was not.
     """
 
     name: str

@@ -122,6 +122,38 @@ def test_p_values_of_a_shared_course_are_not_too_small(of_sound_records):
     assert np.mean(np.array(values) < 0.05) < 12 / 80
 
 
+def thinned(table: pd.DataFrame, chosen: int, points: int) -> pd.DataFrame:
+    """Return the table with so many of its first records reduced to a few evenly spaced points."""
+    few = table["record"].isin(table["record"].unique()[:chosen])
+    number = table.groupby("record").cumcount()
+    every = (number.max() + 1) // points
+    return check_record_table(table[~few | (number % every == 0)])
+
+
+def test_records_of_too_few_points_to_judge_are_named_though_others_are_judged():
+    noisy = records(1, noise=0.3)  # 4 % of the change of force
+    found = checked(thinned(noisy, 3, 10))["record_curves"]
+    assert found.passed
+    assert found.value == 0.0
+    assert found.not_checked.startswith("3 of 24 records, first 0 (1): fewer than 16 points")
+    assert found.row["not_checked"] == found.not_checked
+    assert checked(noisy)["record_curves"].not_checked == ""
+    # Of noise below what would be blamed on the law nothing is left open, however few the points.
+    assert checked(thinned(records(1), 3, 10))["record_curves"].not_checked == ""
+    # One that is off its curve fails, and the others are named still.
+    bent = noisy.assign(force_kN=noisy["force_kN"].where(noisy["record"] != "7 (3)", records(1, bend=3.0)["force_kN"]))
+    found = checked(thinned(bent, 3, 10))["record_curves"]
+    assert not found.passed
+    assert found.not_checked.startswith("3 of 24 records")
+
+
+def test_curves_of_which_none_can_be_judged_are_not_checked():
+    found = checked(thinned(records(1, noise=0.3), 24, 10))["record_curves"]
+    assert found.passed
+    assert np.isnan(found.value)
+    assert found.not_checked.startswith("24 of 24 records, first 0 (1)")
+
+
 def test_noise_of_too_few_points_near_the_start_is_not_compared():
     table = records(1)
     two = table[table["record"].isin(table["record"].unique()[:2])]
