@@ -13,7 +13,7 @@ from scipy import stats
 from bayes_tyre.inference.diagnostics.residuals import Residuals
 from bayes_tyre.inference.diagnostics.sampling_checks import Check
 from bayes_tyre.inference.lack_of_fit import CURVE_PARAMETERS, WAVES, waves
-from bayes_tyre.inference.model.factors import find_factors
+from bayes_tyre.inference.model.factors import Factors, find_factors
 from bayes_tyre.inference.noise_along_path import directions
 from bayes_tyre.record import CASE_FACTORS
 
@@ -117,7 +117,12 @@ def _directions(posterior: xr.Dataset) -> np.ndarray:
 
 def case_of_records(posterior: xr.Dataset) -> Int[np.ndarray, " records"]:
     """Return which case each record is of."""
+    return factors_of_records(posterior).of_record
+
+
+def factors_of_records(posterior: xr.Dataset) -> Factors:
+    """Return the cases of a posterior's records, and how they group; without specimens, days and covariates."""
     factors = {
         name: posterior[f"record_{name}"].to_numpy() for name in CASE_FACTORS if f"record_{name}" in posterior.coords
     }
-    return find_factors(pd.DataFrame(factors, index=range(posterior.sizes["record"]))).of_record
+    return find_factors(pd.DataFrame(factors, index=range(posterior.sizes["record"])))

@@ -10,8 +10,10 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 import xarray as xr
+from jaxtyping import Float
 
 from bayes_tyre.inference.diagnostics.power_scaling import CONTRACTION_LEAST, GROUP, SENSITIVE, identified
+from bayes_tyre.inference.diagnostics.prior_conflict import standard_errors_off
 from bayes_tyre.inference.diagnostics.sampling_checks import Check
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import find_factors
@@ -48,10 +50,10 @@ _OF_HYPERPARAMETERS = (
     "the intervals of cases and ratios allow for that; measure more cases or levels if these quantities themselves "
     "matter"
 )
-#: Standard errors that the records may be off a stated prior that decides a quantity: of four groups, chance brings
-#: more in one of a hundred fits.
+#: Standard errors that the records may be off a prior that somebody changed: of four groups, chance brings more in one
+#: of a hundred fits.
 _CONFLICT = 3.0
-#: Least contraction that says how far the records alone are off: below, it is Monte Carlo error.
+#: Least contraction that says how far printed means alone are off: below, it is Monte Carlo error.
 _LEAST_CONTRACTION = 0.01
 #: Least credible noise of a load cell, kN: a millinewton.
 NOISE_LEAST_KN = 1e-6
@@ -78,11 +80,12 @@ def failed_checks(posterior: xr.Dataset, priors: Priors = PRIORS) -> list[Check]
     ]
 
 
-class _Undetermined(NamedTuple):
-    """A group's parameter that its records do not determine, such as ``k_group[dual loading]``, and ``k``.
+class _OfGroup(NamedTuple):
+    """A group's parameter beside its prior, such as ``k_group[dual loading]``, and ``k``.
 
-    `share` is the width of its posterior over that of its prior; `stated` says whether the prior determines it by
-    intention, being so much narrower than the default; the records are `off` its median by so many standard errors.
+    `share` is the width of its posterior over that of its prior, `open` says that its records do not determine it, and
+    `stated` that the prior does by intention, being so much narrower than the default. The records are `off` a prior
+    that somebody changed by so many standard errors.
     """
 
     element: str
@@ -92,39 +95,57 @@ class _Undetermined(NamedTuple):
     off: float
 
     @property
+    def open(self) -> bool:
+        """Whether the posterior is little narrower than the prior."""
+        return 1.0 - self.share**2 < CONTRACTION_LEAST
+
+    @property
     def conflicting(self) -> bool:
-        """Whether the records contradict a prior that somebody stated."""
-        return self.stated and self.off > _CONFLICT
+        """Whether the records contradict a prior that somebody changed."""
+        return self.off > _CONFLICT
 
 
-def _undetermined(posterior: xr.Dataset, priors: Priors) -> Iterator[_Undetermined]:
+def _groups(posterior: xr.Dataset, priors: Priors) -> Iterator[_OfGroup]:
     posterior = as_measured(posterior)  # priors know of no factor on displacement or force
     for parameter in REMEDIES:
         name = f"{parameter}_group"
-        if name not in posterior or parameter in _MAY_BE_OPEN:
+        if name not in posterior or not priors[name].of_logarithm:
             continue
         draws = posterior[name].transpose("chain", "draw", "group")
-        log_values, (middle, sd) = np.log(draws.to_numpy()), priors[name].parameters
-        share, of_default = (log_values.std(axis=(0, 1)) / each for each in (sd, PRIORS[name].parameters[1]))
-        # A normal prior and a normal likelihood: the posterior's mean is off by the contraction times what the records
-        # are, and their variance is the prior's times (1 - contraction) / contraction.
-        contraction = np.maximum(1.0 - share**2, _LEAST_CONTRACTION)
-        off = np.abs(log_values.mean(axis=(0, 1)) - middle) / (sd * np.sqrt(contraction))
+        log_values, default = np.log(draws.to_numpy()), PRIORS[name].parameters
+        share, of_default = (log_values.std(axis=(0, 1)) / each for each in (priors[name].parameters[1], default[1]))
+        changed = priors[name].parameters != default
+        off = _off(posterior, parameter, priors, log_values) if changed else np.zeros(len(share))
         for i, label in enumerate(draws["group"].to_numpy()):
-            if not 1.0 - share[i] ** 2 < CONTRACTION_LEAST:
-                continue
             stated = bool(1.0 - of_default[i] ** 2 >= CONTRACTION_LEAST)
-            yield _Undetermined(f"{name}[{label}]", parameter, float(share[i]), stated, float(off[i]))
+            yield _OfGroup(f"{name}[{label}]", parameter, float(share[i]), stated, float(off[i]))
+
+
+def _off(
+    posterior: xr.Dataset, parameter: str, priors: Priors, log_values: Float[np.ndarray, "chains draws groups"]
+) -> Float[np.ndarray, " groups"]:
+    """Return by how many standard errors the records are off the prior of each group.
+
+    Printed case means are not in the posterior, and draws that are not finite are said elsewhere. There a normal prior
+    and a normal likelihood are taken: the posterior's mean is off by the contraction times what the data are, and their
+    variance is the prior's times (1 - contraction) / contraction.
+    """
+    if parameter in posterior and bool(np.isfinite(posterior[parameter]).all()):
+        return standard_errors_off(posterior, parameter, priors)
+    middle, sd = priors[f"{parameter}_group"].parameters
+    contraction = np.maximum(1.0 - (log_values.std(axis=(0, 1)) / sd) ** 2, _LEAST_CONTRACTION)
+    return np.abs(log_values.mean(axis=(0, 1)) - middle) / (sd * np.sqrt(contraction))
 
 
 def _unidentified(posterior: xr.Dataset, priors: Priors) -> Iterator[Check]:
-    for each in _undetermined(posterior, priors):
-        if not each.stated:
+    for each in _groups(posterior, priors):
+        if each.conflicting:
+            what = "decided by the prior that was given" if each.open else "not where the prior that was given has it"
+            finding = f"{what}, {each.off:.1f} standard errors off the records"
+            yield fault(each.element, finding, "check the units of the records, or widen the prior")
+        elif each.open and not each.stated and each.parameter not in _MAY_BE_OPEN:
             finding = f"not determined by the records: its posterior is {each.share:.0%} as wide as its prior"
             yield fault(each.element, finding, REMEDIES[each.parameter])
-        elif each.conflicting:
-            finding = f"decided by the prior that was given, {each.off:.1f} standard errors off the records"
-            yield fault(each.element, finding, "check the units of the records, or widen the prior")
 
 
 def decided_by_given_priors(posterior: xr.Dataset, priors: Priors) -> list[str]:
@@ -132,8 +153,8 @@ def decided_by_given_priors(posterior: xr.Dataset, priors: Priors) -> list[str]:
     return [
         f"{each.element}: decided by the prior that was given: its posterior is {each.share:.0%} as wide; say so where "
         "you quote it"
-        for each in _undetermined(posterior, priors)
-        if each.stated and not each.conflicting
+        for each in _groups(posterior, priors)
+        if each.open and each.stated and not each.conflicting and each.parameter not in _MAY_BE_OPEN
     ]
 
 
