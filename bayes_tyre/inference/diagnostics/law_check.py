@@ -142,7 +142,8 @@ def _gains_if_true(of_records: Residuals, other: str) -> Float[np.ndarray, "simu
 def simulated(of_records: Residuals, seed: int) -> Batch:
     """Return records along the paths of those measured, with the means of their posterior, its noise and displacements.
 
-    Noise that is larger near the start, and the error of a mass, are left out.
+    The error of a mass is one of each record, as the model has it. Noise that is larger near the start is left out, as
+    `refitted` leaves it out: it was found about one law, and may be what that law is off.
     """
     rng, measured, present = np.random.default_rng(seed), of_records.measured, of_records.measured.present
     shape, curve = present.shape, of_records.batch.force_kN - of_records.residual_kN
@@ -158,5 +159,7 @@ def simulated(of_records: Residuals, seed: int) -> Batch:
     phase, step = rng.uniform(size=step_mm.shape), np.where(step_mm > 0, step_mm, 1.0)
     displacement = np.where(step_mm > 0, step * np.round(displacement / step + phase), displacement)
     force = curve + of_records.sigma_kN[:, None] * noise
+    if measured.force_error_kN is not None:
+        force = force + measured.force_error_kN * rng.standard_normal((len(force), 1))
     displacement, force = (np.where(present, values, values[:, :1]) for values in (displacement, force))
     return replace(measured, displacement_mm=displacement, force_kN=force)
