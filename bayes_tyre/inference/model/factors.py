@@ -108,6 +108,14 @@ class Factors:
         """Number of records of each case."""
         return np.bincount(self.of_record, minlength=len(self.cases))
 
+    @property
+    def repeats_to_sum_out(self) -> int:
+        """Records of the case that has most, among these or all that `only` chose from: few enough can be summed out.
+
+        Some of the records are thereby sampled as all are; records taken twice are counted twice.
+        """
+        return max(self.most_repeats, int(self.repeats.max(initial=0)))
+
     def effects(self, parameter: str) -> dict[str, Factor]:
         """Return what `k` or `beta` of a case depends on beside its group, by name; only what varies in the data.
 

@@ -53,7 +53,7 @@ def find_members(factors: Factors, kind: str, apart: bool) -> Members | None:
     """
     if kind == "student" or (kind == "normal" and not apart):
         return None
-    if kind == "mixture" and factors.repeats.max() > MOST_REPEATS:
+    if kind == "mixture" and factors.repeats_to_sum_out > MOST_REPEATS:
         return None
     return members_of(factors, discordant=kind == "mixture")
 

@@ -220,6 +220,15 @@ def test_only_mixtures_of_few_repeats_are_summed_out(apart):
     assert find_members(levels_of(marginal_mixture.MOST_REPEATS, 3), "mixture", apart) is not None
 
 
+def test_a_fit_without_a_record_is_sampled_as_that_of_all():
+    most = marginal_mixture.MOST_REPEATS
+    first, twice = np.arange(most + 4) > 0, np.repeat(np.arange(most), 2)
+    assert find_members(levels_of(most + 1, 3).only(first), "mixture", apart=True) is None
+    assert find_members(levels_of(most, 3).only(first[1:]), "mixture", apart=True) is not None
+    # Records taken twice are as many as they are: choices of all of them would be too many.
+    assert find_members(levels_of(most).only(twice), "mixture", apart=True) is None
+
+
 @pytest.fixture(scope="module")
 def records() -> PreparedRecords:
     return prepare_records(check_record_table(simulate(EIGHT_CASES, 2)[0]), MODEL)

@@ -40,7 +40,7 @@ def can_collapse(factors: Factors, repeats: str) -> bool:
     A Student-t has no closed form, and choices of many repeats are too many.
     """
     kind = judgeable(repeats, factors)
-    return kind == "normal" or (kind == "mixture" and bool(factors.repeats.max() <= MOST_REPEATS))
+    return kind == "normal" or (kind == "mixture" and factors.repeats_to_sum_out <= MOST_REPEATS)
 
 
 def collapse_repeats(

@@ -185,3 +185,4 @@ def test_what_can_be_collapsed():
     assert can_collapse(factors_of((2, 1)), "student")  # two repeats cannot tell: they are normal
     assert not can_collapse(factors_of(), "student")
     assert not can_collapse(factors_of((7, 1)), "mixture")
+    assert not can_collapse(factors_of((7, 1)).only(np.arange(8) > 0), "mixture")  # the model of all eight
