@@ -24,7 +24,8 @@ def compare(predicted: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str], u
     Columns: `model, rank, elpd, se, elpd_difference, difference_se` (to the best; log density, dimensionless),
     `p_loo` (effective number of parameters), `weight` (stacking), `records` or `cases`, `pareto_k_max, refitted` (for
     how many of them the model was fitted again), `effective_points_min`, `refits_disagreeing` (in how many of
-    these chains disagree), `verdict` (``fail`` where the posterior's is, or where the estimate cannot be trusted).
+    these chains disagree), `refits_few_draws` (how many have too few effective draws), `verdict` (``fail`` where the
+    posterior's is, or where the estimate cannot be trusted).
 
     Parameters
     ----------
@@ -52,6 +53,7 @@ def compare(predicted: Mapping[str, LeaveOneOut], verdicts: Mapping[str, str], u
                 "refitted": int(each.refitted.sum()),
                 "effective_points_min": float(each.effective_points.min()),
                 "refits_disagreeing": int(each.disagreeing.sum()),
+                "refits_few_draws": int(each.few_draws.sum()),
                 "verdict": verdicts[str(name)] if each.trusted else "fail",
             }
         )
@@ -99,7 +101,7 @@ def by_record(predicted: Mapping[str, LeaveOneOut]) -> pd.DataFrame:
 def sentence(table: pd.DataFrame) -> str:
     """Return what a comparison means: which model predicts best, and whether that is more than luck."""
     best, others = table.iloc[0], table.iloc[1:]
-    unit = _unit(table)
+    unit = unit_of(table)
     difference = others["elpd_difference"].abs()
     tied = (difference < STANDARD_ERRORS * others["difference_se"]) | (difference < LEAST_DIFFERENCE)
     sentences = []
@@ -117,7 +119,7 @@ def sentence(table: pd.DataFrame) -> str:
 
 def rank_lines(table: pd.DataFrame) -> list[str]:
     """Return a line on what was left out, then a line a model: rank, name, elpd, difference from the best, weight."""
-    unit = _unit(table)
+    unit = unit_of(table)
     return [
         f"{unit}s left out, one at a time:",
         *(
@@ -128,7 +130,8 @@ def rank_lines(table: pd.DataFrame) -> list[str]:
     ]
 
 
-def _unit(table: pd.DataFrame) -> str:
+def unit_of(table: pd.DataFrame) -> str:
+    """Return what was left out in a table of `compare`: `RECORD` or `CASE`."""
     return CASE if f"{CASE}s" in table else RECORD
 
 

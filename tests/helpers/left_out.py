@@ -8,7 +8,12 @@ from bayes_tyre.inference.diagnostics.leave_one_out.left_out import LeaveOneOut
 
 
 def made_up(
-    elpd: np.ndarray, records: list[str], pareto_k: float = 0.1, effective: float = 200.0, disagreeing: bool = False
+    elpd: np.ndarray,
+    records: list[str],
+    pareto_k: float = 0.1,
+    effective: float = 200.0,
+    disagreeing: bool = False,
+    few_draws: bool = False,
 ) -> LeaveOneOut:
     """Return a result with these log predictive densities of the records."""
     values = xr.DataArray(elpd, dims="record", coords={"record": records})
@@ -26,4 +31,4 @@ def made_up(
         pareto_k=xr.DataArray(k, dims="record", coords={"record": records}),
     )
     none = np.zeros(len(records), bool)
-    return LeaveOneOut(data, k, none, np.full(len(records), effective), none | disagreeing)
+    return LeaveOneOut(data, k, none, np.full(len(records), effective), none | disagreeing, none | few_draws)

@@ -66,6 +66,7 @@ def test_the_sentence_tells_luck_from_more_than_luck(found):
     ("wrong", "verdicts"),
     [
         *(({"pareto_k": 0.9}, PASS), ({"effective": 5.0}, PASS), ({"disagreeing": True}, PASS)),
+        ({"few_draws": True}, PASS),
         ({}, {**PASS, "one": "fail"}),
     ],
 )

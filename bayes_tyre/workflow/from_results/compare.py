@@ -15,11 +15,11 @@ from bayes_tyre.formats.files import check_folder, prepare_folder, whole_file
 from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.diagnostics.attempts import Attempt, Attempts
 from bayes_tyre.inference.diagnostics.leave_one_out.fits import leave_one_case_out, leave_one_record_out
-from bayes_tyre.inference.diagnostics.leave_one_out.left_out import EFFECTIVE_LEAST, LeaveOneOut
+from bayes_tyre.inference.diagnostics.leave_one_out.left_out import DRAWS_LEAST, EFFECTIVE_LEAST, LeaveOneOut
 from bayes_tyre.inference.motion.hierarchy.leave_one_out import leave_one_motion_out
 from bayes_tyre.inference.sampling.datatree import is_of_motions
 from bayes_tyre.inference.sampling.run import SamplerSettings, kept_acceptance
-from bayes_tyre.results.model_comparison import CASE, by_record, compare, sentence
+from bayes_tyre.results.model_comparison import CASE, by_record, compare, sentence, unit_of
 from bayes_tyre.results.provenance import RUN_JSON, read_run
 from bayes_tyre.workflow.fit import Plan, planned_in
 from bayes_tyre.workflow.from_results.predict import NAME as PREDICTION
@@ -117,7 +117,12 @@ def compare_folders(
         )
     _write(tables, out)
     ranked = [tables[name] for name in (COMPARISON, OF_CASES) if name in tables]
-    untrusted = (_untrusted(name, verdicts[name], tables[COMPARISON], refit) for name in left_out)
+    # A posterior that failed is named once, an estimate in each table.
+    untrusted = (
+        _untrusted(name, verdicts[name], table, refit)
+        for name in left_out
+        for table in (ranked if verdicts[name] == "pass" else ranked[:1])
+    )
     return Comparison(
         tuple(ranked),
         tuple(map(sentence, ranked)),
@@ -161,16 +166,24 @@ def _untrusted(name: str, verdict: str, compared: pd.DataFrame, refit: bool) -> 
         return ""
     if verdict != "pass":
         return f"{name}: the posterior is not to be trusted; its diagnostics.json says why"
-    disagreeing = int(row["refits_disagreeing"])
-    failed = "leave the model out" if disagreeing else "a fit without a record failed; leave the model out"
+    unit, unsound = unit_of(compared), _unsound_refits(row)
+    failed = "leave the model out" if unsound else f"a fit without a {unit} failed; leave the model out"
     remedy = failed if refit else "compare without --no-refit"
-    if row["effective_points_min"] < EFFECTIVE_LEAST:  # fits without a record have no part in this
-        remedy = f"fewer than {EFFECTIVE_LEAST:g} points are too few for its records; leave the model out"
+    if row["effective_points_min"] < EFFECTIVE_LEAST:  # fits without a record or case have no part in this
+        remedy = f"fewer than {EFFECTIVE_LEAST:g} points are too few for its {unit}s; leave the model out"
+    of = " of cases" if unit == CASE else ""
     return (
-        f"{name}: the posterior passed, its elpd is not to be trusted: Pareto k of a record is "
-        f"{row['pareto_k_max']:.2f} ({int(row['refitted'])} records fitted again"
-        f"{f', chains of {disagreeing} of these fits disagree' if disagreeing else ''}), the least effective number of "
-        f"points {row['effective_points_min']:.0f}; {remedy}"
+        f"{name}: the posterior passed, its elpd{of} is not to be trusted: Pareto k of a {unit} is "
+        f"{row['pareto_k_max']:.2f} ({int(row['refitted'])} {unit}s fitted again{unsound}), the least "
+        f"effective number of points {row['effective_points_min']:.0f}; {remedy}"
+    )
+
+
+def _unsound_refits(row: pd.Series) -> str:
+    """Return how many fits without a record or case did not converge, as a part of a sentence; nothing for none."""
+    disagreeing, few_draws = (int(row[name]) for name in ("refits_disagreeing", "refits_few_draws"))
+    return (f", chains of {disagreeing} of these fits disagree" if disagreeing else "") + (
+        f", {few_draws} of them have fewer than {DRAWS_LEAST:g} effective draws" if few_draws else ""
     )
 
 

@@ -28,3 +28,27 @@ def test_advice_is_what_was_not_done(doubtful, refit, advice, monkeypatch, tmp_p
     (reason,) = done.untrusted
     assert reason.startswith("doubtful: the posterior passed, its elpd is not to be trusted")
     assert reason.endswith(f"; {advice}")
+
+
+@pytest.mark.parametrize(
+    ("doubtful", "says"),
+    [
+        ({"pareto_k": 0.9}, "Pareto k of a case is 0.90 (0 cases fitted again)"),
+        ({"disagreeing": True}, "chains of 20 of these fits disagree"),
+        ({"few_draws": True}, "20 of them have fewer than 50 effective draws"),
+    ],
+)
+def test_a_model_that_fails_by_its_cases_alone_is_told_why(doubtful, says, monkeypatch, tmp_path):
+    sound, failing = made_up(ELPD, RECORDS), made_up(ELPD - 1.0, RECORDS, **doubtful)
+    models = {
+        "sound": compare._Model(SamplerSettings(), lambda *_: sound, lambda *_: sound),
+        "doubtful": compare._Model(SamplerSettings(), lambda *_: sound, lambda *_: failing),
+    }
+    monkeypatch.setattr(compare, "_models", lambda *_: (models, dict.fromkeys(models, "pass")))
+    done = compare.compare_folders([tmp_path / name for name in models], tmp_path)
+    (reason,) = done.untrusted
+    assert reason.startswith("doubtful: the posterior passed, its elpd of cases is not to be trusted: ")
+    assert says in reason
+    monkeypatch.setattr(compare, "_models", lambda *_: (models, {"sound": "pass", "doubtful": "fail"}))
+    (reason,) = compare.compare_folders([tmp_path / name for name in models], tmp_path).untrusted
+    assert "diagnostics.json says why" in reason

@@ -24,6 +24,9 @@ EFFECTIVE_LEAST = 20.0
 #: Largest R-hat of a unit's log density in a fit without it. Of four chains of 125 independent draws the largest of
 #: 200,000 was 1.04. An interval would need 1.01, an average does not.
 R_HAT_MOST = 1.05
+#: Least effective number of draws that the mean density of a unit rests on in a fit without it: its logarithm is then
+#: known to a seventh of what the density scatters by, relative.
+DRAWS_LEAST = 50.0
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,10 @@ class LeaveOneOut:
     effective_points:
         Shape (units,): effective number of points of the integral over the unit's own parameters.
     disagreeing:
-        Shape (units,): True where the chains of the fit without the unit disagree on its log density.
+        Shape (units,): True where the chains of the fit without the unit, or the halves of its only one, disagree on
+        its log density.
+    few_draws:
+        Shape (units,): True where that fit has fewer effective draws of the log density than `DRAWS_LEAST`.
     """
 
     elpd: ELPDData
@@ -49,12 +55,14 @@ class LeaveOneOut:
     refitted: np.ndarray
     effective_points: Float[np.ndarray, " units"]
     disagreeing: np.ndarray
+    few_draws: np.ndarray
 
     @property
     def trusted(self) -> bool:
-        """Whether every log density is known well enough: by importance sampling, or by a fit whose chains agree."""
+        """Whether every log density is known well enough: by importance sampling, or by a fit that converged."""
         handled = self.refitted | (self.pareto_k <= self.elpd.good_k)
-        return bool(handled.all() and not self.disagreeing.any() and self.effective_points.min() >= EFFECTIVE_LEAST)
+        unsound = self.disagreeing | self.few_draws
+        return bool(handled.all() and not unsound.any() and self.effective_points.min() >= EFFECTIVE_LEAST)
 
 
 def left_out(
@@ -92,7 +100,7 @@ def left_out(
         elpd = loo(tree, pointwise=True, reff=1.0)
     assert isinstance(elpd, ELPDData)
     pareto_k = elpd.pareto_k.to_numpy()
-    refitted, disagreeing = np.zeros((2, len(pareto_k)), bool)
+    refitted, disagreeing, few_draws = np.zeros((3, len(pareto_k)), bool)
     values, lppd = elpd.elpd_i.copy(), elpd.elpd + elpd.p
     for unit in map(int, np.flatnonzero(pareto_k > elpd.good_k)):
         if refit_without is None:
@@ -102,9 +110,18 @@ def left_out(
         if without is not None:
             refitted[unit] = True
             values[unit] = np.logaddexp.reduce(without, axis=None) - np.log(without.size)
-            r_hat = statistics(without[:, :, None]).r_hat[0]
+            r_hat, ess = _convergence(without)
             disagreeing[unit] = r_hat > R_HAT_MOST or not np.isfinite(values[unit])
+            few_draws[unit] = ess < DRAWS_LEAST
     elpd.elpd_i, elpd.elpd = values, float(values.sum())
     elpd.se = float(np.sqrt(len(values) * values.var(ddof=1)))  # as ArviZ has it
     elpd.p = lppd - elpd.elpd
-    return LeaveOneOut(elpd, pareto_k, refitted, effective, disagreeing)
+    return LeaveOneOut(elpd, pareto_k, refitted, effective, disagreeing, few_draws)
+
+
+def _convergence(draws: Float[np.ndarray, "chains draws"]) -> tuple[float, float]:
+    """Return R-hat and bulk ESS of a log density; a single chain is judged as its two halves."""
+    if len(draws) == 1:
+        draws = draws[:, draws.shape[1] % 2 :].reshape(2, -1)
+    of_density = statistics(draws[:, :, None])
+    return float(of_density.r_hat[0]), float(of_density.ess_bulk[0])

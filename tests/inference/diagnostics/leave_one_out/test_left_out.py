@@ -1,5 +1,7 @@
 """Units left out by importance sampling, and what a fit without one says, or leaves where it fails."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -48,6 +50,33 @@ def test_a_refit_whose_chains_disagree_is_not_trusted():
     found = left_out(with_one_heavy_draw(), NAMES, ENOUGH, disagreeing, lambda _: None)
     assert found.disagreeing.tolist() == [False, True, False]
     assert not found.trusted
+
+
+def test_a_refit_of_one_chain_is_judged_by_its_halves():
+    """R-hat of halves that agree is above 1.05 with probability 1e-4, of a shift by 2 sd above 1.5."""
+
+    def refit(shift: float) -> Callable[[int], np.ndarray]:
+        return lambda _: np.random.default_rng(3).normal(np.where(np.arange(250) < 125, 0.0, shift), 1.0)[None]
+
+    alike, drifting = (left_out(with_one_heavy_draw(), NAMES, ENOUGH, refit(by), lambda _: None) for by in (0.0, 2.0))
+    assert not alike.disagreeing.any()
+    assert alike.trusted
+    assert drifting.disagreeing.tolist() == [False, True, False]
+
+
+def test_a_refit_of_few_effective_draws_is_not_trusted():
+    """Chains that agree, of 4 x 125 draws of which each is much as the one before: 0.98 leaves a hundredth of them."""
+
+    def refit(rho: float) -> Callable[[int], np.ndarray]:
+        noise = np.random.default_rng(4).normal(size=(4, 125))
+        for i in range(1, 125):
+            noise[:, i] = rho * noise[:, i - 1] + np.sqrt(1.0 - rho**2) * noise[:, i]
+        return lambda _: noise
+
+    slow, quick = (left_out(with_one_heavy_draw(), NAMES, ENOUGH, refit(rho), lambda _: None) for rho in (0.98, 0.0))
+    assert slow.few_draws.tolist() == [False, True, False]
+    assert not slow.trusted
+    assert not quick.few_draws.any()
 
 
 def test_a_refit_that_fails_leaves_the_estimate_of_importance_sampling():
