@@ -135,5 +135,5 @@ def _kind_summary(kind: str, checks: list[dict[str, Any]]) -> str:
         return f"{kind}: not checked"
     if failed:
         return f"{kind}: {len(failed)} of {len(of_kind)} checks failed ({listed(failed, 3)})"
-    unmade = sum("not_checked" in check for check in of_kind)
-    return f"{kind}: passed" + (f", {unmade} of {len(of_kind)} not checked" if unmade else "")
+    unchecked = sum("not_checked" in check for check in of_kind)
+    return f"{kind}: passed" + (f", {unchecked} of {len(of_kind)} not checked" if unchecked else "")

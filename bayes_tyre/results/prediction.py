@@ -224,10 +224,16 @@ def _forces(u: np.ndarray, model: DrawnCase) -> Float[np.ndarray, "draws points"
 def _parameters(models: Sequence[DrawnCase], interval: float) -> dict[str, object]:
     """Return what a vehicle model needs of one case, in plain numbers and text; nothing that is not known."""
     case, draws = models[0].case, joined([model.draws for model in models])
-    in_full = {name: np.concatenate([model.in_full[name] for model in models]) for name in models[0].in_full}
+    draws_of_case = {
+        name: np.concatenate([model.draws_of_case[name] for model in models]) for name in models[0].draws_of_case
+    }
     factors = {factor: value for factor, value in case._asdict().items() if value not in (None, "")}
     values = {
-        **{"k_kN_per_mm": in_full.get("k", draws.k), "beta_mm": in_full.get("beta", draws.beta), "J_kN": draws.J},
+        **{
+            "k_kN_per_mm": draws_of_case.get("k", draws.k),
+            "beta_mm": draws_of_case.get("beta", draws.beta),
+            "J_kN": draws.J,
+        },
         **{"C_kN": draws.C, "F_i_kN": draws.F_i, "d_i_mm": draws.d_i},
     }
     statistics = {name: _statistics(value, interval) for name, value in values.items() if np.isfinite(value).all()}

@@ -134,11 +134,11 @@ def _of_step(
     posterior: xr.Dataset,
     law: str,
     level: float,
-    in_full: Mapping[str, Float[np.ndarray, " all"]] | None = None,
+    draws_of_case: Mapping[str, Float[np.ndarray, " all"]] | None = None,
 ) -> TyreModel:
     """Return a case of records, with the curve of its step as far as its records go.
 
-    `in_full` has parameters of which there are more draws than of its records.
+    `draws_of_case` has parameters of which there are more draws than of its records.
     """
     step, sign = case.mean(), sign_of(case.case) or 1
     draws = {"k": step.k, "beta": step.beta, "J": step.J, "C": step.C, "F_i": step.F_i}
@@ -146,7 +146,9 @@ def _of_step(
     force = force_kN(sign * u, *(draws[name][:, None] for name in ("F_i", "J", "k", "beta")), law=law)
     path = _curve(sign * u + 0.0, force, level)
     curves = Curves(path, Curve(*(column[::sign] for column in path)), OF_STEP, ONE_WAY)
-    return TyreModel(case.case.label, _values({**draws, **(in_full or {})}, level), curves, "", case.case.conditions)
+    return TyreModel(
+        case.case.label, _values({**draws, **(draws_of_case or {})}, level), curves, "", case.case.conditions
+    )
 
 
 def means_of_posterior(tree: xr.DataTree, level: float = 0.5) -> list[TyreModel]:

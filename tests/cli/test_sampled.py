@@ -1,10 +1,10 @@
 """The line on each kind of check: passed, failed, and what could not be made."""
 
 from bayes_tyre.cli.sampled import _kind_summary
-from bayes_tyre.inference.diagnostics.sampling_checks import Check, unmade
+from bayes_tyre.inference.diagnostics.sampling_checks import Check, unchecked
 
 SOUND = Check("law", "model", True, 0.5, 3.1, "", "", "")
-FEW = unmade("noise_along_path", 1.5, "too few points")
+FEW = unchecked("noise_along_path", 1.5, "too few points")
 
 
 def test_checks_that_could_not_be_made_are_counted_beside_those_that_passed():

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 BESIDE_FROM = ("out", "from_run", "resume", "xlsx", "device", "quiet", "verbose", "log_file")
 
 #: Fewest draws of a record that may be kept: of fewer, the ends of a 95 % interval are the outermost draws.
-LEAST_KEPT = 40
+STORED_DRAWS_LEAST = 40
 
 
 def fit(
@@ -53,7 +53,7 @@ def fit(
     record_draws: Annotated[
         int | None,
         typer.Option(
-            min=LEAST_KEPT,
+            min=STORED_DRAWS_LEAST,
             help="Draws of each record to keep in posterior.nc, over all chains; what records share is kept in full, "
             "and tables are of all draws. At least 40: curves have intervals. Default: all; 200 of more than 2,000 "
             "records.",

@@ -20,7 +20,7 @@ from bayes_tyre.record import CASE_FACTORS
 #: Probability with which a check may fail where the model holds: of nine, less than one in a hundred data sets does.
 CHANCE = 1e-3
 #: Standard errors beyond which chance brings a value with that probability, to one side.
-MOST_ERRORS = float(stats.norm.isf(CHANCE))
+STANDARD_ERRORS_MOST = float(stats.norm.isf(CHANCE))
 #: Fewest degrees of freedom that the scatter among repeats is estimated from.
 _LEAST_FREEDOM = 6
 #: Part of a column that the law's own parameters must leave.

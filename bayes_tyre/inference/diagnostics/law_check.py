@@ -19,9 +19,9 @@ from scipy import signal
 
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.correlated_noise import whiten
-from bayes_tyre.inference.diagnostics.course_checks import MOST_ERRORS
+from bayes_tyre.inference.diagnostics.course_checks import STANDARD_ERRORS_MOST
 from bayes_tyre.inference.diagnostics.residuals import Residuals
-from bayes_tyre.inference.diagnostics.sampling_checks import Check, unmade
+from bayes_tyre.inference.diagnostics.sampling_checks import Check, unchecked
 from bayes_tyre.inference.lack_of_fit import WAVE_POINTS
 from bayes_tyre.inference.model.coordinates.laplace import estimate_records
 from bayes_tyre.inference.model.noise.converter_steps import UNIFORM_SD, converter_step_mm
@@ -68,20 +68,20 @@ def law_check(of_records: Residuals) -> Check:
     sound &= np.maximum(own_fit.sd_log_beta, other_fit.sd_log_beta) < _SD_LOG_BETA
     gain = (other_fit.log_likelihood - own_fit.log_likelihood)[sound]
     if len(gain) < _LEAST_RECORDS:
-        return unmade("law", MOST_ERRORS, f"fewer than {_LEAST_RECORDS} records determine their beta")
+        return unchecked("law", STANDARD_ERRORS_MOST, f"fewer than {_LEAST_RECORDS} records determine their beta")
     sd = float(np.sqrt(np.sum((gain - gain.mean()) ** 2)))
     value = float(gain.sum()) / sd if sd > 0 else 0.0
-    if value > MOST_ERRORS and of_records.displacement_sd_mm.any():
+    if value > STANDARD_ERRORS_MOST and of_records.displacement_sd_mm.any():
         by_error = _gains_if_true(of_records, other)[:, sound]
         sd = max(sd, float(np.sqrt(by_error.var(axis=1).mean() * len(gain))))
         value = float(gain.sum() - max(by_error.sum(axis=1).mean(), 0.0)) / sd
     finding = f"beta: the records follow {other} rather than {law}, by {value:.1f} standard errors"
     note = ""
-    if abs(value) <= MOST_ERRORS:
+    if abs(value) <= STANDARD_ERRORS_MOST:
         ratio = np.exp(np.median((other_fit.log_beta - own_fit.log_beta)[sound]))
         note = f"{EITHER_LAW}{law} from {other}, with which it is {ratio:.2f} times as large"
-    passed = value <= MOST_ERRORS
-    return Check("law", "model", passed, value, MOST_ERRORS, "beta", finding, f"fit with --law {other}", note)
+    passed = value <= STANDARD_ERRORS_MOST
+    return Check("law", "model", passed, value, STANDARD_ERRORS_MOST, "beta", finding, f"fit with --law {other}", note)
 
 
 def refitted(of_records: Residuals, measured: Batch, law: str) -> LawFit:

@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 from scipy import stats
 
 from bayes_tyre.inference.diagnostics.course_checks import CHANCE, case_of_records
-from bayes_tyre.inference.diagnostics.sampling_checks import Check, unmade
+from bayes_tyre.inference.diagnostics.sampling_checks import Check, unchecked
 from bayes_tyre.inference.model.hyperparameters import APART_REPEATS, JUDGEABLE_REPEATS
 from bayes_tyre.inference.sampling.datatree import case_parameters, draws_in_a_row, record_offset
 from bayes_tyre.plain_text import listed
@@ -59,7 +59,7 @@ def _cases_and_repeats(posterior: xr.Dataset, parameter: str, case: Int[np.ndarr
     agreements = [agreement for agreement in _by_speed(posterior, parameter, case) if agreement is not None]
     if not agreements:
         why = f"fewer than {_LEAST_FREEDOM} repeats beyond one of each case"
-        return unmade(name, CHANCE, why)._replace(note="; ".join(filter(None, (apart, outside))))
+        return unchecked(name, CHANCE, why)._replace(note="; ".join(filter(None, (apart, outside))))
     worst = min(agreements, key=lambda agreement: agreement.p_value)
     value = min(worst.p_value * len(agreements), 1.0)
     label = str(posterior["case"].to_numpy()[worst.case])

@@ -14,10 +14,10 @@ import pandas as pd
 import xarray as xr
 
 from bayes_tyre.inference.correlated_noise import SMOOTHED
-from bayes_tyre.inference.diagnostics.course_checks import CHANCE, MOST_ERRORS, WRONG_LAW, course_checks
+from bayes_tyre.inference.diagnostics.course_checks import CHANCE, STANDARD_ERRORS_MOST, WRONG_LAW, course_checks
 from bayes_tyre.inference.diagnostics.law_check import law_check
 from bayes_tyre.inference.diagnostics.residuals import Residuals, residuals
-from bayes_tyre.inference.diagnostics.sampling_checks import Check, unmade
+from bayes_tyre.inference.diagnostics.sampling_checks import Check, unchecked
 from bayes_tyre.inference.lack_of_fit import CURVE_PARAMETERS, MISFIT_MOST, WAVE_POINTS, misfit
 from bayes_tyre.inference.noise_along_path import NEAR_BETAS, directions, freedom, near_start, variance_ratio
 
@@ -82,7 +82,7 @@ def _autocorrelation(of_records: Residuals) -> Check:
     by_chance = -np.einsum("rpc,rpc->r", basis[:, 1:], basis[:, :-1])
     each = np.sum(left[:, 1:] * left[:, :-1], axis=1) / np.sum(left**2, axis=1)
     value = float((each * spare - by_chance).sum() / spare.sum())
-    most = AUTOCORRELATION_MOST + MOST_ERRORS / np.sqrt(spare.sum())
+    most = AUTOCORRELATION_MOST + STANDARD_ERRORS_MOST / np.sqrt(spare.sum())
     finding = f"sigma: residuals have lag-1 autocorrelation {value:.2f}: intervals are too narrow"
     remedy = _RAW if value > SMOOTHED else _AR1 if of_records.rho is None else _UNSMOOTHED
     return Check("residual_autocorrelation", "model", bool(value <= most), value, float(most), "sigma", finding, remedy)
@@ -103,7 +103,7 @@ def _record_curves(of_records: Residuals) -> Check:
     first = batch.records[int(np.argmax(unjudged))]
     too_few = f"{unjudged.sum()} of {records} records, first {first}: {_TOO_FEW}"
     if unjudged.all():
-        return unmade("record_curves", MISFIT_MOST, too_few)
+        return unchecked("record_curves", MISFIT_MOST, too_few)
     worst = int(np.argmax(np.where(wrong, misfits.share, -1.0)))
     where = batch.records[worst] if wrong.any() else ""
     value = float(misfits.share[wrong].max()) if wrong.any() else 0.0
@@ -123,10 +123,10 @@ def _uneven_noise(of_records: Residuals) -> Check:
     near = near_start(of_records.u, NEAR_BETAS * of_records.means["beta"], present)
     first = present & (np.arange(present.shape[1]) < _FIRST * points[:, None])
     ratios = [variance_ratio(square, left, part) for part in (near, first)]
-    log_ratio, error, _ = max(ratios, key=lambda each: abs(each.value) - MOST_ERRORS * each.error)
+    log_ratio, error, _ = max(ratios, key=lambda each: abs(each.value) - STANDARD_ERRORS_MOST * each.error)
     if not np.isfinite(error):
-        return unmade("noise_along_path", UNEVEN_MOST, "too few points near the start of the records, or no noise")
-    most = np.log(UNEVEN_MOST) + MOST_ERRORS * error
+        return unchecked("noise_along_path", UNEVEN_MOST, "too few points near the start of the records, or no noise")
+    most = np.log(UNEVEN_MOST) + STANDARD_ERRORS_MOST * error
     passed = bool(abs(log_ratio) <= most)
     value, limit, times = float(np.exp(abs(log_ratio))), float(np.exp(most)), f"{np.exp(log_ratio):.2g}"
     finding = f"sigma: variance of the noise near the start is {times} times that on the rest of the way"

@@ -76,7 +76,7 @@ class Check(NamedTuple):
         return {name: value for name, value in row.items() if name not in left_out}
 
 
-def unmade(name: str, limit: float, why: str) -> Check:
+def unchecked(name: str, limit: float, why: str) -> Check:
     """Return a check of the model that could not be made."""
     return Check(name, "model", True, np.nan, limit, "", "", "", not_checked=why)
 

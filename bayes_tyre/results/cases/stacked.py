@@ -49,14 +49,14 @@ class Share(NamedTuple):
 class DrawnCase(NamedTuple):
     """What a model draws of a case: the word before what is predicted, and what noise is drawn with, beside it.
 
-    `in_full` are draws of k (kN/mm) and beta (mm) of a case that was tested: more of them than `draws` where its
+    `draws_of_case` are draws of k (kN/mm) and beta (mm) of a case that was tested: more of them than `draws` where its
     records were thinned. It is empty where they are no parameters of the case itself.
     """
 
     case: Case
     kind: str
     draws: CaseDraws
-    in_full: Mapping[str, Float[np.ndarray, " all"]]
+    draws_of_case: Mapping[str, Float[np.ndarray, " all"]]
     law: str
     rng: np.random.Generator
 
@@ -93,10 +93,10 @@ def drawn_cases(share: Share, choice: Choice, of: str, seed: int) -> Iterator[Dr
     posterior, whole = with_records(tree), tree["posterior"].to_dataset()
     for number, values, rng in _chosen(posterior, choice, priors_of(tree), seed):
         draws = values.mean() if of == "case" else of_repeat(posterior, values, rng, widening)
-        in_full = parameters_of_case(whole, number) if number is not None and of == "case" else {}
-        in_full = {name: evenly_spaced(each, share.of_cases) for name, each in in_full.items()}
+        draws_of_case = parameters_of_case(whole, number) if number is not None and of == "case" else {}
+        draws_of_case = {name: evenly_spaced(each, share.of_cases) for name, each in draws_of_case.items()}
         kind = UNTESTED if number is None else ""
-        yield DrawnCase(values.case, kind, thinned(draws, share.of_records), in_full, law, rng)
+        yield DrawnCase(values.case, kind, thinned(draws, share.of_records), draws_of_case, law, rng)
 
 
 def _chosen(

@@ -34,7 +34,9 @@ NAME, SUFFIXES = "report.html", (".html", ".htm")
 #: Note on figures that the fit drew and that cannot be drawn again.
 KEPT = "Figures of records are as the fit drew them: its input was not found, or has changed."
 #: Note on figures of the fit beside tables of another reference.
-TURNED = "Ratios in the figures are as the fit drew them: they may be over another configuration than in the tables."
+RATIOS_NOT_TURNED = (
+    "Ratios in the figures are as the fit drew them: they may be over another configuration than in the tables."
+)
 
 UNTRUSTED = "the posterior is not to be trusted; its report says why"
 
@@ -119,7 +121,7 @@ def write_report(
     for folder, result in zip(folders, results, strict=True):
         tree = read_tree(folder / "posterior.nc")
         if kept_figures or not has_cases(tree):  # only posteriors with cases have such figures
-            note = "" if reference is None else TURNED
+            note = "" if reference is None else RATIOS_NOT_TURNED
             parts.append(Part(result, list(stored_figures(folder / "figures", set())), note))
         else:
             attempts = Attempts()

@@ -10,7 +10,7 @@ import xarray as xr
 from helpers.hand_made_posteriors import fixed, posterior
 
 from bayes_tyre.inference.diagnostics import residual_checks as module
-from bayes_tyre.inference.diagnostics.course_checks import CHANCE, MOST_ERRORS
+from bayes_tyre.inference.diagnostics.course_checks import CHANCE, STANDARD_ERRORS_MOST
 from bayes_tyre.inference.diagnostics.law_check import refitted, simulated
 from bayes_tyre.inference.diagnostics.residual_checks import residual_checks
 from bayes_tyre.inference.diagnostics.residuals import residuals
@@ -233,8 +233,8 @@ def test_a_law_is_not_called_wrong_for_what_errors_of_displacement_do():
     of_records = residuals(sure_of(table, **options), table)
     own, other = (refitted(of_records, of_records.measured, law) for law in ("small_step_limit", "equation_2"))
     gain = other.log_likelihood - own.log_likelihood
-    assert gain.sum() / (gain.std() * np.sqrt(len(gain))) > MOST_ERRORS
-    assert abs(checked(table, **options)["law"].value) < MOST_ERRORS
+    assert gain.sum() / (gain.std() * np.sqrt(len(gain))) > STANDARD_ERRORS_MOST
+    assert abs(checked(table, **options)["law"].value) < STANDARD_ERRORS_MOST
 
 
 def test_a_window_that_says_all_of_the_noise_leaves_the_error_of_a_mass_out_and_says_so():

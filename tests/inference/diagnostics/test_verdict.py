@@ -10,7 +10,7 @@ from helpers.hand_made_posteriors import grid, posterior, quiet, scattered
 
 from bayes_tyre.inference.diagnostics.attempts import MODEL_CHECKS, with_checks
 from bayes_tyre.inference.diagnostics.convergence import statistics_of
-from bayes_tyre.inference.diagnostics.sampling_checks import Check, mean_error, unmade
+from bayes_tyre.inference.diagnostics.sampling_checks import Check, mean_error, unchecked
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics, diagnose
 from bayes_tyre.inference.sampling.run import RUNS, SamplerRun, runs_to_json
 from bayes_tyre.workflow.result_folder import write_json
@@ -183,8 +183,8 @@ def test_a_failed_check_of_the_model_fails_the_verdict():
 
 
 def test_checks_that_could_not_be_made_pass_and_are_said():
-    few = [unmade(name, 1.0, "too few points") for name in ("law", "noise_along_path")]
-    found = diagnose(with_checks(tree(), MODEL_CHECKS, [*few, unmade("cases", 1.0, "too few repeats")]))
+    few = [unchecked(name, 1.0, "too few points") for name in ("law", "noise_along_path")]
+    found = diagnose(with_checks(tree(), MODEL_CHECKS, [*few, unchecked("cases", 1.0, "too few repeats")]))
     assert found.verdict == "pass"
     said = ("law, noise_along_path: not checked: too few points", "cases: not checked: too few repeats")
     assert found.limitations == said
