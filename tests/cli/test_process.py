@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -15,6 +16,11 @@ from bayes_tyre.signals.process import process
 from bayes_tyre.workflow.raw import process as workflow
 
 
+def documented_columns() -> set[str]:
+    page = Path(__file__).parents[2] / "docs/reference/files.md"
+    return set(re.findall(r"`(\w+)`", page.read_text(encoding="utf-8")))
+
+
 def test_every_file_is_a_record_or_a_reason(processed):
     out, stdout, stderr = processed
     records, rejected = pd.read_csv(out / "records.csv"), pd.read_csv(out / "rejected.csv")
@@ -22,6 +28,7 @@ def test_every_file_is_a_record_or_a_reason(processed):
     assert set(records["record"]) == {"S(0)30-20(1)", "S(0)20-30(2)", "D(0)30-40(3)"}
     assert set(records["origin"]) == {"simulated"}
     assert {*FACTORS, "time_s", "displacement_sd_mm", "force_sd_kN", "mass_kg", "load_clarity"} <= set(records)
+    assert set(records) <= documented_columns()
     assert stderr == "".join(f"bayes-tyre: warning: {file}: {why}\n" for file, why in rejected.to_numpy())
     reasons = rejected.assign(file=[name.split("/")[-1] for name in rejected["file"]]).set_index("file")["reason"]
     assert "a step needs 5" in reasons["DynamicS(0)30-20(2).lvm"]
@@ -73,6 +80,7 @@ def test_inertia_brings_k_back_and_the_source_does_not(recordings, processed, tm
     errors = {}
     done = here("process", recordings, "--method", "thesis", "--out", tmp_path / "t.parquet", "--workers", 1)
     assert done.exit_code == 0, done.stderr
+    assert set(pd.read_parquet(tmp_path / "t.parquet")) <= documented_columns()
     for method, table in (("inertia", out / "records.csv"), ("thesis", tmp_path / "t.parquet")):
         fitted = here("lsq", table, "--out", tmp_path / method, "--bounds", "beta=:1")
         assert fitted.exit_code == 0, fitted.stderr
