@@ -2,23 +2,18 @@
 
 import re
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from helpers.command_line import assert_refused, here, printed_and_imported, tree_of
+from helpers.documented import documented_columns
 from helpers.process_recordings import FACTORS, GOOD, RIGS
 
 from bayes_tyre.formats.recordings.raw import read_raw
 from bayes_tyre.signals.factors import factors_from_name
 from bayes_tyre.signals.process import process
 from bayes_tyre.workflow.raw import process as workflow
-
-
-def documented_columns() -> set[str]:
-    page = Path(__file__).parents[2] / "docs/reference/files.md"
-    return set(re.findall(r"`(\w+)`", page.read_text(encoding="utf-8")))
 
 
 def test_every_file_is_a_record_or_a_reason(processed):
