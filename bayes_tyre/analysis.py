@@ -358,8 +358,11 @@ def cases(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
 
 
 def contrasts(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
-    """Return ratios of k and of beta between configurations and directions: the columns of `contrasts.csv`."""
-    return ratios.contrasts(put_together(posterior), _verdict(posterior), _checked(interval))
+    """Return ratios of k and of beta between configurations and directions: the columns of `contrasts.csv`.
+
+    Of a fit with ``--reference`` that configuration is below in each of its ratios, as it is in the file.
+    """
+    return _result(posterior, interval).contrasts
 
 
 def repeats(posterior: xr.DataTree, interval: float = 0.95) -> pd.DataFrame:
@@ -399,8 +402,12 @@ def figure(
         table = used_points(fitted_records(tree, check_record_table(records)), model_of(tree).region)
     from_tables = posterior.attrs["origin"] in ("published", "reconstructed")
     printed = tables.case_means() if from_tables else None
-    result = Result(tree, _verdict(posterior), table, printed, _checked(interval))
-    return NotebookFigure(chosen_figure(result, name))
+    return NotebookFigure(chosen_figure(replace(_result(posterior, interval), table=table, printed=printed), name))
+
+
+def _result(posterior: xr.DataTree, interval: float) -> Result:
+    tree = put_together(posterior)
+    return Result(tree, _verdict(posterior), interval=_checked(interval), reference=tree.attrs.get(ratios.REFERENCE))
 
 
 def predict(

@@ -199,6 +199,16 @@ def test_a_figure_is_drawn_of_the_points_and_records_that_were_fitted(monkeypatc
         bt.figure(tree, "records_with_bands", table[table["record"] != table["record"].iloc[0]])
 
 
+def test_a_figure_has_the_reference_of_the_fit(monkeypatch):
+    factors, shown = grid(), []
+    tree = posterior(scattered(factors, seed=41), factors)
+    monkeypatch.setattr(analysis, "chosen_figure", lambda result, _: shown.append(result.contrasts) or Figure())
+    bt.figure(tree, "contrasts")
+    tree.attrs["reference"] = "dual"
+    bt.figure(tree, "contrasts")
+    assert [table["contrast"].iloc[0] for table in shown] == ["dual / single", "single / dual"]
+
+
 EXAMPLES = """
 import doctest, importlib, json, pkgutil
 import bayes_tyre

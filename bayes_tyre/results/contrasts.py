@@ -22,6 +22,8 @@ COLUMNS = (
 DIRECTIONS, SAME_CASE = "loading / unloading", "same case"
 #: Where a posterior of the source's printed tables says that its data come from.
 PUBLISHED = "published"
+#: The entry of a posterior's `attrs` that names the configuration below in each of its ratios, where one was chosen.
+REFERENCE = "reference"
 
 
 class Pair(NamedTuple):

@@ -107,11 +107,12 @@ def _sheets_read(run: Mapping[str, Any]) -> dict[str, set[str | None]]:
     options, inputs = run["options"], list(run["inputs"].items())
     if options.get("columns") is not None:
         inputs = inputs[:-1]  # the column map is the last input
-    named = {str(Path(str(options[name]))) for name in ("rig", "cases") if options.get(name) is not None}
+    beside = [options.get("rig"), options.get("cases"), *options.get("rig_files", [])]
+    named = {str(Path(str(name))) for name in beside if name is not None}
     sheets: dict[str, set[str | None]] = {}
     for name, digest in inputs:
         path, sheet = split_sheet(Path(name))
-        if name not in named and path.suffix.lower() != ".toml":  # rows of a table of cases name rigs too
+        if name not in named and path.suffix.lower() != ".toml":  # rigs of rows, of a run before `rig_files`
             sheets.setdefault(str(digest), set()).add(sheet)
     return sheets
 

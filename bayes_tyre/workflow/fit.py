@@ -29,7 +29,7 @@ from bayes_tyre.record import FORCE_SCALE_SD
 from bayes_tyre.record_table import origin_of
 from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.results.columns import texts
-from bayes_tyre.results.contrasts import check_reference
+from bayes_tyre.results.contrasts import REFERENCE, check_reference
 from bayes_tyre.results.limits import OF_RECORDS, parse_limit
 from bayes_tyre.results.provenance import begin_run, read_run, sha256, versions
 from bayes_tyre.workflow.execution.resume import Callbacks, open_checkpoints
@@ -205,6 +205,8 @@ def fit_table(
     with errors_name(names(plan.records)):
         records = prepare_records(table, plan.model)
         tree = fit_hierarchical(table, settings, plan.model, records)
+    if plan.reference is not None:
+        tree.attrs[REFERENCE] = plan.reference
     prepare_folder(out)
     table = used_points(table, plan.model.region)
     callbacks.on_stage("diagnostics", None)

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from helpers.command_line import assert_refused, files_of, here, tree_of, written
+from helpers.documented import documented_columns
 from helpers.slow_tests import Tyre, campaign, on_flat_ground
 from helpers.slow_tests import path as slow_path
 
@@ -48,6 +49,10 @@ def test_it_writes_a_row_a_test_a_row_a_case_a_figure_and_says_so(folder):
     tests, cases = (read(folder / "out" / name) for name in ("load_deflection.csv", "load_deflection_cases.csv"))
     assert list(tests.columns[:4]) == ["test", "configuration", "speed_km_h", "repeat"]
     assert list(tests.columns[-3:]) == ["status", "pressure_bar", "origin"]
+    assert {name.removesuffix("_se").replace("unloading", "loading") for name in tests} - {
+        "test",
+        "pressure_bar",
+    } <= documented_columns()
     assert (len(tests), len(cases)) == (12, 4)
     assert set(cases["repeats"]) == {3}
     assert tests["status"].str.contains("beta not determined: only an upper bound").all()

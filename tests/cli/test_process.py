@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from helpers.command_line import assert_refused, here, printed_and_imported, tree_of
+from helpers.documented import documented_columns
 from helpers.process_recordings import FACTORS, GOOD, RIGS
 
 from bayes_tyre.formats.recordings.raw import read_raw
@@ -22,6 +23,7 @@ def test_every_file_is_a_record_or_a_reason(processed):
     assert set(records["record"]) == {"S(0)30-20(1)", "S(0)20-30(2)", "D(0)30-40(3)"}
     assert set(records["origin"]) == {"simulated"}
     assert {*FACTORS, "time_s", "displacement_sd_mm", "force_sd_kN", "mass_kg", "load_clarity"} <= set(records)
+    assert set(records) <= documented_columns()
     assert stderr == "".join(f"bayes-tyre: warning: {file}: {why}\n" for file, why in rejected.to_numpy())
     reasons = rejected.assign(file=[name.split("/")[-1] for name in rejected["file"]]).set_index("file")["reason"]
     assert "a step needs 5" in reasons["DynamicS(0)30-20(2).lvm"]
@@ -73,6 +75,7 @@ def test_inertia_brings_k_back_and_the_source_does_not(recordings, processed, tm
     errors = {}
     done = here("process", recordings, "--method", "thesis", "--out", tmp_path / "t.parquet", "--workers", 1)
     assert done.exit_code == 0, done.stderr
+    assert set(pd.read_parquet(tmp_path / "t.parquet")) <= documented_columns()
     for method, table in (("inertia", out / "records.csv"), ("thesis", tmp_path / "t.parquet")):
         fitted = here("lsq", table, "--out", tmp_path / method, "--bounds", "beta=:1")
         assert fitted.exit_code == 0, fitted.stderr

@@ -8,6 +8,7 @@ from helpers.command_line import assert_refused, here, written
 from helpers.quick_fits import put_a_fit_without_checks_and_figures
 from helpers.simulated_records import Plan, simulate
 
+import bayes_tyre as bt
 from bayes_tyre.workflow import fit as workflow
 
 
@@ -21,6 +22,8 @@ def test_fit_puts_the_reference_below_and_show_and_report_another(monkeypatch, t
     assert set(contrasts["contrast"]) == {"single / dual", "loading / unloading"}
     assert json.loads((out / "run.json").read_text())["options"]["reference"] == "dual"
     assert workflow.planned_in(out / "run.json", lambda _: None).reference == "dual"
+    from_python = bt.contrasts(bt.read_posterior(out))
+    pd.testing.assert_frame_equal(from_python, contrasts, check_dtype=False, check_exact=False)
     text = " ".join(done.stdout.split())
     assert "onfiguration single is" in text or "which of single and dual is stiffer" in text
     turned = " ".join(here("show", out, "--reference", "single").stdout.split())

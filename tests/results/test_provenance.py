@@ -23,6 +23,7 @@ def run(inputs: dict[str, str], **options: object) -> dict[str, object]:
         (run({"a.csv": "a", "c.csv": "c"}, cases="c.csv"), run({"b.csv": "b", "c.csv": "c"}, cases="c.csv"), False),
         (run({"a.lvm": "a", "rig.toml": "r"}), run({"b.lvm": "b", "rig.toml": "r"}), False),
         (run({"a.lvm": "a", "rig.toml": "r"}, rig="rig.toml"), run({"a.lvm": "a"}), True),
+        (run({"a.lvm": "a", "r": "r"}, rig_files=["r"]), run({"b.lvm": "b", "r": "r"}, rig_files=["r"]), False),
     ],
 )
 def test_only_inputs_with_records_count(one, other, shared):

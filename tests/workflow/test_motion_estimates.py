@@ -46,6 +46,7 @@ def test_rig_files_of_the_cases_are_inputs_and_say_how_accurate_they_are(monkeyp
     plan = MotionPlan(SamplerSettings(), cases=tmp_path / "cases.csv")
     found = estimate_files(files, plan, Machines(1, None, False), tmp_path / "out", lambda done: None)
     assert found.rig_files == (tmp_path / "mine.toml",)
+    assert found.began is not None
     inputs, known = [], {}
 
     def begun(call, options, seed, files, origin):
@@ -57,10 +58,24 @@ def test_rig_files_of_the_cases_are_inputs_and_say_how_accurate_they_are(monkeyp
     with pytest.raises(InterruptedError):
         fit_estimates(found, plan, tmp_path / "out", [])
     assert inputs == [*files, tmp_path / "mine.toml", tmp_path / "cases.csv"]
+    assert known["rig_files"] == [str(tmp_path / "mine.toml")]
     assert (known["force_scale_sd"], known["displacement_scale_sd"]) == (0.01, 0.005)  # of the least accurate rig
     with pytest.raises(InterruptedError):
         fit_estimates(found, replace(plan, force_scale_sd=0.02), tmp_path / "out", [])
     assert (known["force_scale_sd"], known["displacement_scale_sd"]) == (0.02, 0.005)
+
+
+def test_the_time_of_a_run_is_counted_from_the_first_estimate(monkeypatch, tmp_path):
+    runs = []
+
+    def opened(out, run, *_, **__):
+        runs.append(run)
+        raise InterruptedError
+
+    monkeypatch.setattr(motion, "open_checkpoints", opened)
+    with pytest.raises(InterruptedError):
+        fit_estimates(replace(estimated(), began=1.5), MotionPlan(SamplerSettings()), tmp_path, [])
+    assert runs[0].began == 1.5
 
 
 @pytest.mark.parametrize("name", ["force_scale_sd", "displacement_scale_sd"])

@@ -49,6 +49,8 @@ class Section(NamedTuple):
         Of names and rows.
     valid_for:
         The channel whose X values the notes guarantee; empty where they name none.
+    units:
+        Of the columns, where a row of units stands below the names; empty where none does.
     """
 
     header: dict[str, list[str]]
@@ -57,6 +59,7 @@ class Section(NamedTuple):
     stop: int
     separator: str
     valid_for: str
+    units: tuple[str, ...] = ()
 
 
 def is_row(line: bytes) -> bool:

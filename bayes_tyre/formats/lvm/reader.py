@@ -28,7 +28,7 @@ from bayes_tyre.formats.lvm.roles import COMMENT, Roles, find_roles, is_x, last_
 from bayes_tyre.formats.lvm.source import Source, as_text
 from bayes_tyre.formats.lvm.table import Numbers, Rows, read_numbers
 from bayes_tyre.formats.lvm.tail import end_of_whole_rows
-from bayes_tyre.formats.x_column import grows, is_time, seconds_per_unit
+from bayes_tyre.formats.x_column import grows, is_time, seconds_per_unit, unit_in
 from bayes_tyre.plain_text import quoted
 from bayes_tyre.record import Channel, RawSignals
 
@@ -177,7 +177,7 @@ def _channels(
         roles = find_roles(names, len(names), (header.get("X_Columns") or [""])[0])
     else:
         roles = _plain_roles(names, columns)
-        if roles.x[:1] == (0,) and (factor := seconds_per_unit(names[0])) != 1:
+        if roles.x[:1] == (0,) and (factor := seconds_per_unit(names[0], "".join(section.units[:1]))) != 1:
             columns = [columns[0] * factor, *columns[1:]]
             warnings.append(f"X {quoted(names[0])} turned into seconds")
     if None in roles.x and is_x(names[0]) and not np.isnan(columns[0]).all():
@@ -185,6 +185,11 @@ def _channels(
             raise source.fault(section.start, "rows lack the blank X cell that the header promises; mend the file")
         warnings.append("the header says there is no X, yet its column holds numbers: time is from X0 and Delta_X")
     headers = channel_headers(header, roles)
+    if not header:
+        units = [*section.units, *[""] * len(names)]
+        headers = [
+            one._replace(unit=units[i] or unit_in(names[i])) for one, i in zip(headers, roles.channels, strict=True)
+        ]
     x_digits = {x: last_digit(_last_cells(source, section, x)) for x in set(roles.x) if x is not None and header}
     channels, more = build_channels(names, roles, columns, headers, section.valid_for, x_digits)
     return channels, [*warnings, *more, *_against_header(header, channels)]

@@ -38,7 +38,8 @@ class Dialect(NamedTuple):
     """How one CSV file is written.
 
     `header` holds the names as written, after `above` lines of preamble; `units` those of a row of units, which is row
-    `units_row` of those that follow the preamble, counted from 0; `first_line` that of the first row, counted from 1.
+    `units_row` of those that follow the preamble, counted from 0; `first_line` that of the first row, counted from 1. A
+    row with a cell of several lines counts as one line, as in a spreadsheet.
     """
 
     encoding: str
@@ -75,13 +76,13 @@ def find_dialect(path: Path, layout: Layout | None = None) -> Dialect:
         _checked_line(path, lines_below(lines, above))
         separator = _separator(lines_below(lines, above))
         reader = csv.reader(lines_below(lines, above), delimiter=separator)
-        filled = ((i, row, above + reader.line_num) for i, row in enumerate(reader) if "".join(row).strip())
-        _, names, line = next(filled, (0, [], above))
+        filled = ((i, row) for i, row in enumerate(reader) if "".join(row).strip())
+        at, names = next(filled, (-1, []))
         _check_names(path, names)
-        header = Dialect(encoding, separator, tuple(names), above, line + 1)
-        below, cells, line = next(filled, (0, [], 0)) if layout is not None else (0, [], 0)
+        header = Dialect(encoding, separator, tuple(names), above, above + at + 2)
+        below, cells = next(filled, (0, [])) if layout is not None else (0, [])
     units = units_in(cells, layout is not None and layout.any_units)
-    return header._replace(units=units, units_row=below, first_line=line + 1) if units else header
+    return header._replace(units=units, units_row=below, first_line=above + below + 2) if units else header
 
 
 def _checked_line(path: Path, lines: TextIO) -> str:
@@ -181,8 +182,7 @@ def blank_lines_in(path: Path, dialect: Dialect, rows: int) -> list[int]:
     with path.open(encoding=dialect.encoding, newline="") as lines:
         reader = csv.reader(lines_below(lines, dialect.above), delimiter=dialect.separator)
         # As pandas has it: a line of separators is a row, though its cells are blank.
-        rows_read = enumerate(reader, dialect.above + 1)  # a cell of several lines is in one row of a spreadsheet
-        at = (line for line, row in rows_read if len(row) > 1 or "".join(row).strip())
+        at = (line for line, row in enumerate(reader, dialect.above + 1) if len(row) > 1 or "".join(row).strip())
         return blank_lines([line for line in at if line >= dialect.first_line], dialect.first_line)
 
 
@@ -190,10 +190,10 @@ def first_long_row(path: Path, dialect: Dialect) -> str:
     """Return what is wrong with the first row that holds more cells than the header; empty where none does."""
     with path.open(encoding=dialect.encoding, newline="") as lines:
         reader = csv.reader(lines_below(lines, dialect.above), delimiter=dialect.separator)
-        rows = (row for i, row in enumerate(reader) if "".join(row).strip() and i != dialect.units_row)
-        next(rows, None)
-        for i, row in enumerate(rows, start=1):
+        filled = ((at, row) for at, row in enumerate(reader) if "".join(row).strip() and at != dialect.units_row)
+        next(filled, None)
+        for i, (at, row) in enumerate(filled, start=1):
             if len(row) > len(dialect.names):
-                line = dialect.above + reader.line_num
+                line = dialect.above + at + 1
                 return f"row {i} (line {line}) holds {len(row)} cells, the header {len(dialect.names)}"
     return ""

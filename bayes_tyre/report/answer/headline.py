@@ -29,7 +29,8 @@ _FAILED = "Not to be relied on, for the fit failed its checks: "
 
 def headline(result: Reported) -> tuple[str, str]:
     """Return the two sentences, plain text; hedged where the data do not tell, and where the verdict is fail."""
-    first = _comparison(result) if len(result.configurations) > 1 else f"{_levels(result)}."
+    alone = f"; no configuration is there to compare with {label(result.reference)}" if result.reference else ""
+    first = _comparison(result) if len(result.configurations) > 1 else f"{_levels(result)}{alone}."
     if clause := prior_clause(result):
         first = f"{first.removesuffix('.')}; but {clause}."
     second = losses_answer(result) if result.of_motions else _directions(result)

@@ -1,6 +1,7 @@
 """Raw files in; the posterior of tyre, mass and damping from the motion itself out, a folder as `fit` writes it."""
 
 import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -126,6 +127,8 @@ class Estimated:
         Readings and fitted motion of a few records; None where they are not kept.
     rig_files:
         Those that rows of the table of cases name.
+    began:
+        When the first was begun, by `time.monotonic`; None: not known.
     """
 
     table: pd.DataFrame
@@ -135,6 +138,7 @@ class Estimated:
     middles: list[Middle]
     shown: pd.DataFrame | None = None
     rig_files: tuple[Path, ...] = ()
+    began: float | None = None
 
     @property
     def origin(self) -> str:
@@ -153,7 +157,7 @@ def estimate_files(
         If rig, cases, cluster or `out` are of no use, or, to resume, a result there has another law or rig, before the
         work; if no file is of use, after `rejected.csv` was written.
     """
-    law = motion_law(plan.law)
+    law, began = motion_law(plan.law), time.monotonic()
     check_folder(out)
     if machines.resume:
         _refuse_other_estimates(out, plan)
@@ -183,7 +187,7 @@ def estimate_files(
     ]
     shown = shown_motions([part for _, _, part in estimates])
     rig_files = tuple(dict.fromkeys(task.rig_file for _, task, _ in estimates if task.rig_file is not None))
-    return Estimated(table, motions, rows, [file for file, _, _ in estimates], middles, shown, rig_files)
+    return Estimated(table, motions, rows, [file for file, _, _ in estimates], middles, shown, rig_files, began)
 
 
 def fit_estimates(
@@ -213,7 +217,10 @@ def fit_estimates(
     plan = plan.with_scales_of([middle.rig for middle in estimated.middles])
     callbacks, origin = callbacks or Callbacks(), estimated.origin
     inputs = [*estimated.files, *estimated.rig_files, *_files_of_options(plan)]
-    run = begin_run(command, plan.options, plan.sampler.seed, inputs, origin)
+    of_rows = {"rig_files": [str(path) for path in estimated.rig_files]} if estimated.rig_files else {}
+    run = begin_run(command, {**plan.options, **of_rows}, plan.sampler.seed, inputs, origin)
+    if estimated.began is not None:
+        run = replace(run, began=estimated.began)
     checkpoints = open_checkpoints(out, run, callbacks, resume, overwrite=True)  # the estimates are cached
     if isinstance(checkpoints, Diagnostics):
         return checkpoints

@@ -203,6 +203,28 @@ def test_no_header(path, dialect):
     assert all(one.declared_samples is None for one in raw.segments[0])
 
 
+@pytest.mark.parametrize("separator", ["\t", ";", ",", " "])
+@pytest.mark.parametrize(
+    "time", ["Time", "acc"]
+)  # one that is the name of a line of headers, and X known by its growth
+def test_units_stand_below_the_names_of_a_file_without_a_header(path, separator, time):
+    rows = [[time, "disp", "load (N)"], ["[ms]", "mm", "kN"], ["0.0", "1.5", "2.5"], ["1.0", "1.25", "3.5"]]
+    raw = read(path, "\n".join(separator.join(cell.replace(" ", "_") for cell in row) for row in rows) + "\n")
+    times = [0.0, 0.001]
+    assert table(raw) == [("disp", times, [1.5, 1.25]), ("load_(N)", times, [2.5, 3.5])]
+    assert [one.unit for one in raw.segments[0]] == ["mm", "kN"]
+    assert raw.warnings == (f"X {time!r} turned into seconds",)
+
+
+def test_units_in_the_names_of_a_file_without_a_header(path):
+    raw = read(path, "t\tdisp\tload (N)\n0.0\t1.5\t2.5\n0.5\t1.25\t3.5\n")
+    assert [one.unit for one in raw.segments[0]] == ["", "N"]
+
+
+def test_two_lines_above_the_rows_that_are_no_names_and_units_are_refused(path):
+    assert "no header, and no rows of numbers" in refusal(path, "t\tdisp\n12\tmm\n0.0\tx\n0.5\t1.25\n1.0\t1.5\n")
+
+
 def test_no_header_and_one_column(path):
     assert table(read(path, FILES["plain one column"])) == [("column 1", [0.0, 1.0, 2.0], [1.5, 1.25, 3.5])]
 

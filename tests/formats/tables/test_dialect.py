@@ -8,7 +8,7 @@ import pytest
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.tables.dialect import find_dialect
-from bayes_tyre.formats.tables.header import units_in
+from bayes_tyre.formats.tables.header import Layout, units_in
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.record_table import check_record_table
 from bayes_tyre.signals.load_deflection import check_load_deflection
@@ -142,6 +142,18 @@ def test_decimal_commas_without_quotes_between_commas_are_refused_by_row(tmp_pat
     message = refusal(write(tmp_path / "records.csv", "record,displacement_mm,force_kN\nr,1,2\nr,1,5,2\n"))
     assert "row 2 (line 3) holds 4 cells, the header 3; mend the row" in message
     assert "semicolons" in message
+
+
+@pytest.mark.parametrize("above", ["", "Pruefstand 3\n"])
+@pytest.mark.parametrize("units", ["", ";mm;kN;\n"])
+def test_a_cell_of_several_lines_is_in_one_line_of_a_spreadsheet(above, units, tmp_path):
+    head = f'{above}record;displacement_mm;force_kN;"What was\nseen"\n{units}'
+    first, line = 'r;1,5;2,5;"cold\nand wet"\n\n', 4 + bool(above) + bool(units)
+    layout = Layout(["record", "displacement_mm", "force_kN"].__contains__)
+    with pytest.raises(BadInput, match=rf"row 2 \(line {line}\), record 'r', column force_kN"):
+        check_record_table(read_table(write(tmp_path / "a.csv", f"{head}{first}r;2,5;n/a;\n"), layout))
+    with pytest.raises(BadInput, match=rf"row 2 \(line {line}\) holds 5 cells, the header 4"):
+        read_table(write(tmp_path / "b.csv", f"{head}{first}r;2,5;3,5;;1\n"), layout)
 
 
 @pytest.mark.parametrize("decimal", [",", "."])

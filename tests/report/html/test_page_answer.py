@@ -77,6 +77,8 @@ def test_one_configuration_and_one_direction(away):
     assert first.startswith("The stiffness k is 1.6")
     assert "kN/mm for only in loading (95 % interval" in first
     assert second.startswith("Loading against unloading: over the same span of load, loading is 10 % stiffer")
+    referred, _ = headline(one.referred_to("only"))
+    assert referred.endswith("; no configuration is there to compare with only.")
     down = factor_table[factor_table["direction"] == "unloading"].reset_index(drop=True)
     assert headline(made(away / "down", {"only": 1.5}, factor_table=down))[1] == (
         "All steps are unloading, so loading cannot be compared."

@@ -22,6 +22,9 @@ _OFF_STEP = 0.1
 #: Least part of the differences that are one step, of those that are several, and of third differences above half a
 #: step, which no smooth plan has, where no reading is repeated.
 _MIXED = 0.1
+#: Fewest times that the differences turn from growing to falling or back: those of a plan that is fine, then coarse,
+#: then fine again do so once, those of a converter again and again.
+_LEAST_TURNS = 3
 #: Fewest readings that repeat an earlier one: a row or two may be in a table twice.
 _LEAST_REPEATED = 3
 #: Largest part of the changes that go against the motion: where more do, noise changes the reading, not the motion.
@@ -40,7 +43,10 @@ def converter_step_mm(batch: Batch) -> Float[np.ndarray, " records"]:
         # Spacings of a plan may be multiples of one too: those of a converter repeat readings, or mix its steps. The
         # squares 0, 1, 4, 9, ... do too, but no rounding is in them.
         rounded = np.abs(np.diff(displacement[present], n=3)) > least / 2.0
+        bends = np.sign(np.round(np.diff(displacement[present], n=2) / least))
+        turns = np.sum(np.diff(bends[bends != 0]) != 0)
         mixed = np.mean(rounded) > _MIXED and _MIXED < np.mean(multiples == 1) < 1.0 - _MIXED
+        mixed = mixed and turns >= _LEAST_TURNS
         repeated = np.sum(present) - len(apart) - 1 >= _LEAST_REPEATED
         if (mixed or repeated) and np.abs(apart / least - multiples).max() < _OFF_STEP:
             steps[record] = least

@@ -57,6 +57,8 @@ def test_the_step_of_a_converter_is_found(step, slower, seed):
         np.r_[np.random.default_rng(1).uniform(0.0, 2.0, 80), 0.5, 0.5],
         np.r_[np.linspace(0.0, 2.0, 41), 2.0],  # the last row twice
         np.r_[np.linspace(0.0, 1.0, 50, endpoint=False), np.linspace(1.0, 5.0, 41)],  # finer near the start
+        np.r_[np.linspace(0.0, 0.1, 10, endpoint=False), np.linspace(0.1, 0.3, 11)],  # likewise, of few points
+        np.cumsum(np.repeat([0.01, 0.1, 0.02], 5)),  # finer at both ends
     ],
 )
 def test_a_displacement_that_is_smooth_or_evenly_spaced_has_no_step(displacement):
