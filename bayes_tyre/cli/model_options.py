@@ -5,9 +5,10 @@ from typing import Annotated, Literal
 
 import typer
 
-#: Force laws that a motion can be fitted with: Fancher's, those that extend it and their average; and all of them.
+#: Force laws that a motion can be fitted with: Fancher's, those that extend it and their average; and all of them, with
+#: the average over a campaign.
 FancherLaw = Literal["fancher", "relaxing", "speed_friction", "stiffening", "two_yields", "auto"]
-MotionLaw = Literal["fancher", "kelvin_voigt", "bouc_wen", "maxwell_slip", "rigid_ring", FancherLaw]
+MotionLaw = Literal["fancher", "kelvin_voigt", "bouc_wen", "maxwell_slip", "rigid_ring", FancherLaw, "auto_campaign"]
 RegionOption = Annotated[
     Literal["all", "thesis"],
     typer.Option(help="all: all points of each record; thesis: its first 70 %, as in the source."),

@@ -135,7 +135,7 @@ def _motions(rig: Rig, plans: list[Planned], estimates: list[MotionEstimate], la
         moments = estimate.log_mean, estimate.log_covariance
         prior = np.asarray(estimate.window.prior)
         likelihood = likelihood_of(rig, *moments, prior, trusted=not estimate.status, law=law)
-        constant = log_constant(rig, likelihood, estimate.window, estimate.log_evidence)
+        constant = log_constant(rig, likelihood, prior, estimate.log_evidence)
         mean, covariance = hierarchy_moments(*moments, law)
         rows.append((*likelihood, mean, np.diag(covariance), constant, estimate.effective_draws))
     directions, target, mean, variance, constant, effective = map(np.array, zip(*rows, strict=True))

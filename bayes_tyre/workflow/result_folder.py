@@ -23,6 +23,7 @@ from bayes_tyre.report.html.figures import HEADINGS
 from bayes_tyre.results import summary
 from bayes_tyre.results.derived import with_derived
 from bayes_tyre.results.figure_data.motion_traces import MOTIONS_CSV
+from bayes_tyre.results.law_weights import LAWS_CSV
 from bayes_tyre.results.provenance import RUN_JSON, Run, write_json, write_run
 from bayes_tyre.workflow.drawing import Begin, drawing_process
 from bayes_tyre.workflow.execution.resume import Callbacks
@@ -36,7 +37,7 @@ _ABOUT_OLDER = (
     *("prediction.csv", "prediction.toml", COMPARISON, "comparison_records.csv", "comparison_cases.csv"),
 )
 #: Tables that a result of motions has.
-_OF_MOTIONS = {"estimates.csv", MOTIONS_CSV}
+_OF_MOTIONS = {"estimates.csv", MOTIONS_CSV, LAWS_CSV}
 #: Fewest records of a result whose figures are drawn by a process of their own: it takes seconds to start.
 DRAWN_APART = 48
 

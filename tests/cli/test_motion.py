@@ -276,3 +276,22 @@ def test_an_average_over_laws_has_their_weights_and_says_them(raw, tmp_path, mon
     limitations = json.loads((tmp_path / "out" / "diagnostics.json").read_text())["limitations"]
     assert any("in the mean of 2 records relaxing 1.00" in one for one in limitations)
     assert json.loads((tmp_path / "out" / "run.json").read_text())["options"]["law"] == "auto"
+    laws = pd.read_csv(tmp_path / "out" / "laws.csv")
+    assert laws["law"].tolist()[0] == "relaxing"
+    np.testing.assert_allclose(laws["weight_by_record"], estimates[[f"weight_{law}" for law in laws["law"]]].mean())
+
+    # The same estimates, not fitted again, weighted by all records.
+    monkeypatch.setattr(motion_estimates, "_done", lambda task: pytest.fail("was fitted again"))
+    further = ["--out", tmp_path / "out", *FEW, "--law", "auto_campaign", "--resume"]
+    pooled = here("motion", *(raw / name for name in GOOD), *further)
+    assert pooled.exit_code == 0, pooled.stderr
+    assert pd.read_csv(tmp_path / "out" / "laws.csv").equals(laws)
+    by_all = pd.read_csv(tmp_path / "out" / "estimates.csv")
+    # Each record is ahead by 10, which four other laws share: 2 of weight e^-20 are left to Fancher's.
+    np.testing.assert_allclose(by_all["k_kN_per_mm"] / estimates["k_kN_per_mm"], 1.05, rtol=1e-6)
+    assert by_all["weight_relaxing"].tolist() == [1.0, 1.0]
+    said = "over 2 records"
+    assert said in json.loads((tmp_path / "out" / "diagnostics.json").read_text())["limitations"][0]
+    assert said in " ".join(pooled.stdout.split())
+    other = here("motion", raw / GOOD[0], "--out", tmp_path / "out", *FEW, "--law", "relaxing", "--resume")
+    assert_refused(other.exit_code, other.stderr, "option law was auto_campaign, is relaxing")

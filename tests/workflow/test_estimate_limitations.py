@@ -6,6 +6,7 @@ import pytest
 from helpers.hand_made_posteriors import grid
 
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
+from bayes_tyre.results.law_weights import Evidence, laws_table
 from bayes_tyre.workflow.raw.estimate_limitations import with_estimates
 
 FACTORS = grid(repeats=2, speeds=(0.0,))
@@ -59,11 +60,24 @@ def test_a_force_that_is_left_out_is_said_with_what_it_does_to_standard_errors()
 
 def test_the_laws_of_an_average_are_said_with_their_weights():
     table = estimates().assign(weight_fancher=0.25, weight_relaxing=0.75)
-    (said,) = with_estimates(SOUND, table, 0).limitations[1:]
+    said, before = with_estimates(SOUND, table, 0).limitations
+    assert before == "said before"
     assert f"in the mean of {len(FACTORS)} records relaxing 0.75, fancher 0.25" in said
     assert "--law relaxing" in said
-    (plain,) = with_estimates(SOUND, estimates().assign(weight_fancher=0.75, weight_relaxing=0.25), 0).limitations[1:]
-    assert "--law" not in plain
+    plain, _ = with_estimates(SOUND, estimates().assign(weight_fancher=0.75, weight_relaxing=0.25), 0).limitations
+    assert "with --law relaxing" not in plain
+
+
+def test_the_weights_of_all_records_are_said_instead_where_they_are_those_of_the_estimates():
+    names = ("fancher", "relaxing")
+    logs = np.array([[0.0, 9.0], [0.0, 11.0], [0.0, 10.0]])
+    of_dual = np.repeat("dual", 3)
+    laws = laws_table(Evidence(names, logs, np.isfinite(logs), np.full(logs.shape, 0.5), of_dual), "simulated")
+    table = estimates().assign(weight_fancher=0.25, weight_relaxing=0.75)
+    said, _ = with_estimates(SOUND, table, 0, laws).limitations
+    assert "of dual, over 3 records rubber that relaxes (relaxing) carried 1.00 of the weight: 3 prefer it" in said
+    assert said.endswith("see laws.csv")
+    assert "record by record" not in said
 
 
 def test_files_without_an_estimate_are_counted():

@@ -18,8 +18,8 @@ from bayes_tyre.inference.motion.record.model.window import Window
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.workflow.execution.batch import Machines
 from bayes_tyre.workflow.raw import motion, motion_estimates
+from bayes_tyre.workflow.raw.estimate_columns import columns
 from bayes_tyre.workflow.raw.motion import Estimated, MotionPlan, estimate_files, fit_estimates
-from bayes_tyre.workflow.raw.motion_estimates import columns
 
 FACTORS = grid(repeats=2, speeds=(0.0,))
 
@@ -41,7 +41,8 @@ def test_rig_files_of_the_cases_are_inputs_and_say_how_accurate_they_are(monkeyp
     made = estimated()
     table = made.table.iloc[:3].assign(displacement_mm=5.0)
     monkeypatch.setattr(motion, "run_batch", lambda estimate, tasks, *_: [task.file for task in tasks])
-    monkeypatch.setattr(motion, "read_estimates", lambda parts, law: (table, made.motions))
+    monkeypatch.setattr(motion, "read_parts", lambda parts: table)
+    monkeypatch.setattr(motion, "estimates_of", lambda table, law: (table, made.motions))
     monkeypatch.setattr(motion, "shown_motions", lambda parts: None)
     plan = MotionPlan(SamplerSettings(), cases=tmp_path / "cases.csv")
     found = estimate_files(files, plan, Machines(1, None, False), tmp_path / "out", lambda done: None)
@@ -89,7 +90,7 @@ def test_columns_are_those_of_the_law():
     assert {"relaxing_share", "relaxation_s_se"} <= set(columns(MOTION_LAWS["relaxing"]))
     auto = MOTION_LAWS["auto"]
     assert [name for name in columns(auto) if name not in columns(FANCHER)] == [
-        f"weight_{law}" for law in auto.averaged
+        f"{prefix}{law}" for prefix in ("weight_", "log_evidence_") for law in auto.averaged
     ]
 
 

@@ -28,7 +28,11 @@ def motion(
     rig: RigName = None,
     cases: CasesTable = None,
     law: Annotated[
-        MotionLaw, typer.Option(help="Force law of the tyre; auto averages over Fancher's and its extensions.")
+        MotionLaw,
+        typer.Option(
+            help="Force law of the tyre; auto averages over Fancher's and its extensions, record by record, and "
+            "auto_campaign over all records of a configuration."
+        ),
     ] = "fancher",
     amplitude: Annotated[
         float,
@@ -70,7 +74,8 @@ def motion(
     stiffness. compare says which of them predicts the same files best. Four extend Fancher's law, with the same
     parameters: rubber that relaxes (relaxing), friction that changes with speed (speed_friction), stiffness that grows
     with deflection (stiffening), two yield displacements (two_yields). auto fits these and Fancher's, and averages them
-    record by record, weighted by their evidence.
+    record by record, weighted by their evidence; auto_campaign weights all records of a configuration alike, by the
+    sum of their evidence, for a tyre has one law. With either laws.csv has the sums, and which law carried the weight.
 
     Each raw file is fitted by itself, its motion simulated through step and ring-down; the estimates with their
     covariances then go into one hierarchy. Writes what fit writes (--xlsx likewise), and estimates.csv (a row a record)

@@ -116,6 +116,9 @@ class MotionLaw(eqx.Module):
         without them.
     averaged:
         Names of the laws that a record's estimate is averaged over, by their evidence; empty: it is of this law.
+    pools:
+        Name of the average whose records' estimates are weighted anew, by the evidence of all records of a
+        configuration; empty: they stay.
     """
 
     name: str = eqx.field(static=True)
@@ -124,6 +127,12 @@ class MotionLaw(eqx.Module):
     law: Callable[..., StatefulLaw] = eqx.field(static=True)
     extensions: tuple[str, ...] = eqx.field(static=True, default=())
     averaged: tuple[str, ...] = eqx.field(static=True, default=())
+    pools: str = eqx.field(static=True, default="")
+
+    @property
+    def of_records(self) -> str:
+        """Name of the law that each record by itself is fitted by."""
+        return self.pools or self.name
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -184,7 +193,8 @@ _EXTENDED = {
     "stiffening": ("growth_per_mm",),
     "two_yields": ("yield_spread",),
 }
-#: Laws by name, the thesis's first; those that extend it, and their average, last.
+_AVERAGED = (FANCHER.name, *_EXTENDED)
+#: Laws by name, the thesis's first; those that extend it, and their averages, last.
 MOTION_LAWS: dict[str, MotionLaw] = {
     law.name: law
     for law in (
@@ -194,7 +204,8 @@ MOTION_LAWS: dict[str, MotionLaw] = {
         MotionLaw("maxwell_slip", _FRICTION, _FRICTION, MaxwellSlip),
         MotionLaw("rigid_ring", _RING, _RING, RigidRing),
         *(MotionLaw(name, _FRICTION, _REPORTED, Fancher, own) for name, own in _EXTENDED.items()),
-        MotionLaw("auto", _FRICTION, _REPORTED, Fancher, averaged=(FANCHER.name, *_EXTENDED)),
+        MotionLaw("auto", _FRICTION, _REPORTED, Fancher, averaged=_AVERAGED),
+        MotionLaw("auto_campaign", _FRICTION, _REPORTED, Fancher, averaged=_AVERAGED, pools="auto"),
     )
 }
 

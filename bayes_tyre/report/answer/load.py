@@ -12,6 +12,7 @@ from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.record import CASE_FACTORS
 from bayes_tyre.results.columns import numbers, texts
 from bayes_tyre.results.contrasts import check_reference, with_reference
+from bayes_tyre.results.law_weights import LAWS_CSV
 from bayes_tyre.results.provenance import RUN_JSON
 
 VERDICTS = ("pass", "fail")
@@ -19,6 +20,8 @@ VERDICTS = ("pass", "fail")
 MEAN = "_mean"
 TABLES = ("summary", "cases", "contrasts", "repeats")
 _NUMBERS = ("median", "lower", "upper", "interval")
+#: The numbers of `laws.csv` that the page shows.
+LAW_NUMBERS = ("weight", "weight_by_record", "preferred", "log_evidence_difference", "difference_se", "records")
 #: What no table of the name can do without.
 _NEEDED = {
     "summary": ("parameter", *_NUMBERS),
@@ -49,6 +52,8 @@ class Reported:
         `run.json` and `diagnostics.json`.
     summary, cases, contrasts, repeats:
         The tables of these names: factors as text (empty where missing), numbers as float (NaN where missing).
+    laws:
+        `laws.csv` of an average over force laws; None of another result.
     reference:
         The configuration that others are compared with, the lower one of their ratios; empty where none was named.
     """
@@ -60,6 +65,7 @@ class Reported:
     cases: pd.DataFrame
     contrasts: pd.DataFrame
     repeats: pd.DataFrame
+    laws: pd.DataFrame | None = None
     reference: str = ""
 
     @property
@@ -135,7 +141,8 @@ def read_reported(folder: Path, name: str, run: dict[str, Any] | None = None) ->
     if diagnostics["verdict"] not in VERDICTS:
         raise BadInput(f"{folder / 'diagnostics.json'}: does not say a verdict; run fit again")
     tables = {table: _table(folder / f"{table}.csv", table) for table in TABLES}
-    return Reported(name, run, diagnostics, **tables, reference=str(run["options"].get("reference") or ""))
+    laws = _laws(folder / LAWS_CSV) if (folder / LAWS_CSV).is_file() else None
+    return Reported(name, run, diagnostics, **tables, laws=laws, reference=str(run["options"].get("reference") or ""))
 
 
 def _object(path: Path, needed: dict[str, Any]) -> dict[str, Any]:
@@ -149,6 +156,14 @@ def _object(path: Path, needed: dict[str, Any]) -> dict[str, Any]:
     if not complete:
         raise BadInput(f"{path}: is not what fit writes; run fit again")
     return content
+
+
+def _laws(path: Path) -> pd.DataFrame:
+    read = read_table(path)
+    if missing := [column for column in ("law", *LAW_NUMBERS) if column not in read]:
+        raise BadInput(f"{path}: is not what motion writes: no column {missing[0]}; run motion again")
+    factors = {column: texts(read, column) for column in ("configuration", "law")}
+    return pd.DataFrame({**factors, **{column: numbers(read, column) for column in LAW_NUMBERS}})
 
 
 def _table(path: Path, name: str) -> pd.DataFrame:

@@ -72,6 +72,8 @@ def document(parts: Sequence[Part], comparisons: Sequence[Comparison] = (), head
     made = [tables.means_table, tables.contrasts_table, tables.cases_table, tables.repeats_table]
     if any(result.of_motions for result in results):
         made.insert(3, tables.losses_table)
+    if any(result.laws is not None for result in results):
+        made.append(tables.laws_table)
     means, *long_tables = [make(results) for make in made]
     return rendered(
         "report.html.j2",

@@ -8,7 +8,7 @@ import pandas as pd
 
 from bayes_tyre.record import CASE_FACTORS, FACTORS, RING_DOWN_MM
 from bayes_tyre.report.answer.formatting import given, label, rounded
-from bayes_tyre.report.answer.load import MEAN, Reported
+from bayes_tyre.report.answer.load import LAW_NUMBERS, MEAN, Reported
 from bayes_tyre.report.answer.losses import losses_tables
 from bayes_tyre.report.wording import probability_text, text_name
 
@@ -23,6 +23,16 @@ HEADINGS = {
     "repeat": ("repeat", "", True),
     "contrast": ("contrast", "", False),
     "matching": ("matched by", "", False),
+    "law": ("force law", "", False),
+}
+#: What the numbers of `laws.csv` are called, and how they are shown.
+_OF_LAWS: dict[str, tuple[str, Callable[[float], str]]] = {
+    "weight": ("weight by all records", probability_text),
+    "weight_by_record": ("mean weight by record", probability_text),
+    "preferred": ("records that prefer it", given),
+    "log_evidence_difference": ("log evidence less the best law's", rounded),
+    "difference_se": ("standard error over records", rounded),
+    "records": ("records in the sum", given),
 }
 
 
@@ -108,6 +118,14 @@ def contrasts_table(results: Sequence[Reported]) -> Table:
     return _table("contrasts", caption, results, [each.contrasts for each in results], factor_names, _ratios)
 
 
+def laws_table(results: Sequence[Reported]) -> Table:
+    """Return the weights of force laws, of results that average over them."""
+    nothing = pd.DataFrame({name: pd.Series(dtype=object) for name in ("configuration", "law", *LAW_NUMBERS)})
+    tables = [(nothing if each.laws is None else each.laws).assign(parameter="law") for each in results]
+    caption = "Force laws: how far the records of each configuration prefer them, one by one and together"
+    return _table("laws", caption, results, tables, ("configuration", "law"), _weights)
+
+
 def repeats_table(results: Sequence[Reported]) -> Table:
     """Return the parameters of each record, and the probability that it is an outlier, of results that judge it."""
     judged = [_judges(each.repeats) for each in results]
@@ -133,13 +151,17 @@ def _of_repeats(parameter: str, rows: pd.DataFrame) -> list[_Measure]:
     return [*([outlier] if rows.attrs["first"] == parameter and _judges(rows) else []), *_values(parameter, rows)]
 
 
+def _weights(_: str, __: pd.DataFrame) -> list[_Measure]:
+    return [_Measure(heading, "", _only(name, show)) for name, (heading, show) in _OF_LAWS.items()]
+
+
 def _judges(repeats: pd.DataFrame) -> bool:
     """Return whether any record has an outlier probability: a column without one would say nothing."""
     return bool(repeats["outlier_probability"].notna().any())
 
 
-def _only(column: str) -> Callable[[pd.Series], Cell]:
-    return lambda row: number(row[column], probability_text)
+def _only(column: str, show: Callable[[float], str] = probability_text) -> Callable[[pd.Series], Cell]:
+    return lambda row: number(row[column], show)
 
 
 def _with_interval(row: pd.Series) -> Cell:

@@ -8,7 +8,8 @@ from bayes_tyre.inference.motion.laws import FANCHER
 from bayes_tyre.inference.motion.record.likelihood import WIDENED
 from bayes_tyre.plain_text import listed
 from bayes_tyre.record import LAW_PARAMETERS, parameter_column
-from bayes_tyre.workflow.raw.motion_estimates import FORCE_PERCENT, MODE_HZ, OK, WEIGHT, WITHOUT_FORCE
+from bayes_tyre.results.law_weights import LAWS_CSV, sentence
+from bayes_tyre.workflow.raw.estimate_columns import FORCE_PERCENT, MODE_HZ, OK, WEIGHT, WITHOUT_FORCE
 from bayes_tyre.workflow.raw.raw_records import REJECTED
 
 ESTIMATES = "estimates.csv"
@@ -16,7 +17,9 @@ ESTIMATES = "estimates.csv"
 _NAMED = 3
 
 
-def with_estimates(diagnostics: Diagnostics, table: pd.DataFrame, rejected: int) -> Diagnostics:
+def with_estimates(
+    diagnostics: Diagnostics, table: pd.DataFrame, rejected: int, laws: pd.DataFrame | None = None
+) -> Diagnostics:
     """Return the verdict with the limitations of the records' estimates.
 
     An estimate that failed its check is kept, for to drop records that do not fit is to choose the result; it is
@@ -28,8 +31,11 @@ def with_estimates(diagnostics: Diagnostics, table: pd.DataFrame, rejected: int)
         Of the hierarchy.
     table, rejected:
         The rows of `estimates.csv`, and the number of files without one.
+    laws:
+        `laws.csv` where the laws were weighted by it; None: each record by itself, or one law.
     """
-    limitations = [*diagnostics.limitations, *_limitations(table, rejected)]
+    # First what carried the weight, which the answer shows: of many limitations the last are in a file.
+    limitations = [*_of_laws(table, laws), *diagnostics.limitations, *_limitations(table, rejected)]
     bad = table[table["status"] != OK]
     if bad.empty:
         return diagnostics._replace(limitations=tuple(limitations))
@@ -50,18 +56,27 @@ def with_estimates(diagnostics: Diagnostics, table: pd.DataFrame, rejected: int)
     )
 
 
-def _limitations(table: pd.DataFrame, rejected: int) -> list[str]:
-    """Return limitations: files without an estimate, laws, a second mode, and forces that are left out."""
-    sentences = []
+def _of_laws(table: pd.DataFrame, laws: pd.DataFrame | None) -> list[str]:
+    """Return what carried the weight of an average over laws; nothing of a single law."""
+    if laws is not None:
+        return [f"{sentence(laws)}; see {LAWS_CSV}"]
     weights = table.filter(regex=f"^{WEIGHT}").mean().sort_values(ascending=False)
-    if len(weights):
-        shares = [f"{str(name).removeprefix(WEIGHT)} {weight:.2f}" for name, weight in weights.items()]
-        sentences.append(
-            "force laws are averaged record by record, weighted by their evidence: in the mean of "
-            f"{len(table)} records {', '.join(shares)}"
-        )
-        if weights.index[0] != f"{WEIGHT}{FANCHER.name}":
-            sentences[-1] += f"; with --law {shares[0].split()[0]} {ESTIMATES} has what it adds"
+    if weights.empty:
+        return []
+    shares = [f"{str(name).removeprefix(WEIGHT)} {weight:.2f}" for name, weight in weights.items()]
+    said = (
+        "force laws are averaged record by record, weighted by their evidence: in the mean of "
+        f"{len(table)} records {', '.join(shares)}; {LAWS_CSV} has what the records of a configuration say together, "
+        "by which --law auto_campaign weights all of them"
+    )
+    if weights.index[0] != f"{WEIGHT}{FANCHER.name}":
+        said += f"; with --law {shares[0].split()[0]} {ESTIMATES} has what it adds"
+    return [said]
+
+
+def _limitations(table: pd.DataFrame, rejected: int) -> list[str]:
+    """Return limitations: files without an estimate, a second mode, and forces that are left out."""
+    sentences = []
     if rejected:
         files = "1 file has no estimate and is" if rejected == 1 else f"{rejected} files have no estimate and are"
         sentences.append(f"{files} not in the result: see {REJECTED}")
@@ -79,7 +94,7 @@ def _limitations(table: pd.DataFrame, rejected: int) -> list[str]:
             f"{(forced[f'{name}{WITHOUT_FORCE}'] / forced[f'{name}_se']).median():.2g} times for {parameters[name]}"
             for name in columns
         ]
-        of_fancher = f"{parameter_column('x')}_se" in table and weights.empty
+        of_fancher = f"{parameter_column('x')}_se" in table and table.filter(regex=f"^{WEIGHT}").empty
         hint = "; --law auto fits what a tyre may have beyond Fancher's law" if of_fancher else ""
         sentences.append(
             f"{len(forced)} of {len(table)} records: load and law leave out a force, in the median of "

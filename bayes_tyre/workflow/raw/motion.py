@@ -20,12 +20,13 @@ from bayes_tyre.inference.motion.hierarchy.leave_one_out import with_motions
 from bayes_tyre.inference.motion.hierarchy.model import Motions, fit_motions
 from bayes_tyre.inference.motion.hierarchy.posterior_losses import Middle, with_losses
 from bayes_tyre.inference.motion.hierarchy.power_scaling import identify_motions
-from bayes_tyre.inference.motion.laws import motion_law
+from bayes_tyre.inference.motion.laws import MOTION_LAWS, motion_law
 from bayes_tyre.inference.sampling.common_scales import with_scale
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record import DISPLACEMENT_SCALE_SD, FORCE_SCALE_SD
 from bayes_tyre.record_table import origin_of
 from bayes_tyre.report.figures.catalogue import Result
+from bayes_tyre.results.law_weights import LAWS_CSV
 from bayes_tyre.results.limits import parse_limit
 from bayes_tyre.results.provenance import RUN_JSON, begin_run, read_run
 from bayes_tyre.rig import geometry
@@ -35,7 +36,8 @@ from bayes_tyre.workflow.execution.resume import Callbacks, open_checkpoints
 from bayes_tyre.workflow.execution.task_cache import TaskCache
 from bayes_tyre.workflow.fit import sampler_options
 from bayes_tyre.workflow.raw.estimate_limitations import ESTIMATES, with_estimates
-from bayes_tyre.workflow.raw.motion_estimates import BY_LAW, estimate_file, read_estimates, shown_motions
+from bayes_tyre.workflow.raw.law_average import weighted
+from bayes_tyre.workflow.raw.motion_estimates import BY_LAW, estimate_file, estimates_of, read_parts, shown_motions
 from bayes_tyre.workflow.raw.process_tasks import Settings, Task, plan_tasks
 from bayes_tyre.workflow.raw.raw_records import REJECTED, none_usable, rejected
 from bayes_tyre.workflow.result_folder import write_fit
@@ -129,6 +131,8 @@ class Estimated:
         Those that rows of the table of cases name.
     began:
         When the first was begun, by `time.monotonic`; None: not known.
+    laws:
+        Of an average over laws `laws.csv`; None of a single law.
     """
 
     table: pd.DataFrame
@@ -139,6 +143,7 @@ class Estimated:
     shown: pd.DataFrame | None = None
     rig_files: tuple[Path, ...] = ()
     began: float | None = None
+    laws: pd.DataFrame | None = None
 
     @property
     def origin(self) -> str:
@@ -163,7 +168,7 @@ def estimate_files(
         _refuse_other_estimates(out, plan)
     if plan.figures:
         check_folder(plan.figures, "--figures")
-    tasks = plan_tasks(files, Settings(plan.rig, plan.cases, f"{BY_LAW}{plan.law}", plan.figures))
+    tasks = plan_tasks(files, Settings(plan.rig, plan.cases, f"{BY_LAW}{law.of_records}", plan.figures))
     prepare_folder(out)
     cache = TaskCache(out / ESTIMATES)
     # One rig after the other: what is compiled for one serves its next file, that of two may be too much to keep.
@@ -180,14 +185,15 @@ def estimate_files(
         cache.remove()
         (out / RUN_JSON).unlink(missing_ok=True)  # an earlier run's result is not of these files
         raise none_usable(out / REJECTED, rows, len(tasks))
-    table, motions = read_estimates([part for _, _, part in estimates], law)
-    rigs = [task.rig for _, task, _ in estimates]
-    middles = [
-        Middle(rig, float(d)) for rig, d in zip(rigs, table["displacement_mm"], strict=True) if isinstance(rig, Rig)
-    ]
-    shown = shown_motions([part for _, _, part in estimates])
+    parts = [part for _, _, part in estimates]
+    rigs = [task.rig for _, task, _ in estimates if isinstance(task.rig, Rig)]
+    table, laws = weighted(read_parts(parts), rigs, law)
+    table, motions = estimates_of(table, law)
+    middles = [Middle(rig, float(d)) for rig, d in zip(rigs, table["displacement_mm"], strict=True)]
+    shown = shown_motions(parts)
     rig_files = tuple(dict.fromkeys(task.rig_file for _, task, _ in estimates if task.rig_file is not None))
-    return Estimated(table, motions, rows, [file for file, _, _ in estimates], middles, shown, rig_files, began)
+    files = [file for file, _, _ in estimates]
+    return Estimated(table, motions, rows, files, middles, shown, rig_files, began, laws)
 
 
 def fit_estimates(
@@ -239,13 +245,20 @@ def fit_estimates(
         lambda tree, attempt: identify_motions(tree, motions, plan.priors, attempt),
         attempts,
     )
-    diagnostics = with_estimates(diagnostics, estimated.table, len(estimated.rejected))
+    diagnostics = with_estimates(diagnostics, estimated.table, len(estimated.rejected), _pooled(estimated, plan))
     beside = {ESTIMATES: estimated.table, REJECTED: estimated.rejected}
+    if estimated.laws is not None:
+        beside[LAWS_CSV] = estimated.laws
     limit = None if plan.limit is None else parse_limit(plan.limit)
     result = Result(tree, diagnostics.verdict, interval=plan.interval, motions=estimated.shown, limit=limit)
     diagnostics = write_fit(result, diagnostics, run, out, beside, xlsx=xlsx, callbacks=callbacks)
     checkpoints.clear()
     return diagnostics
+
+
+def _pooled(estimated: Estimated, plan: MotionPlan) -> pd.DataFrame | None:
+    """Return `laws.csv` where its weights are those of the estimates."""
+    return estimated.laws if motion_law(plan.law).pools else None
 
 
 def _compiled_for(task: Task) -> tuple[str, bool]:
@@ -260,12 +273,19 @@ def _refuse_other_estimates(out: Path, plan: MotionPlan) -> None:
     if not result.is_file():
         return
     was = read_run(result, "motion")["options"]
+    if _of_records(was.get("law")) == _of_records(plan.law):  # the same estimates, weighted in another way
+        was = {**was, "law": plan.law}
     for name in ("law", "rig", "cases"):
         if was.get(name) != plan.options[name]:
             raise BadInput(
                 f"{result}: is of another run: option {name} was {was.get(name)}, is {plan.options[name]}; "
                 "give another --out, or leave out --resume to begin anew"
             )
+
+
+def _of_records(law: object) -> object:
+    known = MOTION_LAWS.get(str(law))
+    return law if known is None else known.of_records
 
 
 def _files_of_options(plan: MotionPlan) -> list[Path]:

@@ -5,10 +5,12 @@ import re
 from html import unescape
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers.quick_motions import TYPICAL
 from helpers.reported_motions import write_motions
 
+from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.netcdf import read_tree
 from bayes_tyre.report.answer.caveats import caveats
 from bayes_tyre.report.answer.headline import headline
@@ -18,6 +20,7 @@ from bayes_tyre.report.html import tables
 from bayes_tyre.report.html.between_results import ComparedResult, compare_results
 from bayes_tyre.report.html.figures import HEADINGS
 from bayes_tyre.report.html.page import Part, document
+from bayes_tyre.results.law_weights import Evidence, laws_table
 
 COLUMNS = ["k", "x", "beta", "m", "c", "energy a cycle"]
 
@@ -78,6 +81,34 @@ def test_tables_have_every_parameter_of_motions(both):
         ("stiffness of free vibration", "kN/mm"),
     ]
     assert len(losses.rows) == len(both.cases[both.cases["parameter"] == "k"])
+
+
+def test_weights_of_force_laws_are_a_table_of_results_that_have_them(away, one, both):
+    logs = np.array([[0.0, 8.0], [0.0, 9.0], [0.0, 12.0]])
+    own = np.array([[0.25, 0.75]] * 3)
+    written = laws_table(
+        Evidence(("fancher", "relaxing"), logs, np.isfinite(logs), own, np.repeat("dual", 3)), "simulated"
+    )
+    written.to_csv(away / "both" / "laws.csv", index=False)
+    averaged = read_reported(away / "both", "averaged")
+    (away / "both" / "laws.csv").unlink()
+    table = tables.laws_table([averaged])
+    assert [[cell.text for cell in row] for row in table.rows] == [
+        ["dual", "relaxing", ">= 0.9999", "0.750", "3", "0", "0", "3"],
+        ["dual", "fancher", "<= 0.0001", "0.250", "0", "\N{MINUS SIGN}29.00", "3.606", "3"],
+    ]
+    assert "how far the records of each configuration prefer them" in page_of(averaged)
+    assert "Force laws:" not in page_of(both)
+    beside = tables.laws_table([averaged, one])
+    assert {column.of_result for column in beside.columns[2:]} == {"averaged"}
+    assert "Force laws:" in page_of(averaged, one)
+
+
+def test_a_table_of_laws_that_motion_did_not_write_is_refused(away, both):
+    (away / "both" / "laws.csv").write_text("law,weight\nfancher,1\n")
+    with pytest.raises(BadInput, match="no column weight_by_record; run motion again"):
+        read_reported(away / "both", "both")
+    (away / "both" / "laws.csv").unlink()
 
 
 def test_the_page_names_what_it_is_of_and_what_not_to_believe(both):

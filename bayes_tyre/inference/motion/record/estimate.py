@@ -64,6 +64,8 @@ class MotionEstimate:
         Empty, or why the estimate is not to be trusted as it stands.
     law_weights:
         Of an average over laws (`law_average`): how probable each is, by name, of sum 1; empty of a single law.
+    by_law:
+        Of an average: the estimates by the laws that have an evidence, by name; empty of a single law.
     """
 
     log_mean: Float[np.ndarray, " p"]
@@ -81,6 +83,7 @@ class MotionEstimate:
     narrower_without_force: Float[np.ndarray, " p"]
     status: str
     law_weights: dict[str, float] = field(default_factory=dict)
+    by_law: "dict[str, MotionEstimate]" = field(default_factory=dict)
 
     @property
     def value(self) -> Float[np.ndarray, " p"]:

@@ -8,6 +8,7 @@ of the force's size counts.
 """
 
 import numpy as np
+from jaxtyping import Float
 
 from bayes_tyre.inference.motion.record.disturbance.matern_process import log_prior_of_size
 from bayes_tyre.inference.motion.record.importance_sampling import WeightedDraws
@@ -39,7 +40,9 @@ def log_evidence(window: Window, estimate: MapEstimate, weighted: WeightedDraws 
     return float(above + 0.5 * log_volume + _log_noise(window))
 
 
-def log_constant(rig: Rig, likelihood: RecordLikelihood, window: Window, log_evidence: float) -> float:
+def log_constant(
+    rig: Rig, likelihood: RecordLikelihood, prior: Float[np.ndarray, "2 parameters"], log_evidence: float
+) -> float:
     """Return the log of the factor that turns a record's normal likelihood into the density of its readings.
 
     The likelihood is of the tyre's, mass's and damping's logarithms; averaged over their priors, with which the record
@@ -51,12 +54,12 @@ def log_constant(rig: Rig, likelihood: RecordLikelihood, window: Window, log_evi
         Geometry.
     likelihood:
         Of `bayes_tyre.inference.motion.record.likelihood.likelihood_of`.
-    window:
-        Data that the record was fitted to.
+    prior:
+        Means and standard deviations of the priors that the record was fitted with, as in `window.Window`.
     log_evidence:
         Of the record.
     """
-    to_standard, shift = standardisation(rig, np.asarray(window.prior), len(likelihood.target))
+    to_standard, shift = standardisation(rig, prior, len(likelihood.target))
     rows = likelihood.rows @ np.linalg.inv(to_standard)
     return float(log_evidence - log_average(rows, likelihood.target + rows @ shift, np.ones(len(shift))))
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw, motion_law
@@ -73,28 +74,50 @@ def average(estimates: Sequence[MotionEstimate], names: Sequence[str]) -> Motion
     estimates, names:
         By each law, and the laws' names; what the estimates report is the same quantities.
     """
-    by_law = {name: each for name, each in zip(names, estimates, strict=True) if np.isfinite(each.log_evidence)}
-    converged = {name: each for name, each in by_law.items() if each.map_estimate.converged}
-    by_law = converged or by_law
+    evident = {name: each for name, each in zip(names, estimates, strict=True) if np.isfinite(each.log_evidence)}
+    by_law = {name: each for name, each in evident.items() if each.map_estimate.converged} or evident
     if not by_law:
         return replace(estimates[0], law_weights=dict.fromkeys(names, float("nan")))
-    others = len(names) - 1
-    prior = np.array([1.0 if name == FANCHER.name else 1.0 / others for name in by_law])
+    prior = np.array([one for name, one in zip(names, prior_weights(names), strict=True) if name in by_law])
     log_evidence = np.array([each.log_evidence for each in by_law.values()]) + np.log(prior / prior.sum())
     weights = np.exp(log_evidence - np.logaddexp.reduce(log_evidence))
-    means = np.array([each.log_mean for each in by_law.values()])
-    mean = weights @ means
-    covariances = np.array([each.log_covariance for each in by_law.values()])
-    statuses = [each.status for each, weight in zip(by_law.values(), weights, strict=True) if weight > NAMED_WEIGHT]
-    between = (weights[:, None] * (means - mean)).T @ (means - mean)
+    mean, covariance = mixture_moments(
+        weights,
+        np.array([each.log_mean for each in by_law.values()]),
+        np.array([each.log_covariance for each in by_law.values()]),
+    )
     return replace(
         list(by_law.values())[int(np.argmax(weights))],
         log_mean=mean,
-        log_covariance=np.tensordot(weights, covariances, 1) + between,
+        log_covariance=covariance,
         log_draws=np.concatenate([each.log_draws for each in by_law.values()]),
         weights=np.concatenate([weight * each.weights for weight, each in zip(weights, by_law.values(), strict=True)]),
         narrower_without_force=weights @ np.array([each.narrower_without_force for each in by_law.values()]),
-        status="; ".join(dict.fromkeys(filter(None, statuses))),
+        status=joined_status(weights, [each.status for each in by_law.values()]),
         log_evidence=float(np.logaddexp.reduce(log_evidence)),
         law_weights=dict.fromkeys(names, 0.0) | dict(zip(by_law, weights.tolist(), strict=True)),
+        by_law=evident,
     )
+
+
+def prior_weights(names: Sequence[str]) -> Float[np.ndarray, " laws"]:
+    """Return how probable each law is beforehand, of sum 1: Fancher's as probable as all the others together."""
+    prior = np.array([1.0 if name == FANCHER.name else 1.0 / max(len(names) - 1, 1) for name in names])
+    return prior / prior.sum()
+
+
+def mixture_moments(
+    weights: Float[np.ndarray, " laws"],
+    means: Float[np.ndarray, "laws p"],
+    covariances: Float[np.ndarray, "laws p p"],
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, "p p"]]:
+    """Return mean and covariance of a mixture with these weights, of sum 1, from those of its components."""
+    mean = weights @ means
+    between = (weights[:, None] * (means - mean)).T @ (means - mean)
+    return mean, np.tensordot(weights, covariances, 1) + between
+
+
+def joined_status(weights: Float[np.ndarray, " laws"], statuses: Sequence[str]) -> str:
+    """Return the statuses of the laws above `NAMED_WEIGHT`, joined; empty where none has one."""
+    named = [status for status, weight in zip(statuses, weights, strict=True) if weight > NAMED_WEIGHT]
+    return "; ".join(dict.fromkeys(filter(None, named)))

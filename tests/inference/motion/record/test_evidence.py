@@ -77,7 +77,7 @@ def test_a_records_constant_averages_to_its_evidence():
     # Within the prior, so that plain draws from it meet the likelihood.
     target = rows @ np.linalg.solve(to_standard, -shift) + rng.standard_normal(5)
     likelihood = RecordLikelihood(rows, target)
-    constant = log_constant(RIG, likelihood, window, 123.0)
+    constant = log_constant(RIG, likelihood, np.asarray(window.prior), 123.0)
     # Logarithms from standard numbers, drawn from their prior.
     logs = np.linalg.solve(to_standard, rng.standard_normal((5, 400_000)) - shift[:, None])
     height = np.exp(-0.5 * np.sum((likelihood.rows @ logs - likelihood.target[:, None]) ** 2, axis=0))
