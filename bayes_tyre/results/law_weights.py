@@ -125,7 +125,7 @@ def _of_group(rows: pd.DataFrame) -> str:
     first, counting = rows.iloc[0], rows[rows["log_evidence_difference"].notna()]
     n, name = int(first["records"]), str(first["configuration"])
     of = f"of {name}, " if name else ""
-    left_out = f"; {first['left_out']} left out, their evidence is unreliable" if first["left_out"] and n else ""
+    left_out = f"; {first['left_out']} left out for unreliable evidence" if first["left_out"] and n else ""
     if not n:
         return f"{of}no record has the evidence of each law, and each has its own weights"
     records = "1 record" if n == 1 else f"{n} records"

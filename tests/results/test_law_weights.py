@@ -73,7 +73,7 @@ def test_records_without_evidence_are_counted_and_where_none_has_it_that_is_said
     table = laws_table(found, "")
     assert (table["records"] == 4).all()
     assert (table["left_out"] == 1).all()
-    assert "1 left out, their evidence is unreliable" in sentence(table)
+    assert "1 left out for unreliable evidence" in sentence(table)
     assert table["weight_by_record"].notna().all()
     none = laws_table(found._replace(log_evidence=np.full(logs.shape, np.nan)), "")
     assert none["weight"].isna().all()
