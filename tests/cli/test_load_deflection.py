@@ -49,7 +49,7 @@ def test_it_writes_a_row_a_test_a_row_a_case_a_figure_and_says_so(folder):
     tests, cases = (read(folder / "out" / name) for name in ("load_deflection.csv", "load_deflection_cases.csv"))
     assert list(tests.columns[:4]) == ["test", "configuration", "speed_km_h", "repeat"]
     assert list(tests.columns[-3:]) == ["status", "pressure_bar", "origin"]
-    assert {name.removesuffix("_se").replace("unloading", "loading") for name in tests} - {
+    assert {str(name).removesuffix("_se").replace("unloading", "loading") for name in tests} - {
         "test",
         "pressure_bar",
     } <= documented_columns()
