@@ -43,9 +43,10 @@ from bayes_tyre.report.figures.catalogue import Result, chosen_figure
 from bayes_tyre.report.figures.page.notebook_display import NotebookFigure
 from bayes_tyre.report.terminal.progress import Stages
 from bayes_tyre.results import contrasts as ratios
-from bayes_tyre.results import log_likelihood, prediction, summary
+from bayes_tyre.results import prediction, summary
 from bayes_tyre.results.cases.selection import parse_query
 from bayes_tyre.results.cases.stacked import Weighted
+from bayes_tyre.results.comparison import log_likelihood
 from bayes_tyre.results.derived import with_derived
 from bayes_tyre.results.fitted_records import fitted_records
 from bayes_tyre.results.posterior import Posterior

@@ -21,7 +21,7 @@ from bayes_tyre.inference.sampling.nuts import CAREFUL_ACCEPTANCE
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.laws.base import StatefulLaw
 from bayes_tyre.record import FACTORS
-from bayes_tyre.results.model_comparison import STANDARD_ERRORS, compare
+from bayes_tyre.results.comparison.model_comparison import STANDARD_ERRORS, compare
 from bayes_tyre.rig.axle import Rig, load_rig
 from bayes_tyre.signals.factors import RecordFactors
 from bayes_tyre.signals.process import prepare

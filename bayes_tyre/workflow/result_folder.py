@@ -21,9 +21,9 @@ from bayes_tyre.report.figures import catalogue
 from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.report.html.figures import HEADINGS
 from bayes_tyre.results import summary
+from bayes_tyre.results.comparison.law_weights import LAWS_CSV
 from bayes_tyre.results.derived import with_derived
 from bayes_tyre.results.figure_data.motion_traces import MOTIONS_CSV
-from bayes_tyre.results.law_weights import LAWS_CSV
 from bayes_tyre.results.provenance import RUN_JSON, Run, write_json, write_run
 from bayes_tyre.workflow.drawing import Begin, drawing_process
 from bayes_tyre.workflow.execution.resume import Callbacks

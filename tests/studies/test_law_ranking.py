@@ -6,7 +6,7 @@ from helpers.law_rankings import ranked
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.motion.laws import MOTION_LAWS
-from bayes_tyre.results.model_comparison import LEAST_DIFFERENCE
+from bayes_tyre.results.comparison.model_comparison import LEAST_DIFFERENCE
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.studies.law_ranking import CONTAINS, planned, rank_laws, ranked_correctly, sentences, simulated
 

@@ -11,8 +11,8 @@ from bayes_tyre.formats.structured_text import read_json
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.record import CASE_FACTORS
 from bayes_tyre.results.columns import numbers, texts
+from bayes_tyre.results.comparison.law_weights import LAWS_CSV
 from bayes_tyre.results.contrasts import check_reference, with_reference
-from bayes_tyre.results.law_weights import LAWS_CSV
 from bayes_tyre.results.provenance import RUN_JSON
 
 VERDICTS = ("pass", "fail")

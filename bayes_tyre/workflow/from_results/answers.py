@@ -134,7 +134,7 @@ def _next(table: pd.DataFrame, folder: Path) -> list[str]:
 
 
 def _comparison(table: pd.DataFrame, folder: Path) -> list[str]:
-    from bayes_tyre.results.model_comparison import rank_lines, sentence
+    from bayes_tyre.results.comparison.model_comparison import rank_lines, sentence
     from bayes_tyre.workflow.from_results.compare import OF_CASES
 
     of_cases = folder / OF_CASES

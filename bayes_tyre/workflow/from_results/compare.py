@@ -19,7 +19,7 @@ from bayes_tyre.inference.diagnostics.leave_one_out.left_out import DRAWS_LEAST,
 from bayes_tyre.inference.motion.hierarchy.leave_one_out import leave_one_motion_out
 from bayes_tyre.inference.sampling.datatree import is_of_motions
 from bayes_tyre.inference.sampling.run import SamplerSettings, kept_acceptance
-from bayes_tyre.results.model_comparison import CASE, by_record, compare, sentence, unit_of
+from bayes_tyre.results.comparison.model_comparison import CASE, by_record, compare, sentence, unit_of
 from bayes_tyre.results.provenance import RUN_JSON, read_run
 from bayes_tyre.workflow.fit import Plan, planned_in
 from bayes_tyre.workflow.from_results.predict import NAME as PREDICTION

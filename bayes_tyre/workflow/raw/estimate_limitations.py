@@ -8,7 +8,7 @@ from bayes_tyre.inference.motion.laws import FANCHER
 from bayes_tyre.inference.motion.record.likelihood import WIDENED
 from bayes_tyre.plain_text import listed
 from bayes_tyre.record import LAW_PARAMETERS, parameter_column
-from bayes_tyre.results.law_weights import LAWS_CSV, sentence
+from bayes_tyre.results.comparison.law_weights import LAWS_CSV, sentence
 from bayes_tyre.workflow.raw.estimate_columns import FORCE_PERCENT, MODE_HZ, OK, WEIGHT, WITHOUT_FORCE
 from bayes_tyre.workflow.raw.raw_records import REJECTED
 

@@ -15,7 +15,7 @@ from bayes_tyre.inference.motion.laws import MotionLaw
 from bayes_tyre.inference.motion.record.law_average import joined_status, mixture_moments
 from bayes_tyre.record_table import origin_of
 from bayes_tyre.results.columns import texts
-from bayes_tyre.results.law_weights import Evidence, laws_table
+from bayes_tyre.results.comparison.law_weights import Evidence, laws_table
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.workflow.raw.estimate_columns import (
     LAW_ROWS,

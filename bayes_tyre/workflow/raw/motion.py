@@ -26,7 +26,7 @@ from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.record import DISPLACEMENT_SCALE_SD, FORCE_SCALE_SD
 from bayes_tyre.record_table import origin_of
 from bayes_tyre.report.figures.catalogue import Result
-from bayes_tyre.results.law_weights import LAWS_CSV
+from bayes_tyre.results.comparison.law_weights import LAWS_CSV
 from bayes_tyre.results.limits import parse_limit
 from bayes_tyre.results.provenance import RUN_JSON, begin_run, read_run
 from bayes_tyre.rig import geometry

@@ -20,7 +20,7 @@ from bayes_tyre.report.html import tables
 from bayes_tyre.report.html.between_results import ComparedResult, compare_results
 from bayes_tyre.report.html.figures import HEADINGS
 from bayes_tyre.report.html.page import Part, document
-from bayes_tyre.results.law_weights import Evidence, laws_table
+from bayes_tyre.results.comparison.law_weights import Evidence, laws_table
 
 COLUMNS = ["k", "x", "beta", "m", "c", "energy a cycle"]
 

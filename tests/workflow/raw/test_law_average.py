@@ -8,7 +8,7 @@ import pytest
 
 from bayes_tyre.inference.motion.laws import MOTION_LAWS
 from bayes_tyre.inference.motion.record.likelihood import hierarchy_moments, likelihood_of
-from bayes_tyre.results.law_weights import laws_table
+from bayes_tyre.results.comparison.law_weights import laws_table
 from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.workflow.raw.estimate_columns import LawRow, Posterior, columns
 from bayes_tyre.workflow.raw.law_average import evidence_of, reweighted

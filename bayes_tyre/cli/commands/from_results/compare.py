@@ -35,7 +35,7 @@ def compare(
     Example: bayes-tyre compare results/fit results/fit_student results/fit_normal
     """
     prepare_jax(4)
-    from bayes_tyre.results.model_comparison import rank_lines
+    from bayes_tyre.results.comparison.model_comparison import rank_lines
     from bayes_tyre.workflow.from_results.compare import compare_folders
 
     with progress("compare", len(folders), quiet) as advance:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers.left_out import made_up
 
-from bayes_tyre.results.model_comparison import by_record, compare, sentence
+from bayes_tyre.results.comparison.model_comparison import by_record, compare, sentence
 
 RECORDS = [f"r{i}" for i in range(120)]
 PASS = {"one": "pass", "two": "pass", "three": "pass"}

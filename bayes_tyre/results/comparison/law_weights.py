@@ -13,7 +13,7 @@ from scipy import stats
 
 from bayes_tyre.inference.motion.hierarchy.law_pooling import counted, pooled_weights
 from bayes_tyre.inference.motion.record.law_average import prior_weights
-from bayes_tyre.results.model_comparison import LEAST_DIFFERENCE, STANDARD_ERRORS
+from bayes_tyre.results.comparison.model_comparison import LEAST_DIFFERENCE, STANDARD_ERRORS
 
 LAWS_CSV = "laws.csv"
 #: What each law has that Fancher's has not.

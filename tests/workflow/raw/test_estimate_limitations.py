@@ -6,7 +6,7 @@ import pytest
 from helpers.hand_made_posteriors import grid
 
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
-from bayes_tyre.results.law_weights import Evidence, laws_table
+from bayes_tyre.results.comparison.law_weights import Evidence, laws_table
 from bayes_tyre.workflow.raw.estimate_limitations import with_estimates
 
 FACTORS = grid(repeats=2, speeds=(0.0,))

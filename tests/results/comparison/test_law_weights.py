@@ -6,7 +6,7 @@ from scipy import stats
 
 from bayes_tyre.inference.motion.hierarchy import law_pooling
 from bayes_tyre.inference.motion.laws import MOTION_LAWS
-from bayes_tyre.results.law_weights import WORDS, Evidence, laws_table, sentence
+from bayes_tyre.results.comparison.law_weights import WORDS, Evidence, laws_table, sentence
 
 NAMES = ("fancher", "relaxing", "stiffening")
 LOGS = np.array([[0.0, 8.0, 1.0], [0.0, 12.0, 3.0], [0.0, 9.0, 10.0], [0.0, 11.0, 2.0]])

@@ -22,7 +22,7 @@ from bayes_tyre.inference.diagnostics.leave_one_out.left_out import LeaveOneOut
 from bayes_tyre.inference.model.prepared_records import prepare_records
 from bayes_tyre.inference.sampling.hierarchical_fit import fit_hierarchical
 from bayes_tyre.record_table import check_record_table
-from bayes_tyre.results.log_likelihood import GROUP, VARIABLE, with_log_likelihood
+from bayes_tyre.results.comparison.log_likelihood import GROUP, VARIABLE, with_log_likelihood
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:Estimated shape parameter:UserWarning")]
 
