@@ -147,7 +147,7 @@ def fit(
     records:
         A record table; it is checked.
     settings:
-        How much to sample; by default 1,500 draws a chain (750 of more than 1,000 records), taken from up to 6,000
+        How much to sample; by default 1,500 draws a chain (750 of 100 records and more), taken from up to 6,000
         where they are needed.
     model:
         Options of the model: `ModelSettings(repeats="student")`.

@@ -64,7 +64,7 @@ Draws = Annotated[
     int | None,
     typer.Option(
         min=4,
-        help="Iterations of each chain to keep. Default: 1500 (published: 2000; fit of more than 1,000 records: "
+        help="Iterations of each chain to keep. Default: 1500 (published: 2000; fit of 100 records and more: "
         "750), taken from up to 6000 (published: 8000) where R-hat or ESS falls short.",
         show_default=False,
     ),

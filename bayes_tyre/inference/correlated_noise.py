@@ -122,6 +122,7 @@ class SharedError(Whitening):
         return self.others.log_volume(points) + jnp.log1p(-self.shrink)
 
 
+@jax.jit
 def shared_error(
     others: Whitening, error: Float[Array, "records points"], present: Bool[Array, "records points"]
 ) -> SharedError:
@@ -207,6 +208,7 @@ def lag_1(residual: Float[Array, " points"], present: Bool[Array, " points"]) ->
     return jnp.sum(centred[1:] * centred[:-1]) / jnp.sum(centred**2)
 
 
+@jax.jit
 def innovations(
     values: Float[Array, " points"], present: Bool[Array, " points"], rho: Float[Array, ""]
 ) -> Float[Array, " points"]:
@@ -239,6 +241,7 @@ def whiten(
     return np.asarray(jax.vmap(innovations)(jnp.asarray(residual), jnp.asarray(present), jnp.asarray(rho)))
 
 
+@jax.jit
 def whiten_records(
     whitening: Whitening, values: Float[Array, "records points"], present: Bool[Array, "records points"]
 ) -> Float[Array, "records points"]:

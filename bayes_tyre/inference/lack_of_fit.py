@@ -5,6 +5,7 @@ curve is wrong they follow such waves; noise has as much of them as of the quick
 depend on how densely a curve is sampled: residuals that follow each other count as fewer.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -102,6 +103,7 @@ def misfit(
         )
 
 
+@partial(jax.jit, static_argnames="law")
 def curve_tangents(
     u: Float[Array, " points"], k: Float[Array, ""], J: Float[Array, ""], beta: Float[Array, ""], law: str = EQUATION_2
 ) -> Float[Array, "points 4"]:
@@ -133,6 +135,7 @@ def _split(
     return jnp.sum(part[tangents.shape[1] :] ** 2), square, jnp.clip(rho, 0.0, _LARGEST_RHO)
 
 
+@jax.jit
 def waves(used: Bool[Array, " points"]) -> Float[Array, "points waves"]:
     """Return cosines of a half to three periods along a record's used points, zero elsewhere."""
     along = (jnp.cumsum(used) - 0.5) / jnp.sum(used)

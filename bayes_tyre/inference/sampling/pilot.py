@@ -236,12 +236,13 @@ class Pilot(NamedTuple):
 
 def _summaries_about(sites: Mapping[str, np.ndarray], arguments: Mapping[str, Any]) -> RecordSummaries:
     """Return summaries of the records about draws."""
-    of_records = {name: jnp.asarray(flat(sites[name])) for name in ("k", "beta", "sigma", "rho") if name in sites}
-    log_values = jnp.log(jnp.stack([of_records["k"], of_records["beta"]], axis=-1))
-    noise = [jnp.log(of_records["sigma"]), *([jnp.arctanh(of_records["rho"])] if "rho" in sites else [])]
+    of_records = {name: flat(sites[name]) for name in ("k", "beta", "sigma", "rho") if name in sites}
+    with np.errstate(divide="ignore", invalid="ignore"):  # far from the posterior: `_located` refuses such summaries
+        log_values = np.log(np.stack([of_records["k"], of_records["beta"]], axis=-1))
+        noise = [np.log(of_records["sigma"]), *([np.arctanh(of_records["rho"])] if "rho" in sites else [])]
     factors = arguments["factors"]
-    mean_J = jnp.mean(flat(sites["J_group"]), axis=0)[factors.group.of_case[factors.of_record]]
+    mean_J = flat(sites["J_group"]).mean(axis=0)[factors.group.of_case[factors.of_record]]
     # The log likelihood of a record is nearly linear in the variance of J.
-    of_J = mean_J, jnp.sqrt(jnp.mean(sites["sd_J"] ** 2))
-    noise_draws = jnp.stack(noise, axis=-1)
-    return refine_summaries(arguments["data"], arguments["likelihood"], log_values, noise_draws, *of_J)
+    sd_J = np.sqrt(np.mean(sites["sd_J"] ** 2))
+    about = map(jnp.asarray, (log_values, np.stack(noise, axis=-1), mean_J, sd_J))
+    return refine_summaries(arguments["data"], arguments["likelihood"], *about)

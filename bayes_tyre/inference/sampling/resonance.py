@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike, Float
 from numpyro.infer.hmc import HMCState
 
 #: Deepest trees while adapting, and after. Before the mass matrix is known every tree grows to its limit: at 10, the
@@ -16,7 +16,7 @@ _RESONANT = (0.985, 1.035)
 _FEWEST_POINTS = 8
 
 
-def off_resonance(step_size: ArrayLike) -> Array:
+def off_resonance(step_size: ArrayLike) -> Float[np.ndarray, "..."]:
     """Return steps of which no tree of eight points or more goes round and round.
 
     Where the posterior is a standard normal, motion has a period of 2 pi. A tree of 2^j points that spans just less
@@ -27,12 +27,12 @@ def off_resonance(step_size: ArrayLike) -> Array:
     """
     points = 2.0 ** np.arange(np.log2(_FEWEST_POINTS), DEEPEST[1])
     shortest, longest = _RESONANT[0] * np.pi / (points - 0.5), _RESONANT[1] * np.pi / (points - 1)
-    step = jnp.asarray(step_size)
+    step = np.asarray(step_size)
     resonant = (step[..., None] > shortest) & (step[..., None] < longest)
-    return jnp.maximum(step, jnp.max(jnp.where(resonant, longest, 0.0), axis=-1))
+    return np.asarray(np.maximum(step, np.max(np.where(resonant, longest, 0.0), axis=-1)))
 
 
 def leave_resonance(state: HMCState) -> HMCState:
     """Return the state after the last iteration of the warmup with its steps `off_resonance`."""
     adapted = state.adapt_state
-    return state._replace(adapt_state=adapted._replace(step_size=off_resonance(adapted.step_size)))
+    return state._replace(adapt_state=adapted._replace(step_size=jnp.asarray(off_resonance(adapted.step_size))))

@@ -28,10 +28,10 @@ REPEAT_ACCEPTANCE = 0.99
 RUNS_AT_MOST = 2
 #: How many times as many draws a run takes at most, unless their number was asked for.
 LONGEST = 4
-#: Above so many records, draws of each chain, and how many times as many a run takes at most. Their number sets the
+#: From so many records on, draws of each chain, and how many times as many a run takes at most. Their number sets the
 #: time and the memory of all that follows the chains, and what so many records share mixes well. Fewer would not do:
 #: of a hundred thousand quantities the worst R-hat of independent draws is above 1.01 with 250 of each chain.
-_MANY_RECORDS, _OF_MANY_RECORDS = 1000, (750, 8)
+_MANY_RECORDS, _OF_MANY_RECORDS = 100, (750, 8)
 #: Attribute of a posterior's tree with the runs of the sampler behind it, as JSON.
 RUNS = "sampler_runs"
 
@@ -90,7 +90,7 @@ class SamplerSettings:
 
     def for_records(self, count: int) -> "SamplerSettings":
         """Return the settings for so many records: of many fewer draws, unless their number was asked for."""
-        if self.longest == 1 or count <= _MANY_RECORDS:
+        if self.longest == 1 or count < _MANY_RECORDS:
             return self
         draws, longest = _OF_MANY_RECORDS
         return replace(self, draws=draws, longest=longest)

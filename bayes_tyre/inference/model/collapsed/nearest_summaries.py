@@ -13,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from bayes_tyre.inference.model.collapsed.nearest_quadratics import Moments, project, project_values
 from bayes_tyre.inference.model.collapsed.record_summaries import (
@@ -68,40 +68,47 @@ def summarise_records(
     widening:
         How many times wider than usual ones discordant repeats scatter.
     """
-    records, cases = approximation
-    speed = factors.speed.of_case[factors.of_record]
-    sd_repeat = jnp.where(cases.discordant[:, None], widening, 1.0) * jnp.exp(cases.log_sd_repeat.value).T[speed]
-    of_noise = [(records.log_sigma, 2.0 * records.points)]
-    if noise == "ar1":
-        of_noise.append((jnp.arctanh(records.rho), records.points * (1.0 - records.rho**2)))
-    centre, precision = (jnp.stack(each, axis=1) for each in zip(*of_noise, strict=True))
-    noises = QuadraticApproximation(centre, jnp.zeros_like(centre), precision[..., None] * jnp.eye(centre.shape[1]))
-    case = cases.middle.T[factors.of_record]
-    return _summarise(data, likelihood, records, noises, case, sd_repeat, records.typical_J(factors))
+    levels = jnp.asarray(factors.of_record), jnp.asarray(factors.speed.of_case[factors.of_record])
+    of_J = approximation.records.typical_J(factors)
+    return _summarise(data, likelihood, approximation, *levels, of_J, noise, widening)
 
 
 @eqx.filter_jit
 def _summarise(
     data: RecordData,
     likelihood: Likelihood,
-    records: RecordEstimates,
-    noises: QuadraticApproximation,
-    case: Float[Array, "records 2"],
-    sd_repeat: Float[Array, "records 2"],
+    approximation: LaplaceApproximation,
+    of_record: Int[Array, " records"],
+    speed: Int[Array, " records"],
     of_J: _OfJ,
+    noise: str,
+    widening: float,
 ) -> RecordSummaries:
+    records, cases = approximation
+    case = cases.middle.T[of_record]
+    sd_repeat = jnp.where(cases.discordant[:, None], widening, 1.0) * jnp.exp(cases.log_sd_repeat.value).T[speed]
+    noises = _noise_estimates(records, noise)
     variance = jnp.var(noises.centre, axis=0)
     own = jnp.mean(1.0 / jnp.diagonal(noises.precision, axis1=1, axis2=2), axis=0)
     typical = jnp.broadcast_to(jnp.mean(noises.centre, axis=0), noises.centre.shape)
     sd_among_records = jnp.sqrt(jnp.maximum(variance - own, _LEAST_NOISE_SHARE * variance)) + jnp.zeros_like(typical)
     moments = _moments(records.of_log_values(*of_J), case, sd_repeat), _moments(noises, typical, sd_among_records)
     for _ in range(_ROUNDS - 1):
-        values, noise, _ = _nearest(data, likelihood, of_J, *moments)
+        values, of_noise, _ = _nearest(data, likelihood, of_J, *moments)
         moments = (
             _moments(values.given(values.noise)[0], case, sd_repeat),
-            _moments(noise.quadratic, typical, sd_among_records),
+            _moments(of_noise.quadratic, typical, sd_among_records),
         )
     return _nearest(data, likelihood, of_J, *moments)
+
+
+def _noise_estimates(records: RecordEstimates, noise: str) -> QuadraticApproximation:
+    """Return what the estimates of each record's noise say of log sigma and, where it is autoregressive, atanh rho."""
+    of_noise = [(records.log_sigma, 2.0 * records.points)]
+    if noise == "ar1":
+        of_noise.append((jnp.arctanh(records.rho), records.points * (1.0 - records.rho**2)))
+    centre, precision = (jnp.stack(each, axis=1) for each in zip(*of_noise, strict=True))
+    return QuadraticApproximation(centre, jnp.zeros_like(centre), precision[..., None] * jnp.eye(centre.shape[1]))
 
 
 @eqx.filter_jit

@@ -87,6 +87,7 @@ class RecordEstimates(NamedTuple):
         of_J = max(variance - float(np.median(np.asarray(self.J_variance))), _LEAST_J_SHARE * variance)
         return jnp.asarray(typical), jnp.asarray(np.sqrt(of_J) + _LEAST_SD_J)
 
+    @jax.jit
     def of_log_values(
         self, mean_J: Float[Array, " #records"] | None = None, sd_J: Float[Array, ""] | None = None
     ) -> QuadraticApproximation:

@@ -99,8 +99,8 @@ def residuals_and_tangents(
     batch: Batch, estimates: RecordEstimates, law: str
 ) -> tuple[Float[np.ndarray, "records points"], Float[np.ndarray, "records points 4"]]:
     """Return measured less curve (kN), and the derivatives of each curve by its parameters; 0 on padding."""
-    _, J, log_k, log_beta = estimates.centre.T
-    u = record_data(batch).u
-    tangents = jax.vmap(partial(curve_tangents, law=law))(u, jnp.exp(log_k), J, jnp.exp(log_beta))
+    _, J, log_k, log_beta = np.asarray(estimates.centre).T
+    u, k, beta = record_data(batch).u, np.exp(log_k), np.exp(log_beta)
+    tangents = jax.vmap(partial(curve_tangents, law=law))(u, *map(jnp.asarray, (k, J, beta)))
     residual = batch.force_kN - np.asarray(force_curves(u, estimates.centre, law))
     return np.where(batch.present, residual, 0.0), np.where(batch.present[:, :, None], np.asarray(tangents), 0.0)
