@@ -6,6 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+#: Readings of a recording, one a sample.
+Samples = Float[np.ndarray, " samples"]
+
 REQUIRED = ("record", "displacement_mm", "force_kN")
 CASE_FACTORS = ("configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN")
 FACTORS = (*CASE_FACTORS, "repeat")
