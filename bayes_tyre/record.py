@@ -6,6 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+#: Readings of a recording, one a sample.
+Samples = Float[np.ndarray, " samples"]
+
 REQUIRED = ("record", "displacement_mm", "force_kN")
 CASE_FACTORS = ("configuration", "direction", "speed_km_h", "initial_load_kN", "step_kN")
 FACTORS = (*CASE_FACTORS, "repeat")
@@ -13,6 +16,8 @@ DIRECTIONS = ("loading", "unloading")
 #: Origins of a table's values; a table without one is shown as `origin not stated`.
 ORIGINS = ("measured", "published", "reconstructed", "simulated")
 ORIGIN_UNKNOWN = "origin not stated"
+#: All that columns of text may hold which may not hold any text.
+ALLOWED_TEXTS = {"direction": DIRECTIONS, "origin": ORIGINS}
 TEXT_COLUMNS = ("record", "configuration", "direction", "origin")
 NUMBER_COLUMNS = ("displacement_mm", "force_kN", "time_s", "speed_km_h", "initial_load_kN", "step_kN", "repeat")
 #: Where a moving mass was taken off: that mass (kg), how well it is known (kg), and by how much a force would change

@@ -10,7 +10,7 @@ import pandera.pandas as pa
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.plain_text import REASON, line_of, one_line
-from bayes_tyre.record import DIRECTIONS, FACTORS, NUMBER_COLUMNS, ORIGIN_UNKNOWN, ORIGINS, REQUIRED, TEXT_COLUMNS
+from bayes_tyre.record import ALLOWED_TEXTS, FACTORS, NUMBER_COLUMNS, ORIGIN_UNKNOWN, REQUIRED, TEXT_COLUMNS
 
 #: A median force above this looks like newtons, a median travel below this like metres.
 NEWTON_LIKE_KN, METRE_LIKE_MM = 1000.0, 0.05
@@ -26,7 +26,7 @@ def _column(name: str) -> pa.Column:
     required = name in REQUIRED
     if name in TEXT_COLUMNS:
         checks = [pa.Check(lambda s: s.str.strip() != "", error="is empty")]
-        if allowed := {"direction": DIRECTIONS, "origin": ORIGINS}.get(name):
+        if allowed := ALLOWED_TEXTS.get(name):
             checks.append(pa.Check.isin(allowed, error=f"is none of {', '.join(allowed)}"))
         return pa.Column(None, checks, required=required)
     checks = [pa.Check(_finite, error="is not a finite number")]

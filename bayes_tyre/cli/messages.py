@@ -4,7 +4,7 @@ import io
 import logging
 import sys
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -42,23 +42,6 @@ def fault(text: object) -> None:
 def warn(text: object) -> None:
     """Print a warning on stderr, one line, quiet or not."""
     fault(f"warning: {text}")
-
-
-def print_table(columns: Mapping[str, Mapping[str, Any]], rows: Iterable[Sequence[str]]) -> None:
-    """Print a table on stdout, its columns with rich's options for each; nothing is cut where there is no terminal."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    from bayes_tyre.report.terminal.console import LoggedConsole
-
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
-    for name, options in columns.items():
-        table.add_column(name, **options)
-    for cells in rows:
-        table.add_row(*map(Text, cells))
-    console = LoggedConsole()
-    (console if console.is_terminal else LoggedConsole(width=LONGEST_LINE)).print(table)
 
 
 class _WarningHandler(logging.Handler):

@@ -35,11 +35,16 @@ def settings(
     return SamplerSettings(chains, warmup, n_draws, seed, target_accept=target_accept, longest=longest)
 
 
-def callbacks(stages: "Stages", quiet: bool, answer: Callable[["Diagnostics"], object] = lambda _: None) -> "Callbacks":
-    """Return the callbacks of a fit: notes and warnings on stderr, progress bars, and the function `answer`."""
+def callbacks(
+    stages: "Stages", quiet: bool, began: float, answer: Callable[["Diagnostics"], object] = lambda _: None
+) -> "Callbacks":
+    """Return the callbacks of a fit: notes and warnings on stderr, progress bars, and the function `answer`.
+
+    `began` is when the command began, by `time.monotonic`.
+    """
     from bayes_tyre.workflow.execution.resume import Callbacks
 
-    return Callbacks(functools.partial(note, quiet=quiet), warn, stages.advance, answer, stages.begin)
+    return Callbacks(functools.partial(note, quiet=quiet), warn, stages.advance, answer, stages.begin, began)
 
 
 def fitted(
@@ -49,6 +54,7 @@ def fitted(
     options: Mapping[str, object],
     quiet: bool,
     limited: bool,
+    began: float,
 ) -> None:
     """Fit, print the answer as soon as it exists, then the folder and later failed checks; code 4 unless `pass`.
 
@@ -57,8 +63,8 @@ def fitted(
     from bayes_tyre.report.answer.quantities import in_words
 
     with stages(quiet) as bars:
-        answer = Answer(out, origin, options, quiet, bars, limited)
-        diagnostics = fit(callbacks(bars, quiet, answer))
+        answer = Answer(out, origin, options, quiet, bars, limited, began)
+        diagnostics = fit(callbacks(bars, quiet, began, answer))
         printed = answer(diagnostics)
     say(f"wrote {out}: verdict {diagnostics.verdict}", quiet)
     say(f"next: {command_line('report', path_text(out))}", quiet)
@@ -91,14 +97,23 @@ class Answer:
         The progress bars; they are removed before the answer is printed.
     limited:
         Whether the cases are compared with a limit; the answer then has sentences on it.
+    began:
+        When the command began, by `time.monotonic`.
     """
 
     def __init__(
-        self, out: Path, origin: str, options: Mapping[str, object], quiet: bool, stages: "Stages", limited: bool
+        self,
+        out: Path,
+        origin: str,
+        options: Mapping[str, object],
+        quiet: bool,
+        stages: "Stages",
+        limited: bool,
+        began: float,
     ) -> None:
         self.out, self.quiet, self.stages, self.limited = out, quiet, stages, limited
         self.run = {"origin": origin, "options": dict(options)}
-        self.began = time.monotonic()
+        self.began = began
         self.given: Diagnostics | None = None
 
     def __call__(self, diagnostics: "Diagnostics") -> "Diagnostics":

@@ -44,11 +44,19 @@ class Run:
 
 
 def begin_run(
-    words: Sequence[str], options: Mapping[str, object], seed: int, inputs: Sequence[Path], origin: str
+    words: Sequence[str],
+    options: Mapping[str, object],
+    seed: int,
+    inputs: Sequence[Path],
+    origin: str,
+    began: float | None = None,
 ) -> Run:
-    """Return the run of ``bayes-tyre`` and these words that begins now, its inputs hashed as they are now."""
+    """Return the run of ``bayes-tyre`` and these words, its inputs hashed as they are now.
+
+    `began` is when it began, by `time.monotonic`; None: now.
+    """
     command, hashes = shlex.join(["bayes-tyre", *words]), {str(path): sha256(path) for path in inputs}
-    return Run(command, options, seed, hashes, origin, time.monotonic())
+    return Run(command, options, seed, hashes, origin, time.monotonic() if began is None else began)
 
 
 def sha256(path: Path) -> str:

@@ -5,14 +5,12 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.record import Channel, RawSignals
+from bayes_tyre.record import Channel, RawSignals, Samples
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.sensors import Sensor, sensors_of
 
-Samples = Float[np.ndarray, " samples"]
 #: Channels may be so far apart in time, as a share of their spacing.
 _JITTER = 0.1
 #: Fewer samples hold no step, nor does a shorter recording, nor samples further apart, s.

@@ -3,13 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.record import Samples
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 
-Samples = Float[np.ndarray, " samples"]
 # The start enters through an angle that changes by 0.03 % a mm: each round takes the error down some thousandfold.
 _ROUNDS = 4
 # The line is taken past so much of the travel, where the friction has turned.

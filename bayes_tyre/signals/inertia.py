@@ -1,10 +1,9 @@
 """The method `inertia`: unsmoothed, force on the tyre = applied load - m d'' - c d', up to the first reversal."""
 
 import numpy as np
-from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.record import MASS, MASS_SD
+from bayes_tyre.record import MASS, MASS_SD, Samples
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.units import KN_PER_KG_MM_PER_S2
@@ -13,7 +12,6 @@ from bayes_tyre.signals.integrate import MM_PER_M, Path, anchored_path
 from bayes_tyre.signals.mass import Mass, Motion, find_mass
 from bayes_tyre.signals.processed import Processed, Recording, clarity
 
-Samples = Float[np.ndarray, " samples"]
 # The path begins so long before the acceleration leaves its noise, s: the axle has not moved by 1 um yet.
 _MARGIN_S = 3e-3
 # The mass is sought in so much of the ringing after the ramp, s: later the integrated displacement wanders.

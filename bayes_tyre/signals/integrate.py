@@ -3,13 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
+from bayes_tyre.record import Samples
 from bayes_tyre.signals.channels import Signals
 from bayes_tyre.signals.noise import signal_level
 from bayes_tyre.signals.steps import Step
 
-Samples = Float[np.ndarray, " samples"]
 MM_PER_M = 1000.0
 # The ends are compared over this time after the motion has settled, s, or what there is of it.
 _COMPARED_S = 0.1

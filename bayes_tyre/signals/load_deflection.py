@@ -13,7 +13,7 @@ import pandas as pd
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.plain_text import NAME, line_of, one_line
-from bayes_tyre.record import DIRECTIONS, ORIGINS
+from bayes_tyre.record import ALLOWED_TEXTS
 from bayes_tyre.record_table import check_agreement, check_columns, numbers_in
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.load_deflection import Deflection, deflection_of
@@ -27,7 +27,6 @@ FACTORS_OF_TEST = (*CASE_OF_TEST, "repeat")
 ON_LINE = {"loading": "on_loading_line", "unloading": "on_unloading_line"}
 _NUMBERS = ("load_kN", "displacement_mm", "speed_km_h", "repeat")
 _TEXTS = ("test", "configuration", "direction", "origin")
-_ALLOWED = {"direction": DIRECTIONS, "origin": ORIGINS}
 #: Part of the range of a test's loads by which load may run back, by noise, within a branch.
 RUNS_BACK = 0.1
 
@@ -147,7 +146,7 @@ def _loads_part(tests: list[pd.DataFrame]) -> bool:
 def _texts(table: pd.DataFrame, column: str, name: str) -> pd.Series:
     cells = table[column]
     texts = cells.astype(object).where(cells.notna(), "").astype(str).str.strip()
-    allowed = _ALLOWED.get(column)
+    allowed = ALLOWED_TEXTS.get(column)
     wrong = (texts == "") | (~texts.isin(allowed) if allowed else False)
     if wrong.any():
         row = int(np.flatnonzero(wrong)[0])

@@ -3,11 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
-from bayes_tyre.record import means_of_blocks
+from bayes_tyre.record import Samples, means_of_blocks
 
-Samples = Float[np.ndarray, " samples"]
 # Readings further from the median than this many robust standard deviations are outliers.
 _CLIP = 5.0
 

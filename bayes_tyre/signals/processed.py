@@ -2,16 +2,11 @@
 
 from typing import NamedTuple
 
-import numpy as np
-from jaxtyping import Float
-
-from bayes_tyre.record import FORCE_PER_KG
+from bayes_tyre.record import FORCE_PER_KG, Samples
 from bayes_tyre.signals.channels import Signals
 from bayes_tyre.signals.factors import RecordFactors
 from bayes_tyre.signals.runout import Turning
 from bayes_tyre.signals.steps import Step
-
-Samples = Float[np.ndarray, " samples"]
 
 
 class Recording(NamedTuple):

@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from bayes_tyre.record import means_of_blocks
+from bayes_tyre.record import Samples, means_of_blocks
 
-Samples = Float[np.ndarray, " samples"]
 Ramps = Float[np.ndarray, " ramps"]
 _BLOCK_S = 2e-3
 # The ramp is sought so far about the change of level, and as long or short as this.

@@ -8,11 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.record import means_of_blocks
+from bayes_tyre.record import Samples, means_of_blocks
 from bayes_tyre.rig.axle import Rig, needed
 from bayes_tyre.signals.channels import Signals
 
-Samples = Float[np.ndarray, " samples"]
 Columns = Float[np.ndarray, "columns samples"]
 #: Harmonics of each turning body.
 WHEEL_HARMONICS, ROLLER_HARMONICS = 5, 3

@@ -3,15 +3,14 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
 from bayes_tyre.errors import BadInput
-from bayes_tyre.record import means_of_blocks
+from bayes_tyre.record import Samples, means_of_blocks
 from bayes_tyre.signals.channels import Signals
 from bayes_tyre.signals.noise import Level, moving_mean, robust_sd, signal_level
 from bayes_tyre.signals.ramp import Ramp, find_ramp
 
-Samples = Float[np.ndarray, " samples"]
 #: Least ratio of a step's change to the noise.
 CLEAR = 5.0
 #: Rest that is needed before the step and after it, s.

@@ -1,16 +1,15 @@
 """The method `thesis`: the source's own processing with its hand-picked times found from the data, for comparison."""
 
 import numpy as np
-from jaxtyping import Float
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.record import Samples
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.signals.integrate import MM_PER_M, integrated
 from bayes_tyre.signals.noise import moving_mean
 from bayes_tyre.signals.processed import Processed, Recording, clarity
 
-Samples = Float[np.ndarray, " samples"]
 #: The source's moving average and the margin of its region: 801 and 400 samples at 10 kHz.
 WINDOW_S, MARGIN_S = 0.0801, 0.0400
 # A maximum below this share of the largest displacement is noise at the start.

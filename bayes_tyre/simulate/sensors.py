@@ -1,16 +1,13 @@
 """From what the axle does to what the data logger writes: sensors, noise, the converter, and the channels of B1."""
 
 import numpy as np
-from jaxtyping import Float
 
-from bayes_tyre.record import Channel, RawSignals
+from bayes_tyre.record import Channel, RawSignals, Samples
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.rig.calibration import Line
 from bayes_tyre.rig.sensors import sensors_of
 from bayes_tyre.simulate.draw import stream
 from bayes_tyre.simulate.truth import Truth
-
-Samples = Float[np.ndarray, " samples"]
 
 #: One step of the analogue-to-digital converter, V. Source: the levels in the rows of appendix B1.
 CONVERTER_STEP_V = 0.0001525

@@ -197,7 +197,7 @@ def fit_table(
     with errors_name(names(plan.records)):
         plan = replace(plan, model=with_scales_of(table, plan.model))
     callbacks = callbacks or Callbacks()
-    run = begin_run(command, plan.options, plan.sampler.seed, plan.inputs, origin_of(table))
+    run = begin_run(command, plan.options, plan.sampler.seed, plan.inputs, origin_of(table), callbacks.began)
     checkpoints = open_checkpoints(out, run, callbacks, resume)
     if isinstance(checkpoints, Diagnostics):
         return checkpoints
@@ -238,7 +238,7 @@ def fit_published_tables(
     inputs = ("published/table_09_stiffness.csv", "published/table_11_characteristic_deflection.csv")
     options = {**sampler_options(settings), "interval": interval, "priors": priors.given()}
     paths = [data_path(name) for name in inputs]
-    run = begin_run(command, options, settings.seed, paths, "published")
+    run = begin_run(command, options, settings.seed, paths, "published", callbacks.began)
     printed = tables.case_means()
     tree = fit_published(printed, settings, priors)
     callbacks.on_stage("diagnostics", None)

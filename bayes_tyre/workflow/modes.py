@@ -1,5 +1,6 @@
 """A table of natural frequencies in; a flexible ring's parameters, the frequencies beside their fit, a figure out."""
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,6 +66,7 @@ def fit_modes(
     BadInput
         If the table, the motions or `out` cannot be used, or the tyre turns and the belt's radius is not given.
     """
+    began = time.monotonic()
     table = check_natural_frequencies(read_table(path), str(path))
     options = {"interval": interval, "radius_mm": belt.radius_mm, "mass_per_length_kg_per_m": belt.mass_kg_per_m}
     inputs, untrusted = [path], []
@@ -73,7 +75,7 @@ def fit_modes(
         options, inputs = {**options, "configuration": motion.configuration}, [path, posterior]
     modes = _measured(table, belt, path)
     priors = {name: prior.given() for name, prior in modes.priors.items()}
-    run = begin_run(command, {**options, "priors": priors}, seed, inputs, origin_of(table))
+    run = begin_run(command, {**options, "priors": priors}, seed, inputs, origin_of(table), began)
     prepare_folder(out)
     (out / RUN_JSON).unlink(missing_ok=True)  # of an older run: it marks a folder as finished
     fit = fit_ring(modes, seed)

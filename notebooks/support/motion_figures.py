@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bayes_tyre.report.figures.page import layout
-from bayes_tyre.report.figures.page.colours import INK, PALE, Setting, looks
+from bayes_tyre.report.figures.page.colours import INK, PALE, Setting
 from bayes_tyre.report.figures.page.labels import plain
 from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 
@@ -49,7 +49,7 @@ def off_the_truth(table: pd.DataFrame) -> Figure:
         A row a record and quantity, simulated: `record`, and what `support.motion_truth.beside_truth` gives.
     """
     quantities = list(dict.fromkeys(table["quantity"]))
-    appearance = looks(table["record"])
+    appearance = Setting("measured").looks(table["record"])
     figure = layout.page(WIDTH, 1.2 + 0.34 * len(quantities))
     ax = figure.subplots()
     ax.axvline(0.0, **_TRUTH)

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 from collections import Counter
 from importlib.metadata import version
 from pathlib import Path
@@ -33,6 +34,7 @@ from helpers.quick_fits import once
 from helpers.simulated_records import Plan, simulate
 
 import bayes_tyre as bt
+from bayes_tyre.cli import shell
 from bayes_tyre.inference.diagnostics import power_scaling
 from bayes_tyre.inference.model.default_priors import PRIORS
 from bayes_tyre.inference.model.factors import find_factors
@@ -83,6 +85,17 @@ def test_fit_ends_with_0_and_says_pass_everywhere_when_it_may_be_trusted(sampled
     shown = here("show", tmp_path / "out")
     assert shown.exit_code == 0
     assert "80 % interval" in shown.stdout
+
+
+def test_the_wall_time_counts_from_before_the_records_are_read(sampled, tmp_path, monkeypatch):
+    times, read, begin = [], shell.read_records, workflow.begin_run
+    monkeypatch.setattr(shell, "read_records", lambda *of: times.append(time.monotonic()) or read(*of))
+    monkeypatch.setattr(workflow, "begin_run", lambda *of: times.append(of[-1]) or begin(*of))
+    path = written(sampled, tmp_path / "records.csv")
+    called = time.monotonic()
+    assert here("fit", path, "--out", tmp_path / "out").exit_code == 0
+    reading, began = times
+    assert called <= began <= reading
 
 
 def test_a_fit_in_python_writes_what_the_command_does_and_is_repeated_by_it(sampled, tmp_path):

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from helpers.command_line import assert_refused, here, printed_and_imported, tree_of
+from helpers.documented import documented_columns
 from helpers.readme_rigs import readme_texts
 
 from bayes_tyre.formats.recordings.raw import read_raw
@@ -100,6 +101,8 @@ def test_standing_and_rolling_records_share_the_columns_of_truth(tmp_path):
     assert harmonics.iloc[0].isna().all()
     assert harmonics.iloc[1].notna().all()
     assert truth.columns[-1] == "origin"
+    first_harmonics = truth.columns.str.replace(r"_runout_\d_", "_runout_1_", regex=True)
+    assert {*first_harmonics} <= documented_columns()
 
 
 def test_a_rig_file_stands_for_both_configurations(tmp_path):

@@ -10,7 +10,7 @@ from support.level_means import BY, level_means
 
 from bayes_tyre.published import tables
 from bayes_tyre.record import CASE_FACTORS
-from bayes_tyre.report.figures.page.colours import Setting, looks
+from bayes_tyre.report.figures.page.colours import Setting
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,7 @@ def test_the_figure_has_a_marker_a_level_and_the_colours_of_every_figure(means):
     assert len(axes) == 2 * len(BY)
     for ax, by in zip(axes, BY, strict=False):
         mine = moved[(moved["by"] == by) & (moved["parameter"] == "k")]
-        for name, look in looks(["single", "dual"]).items():
+        for name, look in Setting("measured").looks(["single", "dual"]).items():
             of = mine[mine["configuration"] == name]
             np.testing.assert_allclose(markers(ax, look.marker)[:, 1], of["median"])
         heights = np.sort([segment[:, 1] for segment in segments(ax)], axis=0)

@@ -9,7 +9,7 @@ from support.rule import PLAIN, POSTERIOR, RULE, by_multiple, k_by_method
 from support.rule_figures import rule_and_posterior
 
 from bayes_tyre.record import CASE_FACTORS
-from bayes_tyre.report.figures.page.colours import Setting, looks
+from bayes_tyre.report.figures.page.colours import Setting
 
 #: k of three repeats: one far off by 30 % of the others' mean, or 7.5 times the usual scatter; none.
 K = {"single": (1.0, 1.0, 1.3), "dual": (2.0, 2.02, 2.04)}
@@ -60,5 +60,5 @@ def test_the_figure_shows_repeats_what_is_left_out_and_the_posterior_in_its_colo
     np.testing.assert_allclose(np.sort(markers(ax, "|")[:, 0]), np.sort(fits["k_kN_per_mm"]))
     assert markers(ax, "x")[:, 0].tolist() == [1.3]
     medians = cases[cases["parameter"] == "k"].set_index("configuration")["median"].to_dict()
-    for name, look in looks(K).items():
+    for name, look in Setting("measured").looks(K).items():
         assert medians[name] in markers(ax, look.marker)[:, 0]

@@ -1,6 +1,7 @@
 """`fit`: all records together, hierarchically."""
 
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -88,12 +89,13 @@ def fit(
 
     Example: bayes-tyre fit data/campaign/records.csv --out results/fit
     """
+    began = time.monotonic()
     _check_usage(context, records, from_run)
     if from_run is not None:
         from bayes_tyre.workflow.fit import planned_in
 
         plan = planned_in(from_run, shell.warn)
-        _run(plan, _checked_table(plan), out, resume, xlsx, device, quiet)
+        _run(plan, _checked_table(plan), out, resume, xlsx, device, quiet, began)
         return
     from bayes_tyre.inference.model.settings import ModelSettings
     from bayes_tyre.results.limits import OF_RECORDS
@@ -120,11 +122,18 @@ def fit(
     limit = shell.checked_limit(limit, OF_RECORDS)
     plan = Plan(tuple(records or ()), settings, model, interval, units_checked, columns, limit, reference, record_draws)
     table = _checked_table(plan)
-    _run(plan.for_records(table["record"].nunique()), table, out, resume, xlsx, device, quiet)
+    _run(plan.for_records(table["record"].nunique()), table, out, resume, xlsx, device, quiet, began)
 
 
 def _run(
-    plan: "Plan", table: "pd.DataFrame", out: Path, resume: bool, xlsx: bool, device: str | None, quiet: bool
+    plan: "Plan",
+    table: "pd.DataFrame",
+    out: Path,
+    resume: bool,
+    xlsx: bool,
+    device: str | None,
+    quiet: bool,
+    began: float,
 ) -> None:
     """Fit as planned, print progress and answer; exit with code 4 unless the verdict is pass."""
     from bayes_tyre.record_table import origin_of
@@ -145,6 +154,7 @@ def _run(
         options={"reference": plan.reference},
         quiet=quiet,
         limited=plan.limit is not None,
+        began=began,
     )
 
 

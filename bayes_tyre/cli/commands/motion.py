@@ -1,6 +1,7 @@
 """`motion`: tyre, mass and damping from raw signals by the motion itself, all records together."""
 
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -85,6 +86,7 @@ def motion(
 
     Example: bayes-tyre motion data/raw --out results/motion --figures results/motion/records
     """
+    began = time.monotonic()
     check_machines(workers, cluster)
     from bayes_tyre.formats.recordings.raw import raw_files
 
@@ -101,10 +103,12 @@ def motion(
     limit = shell.checked_limit(limit, (*motion_law(law).reported_parameters, ENERGY))
     how = law, amplitude, repeats, interval, read_priors(priors), limit, displacement_scale_sd, force_scale_sd
     plan = MotionPlan(sampler, rig, cases, figures, *how)
-    _run(files, plan, Machines(workers, cluster, resume), out, xlsx, quiet)
+    _run(files, plan, Machines(workers, cluster, resume), out, xlsx, quiet, began)
 
 
-def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path, xlsx: bool, quiet: bool) -> None:
+def _run(
+    files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path, xlsx: bool, quiet: bool, began: float
+) -> None:
     """Estimate each file, fit the estimates as planned, print its progress, and end as the verdict says."""
     from bayes_tyre.workflow.raw.motion import estimate_files, fit_estimates
     from bayes_tyre.workflow.raw.raw_records import REJECTED, rejection_notes
@@ -127,4 +131,5 @@ def _run(files: list[Path], plan: "MotionPlan", machines: "Machines", out: Path,
         options=options,
         quiet=quiet,
         limited=plan.limit is not None,
+        began=began,
     )

@@ -1,6 +1,7 @@
 """`published` and `campaign`: the source's numbers recomputed, and records reconstructed from them."""
 
 import sys
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
@@ -36,6 +37,7 @@ def published(
 
     Example: bayes-tyre published --out results/published --posterior
     """
+    began = time.monotonic()
     if not posterior and (name := shell.given_beside(context, WITHOUT_POSTERIOR)):
         shell.warn(f"{name} has no effect without --posterior")
     prepare_jax(chains)
@@ -54,7 +56,7 @@ def published(
     if posterior:
         settings = sampled.settings(chains, warmup, draws, seed, target_accept, default=2000)
         with shell.stages(quiet) as stages:
-            callbacks = sampled.callbacks(stages, quiet)
+            callbacks = sampled.callbacks(stages, quiet, began)
             diagnostics = fit_published_tables(
                 out / "posterior", settings, interval, sys.argv[1:], prior_settings, callbacks
             )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from bayes_tyre.cli.messages import fault, print_table
+from bayes_tyre.cli.messages import fault
 from bayes_tyre.cli.model_options import FancherLaw
 from bayes_tyre.cli.raw import Workers
 from bayes_tyre.cli.shell import NOT_TRUSTED, Out, Quiet, Seed, first_paragraph, guarded, progress, say, warn
@@ -292,8 +292,10 @@ def coverage(
     with progress("fitting data sets", sets * len(names), quiet) as on_progress:
         table = write_coverage(out, names, sets, seed, on_progress, resume)
     if not quiet:
+        from bayes_tyre.report.terminal.console import print_table
+
         by_kind = overview(table)
-        print_table({str(name): {} for name in by_kind}, by_kind.to_numpy().tolist())
+        print_table([(str(name), {}) for name in by_kind], by_kind.to_numpy().tolist())
     say("coverage of 95 % intervals ± its standard error, of all data sets", quiet)
     say(f"wrote {out / 'coverage.csv'} (simulated, not measured); failed checks: {out / 'verdicts.csv'}", quiet)
 

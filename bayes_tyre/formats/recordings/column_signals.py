@@ -12,13 +12,13 @@ from bayes_tyre.formats.lvm.channel_header import ChannelHeader
 from bayes_tyre.formats.lvm.channels import build_channels, named_twice
 from bayes_tyre.formats.lvm.reader import read_lvm
 from bayes_tyre.formats.lvm.roles import COMMENT, Roles, last_channel
+from bayes_tyre.formats.tables.decimals import NO_READING
 from bayes_tyre.formats.tables.header import UNITS_ROW, Layout
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.formats.x_column import grows, is_time, seconds_per_unit, unit_in
 from bayes_tyre.plain_text import NAME, number_in, one_line, quoted
 from bayes_tyre.record import RawSignals
 
-_NO_READING = ("", "nan")
 _HEAD = 4096
 
 
@@ -150,7 +150,7 @@ def _numbers(column: pd.Series, name: str, path: Path) -> np.ndarray | None:
         return column.to_numpy(dtype=float, na_value=np.nan)
     texts = column.astype(str).where(column.notna(), "").str.strip()
     numbers = pd.to_numeric(texts, errors="coerce").to_numpy(dtype=float, na_value=np.nan)
-    wrong = np.flatnonzero(np.isnan(numbers) & ~texts.str.lower().isin(_NO_READING).to_numpy())
+    wrong = np.flatnonzero(np.isnan(numbers) & ~texts.str.lower().isin(NO_READING).to_numpy())
     if len(wrong) and np.isnan(numbers).all():
         return None
     if len(wrong):

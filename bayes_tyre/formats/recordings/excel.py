@@ -11,6 +11,7 @@ from openpyxl.utils import get_column_letter
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.lvm.roles import COMMENT, is_x
 from bayes_tyre.formats.recordings.column_signals import named_by_number, signals_of
+from bayes_tyre.formats.tables.decimals import NO_READING
 from bayes_tyre.formats.tables.workbook import NumberedRows, Row, read_rows
 from bayes_tyre.formats.x_column import is_time, unit_in
 from bayes_tyre.plain_text import NAME, one_line, quoted
@@ -136,7 +137,7 @@ def _is_text(cells: Iterable[object]) -> bool:
 
 def _is_blank(cell: object) -> bool:
     """Return whether a cell is blank, an error of the spreadsheet, or text that says there is no number."""
-    return cell is None or (isinstance(cell, str) and (cell.startswith("#") or cell.strip().lower() in ("", "nan")))
+    return cell is None or (isinstance(cell, str) and (cell.startswith("#") or cell.strip().lower() in NO_READING))
 
 
 def _is_number(cell: object) -> bool:

@@ -12,7 +12,7 @@ from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.structured_text import read_toml
 from bayes_tyre.formats.tables.header import NOTES, UNITS, UNITS_ROW, Layout, unit_of_name
 from bayes_tyre.plain_text import line_of, listed, quoted, reason
-from bayes_tyre.record import DIRECTIONS, NUMBER_COLUMNS, ORIGINS, TEXT_COLUMNS
+from bayes_tyre.record import ALLOWED_TEXTS, DIRECTIONS, NUMBER_COLUMNS, TEXT_COLUMNS
 
 #: Units of the columns that have one.
 OUR_UNITS = {
@@ -21,7 +21,6 @@ OUR_UNITS = {
 }
 #: Columns of record tables and of load-deflection tables.
 OUR_COLUMNS = (*TEXT_COLUMNS, "test", *NUMBER_COLUMNS, "load_kN")
-_ALLOWED = {"direction": DIRECTIONS, "origin": ORIGINS}
 
 
 def _known_column(name: str) -> str:
@@ -80,8 +79,8 @@ class ColumnMap(_Strict):
                 raise ValueError(f"constants.{ours}: is a column of the file too")
             if isinstance(value, str) is (ours in NUMBER_COLUMNS or ours == "load_kN"):
                 raise ValueError(f"constants.{ours}: {value!r} is no {'number' if isinstance(value, str) else 'text'}")
-            if value not in _ALLOWED.get(ours, (value,)):
-                raise ValueError(f"constants.{ours}: {value!r} is none of {', '.join(_ALLOWED[ours])}")
+            if value not in ALLOWED_TEXTS.get(ours, (value,)):
+                raise ValueError(f"constants.{ours}: {value!r} is none of {', '.join(ALLOWED_TEXTS[ours])}")
         return self
 
     @property

@@ -24,7 +24,8 @@ _BETWEEN = ".,' \u2019\u00a0\u202f"
 _GROUPS = rf"{_SIGN}\d{{1,3}}(?:[{_BETWEEN}]\d{{3}})+(?:[.,]\d*)?{_POWER}"
 
 
-_NO_READING = ("", "nan")
+#: Cells without a reading, in small letters.
+NO_READING = ("", "nan")
 
 
 class _Cell(NamedTuple):
@@ -121,7 +122,7 @@ def _numeric_columns(table: pd.DataFrame) -> list[str]:
     """Return the columns that are of numbers by their name, and those whose cells are numbers, blank or NaN."""
 
     def seems_numeric(cells: pd.Series) -> bool:
-        return bool((cells.str.fullmatch(_EITHER) | cells.str.strip().str.lower().isin(_NO_READING)).all())
+        return bool((cells.str.fullmatch(_EITHER) | cells.str.strip().str.lower().isin(NO_READING)).all())
 
     others = (name for name in table.columns if name not in (*_NUMBERS, *TEXT_COLUMNS) and _is_text(table[name]))
     return [*_NUMBERS, *(name for name in others if seems_numeric(table[name]))]

@@ -7,8 +7,9 @@ space is none where there are others: ``Zeit, s;Weg, mm``.
 import codecs
 import csv
 import os
+import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import chain, islice
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, TextIO
@@ -18,6 +19,10 @@ from bayes_tyre.formats.tables.header import SEARCHED, Layout, blank_lines, chec
 
 #: Characters of a header, and columns.
 MOST_HEADER, MOST_COLUMNS = 500_000, 5000
+#: Rows in which blanks between cells are looked for.
+_FIRST_ROWS = 20
+#: What commas leave between them of numbers with decimal commas that blanks separate: `1 2` of `0,1 2,3`.
+_TWO_NUMBERS = re.compile(r"\d+(?:[eE][+-]?\d+)?\s+[+-]?\d+")
 #: What may separate cells, the usual one first.
 SEPARATORS = (",", ";", "\t")
 # UTF-32 before UTF-16: its little-endian mark begins with that of UTF-16.
@@ -66,7 +71,8 @@ def find_dialect(path: Path, layout: Layout | None = None) -> Dialect:
     Raises
     ------
     BadInput
-        If the file is of another kind under the name of a CSV, its first line is no header, or a name stands twice.
+        If the file is of another kind under the name of a CSV, its first line is no header, a name stands twice, or
+        blanks separate its cells and commas its decimals.
     UnicodeDecodeError
         If the header is not text in the file's encoding.
     """
@@ -81,6 +87,9 @@ def find_dialect(path: Path, layout: Layout | None = None) -> Dialect:
         _check_names(path, names)
         header = Dialect(encoding, separator, tuple(names), above, above + at + 2)
         below, cells = next(filled, (0, [])) if layout is not None else (0, [])
+        if separator == ",":
+            below_names = [row for row in (cells, *(row for _, row in islice(filled, _FIRST_ROWS))) if row]
+            _check_blanks(path, below_names or [names])
     units = units_in(cells, layout is not None and layout.any_units)
     return header._replace(units=units, units_row=below, first_line=above + below + 2) if units else header
 
@@ -166,6 +175,16 @@ def _check_names(path: Path, names: list[str]) -> None:
     if len(names) > MOST_COLUMNS:
         raise BadInput(f"{path}: has {len(names)} columns, over {MOST_COLUMNS}; keep those of the records")
     check_twice([name.strip() for name in names], path)  # pandas would rename the second
+
+
+def _check_blanks(path: Path, rows: Sequence[Sequence[str]]) -> None:
+    """Refuse a file in which commas cut numbers in two and leave the end of one and the start of the next together."""
+    cut = [row for row in rows if len(row) > 2]
+    if cut and all("." not in "".join(row) and all(map(_TWO_NUMBERS.fullmatch, row[1:-1])) for row in cut):
+        raise BadInput(
+            f"{path}: blanks stand between its cells and commas in its numbers; put semicolons or tabs between the "
+            "cells, or name it .txt if it is a recording"
+        )
 
 
 def blank_lines_in(path: Path, dialect: Dialect, rows: int) -> list[int]:

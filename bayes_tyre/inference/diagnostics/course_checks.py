@@ -22,7 +22,7 @@ CHANCE = 1e-3
 #: Standard errors beyond which chance brings a value with that probability, to one side.
 STANDARD_ERRORS_MOST = float(stats.norm.isf(CHANCE))
 #: Fewest degrees of freedom that the scatter among repeats is estimated from.
-_LEAST_FREEDOM = 6
+LEAST_FREEDOM = 6
 #: Part of a column that the law's own parameters must leave.
 _LEAST_BEYOND = 0.2
 WRONG_LAW = "the tyre does not follow the law there: try another --law, and see figures/residuals_against_displacement"
@@ -103,7 +103,7 @@ def _variance_about_case(
     repeats = np.bincount(case)
     mean = np.stack([np.bincount(case, column) for column in z.T], axis=1) / np.maximum(repeats, 1)[:, None]
     freedom = len(case) - np.count_nonzero(repeats)
-    if freedom < _LEAST_FREEDOM:
+    if freedom < LEAST_FREEDOM:
         return np.ones(z.shape[1]), np.inf
     return np.maximum(np.sum((z - mean[case]) ** 2, axis=0) / freedom, 1.0), float(freedom)
 

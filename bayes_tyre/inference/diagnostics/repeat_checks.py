@@ -8,14 +8,12 @@ import xarray as xr
 from jaxtyping import Float, Int
 from scipy import stats
 
-from bayes_tyre.inference.diagnostics.course_checks import CHANCE, case_of_records
+from bayes_tyre.inference.diagnostics.course_checks import CHANCE, LEAST_FREEDOM, case_of_records
 from bayes_tyre.inference.diagnostics.sampling_checks import Check, unchecked
 from bayes_tyre.inference.model.hyperparameters import APART_REPEATS, JUDGEABLE_REPEATS
 from bayes_tyre.inference.sampling.datatree import case_parameters, draws_in_a_row, record_offset
 from bayes_tyre.plain_text import listed
 
-#: Fewest degrees of freedom that the scatter of repeats is estimated from.
-_LEAST_FREEDOM = 6
 _INTERVAL = [0.025, 0.5, 0.975]
 #: Probability of being discordant from which on a record does not count as one of the repeats that agree; and of
 #: standing apart from which on a case is named.
@@ -58,7 +56,7 @@ def _cases_and_repeats(posterior: xr.Dataset, parameter: str, case: Int[np.ndarr
     apart, outside = _apart(posterior, parameter, case), _outside(posterior, parameter, case)
     agreements = [agreement for agreement in _by_speed(posterior, parameter, case) if agreement is not None]
     if not agreements:
-        why = f"fewer than {_LEAST_FREEDOM} repeats beyond one of each case"
+        why = f"fewer than {LEAST_FREEDOM} repeats beyond one of each case"
         return unchecked(name, CHANCE, why)._replace(note="; ".join(filter(None, (apart, outside))))
     worst = min(agreements, key=lambda agreement: agreement.p_value)
     value = min(worst.p_value * len(agreements), 1.0)
@@ -130,7 +128,7 @@ def _agreement(
     repeats = np.bincount(case, minlength=of_case.shape[1])
     several = repeats > 1
     freedom = int((repeats[several] - 1).sum())
-    if freedom < _LEAST_FREEDOM:
+    if freedom < LEAST_FREEDOM:
         return None
     member = np.equal.outer(np.arange(of_case.shape[1]), case).astype(float)
     mean = values @ member.T / np.maximum(repeats, 1)

@@ -11,12 +11,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from bayes_tyre.report.figures.page import layout
-from bayes_tyre.report.figures.page.colours import INK, PALE, Look, Setting, looks_of_none
+from bayes_tyre.report.figures.page.colours import INK, PALE, SIMULATED, Look, looks_of_none
 from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 from bayes_tyre.report.wording import text_name
 
-#: Simulated, whatever is shown.
-_SETTING = Setting("simulated")
 _IDENTITY = {"color": INK, "linewidth": 0.8, "linestyle": "--"}
 #: Of all figures here: each keeps its look where others are not shown.
 _METHODS = ("inertia", "motion", "thesis")
@@ -84,7 +82,7 @@ def beta_returned(table: pd.DataFrame, source_window: int) -> Figure:
         f"the source's window of {source_window} samples, and pale with others; the other methods smooth nothing."
         f"{_beyond(rows['median'], top)}"
     )
-    return layout.finish(figure, _SETTING, note)
+    return layout.finish(figure, SIMULATED, note)
 
 
 @matplotlib.style.context(STYLE)
@@ -120,7 +118,7 @@ def k_bias(rows: pd.DataFrame, factors: Mapping[str, tuple[str, str]], typical: 
         f"Simulated records of a stationary axle; one factor varied at a time about {about}. The window is thesis's. "
         "Dashed: no bias."
     )
-    return layout.finish(figure, _SETTING, note)
+    return layout.finish(figure, SIMULATED, note)
 
 
 def _draw_against(ax: Axes, rows: pd.DataFrame, look: Look) -> None:
@@ -159,7 +157,7 @@ def coverage(shown: pd.DataFrame) -> Figure:
         "line: its own 95 % interval (exact binomial); dashed: 95 %. thesis and inertia: least squares' standard "
         "errors; motion: its own covariance."
     )
-    return layout.finish(figure, _SETTING, note)
+    return layout.finish(figure, SIMULATED, note)
 
 
 @matplotlib.style.context(STYLE)
@@ -195,7 +193,7 @@ def beta_window(rows: pd.DataFrame, source_window: int) -> Figure:
         f"source has it (its own: {source_window} samples; 1: not smoothed). "
         f"No point where records do not determine beta.{_beyond(determined['median'], top)}"
     )
-    return layout.finish(figure, _SETTING, note)
+    return layout.finish(figure, SIMULATED, note)
 
 
 def method_looks(methods: Iterable[str]) -> dict[str, Look]:

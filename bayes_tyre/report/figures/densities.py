@@ -125,8 +125,7 @@ def prior_and_posterior_of_scales(hyperparameters: list[PriorPosterior], setting
         "Contraction: 1 - (variance of posterior / prior), of the logarithm on logarithmic axes; 0: posterior as wide "
         f"as the prior, 1: determined by the data. Bold: below {CONTRACTION_LEAST:g}, weakly identified."
     )
-    left_out = "" if len(hyperparameters) == len(shown) else f" The first {len(shown)} of {len(hyperparameters)}."
-    return layout.finish(figure, setting, note + left_out)
+    return layout.finish(figure, setting, note + layout.left_out(len(shown), len(hyperparameters)))
 
 
 def _hyperparameter_panel(ax: Axes, hyperparameter: PriorPosterior) -> None:

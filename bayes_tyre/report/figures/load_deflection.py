@@ -76,13 +76,12 @@ def load_deflection_loops(panels: Sequence[LoopPanel], setting: Setting, place: 
     for ax in axes[-1]:
         ax.set_xlabel("displacement (mm)")
     layout.legend(figure, _entries(shown))
-    left_out = "" if len(shown) == len(panels) else f" The first {len(shown)} of {len(panels)} cases."
     note = (
         f"Displacement and force {place}; energies at the wheel centre. Readings of all tests of a case; lines and law "
         "are fitted to their average where they were averaged. Right: force less the law's middle line k d + C; "
         "± behind a number: one standard error."
     )
-    return layout.finish(figure, setting, note + left_out)
+    return layout.finish(figure, setting, note + layout.left_out(len(shown), len(panels), "cases"))
 
 
 def _entries(panels: Sequence[LoopPanel]) -> list[tuple[Any, str]]:

@@ -61,6 +61,5 @@ def driven_loops(
     points = Line2D([], [], color=INK, **_POINTS), "points"
     lines = [(_LAW, "Equation 2, each branch"), (_BACKBONE, "backbone, each closed cycle")]
     layout.legend(figure, [points, *((Line2D([], [], **look), label) for look, label in lines)])
-    left_out = "" if len(shown) == len(names) else f" The first {len(shown)} of {len(names)} curves."
     note = "Curves are cut at their reversals. Backbone: mean of loading and unloading force at equal displacement."
-    return layout.finish(figure, setting, note + left_out)
+    return layout.finish(figure, setting, note + layout.left_out(len(shown), len(names), "curves"))

@@ -9,14 +9,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bayes_tyre.report.figures.page import case_axis, layout
-from bayes_tyre.report.figures.page.colours import INK, PALE, Look, Setting
+from bayes_tyre.report.figures.page.colours import FAINT_BAND, INK, PALE, Look, Setting
 from bayes_tyre.report.figures.page.labels import configuration_label, interval_name, plain
 from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 from bayes_tyre.results.figure_data.motion_traces import CHANNELS
 
 #: Standard deviations on either side of 0 within which 95 % of normal residuals lie.
 _MOST_LIE = 1.96
-_EXPECTED = {"facecolor": (PALE, 0.25), "edgecolor": "none", "linewidth": 0}
 
 
 @matplotlib.style.context(STYLE)
@@ -41,7 +40,7 @@ def motion_figure(readings: pd.DataFrame, setting: Setting) -> Figure:
         row[0].plot(time_s, read, ".", color=PALE, markersize=2)
         row[0].plot(time_s, fitted, color=colour, linewidth=0.9)
         row[0].set_ylabel(channel.label)
-        row[1].axhspan(-_MOST_LIE, _MOST_LIE, **_EXPECTED)
+        row[1].axhspan(-_MOST_LIE, _MOST_LIE, **FAINT_BAND)
         row[1].axhline(0.0, color=INK, linewidth=0.6)
         row[1].plot(time_s, left, ".", color=INK, markersize=1.5)
         row[1].set_ylabel("residual\n(standard deviations)")
@@ -50,7 +49,7 @@ def motion_figure(readings: pd.DataFrame, setting: Setting) -> Figure:
     entries = [
         (Line2D([], [], linestyle="", marker=".", color=PALE), "readings"),
         (Line2D([], [], color=colour), f"fitted motion, {configuration_label(configuration)}"),
-        (Patch(**_EXPECTED), "where 95 % should lie"),
+        (Patch(**FAINT_BAND), "where 95 % should lie"),
     ]
     layout.legend(figure, entries)
     block_ms = 1e3 * float(np.diff(time_s[:2])[0]) if len(time_s) > 1 else 0.0

@@ -2,17 +2,16 @@
 
 import matplotlib.style
 import numpy as np
-from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from bayes_tyre.record import Samples
 from bayes_tyre.report.figures.page import layout
 from bayes_tyre.report.figures.page.colours import INK, Setting
 from bayes_tyre.report.figures.page.labels import plain
 from bayes_tyre.report.figures.page.layout import STYLE
 from bayes_tyre.signals.processed import Processed
 
-Samples = Float[np.ndarray, " samples"]
 # The mark is neither single's colour nor dual's.
 _RAW, _USED, _MARK = "#9a9a9a", INK, "#009E73"
 # Long recordings are drawn as the extremes of so many stretches: nothing is lost to the eye.

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from bayes_tyre.report.figures.page import layout
-from bayes_tyre.report.figures.page.colours import INK, PALE, Look, Setting
+from bayes_tyre.report.figures.page.colours import FAINT_BAND, INK, PALE, Look, Setting
 from bayes_tyre.report.figures.page.labels import configuration_label, decimals, interval_name, plain
 from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 from bayes_tyre.results.columns import of_records
@@ -22,7 +22,6 @@ from bayes_tyre.results.figure_data.prior_curves import PriorPanel
 #: The most records on a figure, and the part of a record's travel that its inset enlarges.
 MOST_RECORDS, START = 6, 0.04
 _POINTS = {"marker": "o", "markersize": 2.2, "markeredgewidth": 0, "color": INK, "linestyle": "none"}
-_PRIOR = {"facecolor": (PALE, 0.25), "edgecolor": "none", "linewidth": 0}
 _SIGMA: dict[str, Any] = {"linestyle": "--", "linewidth": 0.9}
 _DATA: dict[str, Any] = {"linewidth": 1.3}
 _DISPLACEMENT, _FORCE, _RESIDUAL = "displacement (mm)", "force (kN)", "residual (kN)"
@@ -66,8 +65,7 @@ def records_with_bands(points: pd.DataFrame, bands: pd.DataFrame, setting: Setti
         "Median and interval: posterior predictive, noise of a new point included. Residual: data less median; "
         f"nearest points on the left edge. Inset: first {100 * START:g} % of the travel."
     )
-    left_out = "" if len(names) == len(shown) else f" The first {len(shown)} of {len(names)} records."
-    return layout.finish(figure, setting, note + left_out)
+    return layout.finish(figure, setting, note + layout.left_out(len(shown), len(names), "records"))
 
 
 def _entries(appearance: dict[str, Look], what: str, line: dict[str, Any]) -> list[tuple[Line2D, str]]:
@@ -195,14 +193,14 @@ def prior_predictive_curves(panels: list[PriorPanel], setting: Setting, interval
     for ax, panel in zip(axes, shown, strict=True):
         _prior_panel(ax, panel, appearance[panel.configuration])
     drawn = Line2D([], [], color=PALE, linewidth=0.6), "records drawn from the priors"
-    layout.legend(figure, [drawn, (Patch(**_PRIOR), interval_name(interval)), *_entries(appearance, "data", _DATA)])
+    layout.legend(figure, [drawn, (Patch(**FAINT_BAND), interval_name(interval)), *_entries(appearance, "data", _DATA)])
     note = "Prior records start and travel like the record named, one of median travel; the data are of its case."
     return layout.finish(figure, setting, note)
 
 
 def _prior_panel(ax: Axes, panel: PriorPanel, look: Look) -> None:
     band = panel.band
-    ax.fill_between(band["displacement_mm"], band["lower_kN"], band["upper_kN"], **_PRIOR)
+    ax.fill_between(band["displacement_mm"], band["lower_kN"], band["upper_kN"], **FAINT_BAND)
     for _, curve in panel.curves.groupby("record", sort=False):
         ax.plot(curve["displacement_mm"], curve["force_kN"], color=PALE, linewidth=0.6, alpha=0.6)
     for _, record in panel.points.groupby("record", sort=False):

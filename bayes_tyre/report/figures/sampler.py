@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 
 from bayes_tyre.record import DIRECTIONS
 from bayes_tyre.report.figures.page import layout
-from bayes_tyre.report.figures.page.colours import INK, PALE, Look, Setting
+from bayes_tyre.report.figures.page.colours import INK, PALE, PALE_BAND, Look, Setting
 from bayes_tyre.report.figures.page.labels import decimals, plain, unit_name
 from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 from bayes_tyre.results.figure_data.density import density
@@ -29,7 +29,6 @@ _LONGEST = 30
 CLOUD = 500
 #: Correlation above which two parameters are hard to tell apart: printed bold.
 STRONG = 0.5
-_BAND = {"facecolor": (PALE, 0.3), "edgecolor": "none", "linewidth": 0}
 _CLOUD = {"marker": "o", "markersize": 1.3, "markeredgewidth": 0, "linestyle": "none", "color": PALE, "alpha": 0.6}
 _DIVERGENT = {"marker": "x", "markersize": 4, "linestyle": "none", "color": INK}
 #: How a parameter looks that belongs to no configuration.
@@ -62,20 +61,20 @@ def rank_plot(ranks: list[Ranks], setting: Setting) -> Figure:
     chains = max((len(one.excess) for one in shown), default=1)
     colours = matplotlib.colormaps["viridis"](np.linspace(0, 0.9, chains))
     for ax, one in zip(axes, shown, strict=True):
-        ax.fill_between(one.at, -one.band, one.band, **_BAND)
+        ax.fill_between(one.at, -one.band, one.band, **PALE_BAND)
         for excess, colour in zip(one.excess, colours, strict=False):
             ax.plot(one.at, excess, color=colour, linewidth=0.9)
         ax.set_title(_title(one.name), fontsize=7)
         ax.tick_params(labelsize=6.5, length=2, pad=1.5)
     layout.rank_axes(axes, first_column, ACROSS)
     entries = [(Line2D([], [], color=colour), f"chain {i}") for i, colour in enumerate(colours)]
-    band = Patch(**_BAND), f"{100 * BAND:g} % band"
+    band = Patch(**PALE_BAND), f"{100 * BAND:g} % band"
     layout.legend(figure, [*(entries if chains <= 8 else []), band])
     note = (
         "Excess: share of a chain's draws up to a rank among all, less the share expected; draws thinned to the "
         "effective size. Above the band are too many low values, below too few."
     )
-    left_out = "" if len(ranks) == len(shown) else f" The first {len(shown)} of {len(ranks)} parameters."
+    left_out = layout.left_out(len(shown), len(ranks), "parameters")
     return layout.finish(figure, setting, " ".join([note, in_words(ranks)]).rstrip() + left_out)
 
 

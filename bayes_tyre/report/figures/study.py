@@ -10,15 +10,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bayes_tyre.report.figures.page import layout
-from bayes_tyre.report.figures.page.colours import INK, PALE, Setting, looks_of_none
+from bayes_tyre.report.figures.page.colours import INK, PALE, PALE_BAND, SIMULATED, looks_of_none
 from bayes_tyre.report.figures.page.labels import plain
 from bayes_tyre.report.figures.page.layout import STYLE, WIDTH
 
 #: Panels side by side, and the height of a row of them, inches.
 ACROSS, ROW = 5, 1.15
-#: Simulated, whatever is shown.
-_SETTING = Setting("simulated")
-_BAND = {"facecolor": (PALE, 0.3), "edgecolor": "none", "linewidth": 0}
 _WRONG = "#CC79A7"
 #: Probability, %, below which labels of neighbouring points would overlap.
 _APART = 10.0
@@ -60,19 +57,19 @@ def calibration_plot(curves: RankCurves) -> Figure:
     names = list(curves.excess)
     figure, axes, first_column = layout.panel_grid(len(names), ACROSS, ROW, 1.1, sharex=True, sharey=True)
     for ax, name in zip(axes, names, strict=True):
-        ax.fill_between(curves.at, curves.lower, curves.upper, step="mid", **_BAND)
+        ax.fill_between(curves.at, curves.lower, curves.upper, step="mid", **PALE_BAND)
         ax.plot(curves.at, curves.excess[name], color=INK if curves.calibrated[name] else _WRONG, linewidth=0.9)
         ax.set_title(plain(name, 27), fontsize=6)
         ax.tick_params(labelsize=6, length=2, pad=1.5)
     layout.rank_axes(axes, first_column, ACROSS)
     entries = [(Line2D([], [], color=INK), "calibrated"), (Line2D([], [], color=_WRONG), "not calibrated")]
-    layout.legend(figure, [*entries, (Patch(**_BAND), f"{100 * curves.together:g} % band for all panels together")])
+    layout.legend(figure, [*entries, (Patch(**PALE_BAND), f"{100 * curves.together:g} % band for all panels together")])
     note = (
         f"Ranks of {curves.datasets} truths among {curves.draws} draws of their posteriors: the share up to each rank "
         f"less the share expected. Truths are drawn from {curves.drawn_from}. All above zero: estimates too high; all "
         "below: too low; first below, then above: intervals too wide; first above, then below: too narrow."
     )
-    return layout.finish(figure, _SETTING, note)
+    return layout.finish(figure, SIMULATED, note)
 
 
 @matplotlib.style.context(STYLE)
@@ -94,7 +91,7 @@ def outlier_calibration_plot(table: pd.DataFrame) -> Figure:
         f"Numbers: records, above {_APART:g} %. Bands: where shares of independent records lie if the probabilities "
         "are right."
     )
-    return layout.finish(figure, _SETTING, note)
+    return layout.finish(figure, SIMULATED, note)
 
 
 @matplotlib.style.context(STYLE)
@@ -128,7 +125,7 @@ def outlier_plot(table: pd.DataFrame) -> Figure:
         "shifted: it is 20 to 40 % off. Bars: 95 % interval of what is shown. The mean and the rules have Student's "
         "interval of the repeats kept."
     )
-    return layout.finish(figure, _SETTING, note)
+    return layout.finish(figure, SIMULATED, note)
 
 
 @matplotlib.style.context(STYLE)
@@ -158,4 +155,4 @@ def coverage_plot(table: pd.DataFrame) -> Figure:
         f"Share of 95 % intervals that hold the true value, of {shown['sets'].min()} simulated data sets of each kind. "
         "Bars: 1.96 standard errors over data sets. No point: no data set of the kind passed."
     )
-    return layout.finish(figure, _SETTING, note)
+    return layout.finish(figure, SIMULATED, note)

@@ -4,13 +4,10 @@ import math
 from collections import Counter
 from pathlib import Path
 
-from rich import box
 from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from bayes_tyre.plain_text import one_line
-from bayes_tyre.report.terminal.console import LoggedConsole
+from bayes_tyre.report.terminal.console import LoggedConsole, print_lines, print_table
 from bayes_tyre.results.separate_fits import Column, FitTable
 
 #: The most rows that are printed; those that follow are counted by status, of which the most frequent are named.
@@ -21,7 +18,7 @@ _LONGEST_STATUS = 300
 def print_fits(tables: list[FitTable], folder: Path, console: Console) -> None:
     """Print the tables of a folder, and where they are."""
     print_tables(tables, console)
-    console.print(Text(f"files: {one_line(folder, None)}"), soft_wrap=True)
+    print_lines([f"files: {one_line(folder, None)}"], console)
 
 
 def print_tables(tables: list[FitTable], console: Console | None = None) -> None:
@@ -32,9 +29,8 @@ def print_tables(tables: list[FitTable], console: Console | None = None) -> None
         rows = len(table.status)
         console.print()
         about = f"{table.caption} (data: {one_line(table.origin)}): {rows} rows, {table.not_ok} not ok"
-        console.print(Text(about), soft_wrap=True)
-        wide = console if console.is_terminal else LoggedConsole(file=console.file, width=10_000)
-        wide.print(_first_rows(table, reasons))
+        print_lines([about], console)
+        _print_first_rows(table, reasons, console)
         lines = [f"({number}) {reason}" for number, reason in enumerate(reasons, start=1)]
         further = Counter(table.status[MOST_ROWS:]).most_common()
         lines += [
@@ -43,20 +39,17 @@ def print_tables(tables: list[FitTable], console: Console | None = None) -> None
         if len(further) > MOST_REASONS:
             others = sum(count for _, count in further[MOST_REASONS:])
             lines.append(f"of the {rows - MOST_ROWS} further rows {others}: other reasons")
-        for line in lines:
-            console.print(Text(one_line(line, _LONGEST_STATUS)), soft_wrap=True)
+        print_lines([one_line(line, _LONGEST_STATUS) for line in lines], console)
 
 
-def _first_rows(table: FitTable, reasons: list[str]) -> Table:
-    printed = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
-    for column in table.columns:
-        heading = f"{column.name}, {column.unit}" if column.unit else column.name
-        printed.add_column(Text(heading), justify="left" if column.is_text else "right")
-    printed.add_column("status")
+def _print_first_rows(table: FitTable, reasons: list[str], console: Console) -> None:
+    headings = [
+        (f"{column.name}, {column.unit}" if column.unit else column.name, "left" if column.is_text else "right")
+        for column in table.columns
+    ]
     status = [each if each == "ok" else f"({reasons.index(each) + 1})" for each in table.status[:MOST_ROWS]]
-    for row in zip(*map(_cells, table.columns), status, strict=True):
-        printed.add_row(*map(Text, row))
-    return printed
+    rows = zip(*map(_cells, table.columns), status, strict=True)
+    print_table([(name, {"justify": how}) for name, how in (*headings, ("status", "left"))], rows, console)
 
 
 def _cells(column: Column) -> list[str]:

@@ -4,17 +4,14 @@ import math
 from pathlib import Path
 
 import pandas as pd
-from rich import box
 from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from bayes_tyre.errors import BadInput
 from bayes_tyre.formats.structured_text import read_json
 from bayes_tyre.formats.tables.table_files import read_table
 from bayes_tyre.plain_text import one_line
 from bayes_tyre.record import RECORD_UNITS
-from bayes_tyre.report.terminal.console import LoggedConsole
+from bayes_tyre.report.terminal.console import LoggedConsole, print_lines, print_table
 from bayes_tyre.results.recovery import (
     WHAT_IT_COMPARES,
     WHAT_MOTIONS_COMPARE,
@@ -41,14 +38,12 @@ def print_recovery(folders: list[Path], truth: Path, console: Console | None = N
     console = console or LoggedConsole()
     for folder, recovery in recoveries:
         console.print()
-        console.print(Text(f"beside the truth: {_title(folder)}"), soft_wrap=True)
-        beside = _table(recovery)
-        (console if console.is_terminal else LoggedConsole(file=console.file, width=10_000)).print(beside)
-        for line in _sentences(recovery):
-            console.print(Text(line), soft_wrap=True)
+        print_lines([f"beside the truth: {_title(folder)}"], console)
+        _print_table(recovery, console)
+        print_lines(_sentences(recovery), console)
     for line in dict.fromkeys(_compared(recovery) for _, recovery in recoveries):
         console.print()
-        console.print(Text(line), soft_wrap=True)
+        print_lines([line], console)
 
 
 def _compared(recovery: Recovery) -> str:
@@ -82,24 +77,24 @@ def _title(folder: Path) -> str:
     return f"{one_line(folder, None)} (posterior medians; {one_line(verdict, 500)})"
 
 
-def _table(recovery: Recovery) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
-    table.add_column("record")
+def _print_table(recovery: Recovery, console: Console) -> None:
     with_interval = {name: bool(recovery.records[f"{name}_covered"].notna().any()) for name in recovery.parameters}
-    for name in recovery.parameters:
-        for title in (f"{name} true, {RECORD_UNITS[name]}", name, "error, %", *(["in interval"] * with_interval[name])):
-            table.add_column(title, justify="right")
     with_status = not recovery.records["status"].isin(["ok", ""]).all()
-    if with_status:
-        table.add_column("status")
+    titles = [
+        title
+        for name in recovery.parameters
+        for title in (f"{name} true, {RECORD_UNITS[name]}", name, "error, %", *(["in interval"] * with_interval[name]))
+    ]
+    rows = []
     for row in recovery.records.to_dict("records"):
         cells = [one_line(row["record"])]
         for name in recovery.parameters:
             cells += [_number(row[f"{name}_true"]), _number(row[name]), _percent(row[f"{name}_error"])]
             cells += [{1.0: "yes", 0.0: "no"}.get(row[f"{name}_covered"], "")] * with_interval[name]
         status = "lost" if pd.isna(row["status"]) else row["status"]
-        table.add_row(*map(Text, [*cells, *([one_line(status)] if with_status else [])]))
-    return table
+        rows.append([*cells, *([one_line(status)] if with_status else [])])
+    of_numbers = [(title, {"justify": "right"}) for title in titles]
+    print_table([("record", {}), *of_numbers, *([("status", {})] * with_status)], rows, console)
 
 
 def _sentences(recovery: Recovery) -> list[str]:

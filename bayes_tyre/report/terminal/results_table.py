@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from rich import box
 from rich.cells import cell_len
 from rich.console import Console
 from rich.measure import Measurement
@@ -22,7 +21,7 @@ from bayes_tyre.report.answer.headline import headline, small
 from bayes_tyre.report.answer.load import Reported, read_reported
 from bayes_tyre.report.answer.quantities import in_words
 from bayes_tyre.report.answer.ratios import UNLIKE_CASES, unlike_cases
-from bayes_tyre.report.terminal.console import LoggedConsole
+from bayes_tyre.report.terminal.console import LoggedConsole, print_lines, table_of
 from bayes_tyre.report.terminal.fits_table import print_fits
 from bayes_tyre.results.separate_fits import FitTable, read_separate_fits
 
@@ -88,8 +87,7 @@ def print_overview(folders: list[Path], console: Console | None = None, referenc
             continue
         _print_answer(folder, rows, result, console)
         follows = command_line("report", path_text(folder))
-        for line in (f"files: {one_line(folder, None)}", f"next: {one_line(follows, None)}"):
-            console.print(Text(line), soft_wrap=True)
+        print_lines([f"files: {one_line(folder, None)}", f"next: {one_line(follows, None)}"], console)
 
 
 def print_answer(folder: Path, run: dict[str, Any]) -> None:
@@ -102,18 +100,17 @@ def _print_answer(folder: Path, rows: pd.DataFrame, result: Reported | None, con
     about = one_line(f"{rows['data'].iloc[0]}; verdict: {verdict}", 200)
     console.print()
     console.print(Text(about))
-    for sentence in headline(result) if result else ():
-        console.print(Text(_wrapped(_plain(sentence), console.width)), soft_wrap=True)
+    sentences = headline(result) if result else ()
+    print_lines([_wrapped(_plain(sentence), console.width) for sentence in sentences], console)
     console.print(Text(f"mean over the cases, median and {100 * level:g} % interval"))
     if result and unlike_cases(result):
-        console.print(Text(_wrapped(UNLIKE_CASES, console.width)), soft_wrap=True)
+        print_lines([_wrapped(UNLIKE_CASES, console.width)], console)
     beside = _beside(rows)
     if Measurement.get(console, console.options.update(width=10**6), beside).maximum <= console.width:
         console.print(beside)
     else:
-        console.print(Text(f"\n{_below(rows)}\n"), soft_wrap=True)
-    for line in _warnings(folder, result, console.width):
-        console.print(Text(line), soft_wrap=True)
+        print_lines([f"\n{_below(rows)}\n"], console)
+    print_lines(_warnings(folder, result, console.width), console)
 
 
 def _reported(folder: Path, rows: list[FitTable] | pd.DataFrame, reference: str | None) -> Reported | None:
@@ -167,14 +164,12 @@ def limitations(folder: Path) -> list[str]:
 def _beside(rows: pd.DataFrame) -> Table:
     """Return one result as a table, a column a configuration; labels from files go in as text, never as markup."""
     configurations = sorted(rows["configuration"].astype(str).unique(), reverse=True)
-    table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
-    for name in ("", *configurations):
-        table.add_column(Text(one_line(name)))
+    lines = []
     for name, block in _blocks(rows):
         by_label = block.set_index(block["configuration"].astype(str))
         cells = [_figures(by_label.loc[label]) if label in by_label.index else "" for label in configurations]
-        table.add_row(*map(Text, [name, *cells]))
-    return table
+        lines.append([name, *cells])
+    return table_of([(one_line(name), {}) for name in ("", *configurations)], lines)
 
 
 def _below(rows: pd.DataFrame) -> str:

@@ -2,8 +2,9 @@
 
 import math
 import shlex
+import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ CHECKPOINTS = ".checkpoint"
 
 @dataclass(frozen=True)
 class Callbacks:
-    """Functions that a running fit calls.
+    """Functions that a running fit calls, and when it began.
 
     Attributes
     ----------
@@ -31,6 +32,8 @@ class Callbacks:
         Called with the verdict once all tables are written; the posterior and the figures follow.
     on_stage:
         Called as a stage begins, with its name and its number of iterations, or of files; None: nothing to count.
+    began:
+        When the work began, by `time.monotonic`: the wall time of the run counts from then.
     """
 
     note: Callable[[str], None] = lambda _: None
@@ -38,6 +41,7 @@ class Callbacks:
     on_progress: Callable[[int], None] = lambda _: None
     answer: Callable[[Diagnostics], object] = lambda _: None
     on_stage: Callable[[str, int | None], None] = lambda *_: None
+    began: float = field(default_factory=time.monotonic)
 
     def settings(self, sampler: SamplerSettings, checkpoints: Checkpoints | None = None) -> SamplerSettings:
         """Return settings of a sampler that calls these and saves checkpoints, if there are any."""

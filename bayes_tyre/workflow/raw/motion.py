@@ -1,7 +1,6 @@
 """Raw files in; the posterior of tyre, mass and damping from the motion itself out, a folder as `fit` writes it."""
 
 import math
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -129,8 +128,6 @@ class Estimated:
         Readings and fitted motion of a few records; None where they are not kept.
     rig_files:
         Those that rows of the table of cases name.
-    began:
-        When the first was begun, by `time.monotonic`; None: not known.
     laws:
         Of an average over laws `laws.csv`; None of a single law.
     """
@@ -142,7 +139,6 @@ class Estimated:
     middles: list[Middle]
     shown: pd.DataFrame | None = None
     rig_files: tuple[Path, ...] = ()
-    began: float | None = None
     laws: pd.DataFrame | None = None
 
     @property
@@ -162,7 +158,7 @@ def estimate_files(
         If rig, cases, cluster or `out` are of no use, or, to resume, a result there has another law or rig, before the
         work; if no file is of use, after `rejected.csv` was written.
     """
-    law, began = motion_law(plan.law), time.monotonic()
+    law = motion_law(plan.law)
     check_folder(out)
     if machines.resume:
         _refuse_other_estimates(out, plan)
@@ -193,7 +189,7 @@ def estimate_files(
     shown = shown_motions(parts)
     rig_files = tuple(dict.fromkeys(task.rig_file for _, task, _ in estimates if task.rig_file is not None))
     files = [file for file, _, _ in estimates]
-    return Estimated(table, motions, rows, files, middles, shown, rig_files, began, laws)
+    return Estimated(table, motions, rows, files, middles, shown, rig_files, laws)
 
 
 def fit_estimates(
@@ -224,9 +220,7 @@ def fit_estimates(
     callbacks, origin = callbacks or Callbacks(), estimated.origin
     inputs = [*estimated.files, *estimated.rig_files, *_files_of_options(plan)]
     of_rows = {"rig_files": [str(path) for path in estimated.rig_files]} if estimated.rig_files else {}
-    run = begin_run(command, {**plan.options, **of_rows}, plan.sampler.seed, inputs, origin)
-    if estimated.began is not None:
-        run = replace(run, began=estimated.began)
+    run = begin_run(command, {**plan.options, **of_rows}, plan.sampler.seed, inputs, origin, callbacks.began)
     checkpoints = open_checkpoints(out, run, callbacks, resume, overwrite=True)  # the estimates are cached
     if isinstance(checkpoints, Diagnostics):
         return checkpoints

@@ -7,6 +7,8 @@ import pandas as pd
 import pytest
 
 from bayes_tyre.errors import BadInput
+from bayes_tyre.formats.recordings.raw import read_raw
+from bayes_tyre.formats.tables.column_map import ColumnMap
 from bayes_tyre.formats.tables.dialect import find_dialect
 from bayes_tyre.formats.tables.header import Layout, units_in
 from bayes_tyre.formats.tables.table_files import read_table
@@ -142,6 +144,34 @@ def test_decimal_commas_without_quotes_between_commas_are_refused_by_row(tmp_pat
     message = refusal(write(tmp_path / "records.csv", "record,displacement_mm,force_kN\nr,1,2\nr,1,5,2\n"))
     assert "row 2 (line 3) holds 4 cells, the header 3; mend the row" in message
     assert "semicolons" in message
+
+
+BLANKS_AND_COMMAS = ["0,1 2,3 4,5", "0,2 -2,5  5,5", "0,3 2,7E1 6,5"]
+
+
+BETWEEN_BLANKS = [[], ["Zeit Weg Kraft"], ["Zeit  Weg  Kraft", "s  mm  kN"]]
+COMMAS_IN_NAMES = [["Zeit, s Weg, mm Kraft, kN"], ["Reifen A, Rad 3", "Zeit Weg Kraft"]]
+
+
+@pytest.mark.parametrize("head", [*BETWEEN_BLANKS, *COMMAS_IN_NAMES])
+def test_decimal_commas_are_no_separators_where_blanks_are(head, tmp_path):
+    path = write(tmp_path / "run.csv", "\n".join([*head, *BLANKS_AND_COMMAS, ""]))
+    with pytest.raises(BadInput, match="blanks stand between its cells and commas in its numbers; put semicolons or"):
+        read_raw(path)
+    if head in BETWEEN_BLANKS:  # as the message says
+        assert read_raw(path.rename(tmp_path / "run.txt")).segments[0][-1].values.tolist() == [4.5, 5.5, 6.5]
+
+
+def test_records_between_blanks_with_decimal_commas_are_refused(tmp_path):
+    rows = [f"A {row}" for row in BLANKS_AND_COMMAS]
+    path = write(tmp_path / "records.csv", "\n".join(["record time_s displacement_mm force_kN", *rows, ""]))
+    with pytest.raises(BadInput, match="blanks stand between its cells"):
+        read_table(path, ColumnMap().layout)
+
+
+def test_a_label_of_two_numbers_is_one_between_commas(tmp_path):
+    rows = "displacement_mm,record,force_kN\n0,205 16,0\n0.1,205 16,2\n"
+    assert read_table(write(tmp_path / "records.csv", rows))["record"].tolist() == ["205 16", "205 16"]
 
 
 @pytest.mark.parametrize("above", ["", "Pruefstand 3\n"])

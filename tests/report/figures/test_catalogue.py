@@ -20,7 +20,7 @@ from bayes_tyre.inference.diagnostics.attempts import Attempts
 from bayes_tyre.record_table import record_factors
 from bayes_tyre.report.figures import catalogue
 from bayes_tyre.report.figures.catalogue import ALWAYS, CONTRASTS, OF_RECORDS, OUTLIERS, Result, chosen_figure
-from bayes_tyre.report.figures.page import colours
+from bayes_tyre.report.figures.page.colours import Setting
 from bayes_tyre.workflow import result_folder as folder
 from bayes_tyre.workflow.drawing import drawing_process
 from bayes_tyre.workflow.execution.resume import Callbacks
@@ -64,7 +64,7 @@ def test_figures_of_a_result_of_records_say_origin_and_verdict_and_keep_within_t
 
 
 def test_a_configuration_has_one_colour_in_all_figures_of_a_result(every):
-    look = colours.looks("abcde")
+    look = Setting("measured").looks("abcde")
     for name, figure in every.items():
         texts = [text.get_text() for box in figure.legends for text in box.get_texts()]
         handles = [handle for box in figure.legends for handle in box.legend_handles]

@@ -8,7 +8,7 @@ from matplotlib.collections import PolyCollection
 
 from bayes_tyre.report.figures import densities as density_figures
 from bayes_tyre.report.figures.densities import posteriors_by_direction, prior_and_posterior_of_scales
-from bayes_tyre.report.figures.page import colours
+from bayes_tyre.report.figures.page.colours import Setting
 
 
 def test_posteriors_show_a_density_and_an_interval_for_each_configuration_and_direction():
@@ -20,7 +20,7 @@ def test_posteriors_show_a_density_and_an_interval_for_each_configuration_and_di
     for ax in axes:
         assert sum(isinstance(c, PolyCollection) for c in ax.collections) == 3
     chosen = draws.query("configuration == 'b' and direction == 'loading' and parameter == 'k'")["value"]
-    look = colours.looks("abc")["b"]
+    look = Setting("measured").looks("abc")["b"]
     bars = [np.asarray(line.get_xydata()) for line in axes[0].lines if line.get_color() == look.colour]
     ends = next(bar[:, 0] for bar in bars if len(bar) == 2)
     np.testing.assert_allclose(ends, np.quantile(chosen, [0.05, 0.95]))

@@ -14,7 +14,7 @@ from matplotlib.collections import Collection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from bayes_tyre.report.figures.page import colours, labels, layout
+from bayes_tyre.report.figures.page import labels, layout
 from bayes_tyre.report.figures.page.colours import Setting
 
 HOSTILE = ("a$b_c$", "<script>alert(1)</script>", "_hidden", "x" * 300, "two\nlines \x00", "$\\frac{", "四輪", "")
@@ -83,22 +83,22 @@ def test_every_text_lies_within_the_page(name):
 @pytest.mark.parametrize("name", OF_CONFIGURATIONS)
 @pytest.mark.parametrize("order", [("single", "dual"), ("dual", "single")])
 def test_a_configuration_has_the_same_colour_in_every_figure(name, order):
-    look = colours.looks(["single", "dual"])
-    palette = {one.colour.lower() for one in colours.looks(map(str, range(6))).values()}
+    look = Setting("measured").looks(["single", "dual"])
+    palette = {one.colour.lower() for one in Setting("measured").looks(map(str, range(6))).values()}
     assert colours_of(drawn(name, configurations=order)) & palette == {one.colour.lower() for one in look.values()}
 
 
 @pytest.mark.parametrize("name", OF_CONFIGURATIONS)
 def test_a_configuration_keeps_its_colour_where_others_are_not_shown(name):
     setting = Setting("measured", configurations=("a", "b", "single"))
-    third = colours.looks(setting.configurations)["single"].colour.lower()
-    palette = {one.colour.lower() for one in colours.looks(map(str, range(6))).values()}
+    third = Setting("measured").looks(setting.configurations)["single"].colour.lower()
+    palette = {one.colour.lower() for one in Setting("measured").looks(map(str, range(6))).values()}
     assert colours_of(drawn(name, setting, ("single",))) & palette == {third}
 
 
 @pytest.mark.parametrize("name", sorted(set(ALL) - set(OF_CONFIGURATIONS)))
 def test_what_is_of_no_configuration_has_the_colour_of_none(name):
-    palette = {one.colour.lower() for one in colours.looks(map(str, range(6))).values()}
+    palette = {one.colour.lower() for one in Setting("measured").looks(map(str, range(6))).values()}
     assert not colours_of(drawn(name)) & palette
 
 
@@ -117,9 +117,9 @@ def test_figures_are_as_wide_as_the_page_and_no_taller_than_the_tallest(name):
 
 
 def test_single_and_dual_look_the_same_in_every_result():
-    both = colours.looks(["single", "dual"])
+    both = Setting("measured").looks(["single", "dual"])
     for others in (["single"], ["dual"], ["a", "single"], ["dual", "z"], ["a", "single", "dual", "z"]):
-        looks = colours.looks(others)
+        looks = Setting("measured").looks(others)
         assert len({(look.colour, look.marker) for look in looks.values()}) == len(others)
         assert all(looks[name] == both[name] for name in set(others) & set(both))
         assert Setting("measured", configurations=tuple(others)).looks(others) == looks

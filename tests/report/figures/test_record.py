@@ -8,6 +8,7 @@ from matplotlib.colors import to_hex
 from matplotlib.patches import StepPatch
 
 from bayes_tyre.report.figures.page import colours
+from bayes_tyre.report.figures.page.colours import Setting
 from bayes_tyre.report.figures.record import (
     MOST_RECORDS,
     prior_predictive_curves,
@@ -76,7 +77,7 @@ def test_the_histogram_counts_every_record_in_the_colour_of_its_configuration():
     for steps in (patch for patch in last.patches if isinstance(patch, StepPatch)):
         values, _, floor = steps.get_data()
         counted[to_hex(steps.get_facecolor()[:3])] = np.sum(values - floor)
-    expected = {look.colour.lower(): np.sum(names == name) for name, look in colours.looks("ab").items()}
+    expected = {look.colour.lower(): np.sum(names == name) for name, look in Setting("measured").looks("ab").items()}
     assert counted == expected
 
 
@@ -93,7 +94,7 @@ def test_only_a_few_records_are_shown_and_no_more_than_there_are():
 def test_prior_records_lie_behind_the_data_of_their_case():
     shown = panels(("a", "b"), curves=4)
     axes = prior_predictive_curves(shown, MEASURED, 0.5).get_axes()
-    look = colours.looks("ab")
+    look = Setting("measured").looks("ab")
     for ax, panel in zip(axes, shown, strict=True):
         assert ax.get_title() == f"{panel.configuration}, loading\nlike like"
         *prior, data = ax.lines

@@ -7,7 +7,7 @@ from matplotlib.colors import to_hex
 from support.motion_truth import true_loop
 
 from bayes_tyre.report.figures import motion as motion_figures
-from bayes_tyre.report.figures.page.colours import Setting, looks
+from bayes_tyre.report.figures.page.colours import Setting
 from bayes_tyre.results.figure_data.hysteresis_loops import friction_loops
 
 
@@ -29,5 +29,5 @@ def test_the_figure_of_loops_names_stroke_and_interval_and_keeps_the_colours():
     (ax,) = figure.get_axes()
     paths = {to_hex(line.get_color()): np.asarray(line.get_xydata()) for line in ax.lines}
     drawn = {colour: path[:, 1].max() for colour, path in paths.items() if len(path) > 2}
-    both = looks(("single", "dual"))
+    both = Setting("measured").looks(("single", "dual"))
     assert drawn[both["dual"].colour.lower()] > drawn[both["single"].colour.lower()] > 0

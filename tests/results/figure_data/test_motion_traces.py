@@ -12,7 +12,7 @@ from matplotlib.colors import to_hex
 from bayes_tyre.errors import BadInput
 from bayes_tyre.inference.motion.record.model.window import Window
 from bayes_tyre.report.figures.motion import motion_figure
-from bayes_tyre.report.figures.page.colours import Setting, looks
+from bayes_tyre.report.figures.page.colours import Setting
 from bayes_tyre.report.html.figures import embedded_figure
 from bayes_tyre.results.figure_data.motion_traces import COLUMNS, check_readings, places, readings_table
 from bayes_tyre.workflow.raw.motion_estimates import MISFIT, READINGS, shown_motions
@@ -87,8 +87,8 @@ def test_the_picture_is_in_the_configurations_colour_and_its_labels_are_text():
     hostile = told(readings(), record=SCRIPT, status="Pareto k 1.1, $\\frac{")
     figure = motion_figure(hostile, Setting("simulated", "fail", ("dual", "single")))
     colours = {to_hex(line.get_color()) for ax in figure.get_axes() for line in ax.lines}
-    assert looks(["single"])["single"].colour.lower() in colours
-    assert looks(["dual"])["dual"].colour.lower() not in colours
+    assert Setting("measured").looks(["single"])["single"].colour.lower() in colours
+    assert Setting("measured").looks(["dual"])["dual"].colour.lower() not in colours
     texts = said(figure)
     assert {"acceleration (m/s²)", "laser (mm)", "cylinder load (kN)"} <= set(texts)
     assert "data: simulated, not measured" in texts

@@ -1,11 +1,13 @@
 """Motions of files: rigs that their table names, and the columns of a law."""
 
+import re
 from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
+from helpers.documented import documented_columns
 from helpers.hand_made_posteriors import grid
 from helpers.map_estimates import map_estimate
 
@@ -17,6 +19,7 @@ from bayes_tyre.inference.motion.record.model.parameters import parameter_names
 from bayes_tyre.inference.motion.record.model.window import Window
 from bayes_tyre.inference.sampling.run import SamplerSettings
 from bayes_tyre.workflow.execution.batch import Machines
+from bayes_tyre.workflow.execution.resume import Callbacks
 from bayes_tyre.workflow.raw import motion, motion_estimates
 from bayes_tyre.workflow.raw.estimate_columns import columns
 from bayes_tyre.workflow.raw.motion import Estimated, MotionPlan, estimate_files, fit_estimates
@@ -47,10 +50,9 @@ def test_rig_files_of_the_cases_are_inputs_and_say_how_accurate_they_are(monkeyp
     plan = MotionPlan(SamplerSettings(), cases=tmp_path / "cases.csv")
     found = estimate_files(files, plan, Machines(1, None, False), tmp_path / "out", lambda done: None)
     assert found.rig_files == (tmp_path / "mine.toml",)
-    assert found.began is not None
     inputs, known = [], {}
 
-    def begun(call, options, seed, files, origin):
+    def begun(call, options, seed, files, origin, began):
         inputs.extend(files)
         known.update(options)
         raise InterruptedError
@@ -66,7 +68,7 @@ def test_rig_files_of_the_cases_are_inputs_and_say_how_accurate_they_are(monkeyp
     assert (known["force_scale_sd"], known["displacement_scale_sd"]) == (0.02, 0.005)
 
 
-def test_the_time_of_a_run_is_counted_from_the_first_estimate(monkeypatch, tmp_path):
+def test_the_time_of_a_run_is_counted_from_when_the_command_began(monkeypatch, tmp_path):
     runs = []
 
     def opened(out, run, *_, **__):
@@ -75,7 +77,7 @@ def test_the_time_of_a_run_is_counted_from_the_first_estimate(monkeypatch, tmp_p
 
     monkeypatch.setattr(motion, "open_checkpoints", opened)
     with pytest.raises(InterruptedError):
-        fit_estimates(replace(estimated(), began=1.5), MotionPlan(SamplerSettings()), tmp_path, [])
+        fit_estimates(estimated(), MotionPlan(SamplerSettings()), tmp_path, [], Callbacks(began=1.5))
     assert runs[0].began == 1.5
 
 
@@ -92,6 +94,11 @@ def test_columns_are_those_of_the_law():
     assert [name for name in columns(auto) if name not in columns(FANCHER)] == [
         f"{prefix}{law}" for prefix in ("weight_", "log_evidence_") for law in auto.averaged
     ]
+
+
+@pytest.mark.parametrize("law", MOTION_LAWS.values(), ids=MOTION_LAWS)
+def test_columns_are_in_the_reference(law):
+    assert {re.sub(r"_se(_without_force)?$", "", name) for name in columns(law)} <= documented_columns()
 
 
 def test_an_extension_is_reported_at_the_peak_with_its_standard_error():

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayes_tyre.cli import suffixes
-from bayes_tyre.cli.messages import LONGEST_LINE, print_table
+from bayes_tyre.cli.messages import LONGEST_LINE
 from bayes_tyre.cli.shell import Quiet, say, warn
 from bayes_tyre.plain_text import one_line
 
@@ -50,9 +50,11 @@ def calibrate(
 
 
 def _print(lines: Sequence["Fitted"]) -> None:
+    from bayes_tyre.report.terminal.console import print_table
+
     numbers = ("slope", "intercept", "residual rms", "step, V", "step", "rows")
-    number_columns = {name: {"justify": "right", "no_wrap": True} for name in numbers}
-    print_table({"sensor": {}, **number_columns, "channels": {"overflow": "fold"}}, map(_cells, lines))
+    of_numbers = [(name, {"justify": "right", "no_wrap": True}) for name in numbers]
+    print_table([("sensor", {}), *of_numbers, ("channels", {"overflow": "fold"})], map(_cells, lines))
 
 
 def _cells(fitted: "Fitted") -> list[str]:

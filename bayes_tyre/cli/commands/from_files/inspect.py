@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from bayes_tyre.cli import suffixes
-from bayes_tyre.cli.messages import print_table
 from bayes_tyre.cli.shell import Quiet, progress, say, warn
 from bayes_tyre.plain_text import one_line
 
@@ -50,11 +49,14 @@ def inspect(
 
 
 def _print(channels: "pd.DataFrame") -> None:
+    from bayes_tyre.report.terminal.console import print_table
+
     text_columns = ("file", "channel", "unit")
-    columns = {
-        name: {"justify": "left" if name in text_columns else "right", "overflow": "fold"} for name in channels.columns
-    }
-    print_table(columns, ([_cell(value) for value in row] for row in channels.itertuples(index=False)))
+    justify = ("left" if name in text_columns else "right" for name in channels.columns)
+    headings = [
+        (name, {"justify": how, "overflow": "fold"}) for name, how in zip(channels.columns, justify, strict=True)
+    ]
+    print_table(headings, ([_cell(value) for value in row] for row in channels.itertuples(index=False)))
 
 
 def _cell(value: object) -> str:

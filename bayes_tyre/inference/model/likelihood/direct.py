@@ -16,10 +16,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from bayes_tyre.inference.correlated_noise import Whitening, innovations, whiten_records
-from bayes_tyre.inference.model.likelihood.offsets import OffsetsLikelihood
+from bayes_tyre.inference.model.likelihood.offsets import OffsetsLikelihood, Records
 from bayes_tyre.inference.record_data import EQUATION_2, RecordData, force_curves, stiffness_column
-
-Records = Float[Array, " records"]
 
 
 class Likelihood(eqx.Module):

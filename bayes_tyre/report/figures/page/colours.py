@@ -13,6 +13,9 @@ INK, PALE = "#222222", "#999999"
 # Blue, vermillion, green, purple, sky and orange of Okabe and Ito (2008): apart for all kinds of colour vision.
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 _LINES: tuple[LineStyleType, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
+#: Where most of what is drawn should lie; and the same behind points, where it must not hide them.
+PALE_BAND: dict[str, Any] = {"facecolor": (PALE, 0.3), "edgecolor": "none", "linewidth": 0}
+FAINT_BAND: dict[str, Any] = PALE_BAND | {"facecolor": (PALE, 0.25)}
 #: What looks the same in every result: a report of single tyres beside one of dual pairs is read by their colours.
 _OWN = {"dual": 0, "single": 1}
 _HATCHES = ("", "////", "....", "xxxx", "----")
@@ -47,13 +50,6 @@ class Look(NamedTuple):
     def interval_handle(self) -> Line2D:
         """What stands for its intervals in a legend."""
         return Line2D([], [], color=self.colour, linewidth=1.6, marker=self.marker)
-
-
-def looks(configurations: Iterable[str]) -> dict[str, Look]:
-    """Return the look of each configuration, always the same for the same set of labels; 210 of them differ."""
-    labels = sorted(set(configurations))
-    places = _places(labels)
-    return {label: _look(places[label]) for label in labels}
 
 
 def looks_of_none(labels: Iterable[str]) -> dict[str, Look]:
@@ -93,7 +89,14 @@ class Setting(NamedTuple):
     configurations: tuple[str, ...] = ()
 
     def looks(self, shown: Iterable[str]) -> dict[str, Look]:
-        """Return the look of each configuration shown, in sorted order; a label the result has not comes after all."""
+        """Return the look of each configuration shown, in sorted order; a label the result has not comes after all.
+
+        It is always the same for the same configurations; 210 of them differ.
+        """
         wanted, configurations = set(shown), sorted(set(self.configurations))
         places = _places([*configurations, *sorted(wanted.difference(configurations))])
         return {label: _look(places[label]) for label in sorted(wanted)}
+
+
+#: Of figures of studies, whatever they show.
+SIMULATED = Setting("simulated")

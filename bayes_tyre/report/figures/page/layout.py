@@ -119,6 +119,11 @@ def legend(figure: Figure, entries: Sequence[tuple[Any, str]]) -> None:
         text.set_text(label)
 
 
+def left_out(shown: int, total: int, what: str = "") -> str:
+    """Return how many of all there are a figure shows, to follow its note; nothing where it shows all."""
+    return "" if shown == total else f" The first {shown} of {total} {what}".rstrip() + "."
+
+
 def name_axis(ax: Axes, parameter: str, table: pd.DataFrame, log: bool) -> str:
     """Write the parameter and its unit on the x axis; return the unit."""
     unit = next((plain(stated) for stated in table["unit"] if stated), RECORD_UNITS[parameter])

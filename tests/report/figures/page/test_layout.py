@@ -10,7 +10,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.transforms import Bbox
 from PIL import Image
 
-from bayes_tyre.report.figures.page import colours, labels, layout
+from bayes_tyre.report.figures.page import labels, layout
 from bayes_tyre.report.figures.page.colours import Setting
 
 
@@ -44,14 +44,14 @@ def test_decimals_have_a_minus_sign_and_no_negative_zero(value, text):
 
 
 def test_looks_differ_for_many_configurations_and_neighbours_differ_in_every_way():
-    look = list(colours.looks(f"{i:03d}" for i in range(210)).values())
+    look = list(Setting("measured").looks(f"{i:03d}" for i in range(210)).values())
     assert len({(one.colour, one.marker, one.line) for one in look}) == 210
     for one, following in pairwise(look):
         assert all(mine != other for mine, other in zip(one, following, strict=True))
 
 
 def test_a_setting_gives_what_is_shown_the_look_it_has_among_all():
-    every = colours.looks(["a", "b", "c"])
+    every = Setting("measured").looks(["a", "b", "c"])
     assert Setting("measured", configurations=("c", "a", "b")).looks(["c", "a"]) == {"a": every["a"], "c": every["c"]}
     unknown = Setting("measured", configurations=("b", "c")).looks(["c", "a"])
     assert unknown == {"a": every["c"], "c": every["b"]}
