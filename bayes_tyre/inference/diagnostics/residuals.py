@@ -122,7 +122,9 @@ def residuals(tree: xr.DataTree, table: pd.DataFrame) -> Residuals:
     if nu is not None:
         whitening = heavy_tails(residual, batch.present, means["sigma"], nu)
     white = whiten(residual, batch.present, rho, whitening)
-    return Residuals(batch, means, residual, white, rho, whitening, measured, of_record, sd_mm, model, factor, nu, shared)
+    return Residuals(
+        batch, means, residual, white, rho, whitening, measured, of_record, sd_mm, model, factor, nu, shared
+    )
 
 
 def autocorrelations(of_records: Residuals) -> Float[np.ndarray, " records"]:
