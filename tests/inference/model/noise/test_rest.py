@@ -98,6 +98,7 @@ def test_intervals_hold_beta_where_a_noisy_record_rests_before_its_step():
         batch = record_batch(noisy_after_a_rest(table, truth.set_index("record")["F_i"], kind.sigma_kN, rng))
         cases = truth.set_index("record").loc[list(batch.records)]
         noise = with_noise(batch, cases["case"].factorize()[0], ModelSettings(displacement_sd=SD))
+        assert noise.shared_errors
         estimates = estimate_records(noise.batch, whitening=noise.whitening)
         sd = np.sqrt(np.linalg.inv(np.asarray(estimates.information))[:, 3, 3])
         held.append(np.abs(np.asarray(estimates.log_beta) - np.log(cases["beta"].to_numpy())) < 1.96 * sd)
