@@ -116,19 +116,25 @@ def _record_curves(of_records: Residuals) -> Check:
 
 
 def _uneven_noise(of_records: Residuals) -> Check:
-    """Return whether the noise is as large near the start, where beta shows, as on the rest of the way."""
+    """Return whether the noise is as large near the start, where beta shows, as on the rest of the way.
+
+    Where points share errors, residuals near the start may be smaller than the noise: only larger ones are off.
+    """
     present, points = of_records.batch.present, of_records.batch.points
     square = (of_records.white_kN / of_records.sigma_kN[:, None]) ** 2
     left = freedom(of_records.whitened(of_records.tangents()), present)
     near = near_start(of_records.u, NEAR_BETAS * of_records.means["beta"], present)
     first = present & (np.arange(present.shape[1]) < _FIRST * points[:, None])
     ratios = [variance_ratio(square, left, part) for part in (near, first)]
-    log_ratio, error, _ = max(ratios, key=lambda each: abs(each.value) - STANDARD_ERRORS_MOST * each.error)
+    off = [each.value if of_records.shared_errors else abs(each.value) for each in ratios]
+    surely = [value - STANDARD_ERRORS_MOST * each.error for value, each in zip(off, ratios, strict=True)]
+    worst = int(np.argmax(surely))
+    value, (log_ratio, error, _) = off[worst], ratios[worst]
     if not np.isfinite(error):
         return unchecked("noise_along_path", UNEVEN_MOST, "too few points near the start of the records, or no noise")
     most = np.log(UNEVEN_MOST) + STANDARD_ERRORS_MOST * error
-    passed = bool(abs(log_ratio) <= most)
-    value, limit, times = float(np.exp(abs(log_ratio))), float(np.exp(most)), f"{np.exp(log_ratio):.2g}"
+    passed = bool(value <= most)
+    value, limit, times = float(np.exp(value)), float(np.exp(most)), f"{np.exp(log_ratio):.2g}"
     finding = f"sigma: variance of the noise near the start is {times} times that on the rest of the way"
     return Check("noise_along_path", "model", passed, value, limit, "sigma", finding, _UNEVEN, _uneven_note(of_records))
 

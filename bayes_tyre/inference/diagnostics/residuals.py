@@ -55,6 +55,8 @@ class Residuals(NamedTuple):
     noise_nu:
         Posterior mean of the degrees of freedom of Student-t noise (None: it is normal). White residuals are then
         weighted: points far off count less.
+    shared_errors:
+        Whether displacements near to each other share much of their errors: residuals then show less of the noise.
     """
 
     batch: Batch
@@ -69,6 +71,7 @@ class Residuals(NamedTuple):
     model: ModelSettings
     noise_near_start: float = 1.0
     noise_nu: float | None = None
+    shared_errors: bool = False
 
     @property
     def sigma_kN(self) -> Float[np.ndarray, " records"]:
@@ -112,14 +115,16 @@ def residuals(tree: xr.DataTree, table: pd.DataFrame) -> Residuals:
     model, rho = model_of(tree), mean["rho"].to_numpy() if "rho" in mean else None
     nu = float(mean["noise_nu"]) if "noise_nu" in mean else None
     of_record = find_factors(record_factors(table)).of_record
-    batch, whitening, sd_mm, factor = with_noise(measured, of_record, model)
+    batch, whitening, sd_mm, factor, shared = with_noise(measured, of_record, model)
     u = batch.displacement_mm - batch.displacement_mm[:, :1]
     curve = force_curves(jnp.asarray(u), jnp.asarray(np.stack(theta, axis=1)), model.law)
     residual = np.where(batch.present, batch.force_kN - np.asarray(curve), 0.0)
     if nu is not None:
         whitening = heavy_tails(residual, batch.present, means["sigma"], nu)
     white = whiten(residual, batch.present, rho, whitening)
-    return Residuals(batch, means, residual, white, rho, whitening, measured, of_record, sd_mm, model, factor, nu)
+    return Residuals(
+        batch, means, residual, white, rho, whitening, measured, of_record, sd_mm, model, factor, nu, shared
+    )
 
 
 def autocorrelations(of_records: Residuals) -> Float[np.ndarray, " records"]:

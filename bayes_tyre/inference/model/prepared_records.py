@@ -57,12 +57,15 @@ class RecordNoise(NamedTuple):
         Shape (records,): standard deviation of the error of a displacement that is in it.
     near_start:
         How many times as large as elsewhere it is near the start of each record.
+    shared_errors:
+        Whether displacements near to each other share much of their errors: residuals then show less of the noise.
     """
 
     batch: Batch
     whitening: Whitening | None
     displacement_sd_mm: Float[np.ndarray, " records"]
     near_start: float = 1.0
+    shared_errors: bool = False
 
 
 class PreparedRecords(NamedTuple):
@@ -189,7 +192,7 @@ def with_noise(batch: Batch, of_record: Int[np.ndarray, " records"], model: Mode
         whitening = _with_force_error(batch, batch.force_error_kN, whitening, law)
     if model.uneven:
         whitening, factor = uneven_noise(batch, of_record, whitening, law, least=float(errors.shared))
-    return RecordNoise(batch, whitening, errors.sd_mm.max(axis=1), factor)
+    return RecordNoise(batch, whitening, errors.sd_mm.max(axis=1), factor, errors.shared)
 
 
 def _with_force_error(

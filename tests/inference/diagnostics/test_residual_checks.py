@@ -182,6 +182,15 @@ def test_each_fault_fails_its_check_with_a_remedy(fault, name, remedy):
         assert check.reason.endswith(check.remedy)
 
 
+def test_noise_may_show_less_near_the_start_where_points_share_errors():
+    smaller, larger = (residuals(sure_of(table), table) for table in (records(1, uneven=0.3), records(1, uneven=3.0)))
+    assert not module._uneven_noise(smaller).passed
+    check = module._uneven_noise(smaller._replace(shared_errors=True))
+    assert check.passed
+    assert check.value < 1.0
+    assert not module._uneven_noise(larger._replace(shared_errors=True)).passed
+
+
 def test_a_remedy_works():
     limit = records(1, law="small_step_limit", noise=0.001)
     assert "law" in failed(checked(limit))
@@ -226,10 +235,10 @@ def test_records_that_do_not_tell_the_laws_apart_say_what_beta_would_be():
 
 def test_a_law_is_not_called_wrong_for_what_errors_of_displacement_do():
     """Records of the one law: the other fits them better, and records simulated of the first as well."""
-    parts = [records(seed, points=40, displacement_sd=0.2 * BETA, law="small_step_limit") for seed in range(100, 108)]
+    parts = [records(seed, points=40, displacement_sd=0.4 * BETA, law="small_step_limit") for seed in range(100, 108)]
     named = (part.assign(configuration=f"{i}", record=f"{i} " + part["record"]) for i, part in enumerate(parts))
     table = pd.concat(named, ignore_index=True)
-    options = {"law": "small_step_limit", "displacement_sd": 0.2 * BETA}
+    options = {"law": "small_step_limit", "displacement_sd": 0.4 * BETA}
     of_records = residuals(sure_of(table, **options), table)
     own, other = (refitted(of_records, of_records.measured, law) for law in ("small_step_limit", "equation_2"))
     gain = other.log_likelihood - own.log_likelihood

@@ -82,7 +82,7 @@ def between_steps(
         # As n readings of a step share their errors, each counts as a reading with 1 / sqrt(n) of its error.
         errors.sd_mm[own] = sd_mm[record] / np.sqrt(between.repeated)
         errors.start_mm[own] = sd_mm[record] * between.share_of_start
-    return path, errors._replace(shared=bool(np.any((step_mm > 0) & ~noisy)))
+    return path, errors._replace(shared=errors.shared or bool(np.any((step_mm > 0) & ~noisy)))
 
 
 class _Path(NamedTuple):

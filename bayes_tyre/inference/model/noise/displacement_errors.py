@@ -4,7 +4,9 @@ An error of displacement moves a point along its curve: by k times as much in fo
 times near its start, where the curve is also bent and the force is off on average. What is added beyond k is taken
 from the curve of a weighted least-squares fit (regression calibration; Carroll et al., Measurement Error in Nonlinear
 Models, 2006, chapter 4); the noise away from the start is the sampled sigma, whatever it is made of. The first
-displacement, from which all others are counted, has an error too, which the points of a record share.
+displacement, from which all others are counted, has an error too, which the points of a record share. A displacement
+smoothed over several readings is off by less than each of them, and so is its force on average; but its neighbours are
+off together with it, so that it weighs no more than one reading.
 """
 
 from dataclasses import replace
@@ -43,19 +45,22 @@ class DisplacementErrors(NamedTuple):
         Shape (records, points): of the error that each displacement has for itself.
     start_mm:
         Shape (records, points): of the error that it has because that at the start, from which it is counted, is off.
+    averaged:
+        Shape (records, points): how many readings of that error each displacement is the mean of, in effect.
     shared:
         Whether points near to each other share much of their errors: residuals of a curve through them then show less.
     """
 
     sd_mm: Float[np.ndarray, "records points"]
     start_mm: Float[np.ndarray, "records points"]
+    averaged: Float[np.ndarray, "records points"]
     shared: bool = False
 
     @staticmethod
     def alike(batch: Batch, sd_mm: Float[np.ndarray, " records"]) -> "DisplacementErrors":
         """Return errors that are alike in all points of a record, the start's among them."""
         errors = np.tile(sd_mm[:, None], batch.displacement_mm.shape[1])
-        return DisplacementErrors(errors, errors.copy())
+        return DisplacementErrors(errors, errors.copy(), np.ones(errors.shape))
 
 
 def displacement_errors(
@@ -75,7 +80,8 @@ def displacement_errors(
     law:
         One of `bayes_tyre.inference.record_data.LAWS`.
     """
-    u, sd_mm, start_mm = record_data(batch).u, jnp.asarray(errors.sd_mm), jnp.asarray(errors.start_mm)
+    u, present = record_data(batch).u, jnp.asarray(batch.present)
+    of_errors = tuple(jnp.asarray(values) for values in (errors.sd_mm, errors.start_mm, errors.averaged))
     estimates, measured = estimate_records(batch, law=law), batch
     # Residuals near the start would make sigma too large, and themselves too heavy.
     residual = np.where(batch.present, np.abs(batch.force_kN - force_curves(u, estimates.centre, law)), np.nan)
@@ -83,7 +89,7 @@ def displacement_errors(
     log_sigma = np.log(np.maximum(np.nanmedian(residual, axis=1) / _NORMAL_MEDIAN, least))
     for _ in range(_FITS):
         curves = _medians(np.column_stack([estimates.centre, log_sigma]), of_record)
-        bias, whitening = _of_curves(u, jnp.asarray(batch.present), jnp.asarray(curves), sd_mm, start_mm, law)
+        bias, whitening = _of_curves(u, present, jnp.asarray(curves), *of_errors, law)
         batch = replace(measured, force_kN=measured.force_kN - np.asarray(bias))
         estimates = estimate_records(batch, whitening=whitening, law=law)
         log_sigma = np.asarray(estimates.log_sigma)
@@ -104,17 +110,18 @@ def _of_curves(
     curves: Float[Array, "records 5"],
     sd_mm: Float[Array, "records points"],
     start_mm: Float[Array, "records points"],
+    averaged: Float[Array, "records points"],
     law: str,
 ) -> tuple[Float[Array, "records points"], SharedError]:
     """Return the mean error of force (kN) and the whitening, about F_i, J (kN), log k, log beta and log sigma."""
     theta, sigma = curves[:, :4], jnp.exp(curves[:, 4])[:, None]
     forward = jnp.sign(jnp.sum(u, axis=1))
     # One record at a time: each of its points is tried at `_NODES` displacements.
-    of_record = forward[:, None] * u, forward, theta, sd_mm
+    of_record = forward[:, None] * u, forward, theta, sd_mm / jnp.sqrt(averaged)
     bias, sd, slope = jax.lax.map(lambda record: _force_errors(*record, law=law), of_record)
     # The first point is where its record starts by definition; records without errors are as they are.
     exact = ~present | (jnp.arange(u.shape[1]) == 0) | ((sd_mm == 0) & (start_mm == 0))
-    bias, sd, shared = (jnp.where(exact, 0.0, values) for values in (bias, sd, slope * start_mm))
+    bias, sd, shared = (jnp.where(exact, 0.0, values) for values in (bias, jnp.sqrt(averaged) * sd, slope * start_mm))
     of_line = jnp.exp(curves[:, 2:3]) * sd_mm
     weight = 1.0 / jnp.sqrt(1.0 + jnp.maximum(sd**2 - of_line**2, 0.0) / sigma**2)
     return bias, shared_error(UnequalNoise(weight), shared / sigma, present)

@@ -1,7 +1,7 @@
-"""Noisy readings of a displacement that does not move yet, as at rest before a step.
+"""Noisy readings of a displacement that does not move yet, as at rest before a step, or moves slowly at first.
 
 Each by itself would lie as likely anywhere near the start of the curve, where this is steepest. Together they say that
-the tyre is still where it starts, and where that is.
+the tyre is still where it starts, and where that is; or along which path it leaves there.
 """
 
 import numpy as np
@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from bayes_tyre.batch import Batch
 from bayes_tyre.inference.model.noise.displacement_errors import DisplacementErrors
+from bayes_tyre.inference.model.noise.smooth_path import smooth_near_start
 
 #: Readings whose mean is held against that of all before them; a rest has at least twice as many.
 _WINDOW = 5
@@ -19,7 +20,7 @@ _MOVES = 3.0
 def at_rest(
     batch: Batch, sd_mm: Float[np.ndarray, " records"]
 ) -> tuple[Float[np.ndarray, "records points"], DisplacementErrors]:
-    """Return displacements (mm) with the mean of those at rest in their place, and the errors of all.
+    """Return displacements (mm) that are the mean at rest and smooth near the start, and the errors of all.
 
     Parameters
     ----------
@@ -30,12 +31,18 @@ def at_rest(
     """
     path, errors = batch.displacement_mm.copy(), DisplacementErrors.alike(batch, sd_mm)
     for record in np.flatnonzero(sd_mm):
-        read = batch.displacement_mm[record, batch.present[record]]
-        if rest := resting(read, sd_mm[record]):
-            path[record, :rest] = path[record, ~batch.present[record]] = read[:rest].mean()  # padding: where it starts
+        own = record, batch.present[record]
+        read = batch.displacement_mm[own]
+        rest = resting(read, sd_mm[record])
+        start = read[: max(rest, 1)].mean()
+        smooth = smooth_near_start(read, start, sd_mm[record])
+        path[own], errors.averaged[own] = smooth.path_mm, smooth.averaged
+        if rest:
+            path[record, :rest] = path[record, ~batch.present[record]] = start  # padding: where it starts
             errors.sd_mm[record, :rest] = errors.start_mm[record, :rest] = 0.0
+            errors.averaged[record, :rest] = 1.0
             errors.start_mm[record, rest:] = sd_mm[record] / np.sqrt(rest)
-    return path, errors
+    return path, errors._replace(shared=bool(np.any(errors.averaged > 1.0)))
 
 
 def resting(read: Float[np.ndarray, " points"], sd_mm: float) -> int:

@@ -38,22 +38,26 @@ def simulated(seed: int, sd_mm: float, step_mm: float = 0.0, points: int = 120) 
     return table, pd.DataFrame(truth, columns=["record", "k", "beta"]).set_index("record")
 
 
-@pytest.mark.parametrize("way", [1.0, -1.0])
-def test_mean_and_scatter_of_the_force_are_those_of_displacements_that_are_off(way):
-    """Against 400,000 drawn errors: standard errors of a thousandth of J, and of two thousandths of a deviation."""
+@pytest.mark.parametrize(("way", "averaged"), [(1.0, 1.0), (-1.0, 1.0), (1.0, 9.0)])
+def test_mean_and_scatter_of_the_force_are_those_of_displacements_that_are_off(way, averaged):
+    """Against 400,000 drawn errors: standard errors of a thousandth of J, and of two thousandths of a deviation.
+
+    A mean of several readings is off by less, but weighs as one: its deviation is that of as many readings alike.
+    """
     read = np.array([0.0, -0.004, 0.0, 0.01, 0.03, 0.06, 0.12, 1.0])
     curves = jnp.asarray([[30.0, way * J, np.log(K), np.log(BETA), np.log(SIGMA)]])
     sd = jnp.full((1, 8), SD)
-    bias, errors = _of_curves(jnp.asarray(way * read)[None], jnp.ones((1, 8), bool), curves, sd, sd, "equation_2")
+    given = jnp.asarray(way * read)[None], jnp.ones((1, 8), bool), curves, sd, sd, jnp.full((1, 8), averaged)
+    bias, errors = _of_curves(*given, "equation_2")
     rng = np.random.default_rng(2)
 
     def force(u: np.ndarray) -> np.ndarray:
         return way * (J + K * u) * -np.expm1(-np.abs(u) / BETA)
 
     for i, u in enumerate(read):
-        true = u + SD * rng.standard_normal(400_000)
+        true = u + SD / np.sqrt(averaged) * rng.standard_normal(400_000)
         forces = force(true[true > 0])
-        scatter = np.sqrt(SIGMA**2 + max(forces.var() - (K * SD) ** 2, 0.0))
+        scatter = np.sqrt(SIGMA**2 + max(averaged * forces.var() - (K * SD) ** 2, 0.0))
         # The trapezium rule with steps of SD / 8, cut off where the record starts, is good to some per cent.
         assert float(bias[0, i]) == pytest.approx(0.0 if i == 0 else forces.mean() - force(u), abs=0.02 * J)
         assert float(errors.others.weight[0, i]) == pytest.approx(1.0 if i == 0 else SIGMA / scatter, rel=0.06)

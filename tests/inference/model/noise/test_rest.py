@@ -45,18 +45,26 @@ def test_a_record_that_starts_with_its_step_has_none(points):
 
 
 def test_readings_at_rest_become_their_mean_and_the_others_keep_their_errors():
+    """Those that follow are smoothed, and share errors then; those 20 sd from the start are as they were read."""
     read = moved(100, 40, 1)
     batch: Batch = pad(("r", "s"), [read, read[:60]], [read, read[:60]])
     path, errors = at_rest(batch, np.array([SD, 0.0]))
     rest = resting(read, SD)
     assert rest >= 10
     np.testing.assert_allclose(path[0, :rest], read[:rest].mean())
-    np.testing.assert_array_equal(path[0, rest:140], read[rest:])
+    far = np.abs(read - read[:rest].mean()) >= 20.0 * SD
+    np.testing.assert_array_equal(path[0, far], read[far])
+    np.testing.assert_array_equal(errors.averaged[0, far], 1.0)
+    np.testing.assert_array_equal(errors.averaged[0, :rest], 1.0)
+    assert np.all(errors.averaged[0, rest:40] > 1.0)
+    assert np.mean((path[0, rest:40] - 10.0) ** 2) < 0.5 * SD**2
+    assert errors.shared
     np.testing.assert_array_equal(errors.sd_mm[0], np.where(np.arange(140) < rest, 0.0, SD))
     np.testing.assert_allclose(errors.start_mm[0], np.where(np.arange(140) < rest, 0.0, SD / np.sqrt(rest)))
     np.testing.assert_array_equal(path[1, :60], read[:60])
     assert not errors.sd_mm[1].any()
     assert not errors.start_mm[1].any()
+    np.testing.assert_array_equal(errors.averaged[1], 1.0)
     padded, _ = at_rest(batch, np.array([SD, SD]))
     np.testing.assert_array_equal(padded[1, 60:], padded[1, 0])
     assert padded[1, 0] != read[0]
@@ -90,6 +98,7 @@ def test_intervals_hold_beta_where_a_noisy_record_rests_before_its_step():
         batch = record_batch(noisy_after_a_rest(table, truth.set_index("record")["F_i"], kind.sigma_kN, rng))
         cases = truth.set_index("record").loc[list(batch.records)]
         noise = with_noise(batch, cases["case"].factorize()[0], ModelSettings(displacement_sd=SD))
+        assert noise.shared_errors
         estimates = estimate_records(noise.batch, whitening=noise.whitening)
         sd = np.sqrt(np.linalg.inv(np.asarray(estimates.information))[:, 3, 3])
         held.append(np.abs(np.asarray(estimates.log_beta) - np.log(cases["beta"].to_numpy())) < 1.96 * sd)
