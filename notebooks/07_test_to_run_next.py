@@ -44,7 +44,8 @@ from bayes_tyre.rig.axle import load_rig
 from bayes_tyre.simulate.plan import thesis_plan
 from bayes_tyre.workflow.execution.batch import Machines
 from bayes_tyre.workflow.from_results.next import write_next
-from bayes_tyre.workflow.raw.motion import MotionPlan, estimate_files, fit_estimates
+from bayes_tyre.workflow.raw.motion import estimate_files, fit_estimates
+from bayes_tyre.workflow.raw.motion_plan import MotionPlan
 from bayes_tyre.workflow.raw.simulate import write_simulated
 
 # %% [markdown]

@@ -20,7 +20,7 @@ from bayes_tyre.runtime import prepare_jax
 
 if TYPE_CHECKING:
     from bayes_tyre.workflow.execution.batch import Machines
-    from bayes_tyre.workflow.raw.motion import MotionPlan
+    from bayes_tyre.workflow.raw.motion_plan import MotionPlan
 
 
 def motion(
@@ -95,7 +95,7 @@ def motion(
     from bayes_tyre.record import ENERGY
     from bayes_tyre.workflow.execution.batch import Machines
     from bayes_tyre.workflow.fit import read_priors
-    from bayes_tyre.workflow.raw.motion import MotionPlan
+    from bayes_tyre.workflow.raw.motion_plan import MotionPlan
 
     for warning in passed_over:
         shell.warn(warning)

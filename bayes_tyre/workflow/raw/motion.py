@@ -1,8 +1,7 @@
 """Raw files in; the posterior of tyre, mass and damping from the motion itself out, a folder as `fit` writes it."""
 
-import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import pandas as pd
@@ -13,103 +12,28 @@ from bayes_tyre.formats.tables.table_files import write_table
 from bayes_tyre.inference.diagnostics.attempts import Attempts
 from bayes_tyre.inference.diagnostics.judge import judge
 from bayes_tyre.inference.diagnostics.verdict import Diagnostics
-from bayes_tyre.inference.model.default_priors import PRIORS
-from bayes_tyre.inference.model.priors import Priors
 from bayes_tyre.inference.motion.hierarchy.leave_one_out import with_motions
 from bayes_tyre.inference.motion.hierarchy.model import Motions, fit_motions
 from bayes_tyre.inference.motion.hierarchy.posterior_losses import Middle, with_losses
 from bayes_tyre.inference.motion.hierarchy.power_scaling import identify_motions
 from bayes_tyre.inference.motion.laws import MOTION_LAWS, motion_law
 from bayes_tyre.inference.sampling.common_scales import with_scale
-from bayes_tyre.inference.sampling.run import SamplerSettings
-from bayes_tyre.record import DISPLACEMENT_SCALE_SD, FORCE_SCALE_SD
 from bayes_tyre.record_table import origin_of
 from bayes_tyre.report.figures.catalogue import Result
 from bayes_tyre.results.comparison.law_weights import LAWS_CSV
 from bayes_tyre.results.limits import parse_limit
 from bayes_tyre.results.provenance import RUN_JSON, begin_run, read_run
-from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
 from bayes_tyre.workflow.execution.batch import Machines, run_batch
 from bayes_tyre.workflow.execution.resume import Callbacks, open_checkpoints
 from bayes_tyre.workflow.execution.task_cache import TaskCache
-from bayes_tyre.workflow.fit import sampler_options
 from bayes_tyre.workflow.raw.estimate_limitations import ESTIMATES, with_estimates
 from bayes_tyre.workflow.raw.law_average import weighted
 from bayes_tyre.workflow.raw.motion_estimates import BY_LAW, estimate_file, estimates_of, read_parts, shown_motions
+from bayes_tyre.workflow.raw.motion_plan import SCALES, MotionPlan
 from bayes_tyre.workflow.raw.process_tasks import Settings, Task, plan_tasks
 from bayes_tyre.workflow.raw.raw_records import REJECTED, none_usable, rejected
 from bayes_tyre.workflow.result_folder import write_fit
-
-#: By the name of the option: how well a rig's file says that the factor is known.
-_SCALES: Mapping[str, Callable[[Rig], float]] = {
-    DISPLACEMENT_SCALE_SD: geometry.displacement_relative_sd,
-    FORCE_SCALE_SD: geometry.force_relative_sd,
-}
-
-
-@dataclass(frozen=True)
-class MotionPlan:
-    """How to fit motions.
-
-    Attributes
-    ----------
-    sampler:
-        How much to sample.
-    rig, cases, figures:
-        Name or TOML file of the rig (None: the configuration's own), table of cases, folder of a figure a record.
-    law:
-        Name of the force law.
-    amplitude_mm:
-        Half the stroke at the wheel centre of the cycle whose losses are reported.
-    repeats:
-        How repeats scatter about their case.
-    interval:
-        Probability of every interval, equal-tailed.
-    priors:
-        Of the hierarchy.
-    limit:
-        What `cases.csv` says the probability of, such as ``k >= 1.8``; None: nothing.
-    displacement_scale_sd, force_scale_sd:
-        Relative standard deviations of common factors on displacement and acceleration (carried into k, beta, m, c and
-        the energy) and on force (k, x, m, c and the energy); 0: none; None: that of the least accurate rig.
-    """
-
-    sampler: SamplerSettings
-    rig: str | None = None
-    cases: Path | None = None
-    figures: Path | None = None
-    law: str = "fancher"
-    amplitude_mm: float = 1.0
-    repeats: str = "mixture"
-    interval: float = 0.95
-    priors: Priors = PRIORS
-    limit: str | None = None
-    displacement_scale_sd: float | None = None
-    force_scale_sd: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in _SCALES:
-            if (sd := getattr(self, name)) is not None and not 0.0 <= sd < math.inf:
-                raise BadInput(f"{name} is {sd:g}; give 0 or more, such as 0.01")
-
-    @property
-    def options(self) -> dict[str, object]:
-        """What `run.json` says of it, beside the seed and the inputs; limit and factors only where they were given."""
-        sources = {"rig": self.rig, "cases": None if self.cases is None else str(self.cases), "law": self.law}
-        return {
-            **sampler_options(self.sampler),
-            **sources,
-            "priors": self.priors.given(),
-            **{"amplitude_mm": self.amplitude_mm, "repeats": self.repeats, "interval": self.interval},
-            **({} if self.limit is None else {"limit": self.limit}),
-            **{name: sd for name in _SCALES if (sd := getattr(self, name))},
-        }
-
-    def with_scales_of(self, rigs: Sequence[Rig]) -> "MotionPlan":
-        """Return the plan with how well factors are known where it does not say: those of the least accurate rig."""
-        largest = {name: max(map(sd_of, rigs), default=0.0) for name, sd_of in _SCALES.items()}
-        return replace(self, **{name: sd for name, sd in largest.items() if getattr(self, name) is None})
 
 
 @dataclass(frozen=True)
@@ -218,7 +142,7 @@ def fit_estimates(
     """
     plan = plan.with_scales_of([middle.rig for middle in estimated.middles])
     callbacks, origin = callbacks or Callbacks(), estimated.origin
-    inputs = [*estimated.files, *estimated.rig_files, *_files_of_options(plan)]
+    inputs = [*estimated.files, *estimated.rig_files, *plan.input_files]
     of_rows = {"rig_files": [str(path) for path in estimated.rig_files]} if estimated.rig_files else {}
     run = begin_run(command, {**plan.options, **of_rows}, plan.sampler.seed, inputs, origin, callbacks.began)
     checkpoints = open_checkpoints(out, run, callbacks, resume, overwrite=True)  # the estimates are cached
@@ -227,7 +151,7 @@ def fit_estimates(
     settings, motions, attempts = callbacks.settings(plan.sampler, checkpoints), estimated.motions, Attempts()
     tree = fit_motions(motions, settings, plan.repeats, priors=plan.priors)
     tree.attrs["origin"] = origin
-    for number, name in enumerate(_SCALES):
+    for number, name in enumerate(SCALES):
         if sd := getattr(plan, name):
             tree = with_scale(tree, name.removesuffix("_sd"), sd, plan.sampler.seed + number)
     tree = attempts(
@@ -280,9 +204,3 @@ def _refuse_other_estimates(out: Path, plan: MotionPlan) -> None:
 def _of_records(law: object) -> object:
     known = MOTION_LAWS.get(str(law))
     return law if known is None else known.of_records
-
-
-def _files_of_options(plan: MotionPlan) -> list[Path]:
-    """Return the files that options name: the table of cases, and the rig where it is a file."""
-    named = [plan.cases, Path(plan.rig) if plan.rig is not None else None]
-    return [path for path in named if path is not None and path.is_file()]

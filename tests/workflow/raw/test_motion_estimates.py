@@ -22,7 +22,8 @@ from bayes_tyre.workflow.execution.batch import Machines
 from bayes_tyre.workflow.execution.resume import Callbacks
 from bayes_tyre.workflow.raw import motion, motion_estimates
 from bayes_tyre.workflow.raw.estimate_columns import columns
-from bayes_tyre.workflow.raw.motion import Estimated, MotionPlan, estimate_files, fit_estimates
+from bayes_tyre.workflow.raw.motion import Estimated, estimate_files, fit_estimates
+from bayes_tyre.workflow.raw.motion_plan import MotionPlan
 
 FACTORS = grid(repeats=2, speeds=(0.0,))
 
