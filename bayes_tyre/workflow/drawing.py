@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor
+from concurrent.futures import BrokenExecutor, Future
 from contextlib import contextmanager
 from functools import partial
 
@@ -20,7 +20,8 @@ type Drawn = tuple[bytes, list[tuple[str, type[Warning]]]]
 def drawing_process(apart: bool) -> Iterator[Begin]:
     """Give what begins drawings: in a process of its own where `apart`, else here, each when its bytes are asked for.
 
-    The process starts, and imports, at once. Should it die, or not start, what it did not draw is drawn here.
+    The process starts, and imports, at once. What it has not begun when its bytes are asked for is drawn here; so is
+    what it did not draw, should it die or not start.
     """
     if not apart:
         yield lambda drawing: partial(png_file, drawing)
@@ -29,7 +30,7 @@ def drawing_process(apart: bool) -> Iterator[Begin]:
 
         def begin(drawing: Drawing) -> Callable[[], bytes]:
             try:
-                return partial(_drawn, drawing, pool.submit(_drawn_there, drawing).result)
+                return partial(_drawn, drawing, pool.submit(_drawn_there, drawing))
             except (BrokenExecutor, OSError):
                 return partial(png_file, drawing)
 
@@ -44,9 +45,11 @@ def _drawn_there(drawing: Drawing) -> Drawn:
     return drawn, [(str(each.message), each.category) for each in caught]
 
 
-def _drawn(drawing: Drawing, elsewhere: Callable[[], Drawn]) -> bytes:
+def _drawn(drawing: Drawing, elsewhere: Future[Drawn]) -> bytes:
+    if elsewhere.cancel():
+        return png_file(drawing)
     try:
-        drawn, warned = elsewhere()
+        drawn, warned = elsewhere.result()
     except BrokenExecutor:
         return png_file(drawing)
     for text, category in warned:

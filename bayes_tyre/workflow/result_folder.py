@@ -160,7 +160,8 @@ def _write_figures(result: Result, folder: Path, attempts: Attempts, begin: Begi
     drawn = {name: begin(drawing) for name, drawing in catalogue.drawings(result, attempts)}
     callbacks.on_stage("figures", len(drawn))
     written = set()
-    for name, png in drawn.items():
+    # From the last: the process draws from the first, and this one what it has not begun.
+    for name, png in reversed(drawn.items()):
         path = folder / f"{name}.png"
         if attempts(path.name, lambda png=png, path=path: write_bytes(png(), path), None) is not None:
             written.add(name)

@@ -50,8 +50,16 @@ def test_what_a_dead_process_did_not_draw_is_drawn_here(at_once, monkeypatch):
         assert begin(EMPTY)() == png_file(EMPTY)
 
 
+def test_what_another_process_has_not_begun_is_drawn_here():
+    waiting = Future[drawing.Drawn]()
+    assert drawing._drawn(EMPTY, waiting) == png_file(EMPTY)
+    assert waiting.cancelled()
+
+
 def test_warnings_of_another_process_are_given_here():
+    there = Future[drawing.Drawn]()
+    there.set_result((b"drawn", [("no glyph", UserWarning)]))
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        assert drawing._drawn(EMPTY, lambda: (b"drawn", [("no glyph", UserWarning)])) == b"drawn"
+        assert drawing._drawn(EMPTY, there) == b"drawn"
     assert [(str(each.message), each.category) for each in caught] == [("no glyph", UserWarning)]

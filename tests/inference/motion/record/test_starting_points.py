@@ -1,4 +1,4 @@
-"""Starting points of the fit of a record: where rig or tyre differ from the model, all still lead to one optimum."""
+"""Starting points of a fit: where rig or tyre differ from the model, all lead to one optimum, if not to the highest."""
 
 import numpy as np
 import pytest
