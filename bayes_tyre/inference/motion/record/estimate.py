@@ -13,7 +13,8 @@ from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
 from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import load_step_kN
 from bayes_tyre.inference.motion.record.evidence import log_evidence
-from bayes_tyre.inference.motion.record.importance_sampling import EFFECTIVE_LEAST, WeightedDraws, weighted_draws
+from bayes_tyre.inference.motion.record.highest_peak import drawn_about_highest_peak
+from bayes_tyre.inference.motion.record.importance_sampling import EFFECTIVE_LEAST, WeightedDraws
 from bayes_tyre.inference.motion.record.map_fit import MapEstimate
 from bayes_tyre.inference.motion.record.model.parameters import in_units, parameter_names
 from bayes_tyre.inference.motion.record.model.window import Recorded, Window, make_window
@@ -115,9 +116,8 @@ def estimate_motion(
     if law.averaged:
         raise ValueError(f"{law.name} is an average over laws; use law_average.estimate_by")
     drop_code_where_full()
-    fit = fit_window(rig, make_window(rig, recorded, law=law))
+    fit, weighted = drawn_about_highest_peak(rig, fit_window(rig, make_window(rig, recorded, law=law)))
     window, estimate = fit.window, fit.estimate
-    weighted = weighted_draws(rig, estimate.standard, estimate.covariance, window)
     draws = _posterior_draws(rig, window, estimate, weighted, sampler)
     if draws.method == "laplace":
         mean, covariance = laplace_moments(rig, estimate, window)

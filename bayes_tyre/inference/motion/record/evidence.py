@@ -13,7 +13,7 @@ from jaxtyping import Float
 from bayes_tyre.inference.motion.record.disturbance.matern_process import log_prior_of_size
 from bayes_tyre.inference.motion.record.importance_sampling import WeightedDraws
 from bayes_tyre.inference.motion.record.likelihood import RecordLikelihood, standardisation
-from bayes_tyre.inference.motion.record.map_fit import MapEstimate
+from bayes_tyre.inference.motion.record.map_fit import MapEstimate, log_density
 from bayes_tyre.inference.motion.record.model.window import Window
 from bayes_tyre.rig.axle import Rig
 
@@ -32,11 +32,7 @@ def log_evidence(window: Window, estimate: MapEstimate, weighted: WeightedDraws 
     if not (sign > 0 and np.isfinite(log_volume)):
         return float("nan")
     # The prior's (2 pi)^(-parameters / 2) cancels against that of the draws, and against Laplace's integral.
-    if weighted is not None:
-        above = weighted.log_mean_weight
-    else:
-        present = np.sum(np.asarray(window.weight) > 0, axis=1)
-        above = -0.5 * float(estimate.chi_squared @ present + estimate.standard @ estimate.standard)
+    above = log_density(window, estimate) if weighted is None else weighted.log_mean_weight
     return float(above + 0.5 * log_volume + _log_noise(window))
 
 

@@ -5,15 +5,24 @@ for what they do to the readings: along the wide directions the density's ridge 
 Laplace's normal leaves it at once. The proposal here is normal along the wide directions alone. In the narrow ones a
 draw starts from the conditional mode at its wide coordinates, found by a few chord steps. That shifts each draw by a
 function of its wide coordinates alone, so volumes do not change and the density of the draws is the normal's.
+
+Where the weights of the first draws have no reliable mean, further rounds follow. Each round's normal has mean and
+covariance of all draws before it, and all are weighted together, by the mean of the rounds' densities.
+
+Source: Vehtari et al. (2024), "Pareto smoothed importance sampling"; Cornuet et al. (2012), "Adaptive multiple
+importance sampling".
 """
 
 import functools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
+from scipy.linalg import solve_triangular
+from scipy.special import logsumexp
 
 from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST, smooth_log_weights
 from bayes_tyre.inference.motion.record.map_fit import value_and_jacobian
@@ -29,8 +38,8 @@ WIDE = 8
 CHORD_STEPS = 3
 #: Factor of the draws' standard deviations on Laplace's, so that no tail of the posterior is missed.
 PROPOSAL_WIDENING = 1.1
-#: Rounds of draws at most: where the weights of one have no reliable mean, the next follows its weighted draws.
-ROUNDS = 4
+#: Rounds of draws at most.
+ROUNDS = 8
 #: With fewer effective draws the standard error of a mean exceeds a seventh of the posterior's standard deviation.
 EFFECTIVE_LEAST = 50.0
 
@@ -67,15 +76,29 @@ class WeightedDraws(NamedTuple):
         return self.pareto_k <= PARETO_K_MOST and self.effective >= EFFECTIVE_LEAST
 
 
+class _Normal(NamedTuple):
+    """A round's density in the coordinates of `ProposalMap`: its mean, and the lower triangle of its covariance."""
+
+    mean: Float[np.ndarray, " parameters"]
+    triangle: Float[np.ndarray, "parameters parameters"]
+
+    def draws(self, rng: np.random.Generator) -> Float[np.ndarray, "draws parameters"]:
+        return self.mean + rng.standard_normal((DRAWS, len(self.mean))) @ self.triangle.T
+
+    def log_density(self, unit: Float[np.ndarray, "draws parameters"]) -> Float[np.ndarray, " draws"]:
+        """Return the log density but for the constant of a standard normal one."""
+        normals = solve_triangular(self.triangle, (unit - self.mean).T, lower=True)
+        return -0.5 * np.sum(normals**2, axis=0) - np.sum(np.log(np.diag(self.triangle)))
+
+
 def weighted_draws(
     rig: Rig,
     standard: Float[ArrayLike, " parameters"],
     covariance: Float[ArrayLike, "parameters parameters"],
     window: Window,
+    rounds: int = ROUNDS,
 ) -> WeightedDraws:
     """Return draws about a peak with the weights that make them draws from the posterior.
-
-    Source: Vehtari et al. 2024, "Pareto smoothed importance sampling".
 
     Parameters
     ----------
@@ -85,38 +108,49 @@ def weighted_draws(
         Peak and Laplace's covariance of the parameters.
     window:
         Of the record.
+    rounds:
+        Of draws, at most: the first whose draws, with all before, have trusted weights is the last.
     """
     standard, covariance = np.asarray(standard), np.asarray(covariance)
     count, rng = len(standard), np.random.default_rng(0)
     if not (np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0):
         return WeightedDraws(np.tile(standard, (DRAWS, 1)), np.full(DRAWS, 1 / DRAWS), float("nan"))
-    centre, sd = np.zeros(count), np.full(count, PROPOSAL_WIDENING)
-    rounds: list[WeightedDraws] = []
-    for _ in range(ROUNDS):
-        normals = rng.standard_normal((DRAWS, count))
-        unit = centre + sd * normals
-        draws, height = jax.tree.map(np.asarray, _proposed(rig, window, standard, covariance, unit))
-        log_weights = np.nan_to_num(0.5 * np.sum(normals**2, axis=1) - height, nan=-np.inf)
-        smooth, pareto_k = smooth_log_weights(log_weights)
-        mean = float(np.logaddexp.reduce(log_weights) - np.log(DRAWS)) + float(np.sum(np.log(sd)))
-        rounds.append(WeightedDraws(draws, np.exp(smooth), pareto_k, mean))
-        if rounds[-1].trusted:
-            return rounds[-1]
-        centre, sd = _followed(unit, rounds[-1])
-    return max(rounds, key=lambda each: each.effective)
+    normals = [_Normal(np.zeros(count), PROPOSAL_WIDENING * np.eye(count))]
+    unit, draws, heights = np.empty((0, count)), np.empty((0, count)), np.empty(0)
+    while True:
+        new_unit = normals[-1].draws(rng)
+        new_draws, new_heights = jax.tree.map(np.asarray, _proposed(rig, window, standard, covariance, new_unit))
+        unit, draws = np.concatenate([unit, new_unit]), np.concatenate([draws, new_draws])
+        heights = np.concatenate([heights, new_heights])
+        weighted = _weighted(normals, unit, draws, heights)
+        if weighted.trusted or len(normals) == rounds:
+            return weighted
+        normals.append(_following(unit, weighted))
 
 
-def _followed(
-    unit: Float[np.ndarray, "draws parameters"], weighted: WeightedDraws
-) -> tuple[Float[np.ndarray, " parameters"], Float[np.ndarray, " parameters"]]:
-    """Return means and standard deviations of the next round's draws, which follow the weighted ones of the last.
+def _weighted(
+    normals: Sequence[_Normal],
+    unit: Float[np.ndarray, "draws parameters"],
+    draws: Float[np.ndarray, "draws parameters"],
+    heights: Float[np.ndarray, " draws"],
+) -> WeightedDraws:
+    """Return the draws of all rounds, of as many draws each, weighted by the mean of the rounds' densities."""
+    log_density = logsumexp([normal.log_density(unit) for normal in normals], axis=0) - np.log(len(normals))
+    log_weights = np.nan_to_num(-heights - log_density, nan=-np.inf)
+    smooth, pareto_k = smooth_log_weights(log_weights)
+    return WeightedDraws(draws, np.exp(smooth), pareto_k, float(logsumexp(log_weights) - np.log(len(unit))))
+
+
+def _following(unit: Float[np.ndarray, "draws parameters"], weighted: WeightedDraws) -> _Normal:
+    """Return the density of the next round: of mean and covariance of the weighted draws.
 
     The fewer effective draws, the more of Laplace's normal is kept: as much as if it were a draw a parameter.
     """
     share = weighted.effective / (weighted.effective + unit.shape[1])
     mean = weighted.weights @ unit
-    variance = share * weighted.weights @ (unit - mean) ** 2 + (1 - share)
-    return share * mean, PROPOSAL_WIDENING * np.sqrt(variance)
+    deviations = unit - mean
+    covariance = share * (weighted.weights * deviations.T) @ deviations + (1 - share) * np.eye(unit.shape[1])
+    return _Normal(share * mean, PROPOSAL_WIDENING * np.linalg.cholesky(covariance))
 
 
 class ProposalMap(NamedTuple):

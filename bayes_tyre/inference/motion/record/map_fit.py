@@ -80,6 +80,12 @@ class MapEstimate(NamedTuple):
         return (squares > 1 + MISFIT_MOST) | alike
 
 
+def log_density(window: Window, estimate: MapEstimate) -> float:
+    """Return the log of prior times likelihood at an estimate, but for the constants of the window's noise."""
+    present = np.sum(np.asarray(window.weight) > 0, axis=1)
+    return float(-0.5 * (estimate.chi_squared @ present + estimate.standard @ estimate.standard))
+
+
 def starting_points(rig: Rig, window: Window) -> Float[np.ndarray, "starts parameters"]:
     """Return starting points of a fit: k from the travel and the change of load, the others from their priors."""
     mean, sd = np.asarray(window.prior)

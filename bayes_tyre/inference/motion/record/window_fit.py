@@ -15,7 +15,7 @@ from bayes_tyre.inference.motion.record.disturbance.load_departure import (
     with_load_departure,
 )
 from bayes_tyre.inference.motion.record.disturbance.matern_process import MOST_SHARE
-from bayes_tyre.inference.motion.record.disturbance.response import disturbance_response
+from bayes_tyre.inference.motion.record.disturbance.response import Columns, disturbance_response
 from bayes_tyre.inference.motion.record.disturbance.road_roughness import (
     of_known_size,
     road_response,
@@ -65,13 +65,19 @@ class Fit(NamedTuple):
     without_force:
         Covariance of the standardised parameters if it were certain that load and law leave out no force; None: none is
         left out.
+    possible:
+        Columns of a force, whether or not one is left out.
+    known:
+        Columns of a disturbance of known size, with weights of standard deviation 1; None: there is none.
     departs_unseen:
         Whether the motion asks for a departure of the load that the load cell does not show by itself.
     """
 
     window: Window
     estimate: MapEstimate
-    without_force: Float[ArrayLike, "parameters parameters"] | None = None
+    without_force: Float[ArrayLike, "parameters parameters"] | None
+    possible: Columns
+    known: Disturbance | None
     departs_unseen: bool = False
 
 
@@ -89,6 +95,13 @@ def fit_window(rig: Rig, window: Window) -> Fit:
     possible = load_departure(rig, window, EVEN_ODDS)
     other = _fit_with(rig, window, possible) if possible.size > 0 else fit
     return other._replace(departs_unseen=True) if _fits(other) else fit
+
+
+def fit_about(rig: Rig, fit: Fit, estimate: MapEstimate) -> Fit:
+    """Return the fit about another peak of its posterior: the response to what is left out is taken there."""
+    to_integrate = fit.known is not None
+    about = _with_force(rig, fit.window, estimate, fit.possible, fit.known, to_integrate=to_integrate)
+    return about._replace(departs_unseen=fit.departs_unseen)
 
 
 def _fits(fit: Fit) -> bool:
@@ -109,8 +122,8 @@ def _fit_with(rig: Rig, window: Window, departure: LoadDeparture) -> Fit:
         window, estimate = _with_second_mode(rig, window, fit_map(rig, window, starts))
     else:
         window, estimate, known = _fit_on_road(rig, window, starts, known)
-    fit = _with_force(rig, window, estimate, known, to_integrate=departs and window.rolling is None)
-    return fit._replace(estimate=jax.tree.map(np.asarray, fit.estimate))
+    possible = force_columns(rig, window, estimate.standard)
+    return _with_force(rig, window, estimate, possible, known, to_integrate=departs and window.rolling is None)
 
 
 def _fit_on_road(
@@ -160,7 +173,7 @@ _residuals = jax.jit(residuals, static_argnums=0)
 
 
 def _with_force(
-    rig: Rig, window: Window, estimate: MapEstimate, known: Disturbance | None, *, to_integrate: bool
+    rig: Rig, window: Window, estimate: MapEstimate, among: Columns, known: Disturbance | None, *, to_integrate: bool
 ) -> Fit:
     """Return the fit with the force that load and law leave out.
 
@@ -171,12 +184,13 @@ def _with_force(
     ----------
     rig, window, estimate:
         The fit without it.
+    among:
+        Columns of the force.
     known:
         Columns of the disturbance of the window; None: it has none.
     to_integrate:
         Whether that disturbance is still the load cell's own estimate, and to be integrated out even without a force.
     """
-    among = force_columns(rig, window, estimate.standard)
     none = among._replace(sizes=jnp.zeros_like(among.sizes))
     kept = forced, refined = window, estimate
     settled = bool(estimate.converged) and not to_integrate
@@ -191,12 +205,13 @@ def _with_force(
             kept, settled = (forced, refined), bool(refined.converged)
         if number + 1 >= FORCE_ROUNDS + to_integrate and settled:
             break
-    window, estimate = kept
-    if window.disturbance is None or not jnp.asarray(window.disturbance.force_size) > 0:
-        return Fit(window, estimate)
-    # A response to nothing at all is not a number.
-    unforced = None if known is None else disturbance_response(rig, window, estimate.standard, none, known)
-    return Fit(window, estimate, _covariance(rig, window._replace(disturbance=unforced), estimate.standard))
+    window, estimate = kept[0], jax.tree.map(np.asarray, kept[1])
+    without_force = None
+    if window.disturbance is not None and jnp.asarray(window.disturbance.force_size) > 0:
+        # A response to nothing at all is not a number.
+        unforced = None if known is None else disturbance_response(rig, window, estimate.standard, none, known)
+        without_force = _covariance(rig, window._replace(disturbance=unforced), estimate.standard)
+    return Fit(window, estimate, without_force, among, known)
 
 
 @functools.partial(jax.jit, static_argnums=0)
