@@ -91,6 +91,11 @@ class MotionEstimate:
         """Return the estimates in physical units."""
         return np.exp(self.log_mean)
 
+    @property
+    def has_posterior(self) -> bool:
+        """Whether the moments are the posterior's: from draws, wherever the solver stopped, or about a peak."""
+        return self.method != "laplace" or bool(self.map_estimate.converged)
+
 
 def estimate_motion(
     rig: Rig, recorded: Recorded, law: MotionLaw = FANCHER, sampler: SamplerSettings | None = SETTINGS
@@ -145,6 +150,7 @@ def estimate_motion(
         narrower_without_force=narrower,
         status="; ".join(
             [
+                *["the fit did not converge"] * (draws.method == "laplace" and not estimate.converged),
                 *_reasons(rig, window, estimate),
                 *[_departs_unseen(departure)] * fit.departs_unseen,
                 *[_untrusted(weighted)] * (draws.method == "laplace"),
@@ -172,7 +178,8 @@ def _posterior_draws(
     """
     prior = jnp.asarray(window.prior)
     method = "importance" if weighted.trusted else "laplace"
-    use_nuts = window.disturbance is None and not _reasons(rig, window, estimate) and not np.isnan(weighted.pareto_k)
+    fits = bool(estimate.converged) and not _reasons(rig, window, estimate) and not np.isnan(weighted.pareto_k)
+    use_nuts = window.disturbance is None and fits
     if sampler is not None and method == "laplace" and use_nuts:
         standard, divergent = sample_motion(rig, window, estimate, sampler)
         logs = np.asarray(log_parameters(rig, standard, prior, window.law))
@@ -220,8 +227,8 @@ def _moments(
 
 
 def _reasons(rig: Rig, window: Window, estimate: MapEstimate) -> list[str]:
-    """Return the failed checks of a fit."""
-    reasons = [] if estimate.converged else ["the fit did not converge"]
+    """Return the failed checks of a fit's readings."""
+    reasons = []
     channels = ("acceleration", "laser", "load")
     for name, misfits, square, correlation in zip(
         channels, estimate.misfits, estimate.chi_squared, estimate.correlation, strict=True

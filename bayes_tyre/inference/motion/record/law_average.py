@@ -58,7 +58,7 @@ def converged_estimate(rig: Rig, recorded: Recorded, law: MotionLaw = FANCHER) -
         Where a fit of these did not converge.
     """
     found = estimate_by(rig, recorded, law)
-    if law.reported == FANCHER.reported and not bool(found.map_estimate.converged):
+    if law.reported == FANCHER.reported and not found.has_posterior:
         raise BadInput(f"{NOT_CONVERGED}; look at its channels with process --figures")
     return found
 
@@ -75,7 +75,7 @@ def average(estimates: Sequence[MotionEstimate], names: Sequence[str]) -> Motion
         By each law, and the laws' names; what the estimates report is the same quantities.
     """
     evident = {name: each for name, each in zip(names, estimates, strict=True) if np.isfinite(each.log_evidence)}
-    by_law = {name: each for name, each in evident.items() if each.map_estimate.converged} or evident
+    by_law = {name: each for name, each in evident.items() if each.has_posterior} or evident
     if not by_law:
         return replace(estimates[0], law_weights=dict.fromkeys(names, float("nan")))
     prior = np.array([one for name, one in zip(names, prior_weights(names), strict=True) if name in by_law])
