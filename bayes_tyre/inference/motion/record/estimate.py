@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
 from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import load_step_kN
+from bayes_tyre.inference.motion.record.disturbance.linearity import linear_response_error
 from bayes_tyre.inference.motion.record.evidence import log_evidence
 from bayes_tyre.inference.motion.record.highest_peak import drawn_about_highest_peak
 from bayes_tyre.inference.motion.record.importance_sampling import EFFECTIVE_LEAST, WeightedDraws
@@ -29,6 +30,9 @@ RECORD_PARAMETERS = FANCHER.reported_parameters
 #: Above this share of the load's step the force that load and law leave out indicates a misfit. In simulated records
 #: without a mismatch it is 0; of other laws it is above, and x and beta are not those of the law (docs/validation.md).
 DISCREPANCY_MOST = 7e-4
+#: Above this standard deviation of the log density's error fewer than e^-1 of the draws of a linear response to a
+#: disturbance would count as draws from the posterior.
+LINEAR_ERROR_MOST = 1.0
 
 
 @dataclass(frozen=True)
@@ -129,6 +133,7 @@ def estimate_motion(
     else:
         mean, covariance = _moments(draws.log_draws, draws.weights)
     force, departure = _left_out(window)
+    error = linear_response_error(rig, window, weighted.standard, weighted.weights)
     narrower = np.ones(len(mean))
     if fit.without_force is not None:
         both = estimate, estimate._replace(covariance=np.asarray(fit.without_force))
@@ -154,6 +159,7 @@ def estimate_motion(
                 *_reasons(rig, window, estimate),
                 *[_departs_unseen(departure)] * fit.departs_unseen,
                 *[_untrusted(weighted)] * (draws.method == "laplace"),
+                *[_not_linear(error)] * (not error <= LINEAR_ERROR_MOST),
             ]
         ),
     )
@@ -257,6 +263,13 @@ def _departs_unseen(share: float) -> str:
     return (
         f"the motion fits only if the load departs from its shape by {100 * share:.2g} % of its step, which the load "
         "cell does not show by itself"
+    )
+
+
+def _not_linear(error: float) -> str:
+    return (
+        "the readings' response to what load and law leave out is not linear, as it is taken to be: the log density "
+        f"is off by {error:.2g} (at most {LINEAR_ERROR_MOST:g})"
     )
 
 

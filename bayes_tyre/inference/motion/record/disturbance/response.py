@@ -81,10 +81,14 @@ def disturbance_response(
     unit = conditional(jnp.concatenate([responses @ (size * factor), known], axis=1), residual, jacobian)
     weights = jnp.concatenate([size * (factor @ unit.weights[: len(factor)]), unit.weights[len(factor) :]])
     response = (all_responses @ weights).reshape(window.readings.shape)
-    columns = among.columns if further is None else jax.tree.map(lambda *c: jnp.concatenate(c), among.columns, further)
-    estimate = jax.tree.map(lambda columns: weights @ columns, columns)
+    columns = (among.columns,) if further is None else (among.columns, further)
+    estimate = jax.tree.map(lambda *each: weights @ jnp.concatenate(each), *columns)
+    of_unit_weights = (jax.tree.map(lambda column: size * factor.T @ column, among.columns), *columns[1:])
+    along = jax.tree.map(lambda *each: unit.loadings @ jnp.concatenate(each), *of_unit_weights)
     kept = {} if given is None else {name: getattr(given, name) for name in ("whitening", "load_size", "force_size")}
-    return DisturbanceResponse(estimate, size, weights, response, unit.directions, unit.shrink, **kept)
+    return DisturbanceResponse(
+        *(estimate, size, weights, response, unit.directions, unit.shrink, along, unit.loadings @ unit.weights), **kept
+    )
 
 
 def most_probable(
@@ -117,12 +121,14 @@ def most_probable(
 class Conditional(NamedTuple):
     """A disturbance given the readings: its weights' estimate, and how the readings' covariance has grown.
 
-    `directions` and `shrink` as in `DisturbanceResponse`.
+    `directions` and `shrink` as in `DisturbanceResponse`; `loadings` are the directions of the weights that move the
+    readings along these.
     """
 
     weights: Float[Array, " columns"]
     directions: Float[Array, "readings columns"]
     shrink: Float[Array, " columns"]
+    loadings: Float[Array, "columns columns"]
 
 
 def conditional(responses: Float[Array, "readings columns"], residual: Array, jacobian: Array) -> Conditional:
@@ -132,7 +138,7 @@ def conditional(responses: Float[Array, "readings columns"], residual: Array, ja
     rows, rest = (_readings_whitened(each, directions, shrink) for each in (jacobian, residual))
     moved = (residual - jacobian @ _least_squares(rows, rest))[: len(responses)]
     weights = -loadings.T @ (singular_values / (1 + singular_values**2) * (directions.T @ moved))
-    return Conditional(weights, directions, shrink)
+    return Conditional(weights, directions, shrink, loadings)
 
 
 def _least_squares(rows: Array, residual: Array) -> Array:
@@ -175,7 +181,9 @@ def fixed(
     nothing, none = jnp.zeros_like(window.readings), jnp.zeros(1)
     directions = jnp.zeros((window.readings.size, 1))
     return DisturbanceResponse(
-        mean, none[0], jnp.asarray(weights), nothing, directions, none, whitening, jnp.asarray(load_size)
+        *(mean, none[0], jnp.asarray(weights), nothing, directions, none),
+        whitening=whitening,
+        load_size=jnp.asarray(load_size),
     )
 
 

@@ -110,6 +110,11 @@ class DisturbanceResponse(NamedTuple):
         Orthonormal directions of the standardised readings, shape (3 blocks, directions).
     shrink:
         1 - 1 / (standard deviation along each direction), shape (directions,).
+    along:
+        Disturbance that moves the readings along each direction, with weights of standard deviation 1; of shape
+        (directions, nodes) each. None where it is not random.
+    along_weights:
+        Weights of the estimate along them, shape (directions,).
     whitening:
         Matrix that whitens the accelerometer's residuals, shape (blocks, blocks); None before it is estimated
         (`road_noise`).
@@ -124,6 +129,8 @@ class DisturbanceResponse(NamedTuple):
     response: Float[Array, "*records 3 blocks"]
     directions: Float[Array, "*records readings directions"]
     shrink: Float[Array, "*records directions"]
+    along: Disturbance | None = None
+    along_weights: Float[Array, "*records directions"] | None = None
     whitening: Float[Array, "*records blocks blocks"] | None = None
     load_size: Float[ArrayLike, "*records"] = 0.0
     force_size: Float[ArrayLike, "*records"] = 0.0

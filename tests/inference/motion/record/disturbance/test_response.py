@@ -8,6 +8,7 @@ from helpers.mismatched_motions import simulated, simulated_on
 from helpers.recorded_motions import RIG, recorded
 
 from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import force_columns
+from bayes_tyre.inference.motion.record.disturbance.linearity import exact_height
 from bayes_tyre.inference.motion.record.disturbance.response import disturbance_response
 from bayes_tyre.inference.motion.record.estimate import DISCREPANCY_MOST, estimate_motion
 from bayes_tyre.inference.motion.record.model.forward_model import misfit, predicted, residuals
@@ -71,6 +72,21 @@ def test_density_is_that_of_readings_with_the_forces_covariance(fitted, columns)
     assert float(whitened @ whitened) == pytest.approx(float(expected), rel=1e-5)
     log_determinant = -2 * float(jnp.sum(jnp.log1p(-random.shrink)))
     assert log_determinant == pytest.approx(np.linalg.slogdet(covariance)[1], rel=1e-5)
+
+
+def test_draws_of_a_small_force_have_the_density_with_it_integrated_out(fitted, columns):
+    # So small a force moves the readings by some of their noise, and friction's answer is linear.
+    small = SIZE / 20
+    window, _ = shaken(fitted, columns, small, seed=1)
+    standard = fitted[1] + 3e-5 * np.random.default_rng(3).standard_normal(len(fitted[1]))
+    random = disturbance_response(RIG, window, fitted[1], of_size(columns, small))
+    assert np.sum(random.shrink > 0.1) > 3
+    window = window._replace(disturbance=random)
+    np.testing.assert_allclose(random.along_weights @ random.along.force_kN, random.mean.force_kN, atol=1e-12)
+    heights = jax.jit(jax.vmap(lambda normals: exact_height(RIG, standard, window, normals)))
+    drawn = heights(np.random.default_rng(4).standard_normal((5, len(random.shrink))))
+    integrated_out = 0.5 * float(jnp.sum(residuals(RIG, standard, window) ** 2))
+    np.testing.assert_allclose(drawn, integrated_out, atol=0.05)
 
 
 def test_density_with_a_load_beside_the_force_is_that_of_both_covariances(fitted, columns):
