@@ -59,8 +59,9 @@ def _higher_peak(rig: Rig, fit: Fit, draws: WeightedDraws) -> Fit | None:
     """Return the fit about a higher peak; None where the draws lead to none."""
     starts = draws.standard[np.argsort(-draws.weights)[:STARTS]]
     peaks = [_peak(rig, fit, start) for start in starts]
-    highest = max(peaks, key=lambda peak: log_density(fit.window, peak))
-    if not log_density(fit.window, highest) > log_density(fit.window, fit.estimate) + HIGHER:
+    densities = np.nan_to_num([log_density(fit.window, peak) for peak in peaks], nan=-np.inf)
+    highest = peaks[int(np.argmax(densities))]
+    if not densities.max() > log_density(fit.window, fit.estimate) + HIGHER:
         return None
     about = fit_about(rig, fit, highest)
     return about if about.estimate.converged else fit._replace(estimate=highest)
