@@ -33,6 +33,7 @@ DISCREPANCY_MOST = 7e-4
 #: Above this standard deviation of the log density's error fewer than e^-1 of the draws of a linear response to a
 #: disturbance would count as draws from the posterior.
 LINEAR_ERROR_MOST = 1.0
+NOT_LINEAR = "the readings' response to what load and law leave out is not linear, as it is taken to be"
 
 
 @dataclass(frozen=True)
@@ -267,10 +268,7 @@ def _departs_unseen(share: float) -> str:
 
 
 def _not_linear(error: float) -> str:
-    return (
-        "the readings' response to what load and law leave out is not linear, as it is taken to be: the log density "
-        f"is off by {error:.2g} (at most {LINEAR_ERROR_MOST:g})"
-    )
+    return f"{NOT_LINEAR}: the log density is off by {error:.2g} (at most {LINEAR_ERROR_MOST:g})"
 
 
 def _untrusted(weighted: WeightedDraws) -> str:

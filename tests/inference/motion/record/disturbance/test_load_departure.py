@@ -6,7 +6,7 @@ import pytest
 from helpers.mismatched_motions import simulated
 
 from bayes_tyre.inference.motion.record.disturbance.load_departure import load_departure
-from bayes_tyre.inference.motion.record.estimate import estimate_motion
+from bayes_tyre.inference.motion.record.estimate import NOT_LINEAR, estimate_motion
 from bayes_tyre.inference.motion.record.model.forward_model import cylinder_load, node_times
 from bayes_tyre.inference.motion.record.model.parameters import in_units
 from bayes_tyre.inference.motion.record.model.window import BEFORE_S, make_window
@@ -51,6 +51,7 @@ def test_intervals_hold_the_truth_where_the_load_departs(mismatch):
     truth, rig, record = simulated(mismatch, 1)
     estimate = estimate_motion(rig, record, sampler=None)
     assert estimate.load_departure_share > 0
+    assert NOT_LINEAR in estimate.status
     logs = np.log([truth.k_kN_per_mm, truth.x_kN, truth.beta_mm])
     # Three correlated normal numbers beyond 3 standard deviations: at most 0.8 % of seeds, 1.6 % of the two.
     assert np.all(np.abs(estimate.log_mean[:3] - logs) < 3 * np.sqrt(np.diag(estimate.log_covariance)[:3]))
