@@ -1,6 +1,7 @@
 """Records of the study of motions with one mismatch, simulated by an integrator that is not the fit's."""
 
 from collections.abc import Callable
+from functools import cache
 
 from bayes_tyre.inference.motion.record.model.window import Recorded
 from bayes_tyre.rig.axle import Rig, load_rig
@@ -18,6 +19,7 @@ def simulated(mismatch: str, number: int, kind: str = STATIONARY) -> tuple[Truth
     return simulated_on(MISMATCHES[mismatch].machine, number, MISMATCHES[mismatch].change, kind)
 
 
+@cache  # some seconds for a rolling record
 def simulated_on(
     machine: Machine,
     number: int,
