@@ -1,5 +1,6 @@
 """The average over force laws: moments by hand, fits that do not count, and the laws of records that are known."""
 
+from dataclasses import replace
 from typing import Any
 
 import jax.numpy as jnp
@@ -22,11 +23,11 @@ NAMES = AUTO.averaged
 def estimate(
     log_evidence: float, at: float, sd: float = 0.1, *, converged: bool = True, status: str = ""
 ) -> MotionEstimate:
-    """Return an estimate of two logarithms, equal and independent."""
+    """Return an estimate of two logarithms, equal and independent; without trusted draws if it has not converged."""
     return MotionEstimate(
         log_mean=np.full(2, at),
         log_covariance=sd**2 * np.eye(2),
-        method="importance",
+        method="importance" if converged else "laplace",
         log_draws=np.array([[at - sd, at], [at + sd, at]]),
         weights=np.array([0.25, 0.75]),
         map_estimate=map_estimate(np.zeros(1), np.eye(1), converged=converged),
@@ -108,6 +109,15 @@ def test_a_fit_that_did_not_converge_is_no_estimate_unless_laws_are_compared(mon
     assert converged_estimate(rig, record, rival).log_mean.tolist() == [1.0, 1.0]
     monkeypatch.setattr(law_average, "estimate_by", lambda *_: estimate(0.0, 1.0))
     assert converged_estimate(rig, record).log_mean.tolist() == [1.0, 1.0]
+
+
+def test_trusted_draws_are_an_estimate_wherever_the_solver_stopped(monkeypatch):
+    _, rig, record = simulated("none", 0)
+    drawn = replace(estimate(50.0, 3.0, converged=False), method="importance")
+    monkeypatch.setattr(law_average, "estimate_by", lambda *_: drawn)
+    assert converged_estimate(rig, record) is drawn
+    weights = average([drawn, estimate(0.0, 0.0)], ("fancher", "a")).law_weights
+    assert weights["fancher"] == pytest.approx(1.0)
 
 
 # Two laws, each compiled: over 10 s; all five would take minutes.
