@@ -268,7 +268,7 @@ def _departs_unseen(share: float) -> str:
 
 
 def _not_linear(error: float) -> str:
-    return f"{NOT_LINEAR}: the log density is off by {error:.2g} (at most {LINEAR_ERROR_MOST:g})"
+    return f"{NOT_LINEAR}: the log density is off by {error:.3g} (at most {LINEAR_ERROR_MOST:g})"
 
 
 def _untrusted(weighted: WeightedDraws) -> str:
