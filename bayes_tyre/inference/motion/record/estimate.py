@@ -31,9 +31,9 @@ RECORD_PARAMETERS = FANCHER.reported_parameters
 #: without a mismatch it is 0; of other laws it is above, and x and beta are not those of the law (docs/validation.md).
 DISCREPANCY_MOST = 7e-4
 #: Above this standard deviation of the log density's error fewer than e^-1 of the draws of a linear response to a
-#: disturbance would count as draws from the posterior.
+#: load's departure would count as draws from the posterior.
 LINEAR_ERROR_MOST = 1.0
-NOT_LINEAR = "the readings' response to what load and law leave out is not linear, as it is taken to be"
+NOT_LINEAR = "the readings' response to the load's departure from its shape is not linear, as it is taken to be"
 
 
 @dataclass(frozen=True)

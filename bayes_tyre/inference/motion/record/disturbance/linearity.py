@@ -1,7 +1,8 @@
-"""Whether the readings' response to a disturbance is as linear as integrating it out takes it to be (`response`).
+"""Whether the readings' response to a load's departure is as linear as integrating it out takes it to be (`response`).
 
-Friction's is not quite, and where the load departs far from its shape k, x and beta are then off by more than their
-intervals say. So disturbances are drawn as the linear response has them, and the exact density is held against it.
+Friction's is not quite, and where the load departs far from its shape k, x and beta may be off by more than their
+intervals say. So departures are drawn as the linear response has them, and the exact density is held against it.
+It is not asked of roads: intervals of rolling records hold where it is large, too (docs/validation.md).
 """
 
 import functools
@@ -25,18 +26,18 @@ def linear_response_error(
     standard: Float[np.ndarray, "draws parameters"],
     weights: Float[np.ndarray, " draws"],
 ) -> float:
-    """Return the standard deviation, over the posterior, of what the linear response does to the log density.
+    """Return the standard deviation, over the posterior, of the log density's error by a linear response.
 
     Parameters
     ----------
     rig:
         Geometry; static.
     window:
-        Of the record; without a disturbance the error is 0; it is infinite where a density is not a number.
+        Of the record; where its load does not depart the error is 0, and infinite where a density is not a number.
     standard, weights:
         Weighted draws of the standardised parameters.
     """
-    if window.disturbance is None:
+    if window.disturbance is None or not np.asarray(window.disturbance.load_size) > 0:
         return 0.0
     rng = np.random.default_rng(0)
     drawn = standard[rng.choice(len(weights), DRAWS, p=weights)]
