@@ -9,13 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from bayes_tyre.inference.diagnostics.pareto_smoothing import PARETO_K_MOST
 from bayes_tyre.inference.motion.laws import FANCHER, MotionLaw
-from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import load_step_kN
-from bayes_tyre.inference.motion.record.disturbance.linearity import linear_response_error
+from bayes_tyre.inference.motion.record.checks import failed_checks, misfits, sizes_left_out
 from bayes_tyre.inference.motion.record.evidence import log_evidence
 from bayes_tyre.inference.motion.record.highest_peak import drawn_about_highest_peak
-from bayes_tyre.inference.motion.record.importance_sampling import EFFECTIVE_LEAST, WeightedDraws
+from bayes_tyre.inference.motion.record.importance_sampling import WeightedDraws
 from bayes_tyre.inference.motion.record.map_fit import MapEstimate
 from bayes_tyre.inference.motion.record.model.parameters import in_units, parameter_names
 from bayes_tyre.inference.motion.record.model.window import Recorded, Window, make_window
@@ -27,13 +25,6 @@ from bayes_tyre.runtime import drop_code_where_full
 
 #: Reported parameters of Fancher's law, in order; units kN/mm, kN, mm, kg, kN s/mm.
 RECORD_PARAMETERS = FANCHER.reported_parameters
-#: Above this share of the load's step the force that load and law leave out indicates a misfit. In simulated records
-#: without a mismatch it is 0; of other laws it is above, and x and beta are not those of the law (docs/validation.md).
-DISCREPANCY_MOST = 7e-4
-#: Above this standard deviation of the log density's error fewer than e^-1 of the draws of a linear response to a
-#: load's departure would count as draws from the posterior.
-LINEAR_ERROR_MOST = 1.0
-NOT_LINEAR = "the readings' response to the load's departure from its shape is not linear, as it is taken to be"
 
 
 @dataclass(frozen=True)
@@ -133,8 +124,7 @@ def estimate_motion(
         mean, covariance = laplace_moments(rig, estimate, window)
     else:
         mean, covariance = _moments(draws.log_draws, draws.weights)
-    force, departure = _left_out(window)
-    error = linear_response_error(rig, window, weighted.standard, weighted.weights)
+    force, departure = sizes_left_out(window)
     narrower = np.ones(len(mean))
     if fit.without_force is not None:
         both = estimate, estimate._replace(covariance=np.asarray(fit.without_force))
@@ -154,15 +144,7 @@ def estimate_motion(
         discrepancy_share=force,
         load_departure_share=departure,
         narrower_without_force=narrower,
-        status="; ".join(
-            [
-                *["the fit did not converge"] * (draws.method == "laplace" and not estimate.converged),
-                *_reasons(rig, window, estimate),
-                *[_departs_unseen(departure)] * fit.departs_unseen,
-                *[_untrusted(weighted)] * (draws.method == "laplace"),
-                *[_not_linear(error)] * (not error <= LINEAR_ERROR_MOST),
-            ]
-        ),
+        status="; ".join(failed_checks(rig, fit, weighted, about_peak=draws.method == "laplace")),
     )
 
 
@@ -185,7 +167,7 @@ def _posterior_draws(
     """
     prior = jnp.asarray(window.prior)
     method = "importance" if weighted.trusted else "laplace"
-    fits = bool(estimate.converged) and not _reasons(rig, window, estimate) and not np.isnan(weighted.pareto_k)
+    fits = bool(estimate.converged) and not misfits(rig, window, estimate) and not np.isnan(weighted.pareto_k)
     use_nuts = window.disturbance is None and fits
     if sampler is not None and method == "laplace" and use_nuts:
         standard, divergent = sample_motion(rig, window, estimate, sampler)
@@ -231,48 +213,3 @@ def _moments(
     mean = weights @ draws
     deviations = draws - mean
     return mean, (weights[:, None] * deviations).T @ deviations / (1 - np.sum(weights**2))
-
-
-def _reasons(rig: Rig, window: Window, estimate: MapEstimate) -> list[str]:
-    """Return the failed checks of a fit's readings."""
-    reasons = []
-    channels = ("acceleration", "laser", "load")
-    for name, misfits, square, correlation in zip(
-        channels, estimate.misfits, estimate.chi_squared, estimate.correlation, strict=True
-    ):
-        if misfits:
-            reasons.append(
-                f"{name} is off by {np.sqrt(square):.2g} times its noise, lag-1 autocorrelation {correlation:.2g}"
-            )
-    if (share := _left_out(window)[0]) > DISCREPANCY_MOST:
-        parameters = window.in_units(rig, jnp.asarray(estimate.standard))
-        reasons.append(
-            f"load and law leave out a force of {share * float(load_step_kN(rig, parameters)):.2g} kN, "
-            f"{100 * share:.2g} % of the load's step (at most {100 * DISCREPANCY_MOST:g} %)"
-        )
-    return reasons
-
-
-def _left_out(window: Window) -> tuple[float, float]:
-    """Return the sizes of the force that load and law leave out, and of the load's departure, as shares of its step."""
-    if window.disturbance is None:
-        return 0.0, 0.0
-    return float(jnp.asarray(window.disturbance.force_size)), float(jnp.asarray(window.disturbance.load_size))
-
-
-def _departs_unseen(share: float) -> str:
-    return (
-        f"the motion fits only if the load departs from its shape by {100 * share:.2g} % of its step, which the load "
-        "cell does not show by itself"
-    )
-
-
-def _not_linear(error: float) -> str:
-    return f"{NOT_LINEAR}: the log density is off by {error:.3g} (at most {LINEAR_ERROR_MOST:g})"
-
-
-def _untrusted(weighted: WeightedDraws) -> str:
-    return (
-        f"the posterior is not what was drawn from about its peak (Pareto k {weighted.pareto_k:.2g}, at most "
-        f"{PARETO_K_MOST:g}; {weighted.effective:.0f} effective draws, at least {EFFECTIVE_LEAST:g})"
-    )

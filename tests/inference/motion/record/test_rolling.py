@@ -9,8 +9,9 @@ import pytest
 from helpers.mismatched_motions import simulated
 
 from bayes_tyre.inference.motion.laws import FANCHER
+from bayes_tyre.inference.motion.record.checks import DISCREPANCY_MOST
 from bayes_tyre.inference.motion.record.disturbance.road_noise import road_noise_spectrum
-from bayes_tyre.inference.motion.record.estimate import DISCREPANCY_MOST, estimate_motion
+from bayes_tyre.inference.motion.record.estimate import estimate_motion
 from bayes_tyre.inference.motion.record.model.parameters import parameter_names
 from bayes_tyre.inference.motion.record.model.pre_step_harmonics import fit_harmonics
 from bayes_tyre.inference.motion.record.model.window import Recorded, make_window

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from helpers.mismatched_motions import simulated
 
+from bayes_tyre.inference.motion.record.checks import NOT_LINEAR
 from bayes_tyre.inference.motion.record.disturbance.load_departure import load_departure
-from bayes_tyre.inference.motion.record.estimate import NOT_LINEAR, estimate_motion
+from bayes_tyre.inference.motion.record.estimate import estimate_motion
 from bayes_tyre.inference.motion.record.model.forward_model import cylinder_load, node_times
 from bayes_tyre.inference.motion.record.model.parameters import in_units
 from bayes_tyre.inference.motion.record.model.window import BEFORE_S, make_window

@@ -7,10 +7,11 @@ import pytest
 from helpers.mismatched_motions import simulated, simulated_on
 from helpers.recorded_motions import RIG, recorded
 
+from bayes_tyre.inference.motion.record.checks import DISCREPANCY_MOST
 from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import force_columns
 from bayes_tyre.inference.motion.record.disturbance.linearity import exact_height
 from bayes_tyre.inference.motion.record.disturbance.response import disturbance_response
-from bayes_tyre.inference.motion.record.estimate import DISCREPANCY_MOST, estimate_motion
+from bayes_tyre.inference.motion.record.estimate import estimate_motion
 from bayes_tyre.inference.motion.record.model.forward_model import misfit, predicted, residuals
 from bayes_tyre.inference.motion.record.model.parameters import in_units
 from bayes_tyre.inference.motion.record.model.window import Disturbance
