@@ -59,7 +59,7 @@ def columns(law: MotionLaw) -> list[str]:
     were certain that load and law leave out no force. A spring and a damper have two more, at the wheel centre: their
     classic estimate from the free vibration (`rig.motion_decay`), empty where the tyre rolls or hardly vibrates. A law
     that extends Fancher's has its extensions, at the most probable parameters; an average over laws their weights by
-    the record itself, and the evidence of those whose fit converged.
+    the record itself, and the evidence of those that have a posterior.
     """
     values = [column for name in (*parameter_columns(law), *law.extensions) for column in (name, f"{name}_se")]
     values += [f"{prefix}{name}" for prefix in (WEIGHT, LOG_EVIDENCE) for name in law.averaged]

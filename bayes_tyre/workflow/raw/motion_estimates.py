@@ -108,10 +108,10 @@ def _columns(rig: Rig, estimate: MotionEstimate, unknowns: MotionParameters) -> 
     if law is KELVIN_VOIGT:
         row |= dict(zip(BY_DECAY, _by_decay(estimate.window, unknowns), strict=True))
     if estimate.law_weights:
-        converged = {name: each for name, each in estimate.by_law.items() if each.has_posterior}
-        logs = dict.fromkeys(estimate.law_weights, np.nan) | {n: each.log_evidence for n, each in converged.items()}
+        found = {name: each for name, each in estimate.by_law.items() if each.has_posterior}
+        logs = dict.fromkeys(estimate.law_weights, np.nan) | {n: each.log_evidence for n, each in found.items()}
         row |= {f"{LOG_EVIDENCE}{name}": log for name, log in logs.items()}
-        row[LAW_ROWS] = [law_row(rig, name, each).kept() for name, each in converged.items()]
+        row[LAW_ROWS] = [law_row(rig, name, each).kept() for name, each in found.items()]
     return row
 
 

@@ -50,7 +50,7 @@ def counted(log_evidence: Float[np.ndarray, "records laws"], reliable: Bool[np.n
     Parameters
     ----------
     log_evidence:
-        Of each record by each law; NaN where the fit did not converge.
+        Of each record by each law; NaN where it has no posterior.
     reliable:
         Whether it comes from weights that have a mean.
     """
@@ -95,7 +95,7 @@ def weights_of_record(
     pooled:
         Of all records together; NaN where no records count.
     usable:
-        Whether the record's fit by a law has converged, and has moments. None is returned where none of these has a
+        Whether the record has a posterior by a law, and moments. None is returned where none of these has a
         weight.
     """
     kept = np.where(usable & np.isfinite(pooled), pooled, 0.0)

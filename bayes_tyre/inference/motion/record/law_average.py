@@ -49,13 +49,13 @@ def estimate_by(
 def converged_estimate(rig: Rig, recorded: Recorded, law: MotionLaw = FANCHER) -> MotionEstimate:
     """Return the estimate of one record, for a result of motions.
 
-    With a wrong law the solver need not converge, and laws are compared on the same records: the estimate is kept, and
+    With a wrong law there need not be a posterior, and laws are compared on the same records: the estimate is kept, and
     its status says so. Fancher's law and what extends it are taken for right.
 
     Raises
     ------
     BadInput
-        Where a fit of these did not converge.
+        Where a fit of these did not converge, and its draws are not trusted.
     """
     found = estimate_by(rig, recorded, law)
     if law.reported == FANCHER.reported and not found.has_posterior:
@@ -66,8 +66,8 @@ def converged_estimate(rig: Rig, recorded: Recorded, law: MotionLaw = FANCHER) -
 def average(estimates: Sequence[MotionEstimate], names: Sequence[str]) -> MotionEstimate:
     """Return the average of a record's estimates, weighted by their evidence.
 
-    Fits that did not converge count only where none has. Window and method are those of the most probable law; `status`
-    joins those of all laws above `NAMED_WEIGHT`.
+    Fits without a posterior count only where none has one. Window and method are those of the most probable law;
+    `status` joins those of all laws above `NAMED_WEIGHT`.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 Friction's is not quite, and where the load departs far from its shape k, x and beta may be off by more than their
 intervals say. So departures are drawn as the linear response has them, and the exact density is held against it.
-It is not asked of roads: intervals of rolling records hold where it is large, too (docs/validation.md).
+It is not asked of roads: with a linear response to these, intervals of rolling records hold (docs/validation.md).
 """
 
 import functools
