@@ -7,12 +7,12 @@ without it leaves of the acceleration. A road shakes it all the time.
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from bayes_tyre.inference.motion.laws import NormalPrior
+from bayes_tyre.inference.motion.record.model.oscillator import oscillation
 from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.rig.motion import Motion
 
@@ -56,8 +56,6 @@ def mode_in_units(value: Float[Array, " 3"]) -> SecondMode:
 def shown_with(mode: SecondMode, motion: Motion, dt_s: ScalarLike) -> Motion:
     """Return a motion as sensors on a rig with a second mode show it, at rest in the beginning.
 
-    By the trapezoidal rule, for the stiffness at which this has the mode's frequency at these nodes.
-
     Parameters
     ----------
     mode:
@@ -67,25 +65,12 @@ def shown_with(mode: SecondMode, motion: Motion, dt_s: ScalarLike) -> Motion:
     dt_s:
         Spacing of the nodes, s.
     """
-    half = 0.5 * jnp.asarray(dt_s)
-    omega = jnp.tan(2 * jnp.pi * mode.frequency_Hz * half) / half
-    restoring = jnp.stack([omega**2, 2 * mode.damping_ratio * omega])
-    rates = jnp.stack([jnp.array([0.0, 1.0]), -restoring])
-    onward = jnp.linalg.inv(jnp.eye(2) - half * rates)
-    matrix = onward @ (jnp.eye(2) + half * rates)
     driven = -1e3 * mode.share * motion.acceleration_m_per_s2
-    kicks = half * (driven[1:] + driven[:-1])[:, None] * onward[:, 1]
-
-    def step(state: Array, kick: Array) -> tuple[Array, Array]:
-        state = matrix @ state + kick
-        return state, state
-
-    _, states = jax.lax.scan(step, jnp.zeros(2), kicks)
-    bend, speed = jnp.concatenate([jnp.zeros((1, 2)), states]).T
+    bend, speed, acceleration = oscillation(mode.frequency_Hz, mode.damping_ratio, driven, dt_s)
     return Motion(
         motion.displacement_mm + bend,
         motion.velocity_mm_per_s + speed,
-        motion.acceleration_m_per_s2 + 1e-3 * (driven - restoring @ jnp.stack([bend, speed])),
+        motion.acceleration_m_per_s2 + 1e-3 * acceleration,
         motion.tyre_force_kN,
     )
 
