@@ -28,7 +28,8 @@ COLUMNS = {
     *("k_kN_per_mm", "k_kN_per_mm_se", "x_kN", "x_kN_se", "beta_mm", "beta_mm_se", "m_kg", "m_kg_se"),
     *("c_kN_s_per_mm", "c_kN_s_per_mm_se", "discrepancy_kN", "discrepancy_percent", "load_departure_percent"),
     *(f"{name}_se_without_force" for name in ("k_kN_per_mm", "x_kN", "beta_mm")),
-    *("displacement_delay_ms", "load_delay_ms", "second_mode_Hz", "second_mode_share", "pareto_k", "status", "origin"),
+    *("displacement_delay_ms", "load_delay_ms", "second_mode_Hz", "second_mode_share", "load_ringing_Hz"),
+    *("pareto_k", "status", "origin"),
     *("record", *FACTORS),
 }
 #: Too few draws for a verdict of `pass`, which asks for 100 effective ones a chain.

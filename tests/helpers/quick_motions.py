@@ -33,6 +33,7 @@ def estimated(task: Task) -> Done:
         "load_delay_ms": 0.0,
         "second_mode_Hz": np.nan,
         "second_mode_share": np.nan,
+        "load_ringing_Hz": np.nan,
         "discrepancy_kN": 0.0,
         "discrepancy_percent": 0.0,
         "load_departure_percent": 0.0,

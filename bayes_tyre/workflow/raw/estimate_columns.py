@@ -29,6 +29,8 @@ WITHOUT_FORCE = "_se_without_force"
 _DELAYS = ("displacement_delay_ms", "load_delay_ms")
 #: A second mode of the rig, of a record that shows one: frequency, and share of the axle's movement that drives it.
 MODE_HZ, _MODE_SHARE = "second_mode_Hz", "second_mode_share"
+#: Frequency of a load that rings after its step, of a record whose load does.
+RINGING_HZ = "load_ringing_Hz"
 OK = "ok"
 #: Before the name of a law, in the columns of an average over laws: how probable the record makes it, and its evidence.
 WEIGHT, LOG_EVIDENCE = "weight_", "log_evidence_"
@@ -54,8 +56,9 @@ def columns(law: MotionLaw) -> list[str]:
 
     `displacement_mm` is the middle of the step at the wheel centre, which a cycle goes about; `displacement_delay_ms`
     and `load_delay_ms` are how late the sensors read, `second_mode_Hz` and `second_mode_share` a second mode of the rig
-    that they show, empty where there is none; `log_evidence` is the log density of the readings under the law, by which
-    laws may be compared record by record. `..._se_without_force` are standard errors of the tyre's parameters if it
+    that they show, `load_ringing_Hz` the frequency of a load that rings, empty where there is none; `log_evidence` is
+    the log density of the readings under the law, by which laws may be compared record by record.
+    `..._se_without_force` are standard errors of the tyre's parameters if it
     were certain that load and law leave out no force. A spring and a damper have two more, at the wheel centre: their
     classic estimate from the free vibration (`rig.motion_decay`), empty where the tyre rolls or hardly vibrates. A law
     that extends Fancher's has its extensions, at the most probable parameters; an average over laws their weights by
@@ -69,6 +72,7 @@ def columns(law: MotionLaw) -> list[str]:
         *_DELAYS,
         MODE_HZ,
         _MODE_SHARE,
+        RINGING_HZ,
         *_LEFT_OUT,
         *_without_force(law),
         "method",
@@ -137,6 +141,7 @@ def fit_columns(rig: Rig, estimate: MotionEstimate, unknowns: MotionParameters) 
     row |= {name: 1e3 * float(delay_s) for name, delay_s in zip(_DELAYS, delays_s, strict=True)}
     mode = (np.nan, np.nan) if unknowns.mode is None else (unknowns.mode.frequency_Hz, unknowns.mode.share)
     row |= {MODE_HZ: float(mode[0]), _MODE_SHARE: float(mode[1])}
+    row[RINGING_HZ] = np.nan if unknowns.ringing is None else float(unknowns.ringing.frequency_Hz)
     share = estimate.discrepancy_share
     left_out = share * float(load_step_kN(rig, unknowns)), 100 * share, 100 * estimate.load_departure_share
     row |= dict(zip(_LEFT_OUT, left_out, strict=True))

@@ -9,7 +9,7 @@ from bayes_tyre.inference.motion.record.likelihood import WIDENED
 from bayes_tyre.plain_text import listed
 from bayes_tyre.record import LAW_PARAMETERS, parameter_column
 from bayes_tyre.results.comparison.law_weights import LAWS_CSV, sentence
-from bayes_tyre.workflow.raw.estimate_columns import FORCE_PERCENT, MODE_HZ, OK, WEIGHT, WITHOUT_FORCE
+from bayes_tyre.workflow.raw.estimate_columns import FORCE_PERCENT, MODE_HZ, OK, RINGING_HZ, WEIGHT, WITHOUT_FORCE
 from bayes_tyre.workflow.raw.raw_records import REJECTED
 
 ESTIMATES = "estimates.csv"
@@ -75,7 +75,7 @@ def _of_laws(table: pd.DataFrame, laws: pd.DataFrame | None) -> list[str]:
 
 
 def _limitations(table: pd.DataFrame, rejected: int) -> list[str]:
-    """Return limitations: files without an estimate, a second mode, and forces that are left out."""
+    """Return limitations: files without an estimate, a second mode, loads that ring, and forces that are left out."""
     sentences = []
     if rejected:
         files = "1 file has no estimate and is" if rejected == 1 else f"{rejected} files have no estimate and are"
@@ -85,6 +85,12 @@ def _limitations(table: pd.DataFrame, rejected: int) -> list[str]:
         sentences.append(
             f"{listed(shaken['record'].tolist(), _NAMED)}: the sensors show a second mode of the rig, at "
             f"{shaken[MODE_HZ].median():.0f} Hz, which was fitted too; if the rig has none, look at the channels"
+        )
+    ringing = table[table[RINGING_HZ].notna()]
+    if len(ringing):
+        sentences.append(
+            f"{listed(ringing['record'].tolist(), _NAMED)}: the load rings after its step, at "
+            f"{ringing[RINGING_HZ].median():.0f} Hz, which was fitted too"
         )
     forced = table[table[FORCE_PERCENT] > 0]
     if len(forced):

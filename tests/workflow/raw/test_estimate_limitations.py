@@ -17,7 +17,9 @@ def estimates(bad: int = 0) -> pd.DataFrame:
     status = ["Pareto k 1.1"] * bad + ["ok"] * (len(FACTORS) - bad)
     errors = {"k_kN_per_mm_se": 0.02, "k_kN_per_mm_se_without_force": 0.02, "x_kN_se": 0.04}
     errors |= {"x_kN_se_without_force": 0.04}
-    return FACTORS.assign(status=status, second_mode_Hz=np.nan, discrepancy_percent=0.0, **errors)
+    return FACTORS.assign(
+        status=status, second_mode_Hz=np.nan, load_ringing_Hz=np.nan, discrepancy_percent=0.0, **errors
+    )
 
 
 def test_nothing_is_said_where_all_is_well():
@@ -42,6 +44,14 @@ def test_a_second_mode_that_the_sensors_show_is_said():
     assert found.verdict == "pass"
     first, second = table["record"][:2]
     assert found.limitations[-1].startswith(f"{first}, {second}: the sensors show a second mode of the rig, at 60 Hz")
+
+
+def test_a_load_that_rings_is_said():
+    table = estimates()
+    table.loc[:2, "load_ringing_Hz"] = 17.0, 18.0, 21.0
+    found = with_estimates(SOUND, table, 0)
+    assert found.verdict == "pass"
+    assert f"{table['record'][2]}: the load rings after its step, at 18 Hz" in found.limitations[-1]
 
 
 def test_a_force_that_is_left_out_is_said_with_what_it_does_to_standard_errors():

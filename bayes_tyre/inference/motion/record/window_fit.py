@@ -14,7 +14,7 @@ from bayes_tyre.inference.motion.record.disturbance.load_departure import (
     load_departure,
     with_load_departure,
 )
-from bayes_tyre.inference.motion.record.disturbance.matern_process import MOST_SHARE
+from bayes_tyre.inference.motion.record.disturbance.matern_process import LEAST_ODDS, MOST_SHARE
 from bayes_tyre.inference.motion.record.disturbance.response import Columns, disturbance_response
 from bayes_tyre.inference.motion.record.disturbance.road_roughness import (
     of_known_size,
@@ -88,13 +88,27 @@ def fit_window(rig: Rig, window: Window) -> Fit:
     does: without one it is then fitted badly or not at all. One of the size that the cell's readings make most
     probable, however little more probable than none, may mend that.
     """
-    departure = load_departure(rig, window)
+    window, departure = with_load(rig, window)
     fit = _fit_with(rig, window, departure)
     if departure.size > 0 or _fits(fit):
         return fit
     possible = load_departure(rig, window, EVEN_ODDS)
     other = _fit_with(rig, window, possible) if possible.size > 0 else fit
     return other._replace(departs_unseen=True) if _fits(other) else fit
+
+
+def with_load(rig: Rig, window: Window) -> tuple[Window, LoadDeparture]:
+    """Return the window, with a load that rings where the load cell shows one, and the load's departure from either.
+
+    Ringing has to make the cell's readings so many times as probable as a departure does as that has to over none.
+    """
+    departure = load_departure(rig, window)
+    if departure.size > 0:
+        rings = window.with_ringing()
+        further = load_departure(rig, rings)
+        if further.log_evidence > departure.log_evidence + np.log(LEAST_ODDS):
+            return rings, further
+    return window, departure
 
 
 def fit_about(rig: Rig, fit: Fit, estimate: MapEstimate) -> Fit:
@@ -114,9 +128,10 @@ def _fit_with(rig: Rig, window: Window, departure: LoadDeparture) -> Fit:
     Under a rolling tyre it is integrated out together with the road from the beginning.
     """
     starts, departs = starting_points(rig, window), bool(departure.size > 0)
+    if departs or window.ringing_at:
+        starts = starts + np.asarray(departure.standard)
     if departs:
         window = with_load_departure(window, departure)
-        starts = starts + np.asarray(departure.standard)
     known = departure.columns if departs else None
     if window.rolling is None:
         window, estimate = _with_second_mode(rig, window, fit_map(rig, window, starts))

@@ -1,10 +1,10 @@
 """The load's departure from the shape of its step (`load_step`), by the load cell's own readings.
 
-A valve that rings or a step in two stages has no place in the family of shapes, and the motion would take it up. The
-departure is a normal process (`matern_process`) beside the shape, its size estimated from the load cell alone, before
-anything else is fitted. Where the readings ask for one, the first fit of the motion takes the cell's estimate of it;
-later ones integrate it out, together with road and force (`window_fit`). What moves with the accelerometer is the
-inertia of a mass on the cell, and no departure.
+A step in two stages has no place in the family of shapes, and the motion would take it up. The departure is a normal
+process (`matern_process`) beside the shape, its size estimated from the load cell alone, before anything else is
+fitted. Where the readings ask for one, the first fit of the motion takes the cell's estimate of it; later ones
+integrate it out, together with road and force (`window_fit`). What moves with the accelerometer is the inertia of a
+mass on the cell, and no departure.
 """
 
 import functools
@@ -14,6 +14,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import lineax as lx
+import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
@@ -21,10 +22,18 @@ from bayes_tyre.inference.motion.record.disturbance.matern_process import (
     LEAST_ODDS,
     correlation_factors,
     knots_from,
+    log_prior_of_size,
     sizes_and_penalties,
 )
-from bayes_tyre.inference.motion.record.disturbance.response import Columns, conditional, fixed, most_probable
+from bayes_tyre.inference.motion.record.disturbance.response import (
+    Columns,
+    conditional,
+    fixed,
+    log_evidence,
+    most_probable,
+)
 from bayes_tyre.inference.motion.record.model.forward_model import block_means, cylinder_load, node_times
+from bayes_tyre.inference.motion.record.model.load_ringing import ringing_priors
 from bayes_tyre.inference.motion.record.model.parameters import parameter_names
 from bayes_tyre.inference.motion.record.model.window import Disturbance, Window
 from bayes_tyre.laws.base import ScalarLike
@@ -35,11 +44,15 @@ LOAD_PARAMETERS = (
     *("load_before_kN", "load_after_kN", "ramp_start_s", "log_rise"),
     *("shape_bend_onset", "shape_bend_end", "shape_even", "shape_odd"),
 )
+#: Frequencies, Hz, from which that of a load that rings is looked for.
+START_RINGING_HZ = (7.0, 12.0, 20.0, 35.0)
 #: Standard deviation of the mass between load cell and axle, kg: the cell reads its inertia, which is no load.
 CELL_KG = 10.0
-#: The departure's standard deviation falls by a factor of e in so long after the step's end, s: a load settles.
-SETTLES_S = 0.1
+#: The departure's standard deviation falls by a factor of e in one of these after the step's end, s: a load settles.
+SETTLES_S = (0.01, 0.03, 0.1)
 _STEPS, _TOLERANCE = 100, 1e-6
+# The response to nothing at all is not a number.
+_SIZE_OF_NONE = 1e-9
 
 
 class LoadDeparture(NamedTuple):
@@ -55,12 +68,15 @@ class LoadDeparture(NamedTuple):
         Of the departure's disturbance, with weights of standard deviation 1, shape (knots, nodes).
     weights:
         Their estimate, shape (knots,).
+    log_evidence:
+        Log density of the load cell's readings, shape and departure integrated out, but for constants of their noise.
     """
 
     size: Float[Array, ""]
     standard: Float[Array, " parameters"]
     columns: Disturbance
     weights: Float[Array, " knots"]
+    log_evidence: Float[Array, ""]
 
 
 @functools.partial(jax.jit, static_argnums=0)
@@ -76,13 +92,14 @@ def load_departure(rig: Rig, window: Window, odds: ScalarLike = LEAST_ODDS) -> L
     odds:
         How many times as probable as none a departure has to be.
     """
-    residual, values, standard = _fitted_shape(rig, window)
+    residual, values, parameters = _fitted_shape(rig, window)
     weight, node_weights = window.weight[2], jnp.asarray(window.node_weights)
-    shape = window.in_units(rig, standard)
+    shape = window.in_units(rig, parameters(values))
     knots = knots_from(window, shape.start_s)
-    settling = jnp.exp(-jnp.maximum(knots.time_s - shape.start_s - shape.rise_s, 0.0) / SETTLES_S)
-    sd = jnp.abs(shape.load_kN[1] - shape.load_kN[0]) * settling
-    factors = sd[:, None] * correlation_factors(knots)
+    after_s = jnp.maximum(knots.time_s - shape.start_s - shape.rise_s, 0.0)
+    step_kN = jnp.abs(shape.load_kN[1] - shape.load_kN[0])
+    sds = step_kN * jnp.exp(-after_s / jnp.array(SETTLES_S)[:, None])
+    factors = (sds[:, None, :, None] * correlation_factors(knots)).reshape(-1, len(after_s), len(after_s))
     none = jnp.zeros_like(knots.functions)
     among = Columns(Disturbance(none, none, knots.functions), factors, *sizes_and_penalties(odds))
     responses = weight[:, None] * block_means(knots.functions, node_weights).T
@@ -93,17 +110,21 @@ def load_departure(rig: Rig, window: Window, odds: ScalarLike = LEAST_ODDS) -> L
     factor, size = most_probable(among, responses, left, jacobian)
     size = jnp.where(needed > 0, size, 0.0)
     unit = Disturbance(none, none, size * factor.T @ knots.functions)
-    weights = conditional(responses @ (size * factor), left, jacobian).weights
-    return LoadDeparture(size, standard, unit, weights)
+    moved = responses @ (jnp.maximum(size, _SIZE_OF_NONE) * factor)
+    evidence = log_evidence(moved, left, jacobian) + log_prior_of_size(size, odds)
+    together = conditional(moved, left, jacobian)
+    moved_values = values.at[:-1].add(together.step)
+    return LoadDeparture(size, parameters(moved_values), unit, together.weights, evidence)
 
 
-def _fitted_shape(rig: Rig, window: Window) -> tuple[Callable[[Array], Array], Array, Array]:
-    """Return the load cell's residuals as a function, their least-squares values, and these as a motion's parameters.
+def _fitted_shape(rig: Rig, window: Window) -> tuple[Callable[[Array], Array], Array, Callable[[Array], Array]]:
+    """Return the load cell's residuals as a function, their least-squares values, and what makes parameters of values.
 
-    The values are `LOAD_PARAMETERS`, standardised, and the mass on the cell in units of `CELL_KG`.
+    The values are `LOAD_PARAMETERS` and those of a load that rings, standardised, and the mass on the cell in units of
+    `CELL_KG`.
     """
     names, time_s = parameter_names(window.law), node_times(window)
-    at = jnp.array([names.index(name) for name in LOAD_PARAMETERS])
+    at = jnp.array([*(names.index(name) for name in LOAD_PARAMETERS), *window.ringing_at])
 
     def parameters(values: Array) -> Array:
         return jnp.zeros(window.prior.shape[-1]).at[at].set(values[:-1])
@@ -115,9 +136,18 @@ def _fitted_shape(rig: Rig, window: Window) -> tuple[Callable[[Array], Array], A
         return jnp.concatenate([(read - window.readings[2]) * window.weight[2], values])
 
     solver = optx.LevenbergMarquardt(_TOLERANCE, _TOLERANCE, linear_solver=lx.Normal(lx.Cholesky()))
-    start = jnp.zeros(len(LOAD_PARAMETERS) + 1)
-    values = optx.least_squares(lambda y, _: residual(y), solver, start, max_steps=_STEPS, throw=False).value
-    return residual, values, parameters(values)
+
+    def fitted(start: Array) -> tuple[Array, Array]:
+        values = optx.least_squares(lambda y, _: residual(y), solver, start, max_steps=_STEPS, throw=False).value
+        return values, jnp.sum(residual(values) ** 2)
+
+    starts = jnp.zeros((len(START_RINGING_HZ) if window.ringing_at else 1, len(at) + 1))
+    if window.ringing_at:
+        mean, sd = ringing_priors()[:, 0]
+        starts = starts.at[:, len(LOAD_PARAMETERS)].set((np.log(START_RINGING_HZ) - mean) / sd)
+    ends, objectives = jax.vmap(fitted)(starts)
+    values = ends[jnp.argmin(jnp.where(jnp.isfinite(objectives), objectives, jnp.inf))]
+    return residual, values, parameters
 
 
 def with_load_departure(window: Window, departure: LoadDeparture) -> Window:

@@ -111,7 +111,8 @@ def most_probable(
     def objective(factor: Array) -> Array:
         left, singular_values, _ = _singular(padded @ factor)
         variance = 1 + (among.sizes[:, None] * singular_values) ** 2
-        return jnp.sum(jnp.log(variance) + (left.T @ rest) ** 2 / variance, axis=1) + among.penalties
+        # Over that of size 0: factors need not span the same columns.
+        return jnp.sum(jnp.log(variance) + (left.T @ rest) ** 2 * (1 / variance - 1), axis=1) + among.penalties
 
     objectives = jax.vmap(objective)(among.factors)
     choice, at = jnp.unravel_index(jnp.argmin(objectives), objectives.shape)
@@ -122,9 +123,10 @@ class Conditional(NamedTuple):
     """A disturbance given the readings: its weights' estimate, and how the readings' covariance has grown.
 
     `directions` and `shrink` as in `DisturbanceResponse`; `loadings` are the directions of the weights that move the
-    readings along these.
+    readings along these; `step` is how far the parameters move that are estimated with it.
     """
 
+    step: Float[Array, " parameters"]
     weights: Float[Array, " columns"]
     directions: Float[Array, "readings columns"]
     shrink: Float[Array, " columns"]
@@ -136,9 +138,22 @@ def conditional(responses: Float[Array, "readings columns"], residual: Array, ja
     directions, shrink, (singular_values, loadings) = _whitening(responses)
     # The parameters are estimated jointly with the disturbance.
     rows, rest = (_readings_whitened(each, directions, shrink) for each in (jacobian, residual))
-    moved = (residual - jacobian @ _least_squares(rows, rest))[: len(responses)]
+    step = -_least_squares(rows, rest)
+    moved = (residual + jacobian @ step)[: len(responses)]
     weights = -loadings.T @ (singular_values / (1 + singular_values**2) * (directions.T @ moved))
-    return Conditional(weights, directions, shrink, loadings)
+    return Conditional(step, weights, directions, shrink, loadings)
+
+
+def log_evidence(responses: Float[Array, "readings columns"], residual: Array, jacobian: Array) -> Float[Array, ""]:
+    """Return the log density of the readings, parameters and disturbance integrated out, but for their noise's own.
+
+    By Laplace's approximation in the parameters; arguments as in `conditional`.
+    """
+    directions, shrink, (singular_values, _) = _whitening(responses)
+    rows, rest = (_readings_whitened(each, directions, shrink) for each in (jacobian, residual))
+    left = rest - rows @ _least_squares(rows, rest)
+    volumes = jnp.sum(jnp.log1p(singular_values**2)) + jnp.linalg.slogdet(rows.T @ rows)[1]
+    return -0.5 * (left @ left + volumes)
 
 
 def _least_squares(rows: Array, residual: Array) -> Array:

@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from bayes_tyre.inference.motion.record.model.load_ringing import ringing_share
 from bayes_tyre.inference.motion.record.model.load_step import load_share
 from bayes_tyre.inference.motion.record.model.parameters import MotionParameters
 from bayes_tyre.inference.motion.record.model.second_mode import shown_with
@@ -77,9 +78,12 @@ def node_times(window: Window) -> Float[Array, " nodes"]:
 
 
 def cylinder_load(parameters: MotionParameters, time_s: Float[Array, " times"]) -> Float[Array, " times"]:
-    """Return the cylinder's force, kN, at times from the start of the window, s."""
+    """Return the cylinder's force, kN, at evenly spaced times from the start of the window, s, before its step on."""
     before, after = parameters.load_kN
-    return before + (after - before) * load_share(time_s, parameters.start_s, parameters.rise_s, parameters.shape)
+    share = load_share(time_s, parameters.start_s, parameters.rise_s, parameters.shape)
+    if parameters.ringing is not None:
+        share = share + ringing_share(parameters.ringing, share, time_s[1] - time_s[0])
+    return before + (after - before) * share
 
 
 def predicted(

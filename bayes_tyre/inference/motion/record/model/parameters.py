@@ -8,9 +8,10 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from bayes_tyre.inference.motion.laws import EXTENSIONS, FANCHER, TYRE_PRIORS, MotionLaw, NormalPrior, extended
+from bayes_tyre.inference.motion.record.model.load_ringing import RINGING_PRIORS, Ringing, ringing_in_units
 from bayes_tyre.inference.motion.record.model.load_step import SHAPE_TERMS
 from bayes_tyre.inference.motion.record.model.runout import Ground, Rolling, ground_in_units
-from bayes_tyre.inference.motion.record.model.second_mode import SecondMode, mode_in_units
+from bayes_tyre.inference.motion.record.model.second_mode import MODE_PRIORS, SecondMode, mode_in_units
 from bayes_tyre.laws.base import ScalarLike
 from bayes_tyre.laws.fancher import Fancher
 from bayes_tyre.rig import geometry
@@ -54,7 +55,8 @@ RECORD_PRIORS: dict[str, NormalPrior] = {
 def parameter_names(law: MotionLaw) -> tuple[str, ...]:
     """Return the names of the parameters of a motion on a law, in order.
 
-    Those of a rolling tyre's ground follow, and then those of a second mode of the rig (`second_mode`).
+    Those of a rolling tyre's ground follow, of a load that rings (`load_ringing`), of a second mode of the rig
+    (`second_mode`), where a record has them.
     """
     return (*(f"log_{name}" for name in law.tyre_parameters), *RECORD_PRIORS, *law.extensions)
 
@@ -81,6 +83,8 @@ class MotionParameters(NamedTuple):
     ground:
         Under a rolling tyre; None for a stationary one. For a rolling tyre `rest_friction_kN` is the friction at the
         window's start, and `laser_mm` the reading on the middle line with no runout.
+    ringing:
+        Of a load that rings; None of one that does not.
     mode:
         A second mode that the sensors show; None without one.
     """
@@ -98,6 +102,7 @@ class MotionParameters(NamedTuple):
     laser_delay_s: Array
     load_delay_s: Array
     ground: Ground | None = None
+    ringing: Ringing | None = None
     mode: SecondMode | None = None
 
 
@@ -115,8 +120,8 @@ def in_units(
     rig:
         For the stiffness at the wheel centre, which critical damping refers to.
     standard:
-        Shape (parameters,), in the order of `parameter_names`; a rolling tyre's ground (`runout.ground_in_units`) and a
-        second mode follow.
+        Shape (parameters,), in the order of `parameter_names` and what it says follows them. A load's ringing has four
+        parameters and a second mode three: their number says which of the two a record has.
     prior:
         Means and standard deviations, shape (2, parameters).
     rolling:
@@ -128,8 +133,9 @@ def in_units(
     at = {name: index for index, name in enumerate(names)}
     mean, sd = jnp.asarray(prior)
     value = mean + sd * standard
-    further = value[len(names) :]
     of_ground = 0 if rolling is None else rolling.ground_parameters
+    ground, further = jnp.split(value[len(names) :], [of_ground])
+    ringing, mode = _ringing_and_mode(further)
     k, m, ratio = (jnp.exp(value[at[name]]) for name in ("log_k", "log_m", "log_damping_ratio"))
     rest = jnp.zeros(())
     if law.has_friction:
@@ -154,9 +160,21 @@ def in_units(
         shape=value[at["shape_bend_onset"] : at["shape_bend_onset"] + SHAPE_TERMS],
         laser_delay_s=value[at["laser_delay_s"]],
         load_delay_s=value[at["load_delay_s"]],
-        ground=None if rolling is None else ground_in_units(further[:of_ground], rolling),
-        mode=mode_in_units(further[of_ground:]) if len(further) > of_ground else None,
+        ground=None if rolling is None else ground_in_units(ground, rolling),
+        ringing=ringing,
+        mode=mode,
     )
+
+
+def _ringing_and_mode(values: Float[Array, " further"]) -> tuple[Ringing | None, SecondMode | None]:
+    """Return a load's ringing and a second mode from what follows all other parameters."""
+    of_ringing, of_mode = len(RINGING_PRIORS), len(MODE_PRIORS)
+    rings, shows_mode = (
+        len(values) in (of_ringing, of_ringing + of_mode),
+        len(values) in (of_mode, of_ringing + of_mode),
+    )
+    ringing = ringing_in_units(values[:of_ringing]) if rings else None
+    return ringing, mode_in_units(values[-of_mode:]) if shows_mode else None
 
 
 def _rest_on_flat(rig: Rig, load_kN: ScalarLike, k: ScalarLike, offset_kN: ScalarLike) -> Array:

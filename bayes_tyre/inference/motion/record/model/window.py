@@ -15,10 +15,16 @@ from bayes_tyre.inference.motion.record.model.block_noise import (
     level,
     level_after,
 )
-from bayes_tyre.inference.motion.record.model.parameters import MotionParameters, in_units, prior_moments
+from bayes_tyre.inference.motion.record.model.load_ringing import RINGING_PRIORS, ringing_priors
+from bayes_tyre.inference.motion.record.model.parameters import (
+    MotionParameters,
+    in_units,
+    parameter_names,
+    prior_moments,
+)
 from bayes_tyre.inference.motion.record.model.pre_step_harmonics import fit_harmonics
 from bayes_tyre.inference.motion.record.model.runout import Rolling, ground_priors
-from bayes_tyre.inference.motion.record.model.second_mode import mode_priors
+from bayes_tyre.inference.motion.record.model.second_mode import MODE_PRIORS, mode_priors
 from bayes_tyre.record import means_of_blocks
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
@@ -179,6 +185,22 @@ class Window(NamedTuple):
     def with_mode(self, frequency_Hz: float) -> "Window":
         """Return the window with a second mode of the rig about a frequency; its parameters follow all others."""
         return self._replace(prior=jnp.concatenate([jnp.asarray(self.prior), mode_priors(frequency_Hz)], axis=1))
+
+    def with_ringing(self) -> "Window":
+        """Return the window with a load that rings; its parameters follow all but those of a second mode."""
+        before, mode = np.split(np.asarray(self.prior), [self._own_parameters], axis=1)
+        return self._replace(prior=jnp.concatenate([before, ringing_priors(), mode], axis=1))
+
+    @property
+    def ringing_at(self) -> range:
+        """Where the parameters of a load that rings stand; empty of one that does not."""
+        own, all_parameters = self._own_parameters, self.prior.shape[-1]
+        rings = all_parameters - own in (len(RINGING_PRIORS), len(RINGING_PRIORS) + len(MODE_PRIORS))
+        return range(own, own + len(RINGING_PRIORS) * rings)
+
+    @property
+    def _own_parameters(self) -> int:
+        return len(parameter_names(self.law)) + (0 if self.rolling is None else self.rolling.ground_parameters)
 
     @property
     def mean_disturbance(self) -> Disturbance:
