@@ -168,13 +168,15 @@ def in_units(
 
 def _ringing_and_mode(values: Float[Array, " further"]) -> tuple[Ringing | None, SecondMode | None]:
     """Return a load's ringing and a second mode from what follows all other parameters."""
-    of_ringing, of_mode = len(RINGING_PRIORS), len(MODE_PRIORS)
-    rings, shows_mode = (
-        len(values) in (of_ringing, of_ringing + of_mode),
-        len(values) in (of_mode, of_ringing + of_mode),
-    )
-    ringing = ringing_in_units(values[:of_ringing]) if rings else None
-    return ringing, mode_in_units(values[-of_mode:]) if shows_mode else None
+    of_ringing = ringing_parameters(len(values))
+    ringing = ringing_in_units(values[:of_ringing]) if of_ringing else None
+    return ringing, mode_in_units(values[of_ringing:]) if len(values) > of_ringing else None
+
+
+def ringing_parameters(further: int) -> int:
+    """Return how many of so many parameters, which follow all others, are a load's ringing: it comes before a mode."""
+    rings = further in (len(RINGING_PRIORS), len(RINGING_PRIORS) + len(MODE_PRIORS))
+    return len(RINGING_PRIORS) if rings else 0
 
 
 def _rest_on_flat(rig: Rig, load_kN: ScalarLike, k: ScalarLike, offset_kN: ScalarLike) -> Array:

@@ -15,16 +15,17 @@ from bayes_tyre.inference.motion.record.model.block_noise import (
     level,
     level_after,
 )
-from bayes_tyre.inference.motion.record.model.load_ringing import RINGING_PRIORS, ringing_priors
+from bayes_tyre.inference.motion.record.model.load_ringing import ringing_priors
 from bayes_tyre.inference.motion.record.model.parameters import (
     MotionParameters,
     in_units,
     parameter_names,
     prior_moments,
+    ringing_parameters,
 )
 from bayes_tyre.inference.motion.record.model.pre_step_harmonics import fit_harmonics
 from bayes_tyre.inference.motion.record.model.runout import Rolling, ground_priors
-from bayes_tyre.inference.motion.record.model.second_mode import MODE_PRIORS, mode_priors
+from bayes_tyre.inference.motion.record.model.second_mode import mode_priors
 from bayes_tyre.record import means_of_blocks
 from bayes_tyre.rig import geometry
 from bayes_tyre.rig.axle import Rig
@@ -194,9 +195,8 @@ class Window(NamedTuple):
     @property
     def ringing_at(self) -> range:
         """Where the parameters of a load that rings stand; empty of one that does not."""
-        own, all_parameters = self._own_parameters, self.prior.shape[-1]
-        rings = all_parameters - own in (len(RINGING_PRIORS), len(RINGING_PRIORS) + len(MODE_PRIORS))
-        return range(own, own + len(RINGING_PRIORS) * rings)
+        own = self._own_parameters
+        return range(own, own + ringing_parameters(self.prior.shape[-1] - own))
 
     @property
     def _own_parameters(self) -> int:
