@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 from helpers.mismatched_motions import simulated, simulated_on
 from helpers.recorded_motions import RIG, recorded
+from scipy.stats import multivariate_normal
 
 from bayes_tyre.inference.motion.record.checks import DISCREPANCY_MOST
 from bayes_tyre.inference.motion.record.disturbance.force_discrepancy import force_columns
 from bayes_tyre.inference.motion.record.disturbance.linearity import exact_height
-from bayes_tyre.inference.motion.record.disturbance.response import Columns, disturbance_response, most_probable
+from bayes_tyre.inference.motion.record.disturbance.response import (
+    Columns,
+    disturbance_response,
+    log_evidence,
+    most_probable,
+)
 from bayes_tyre.inference.motion.record.estimate import estimate_motion
 from bayes_tyre.inference.motion.record.model.forward_model import misfit, predicted, residuals
 from bayes_tyre.inference.motion.record.model.parameters import in_units
@@ -65,6 +71,16 @@ def test_factors_that_span_fewer_columns_are_no_better_for_it():
     factor, size = most_probable(among, jnp.asarray(responses), residual, jnp.eye(61)[:, -1:])
     assert size > 0
     np.testing.assert_array_equal(factor, np.eye(3))
+
+
+def test_evidence_is_the_density_of_the_readings_with_parameters_and_disturbance_integrated_out():
+    rng = np.random.default_rng(9)
+    readings, rows, responses = rng.standard_normal(40), rng.standard_normal((40, 4)), rng.standard_normal((40, 3))
+    residual = jnp.asarray(np.concatenate([-readings, np.zeros(4)]))
+    jacobian = jnp.asarray(np.concatenate([rows, np.eye(4)]))
+    covariance = np.eye(40) + rows @ rows.T + responses @ responses.T
+    expected = multivariate_normal.logpdf(readings, cov=covariance) + 20 * np.log(2 * np.pi)
+    assert log_evidence(jnp.asarray(responses), residual, jacobian) == pytest.approx(expected, rel=1e-10)
 
 
 def test_density_is_that_of_readings_with_the_forces_covariance(fitted, columns):
