@@ -14,7 +14,7 @@ from bayes_tyre.inference.motion.record.disturbance.load_departure import (
     load_departure,
     with_load_departure,
 )
-from bayes_tyre.inference.motion.record.disturbance.matern_process import LEAST_ODDS, MOST_SHARE
+from bayes_tyre.inference.motion.record.disturbance.matern_process import MOST_SHARE
 from bayes_tyre.inference.motion.record.disturbance.response import Columns, disturbance_response
 from bayes_tyre.inference.motion.record.disturbance.road_roughness import (
     of_known_size,
@@ -23,6 +23,7 @@ from bayes_tyre.inference.motion.record.disturbance.road_roughness import (
     with_residual_noise,
     with_road_noise,
 )
+from bayes_tyre.inference.motion.record.evidence import log_evidence
 from bayes_tyre.inference.motion.record.map_fit import (
     AT_PEAK,
     ROUGH_TOLERANCE,
@@ -84,31 +85,36 @@ class Fit(NamedTuple):
 def fit_window(rig: Rig, window: Window) -> Fit:
     """Return the fit of a window, with the road under a rolling tyre, and what load and law leave out.
 
-    The load's departure from its shape is kept where the load cell shows it. A coarse cell may not where the motion
-    does: without one it is then fitted badly or not at all. One of the size that the cell's readings make most
-    probable, however little more probable than none, may mend that.
+    The load's departure from its shape is kept where the load cell shows it, unless a load that rings is more probable.
+    A coarse cell may not show a departure where the motion does: without one it is then fitted badly or not at all. One
+    of the size that the cell's readings make most probable, however little more probable than none, may mend that.
     """
-    window, departure = with_load(rig, window)
+    departure = load_departure(rig, window)
     fit = _fit_with(rig, window, departure)
-    if departure.size > 0 or _fits(fit):
+    if departure.size > 0:
+        return _with_ringing(rig, window, departure, fit)
+    if _fits(fit):
         return fit
     possible = load_departure(rig, window, EVEN_ODDS)
     other = _fit_with(rig, window, possible) if possible.size > 0 else fit
     return other._replace(departs_unseen=True) if _fits(other) else fit
 
 
-def with_load(rig: Rig, window: Window) -> tuple[Window, LoadDeparture]:
-    """Return the window, with a load that rings where the load cell shows one, and the load's departure from either.
+def _with_ringing(rig: Rig, window: Window, departure: LoadDeparture, fit: Fit) -> Fit:
+    """Return the fit with a load that rings where that is more probable, first by the cell alone, then by all readings.
 
-    Ringing has to make the cell's readings so many times as probable as a departure does as that has to over none.
+    To a coarse cell two stages may look like ringing. The motion tells them apart.
     """
-    departure = load_departure(rig, window)
-    if departure.size > 0:
-        rings = window.with_ringing()
-        further = load_departure(rig, rings)
-        if further.log_evidence > departure.log_evidence + np.log(LEAST_ODDS):
-            return rings, further
-    return window, departure
+    rings = window.with_ringing()
+    further = load_departure(rig, rings)
+    if further.log_evidence <= departure.log_evidence:
+        return fit
+    other = _fit_with(rig, rings, further)
+    return other if _log_evidence(other) > _log_evidence(fit) else fit
+
+
+def _log_evidence(fit: Fit) -> float:
+    return float(np.nan_to_num(log_evidence(fit.window, fit.estimate, None), nan=-np.inf))
 
 
 def fit_about(rig: Rig, fit: Fit, estimate: MapEstimate) -> Fit:

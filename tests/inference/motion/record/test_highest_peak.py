@@ -7,7 +7,6 @@ import pytest
 from helpers.mismatched_motions import simulated, simulated_on
 
 from bayes_tyre.inference.motion.record import window_fit
-from bayes_tyre.inference.motion.record.disturbance.load_departure import load_departure
 from bayes_tyre.inference.motion.record.highest_peak import HIGHER, drawn_about_highest_peak
 from bayes_tyre.inference.motion.record.importance_sampling import DRAWS
 from bayes_tyre.inference.motion.record.model.forward_model import residuals
@@ -19,7 +18,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("fully_compiled")]
 
 
 def test_draws_lead_to_a_higher_peak_where_the_load_rings_and_no_model_says_so(monkeypatch):
-    monkeypatch.setattr(window_fit, "with_load", lambda rig, window: (window, load_departure(rig, window)))
+    monkeypatch.setattr(window_fit, "_with_ringing", lambda *of: of[-1])
     truth, rig, recorded = simulated("overshoot 6 % at 18 Hz", 3)
     fit = fit_window(rig, make_window(rig, recorded))
     found, draws = drawn_about_highest_peak(rig, fit)
