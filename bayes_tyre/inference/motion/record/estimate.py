@@ -176,7 +176,9 @@ def _posterior_draws(
             draws = logs.reshape(-1, logs.shape[-1])
             return _PosteriorDraws(draws, np.full(len(draws), 1 / len(draws)), "nuts", effective)
     draws = np.asarray(log_parameters(rig, weighted.standard, prior, window.law))
-    return _PosteriorDraws(draws, weighted.weights, method, weighted.effective)
+    # Far from the peak a draw may be no number; then it has no weight.
+    counted = (weighted.weights > 0) | (not weighted.trusted)
+    return _PosteriorDraws(draws[counted], weighted.weights[counted], method, weighted.effective)
 
 
 @functools.partial(jax.jit, static_argnums=0)
