@@ -35,8 +35,8 @@ MOST_BYTES = 3_000_000_000
 #: `.ci/run`, which is ended after 90 minutes, says until when slow tests may begin, in seconds since the epoch.
 SLOW_TESTS_UNTIL = float(os.environ.get("SLOW_TESTS_UNTIL", "inf"))
 IN_SLOW_FILE = pytest.StashKey[bool]()
-# Tracing leaves objects by the million, most without cycles: collecting them takes a twelfth of the suite by Python's
-# own thresholds. What grows all the same is dropped by `little_kept_compiled`.
+# Tracing leaves objects by the million, most without cycles: by Python's own thresholds minutes go by in collecting
+# them. What grows all the same is dropped by `little_kept_compiled`.
 gc.set_threshold(50_000, 20, 50)
 # The same examples in every run, however long one takes beside the compiler.
 settings.register_profile("same examples", deadline=None, derandomize=True)

@@ -2,7 +2,7 @@
 
 ``r = -(g_1 v'' + g_2 omega v')``, added to the share ``s`` of the step that the load has completed (`load_step`), where
 ``v'' + 2 zeta omega v' + omega^2 v = s``: any response of second order that ends where it is asked to. With g_1 = 1 and
-g_2 = 2 zeta the load lags, as a valve without friction does; a small g_1 and g_2 of either sign is one that rings a
+g_2 = 2 zeta the load follows as a mass on a damped spring does; a small g_1 and g_2 of either sign is one that rings a
 little, at any phase.
 """
 
